@@ -1,0 +1,38 @@
+# Nothing but Python 3.11+ and make is needed: every target installs what it uses into .venv.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.installed
+OUT    ?= out/demo
+
+.PHONY: demo test check bench format clean
+
+demo: $(STAMP)  ## record a simulated pendulum through the real protocol, identify it, compare, draw
+	$(BIN)/dpr-lab demo --out $(OUT)
+
+test: $(STAMP)  ## fast tests first, then the slow ones
+	$(BIN)/pytest -m "not slow and not hardware" -n auto
+	$(BIN)/pytest -m "slow and not hardware" -n auto
+
+check: $(STAMP)  ## style, types, import contracts
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+bench: $(STAMP)  ## speed and reliability figures, printed beside their targets
+	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
+
+format: $(STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) out
+
+$(STAMP): pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "dpr-lab needs Python 3.11 or newer; this is " + sys.version.split()[0] + ". Try: make PYTHON=python3.12")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	touch $(STAMP)

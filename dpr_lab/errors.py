@@ -1,0 +1,72 @@
+"""What can go wrong outside the program, said so that an operator can act on it.
+
+    DprError                 base; the message says what happened, where, and what to do
+     +-- ConfigError         a rig, search or plant file: names file, key, value, range
+     +-- LinkError           a port or bus: cannot open, busy, lost; names the URL
+     |    +-- LinkTimeout    it opened but nothing answered
+     |    +-- DeviceLost     it answered and then stopped (cable pulled, power gone)
+     +-- MismatchError       the device speaks another protocol version or schema
+     +-- DeviceFault         the device refused a command or reported a fault
+     +-- SafetyStop          we refused: a check before the release did not pass
+     +-- RunError            a recording that cannot be read or does not fit
+     +-- IdentificationError the fit ran and failed its own checks
+
+Each class carries the exit code that `dpr-lab` ends with. A wrong argument from a caller is a `ValueError`,
+a bad candidate in a search is a value (cost `inf`), a bug is an `assert`.
+"""
+
+
+class DprError(Exception):
+    """Anything the operator can act on."""
+
+    exit_code = 1
+
+
+class ConfigError(DprError):
+    """A configuration file that is missing, malformed or out of range."""
+
+    exit_code = 3
+
+
+class LinkError(DprError):
+    """A port or bus that cannot be opened or used."""
+
+    exit_code = 4
+
+
+class LinkTimeout(LinkError):
+    """The link opened but the device did not answer in time."""
+
+
+class DeviceLost(LinkError):
+    """The device answered before and is gone now; what was recorded is kept."""
+
+    exit_code = 7
+
+
+class MismatchError(DprError):
+    """Both ends speak, but not the same protocol."""
+
+    exit_code = 5
+
+
+class DeviceFault(DprError):
+    """The device refused a command or is in its fault state."""
+
+    exit_code = 4
+
+
+class SafetyStop(DprError):
+    """A check before the release did not pass; the rods stay held."""
+
+
+class RunError(DprError):
+    """A recording that cannot be read, is broken, or belongs to another rig."""
+
+    exit_code = 3
+
+
+class IdentificationError(DprError):
+    """The identification ran but did not pass its own checks."""
+
+    exit_code = 8
