@@ -1,0 +1,73 @@
+"""Find and read TOML configuration files; say file, key and value when one is wrong."""
+
+import hashlib
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from dpr_lab.errors import ConfigError
+
+_PACKAGE = Path(__file__).parent
+# Installed as a wheel the built-in files lie inside the package; in a checkout they are the top-level folder.
+BUILTIN = _PACKAGE / "builtin" if (_PACKAGE / "builtin").is_dir() else _PACKAGE.parent / "configs"
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def find_config(kind: str, name: str | Path) -> Path:
+    """The file meant by a path, or by the bare name of a built-in one.
+
+    Args:
+        kind: folder of the built-in files, `rigs` or `search`
+        name: a path such as `my/rig.toml`, or a built-in name such as `paper`
+
+    Raises:
+        ConfigError: there is neither such a file nor such a built-in name.
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    builtin = BUILTIN / kind / f"{name}.toml"
+    if path.name == str(name) and builtin.is_file():
+        return builtin
+    known = ", ".join(sorted(p.stem for p in (BUILTIN / kind).glob("*.toml")))
+    raise ConfigError(f"{name}: no such file, and no built-in name of {kind} (there are: {known})")
+
+
+def read_config(path: Path, model: type[Model]) -> Model:
+    """Read a TOML file into a pydantic model.
+
+    Raises:
+        ConfigError: not readable, not TOML, or a key that is unknown, missing or out of range;
+            one line for each fault, naming the file, the key and the value.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not text in UTF-8, byte {error.start}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: is not valid TOML: {error}") from error
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        raise ConfigError("\n".join(_sentence(path, fault) for fault in error.errors())) from error
+
+
+def _sentence(path: Path, fault: object) -> str:
+    assert isinstance(fault, dict)
+    key = ".".join(str(part) for part in fault["loc"]) or "the file"
+    said = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
+    if said is None:
+        said = str(fault["msg"]).removeprefix("Value error, ")
+    shown = "" if isinstance(fault["input"], dict) else f" = {fault['input']!r}"
+    return f"{path}: {key}{shown}: {said}"
+
+
+def sha256_of(path: Path) -> str:
+    """Hex SHA-256 of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
