@@ -127,6 +127,12 @@ class Rig(_Table):
         """The rig's name, as runs and models carry it."""
         return self.rig.name
 
+    def read_from(self, path: Path) -> "Rig":
+        """The same rig, remembering the file it came from."""
+        rig = self.model_copy()
+        rig._path, rig._sha256 = path, sha256_of(path)
+        return rig
+
     @property
     def path(self) -> Path | None:
         """The file this rig was read from."""
@@ -197,6 +203,4 @@ def load_rig(name: str | Path) -> Rig:
         ConfigError: not found or not valid; the message names file, key and value.
     """
     path = find_config("rigs", name)
-    rig = read_config(path, Rig)
-    rig._path, rig._sha256 = path, sha256_of(path)
-    return rig
+    return read_config(path, Rig).read_from(path)
