@@ -1,0 +1,51 @@
+"""The table of commands."""
+
+import typer
+
+from dpr_lab import __version__
+from dpr_lab.cli import runs
+from dpr_lab.cli.capture import capture
+from dpr_lab.cli.compare import compare
+from dpr_lab.cli.demo import demo
+from dpr_lab.cli.doctor import doctor
+from dpr_lab.cli.identify import identify
+from dpr_lab.cli.import_table import import_app
+
+HELP = """Identify a rotary double pendulum and explain why its simulation differs from the rig.
+
+\b
+Example:
+  dpr-lab demo --out out/demo
+  dpr-lab capture --rig paper --link sim:// --pose X1 --pose X2 --pose X3 --out runs
+  dpr-lab identify runs/*.mcap --rig paper --out model.json
+  dpr-lab compare runs/*.mcap --model model.json --out report
+
+\b
+Exit codes:
+  0 ok                        5 protocol mismatch
+  1 refused by a check        6 degraded capture (file kept)
+  2 usage                     7 device lost (partial file kept)
+  3 configuration or input    8 identification failed its own checks
+  4 device not found or busy  130 interrupted (file finalised)
+"""
+
+app = typer.Typer(help=HELP, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+def _version(show: bool) -> None:
+    if show:
+        print(f"dpr-lab {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Show the version."),
+) -> None:
+    pass
+
+
+for command in (demo, capture, identify, compare, doctor):
+    app.command()(command)
+app.add_typer(import_app, name="import")
+app.add_typer(runs.app, name="run")

@@ -1,0 +1,103 @@
+"""A model beside a measurement: segment residuals, and a free run as far as it can be predicted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.sensitivity import swing_sensitivity
+from dpr_lab.estimation.evidence import gather
+from dpr_lab.estimation.least_squares import fit_segments
+from dpr_lab.estimation.segments import cut
+from dpr_lab.model import Model
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+HORIZON_ERROR = 0.1
+"""Angle error that ends the predictability horizon, rad."""
+
+SEGMENT_S = 0.5
+"""Length of the segments with free start states, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One run against one model. All arrays share the run's instants from the release on."""
+
+    run: str
+    pose: str | None
+    held_out: bool
+    """Whether the run took no part in the identification."""
+    t: NDArray[np.float64]
+    """(n,) time since the release, s."""
+    measured: NDArray[np.float64]
+    """(n, 2) measured theta1, theta2, rad."""
+    free_run: NDArray[np.float64]
+    """(n, 2) simulated from the start state fitted on the first segment, rad."""
+    tracked: NDArray[np.float64]
+    """(n, 2) simulated segment by segment with free start states, rad."""
+    horizon_s: float
+    """Time until the start state's uncertainty alone moves the free run by `HORIZON_ERROR`, s.
+
+    Beyond it a sample-by-sample comparison of free runs says nothing about the model.
+    """
+    noise_rad: NDArray[np.float64]
+    """(2,) noise floor by axis, rad."""
+    segments: int
+    segment_rms_rad: NDArray[np.float64]
+    """(2,) root mean square of measured - tracked, rad."""
+    free_run_rms_rad: NDArray[np.float64]
+    """(2,) root mean square of measured - free_run up to the horizon, rad."""
+
+    @property
+    def free_run_error(self) -> NDArray[np.float64]:
+        """(n, 2) measured - free_run, rad (Figure 3 of the paper)."""
+        return self.measured - self.free_run
+
+    @property
+    def segment_residual(self) -> NDArray[np.float64]:
+        """(n, 2) measured - tracked, rad."""
+        return self.measured - self.tracked
+
+
+def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
+    """Simulate a run with a model: segment by segment, and as one free run from its first segment's start state.
+
+    Args:
+        run: the measurement
+        rig: its encoders, for the noise floor
+        model: what to simulate; its ratios stay as they are, only start states are fitted
+    """
+    evidence = gather(run, rig)
+    r, L1, g = model.ratio_values, model.rig.L1, model.rig.g
+    whiteners = [evidence.whitener]
+    fit = fit_segments(r, cut(0, evidence.run, evidence.states, SEGMENT_S), whiteners, L1, g, hold_ratios=True)
+    t, measured = evidence.run.t, evidence.run.theta[:, 1:]
+    states, sensitivity = swing_sensitivity(r, L1, g, fit.segments[0].start, t)
+    free_run, tracked = states[:, :2], np.concatenate(fit.predicted)
+    horizon = _horizon(t, sensitivity[:, :2, 5:], fit.start_covariance(0, whiteners[0], L1, g))
+    predictable = t <= horizon
+    return Comparison(
+        run=run.name,
+        pose=run.pose,
+        held_out=not model.used(run.sha256),
+        t=t,
+        measured=measured,
+        free_run=free_run,
+        tracked=tracked,
+        horizon_s=horizon,
+        noise_rad=np.sqrt(np.diag(evidence.noise.covariance)),
+        segments=len(fit.segments),
+        segment_rms_rad=_rms(measured - tracked),
+        free_run_rms_rad=_rms((measured - free_run)[predictable]),
+    )
+
+
+def _horizon(t: NDArray[np.float64], growth: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
+    variance = np.einsum("nij,jk,nik->ni", growth, covariance, growth)
+    lost = np.flatnonzero(~(np.sqrt(np.max(variance, axis=1)) < HORIZON_ERROR))
+    return float(t[lost[0]] if len(lost) else t[-1])
+
+
+def _rms(error: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.sqrt(np.mean(error**2, axis=0))

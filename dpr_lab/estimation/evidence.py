@@ -1,0 +1,33 @@
+"""A run made ready for fitting: its noise floor and the state at every sample."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.estimation.noise import NoiseFloor, noise_floor
+from dpr_lab.estimation.velocity import smooth
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """A run from its release on, with what the fit needs beside it."""
+
+    run: Run
+    noise: NoiseFloor
+    states: NDArray[np.float64]
+    """(n, 4) smoothed theta1, theta2, omega1, omega2 at each sample, rad and rad/s."""
+
+    @property
+    def whitener(self) -> NDArray[np.float64]:
+        """(2, 2) W with W cov W^T = I for the noise of (theta1, theta2)."""
+        return np.linalg.inv(np.linalg.cholesky(self.noise.covariance))
+
+
+def gather(run: Run, rig: Rig) -> Evidence:
+    """Measure a run's noise and estimate its velocities (Kalman filter and RTS smoother)."""
+    noise = noise_floor(run, rig)
+    smoothed = smooth(run.swing, noise)
+    return Evidence(run.swing, noise, np.hstack([smoothed.theta, smoothed.omega]))

@@ -1,0 +1,168 @@
+"""Runs and a rig in, an identified model out: search globally, finish at the noise floor, say what was fixed."""
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+
+from dpr_lab import __version__
+from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.estimation.anchors import nine_parameters
+from dpr_lab.estimation.evidence import Evidence, gather
+from dpr_lab.estimation.least_squares import SegmentFit, fit_segments, grow
+from dpr_lab.estimation.segments import cut
+from dpr_lab.model import Estimate, Fit, Model, RigFacts, RunUsed, SearchRecord
+from dpr_lab.objectives import OBJECTIVES
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.run import Run
+from dpr_lab.search import ALGORITHMS, Generation
+
+FIRST_SEGMENT_S = 0.25  # converges from any start inside +-20 % bounds
+WORKING_SEGMENT_S = 0.5
+GAP_WARNING = 3.0  # reduced chi-square above which the model clearly misses something
+
+
+def identify(
+    runs: Sequence[Run],
+    rig: Rig,
+    *,
+    objective: str = "segments",
+    search: str = "iga",
+    settings: BaseModel | None = None,
+    seed: int = 0,
+    on_generation: Callable[[Generation, int], None] | None = None,
+) -> Model:
+    """Identify the kinetic parameters of a rig from free swings.
+
+    The search (IGA by default) finds the basin inside the rig file's bounds; segment least squares then grows from
+    0.25 s segments to the longest the model follows, and gives the ratios their covariance.
+
+    Args:
+        runs: what was recorded; two of the three poses are enough
+        rig: bounds, measured values, encoders
+        objective: a name of `OBJECTIVES`: `segments` (chaos-safe, default) or `paper` (E(Z), equation 2)
+        search: a name of `ALGORITHMS`
+        settings: of the search; the objective's own by default
+        seed: of everything random; same seed, same answer, whatever the number of threads
+        on_generation: called with each generation and the number of generations to come at most
+
+    Raises:
+        ConfigError: no such objective or search.
+        RunError: nothing to identify from.
+    """
+    if not runs:
+        raise RunError("no runs to identify from")
+    chosen = _choose(OBJECTIVES, objective, "objective")
+    algorithm = _choose(ALGORITHMS, search, "search")
+    evidence = [gather(run, rig) for run in runs]
+    settings = settings or algorithm.settings(chosen.settings)
+    began = time.perf_counter()
+    history: list[Generation] = []
+    for generation in algorithm.run(chosen.build(evidence, rig), rig.bounds, settings, np.random.default_rng(seed)):
+        history.append(generation)
+        if on_generation:
+            on_generation(generation, settings.model_dump()["generations"])
+    found = SearchRecord(
+        algorithm=search,
+        objective=objective,
+        seed=seed,
+        evaluations=history[-1].evaluations,
+        seconds=time.perf_counter() - began,
+        generations=history[-1].number,
+        best=dict(zip(PARAMETERS, history[-1].best.tolist(), strict=True)),
+        best_cost=history[-1].best_cost,
+        history={
+            name: [float(getattr(generation, name)) for generation in history]
+            for name in ("evaluations", "best_cost", "best_fitness", "population_fitness")
+        },
+    )
+    start = ratios(base_parameters(history[-1].best, rig.rig.L1, rig.rig.g))
+    return _model(polish(start, evidence, rig), evidence, rig, found)
+
+
+def polish(start: NDArray[np.float64], evidence: Sequence[Evidence], rig: Rig) -> SegmentFit:
+    """Segment least squares from 0.25 s to the longest segments the model follows.
+
+    Args:
+        start: (5,) ratios to start from
+        evidence: the runs with their states and noise
+        rig: for L1 and g
+    """
+    L1, g = rig.rig.L1, rig.rig.g
+    whiteners = [item.whitener for item in evidence]
+    for length in (FIRST_SEGMENT_S, WORKING_SEGMENT_S):
+        segments = [s for i, item in enumerate(evidence) for s in cut(i, item.run, item.states, length)]
+        fit = fit_segments(start, segments, whiteners, L1, g)
+        start = fit.ratios
+    return grow(fit, whiteners, L1, g)
+
+
+def _choose(table: dict, name: str, kind: str):
+    if name not in table:
+        raise ConfigError(f"no {kind} named {name!r}; there are: {', '.join(table)}")
+    return table[name]
+
+
+def _model(fit: SegmentFit, evidence: Sequence[Evidence], rig: Rig, found: SearchRecord) -> Model:
+    residuals = [s.theta - p for s, p in zip(fit.segments, fit.predicted, strict=True)]
+    noise = np.sqrt(np.mean([np.diag(item.noise.covariance) for item in evidence], axis=0))
+    rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
+    std = np.sqrt(np.diag(fit.covariance))
+    return Model(
+        rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.rig.L1, g=rig.rig.g),
+        ratios={
+            name: Estimate(value=float(fit.ratios[i]), std=float(std[i]), interval90=fit.interval90(i))
+            for i, name in enumerate(RATIOS)
+        },
+        parameters=nine_parameters(fit.ratios, fit.covariance, rig),
+        fit=Fit(
+            rms_rad=dict(zip(("theta1", "theta2"), rms.tolist(), strict=True)),
+            noise_rad=dict(zip(("theta1", "theta2"), noise.tolist(), strict=True)),
+            segments=len(fit.segments),
+            chi2_per_dof=fit.chi2_per_dof,
+            iterations=fit.iterations,
+            longest_segment_s=max(s.duration for s in fit.segments),
+        ),
+        search=found,
+        runs=[_used(i, item.run, fit) for i, item in enumerate(evidence)],
+        warnings=_warnings(fit),
+        failures=_failures(fit),
+        version=__version__,
+    )
+
+
+def _used(index: int, run: Run, fit: SegmentFit) -> RunUsed:
+    return RunUsed(
+        file=str(run.file or run.name),
+        sha256=run.sha256,
+        pose=run.pose,
+        samples=len(run.swing.t),
+        duration_s=run.duration,
+        segments=sum(s.run == index for s in fit.segments),
+    )
+
+
+def _warnings(fit: SegmentFit) -> list[str]:
+    said = []
+    if fit.chi2_per_dof > GAP_WARNING:
+        said.append(
+            f"the residual is {fit.chi2_per_dof**0.5:.1f} times the noise floor over segments of"
+            f" {max(s.duration for s in fit.segments):.2g} s: the model misses something of this rig"
+        )
+    said += [f"{name} is held at zero: the data ask for less friction than none" for name in fit.at_zero]
+    return said
+
+
+def _failures(fit: SegmentFit) -> list[str]:
+    said = []
+    if not fit.converged:
+        said.append(f"the local solver did not settle in {fit.iterations} iterations: start from tighter bounds")
+    relative = np.sqrt(np.diag(fit.covariance)[:3]) / fit.ratios[:3]
+    said += [
+        f"{RATIOS[i]} is not identifiable from these runs: its standard deviation is {relative[i]:.0%} of its value"
+        for i in np.flatnonzero(~(relative < 0.5))
+    ]
+    return said
