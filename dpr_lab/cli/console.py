@@ -43,17 +43,18 @@ def say(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
-def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """A table on stdout."""
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, prose: bool = False) -> None:
+    """A table on stdout; `prose` for columns of text, which read from the left."""
     from rich.console import Console
     from rich.table import Table
 
     made = Table(title=title, title_justify="left", title_style="bold")
     for index, column in enumerate(columns):
-        made.add_column(column, justify="left" if index == 0 else "right")
+        made.add_column(column, justify="left" if prose or index == 0 else "right", overflow="fold")
     for row in rows:
         made.add_row(*(str(cell) for cell in row))
-    Console().print(made)
+    # A pipe or a file has no width to wrap at.
+    Console(width=None if sys.stdout.isatty() else 160).print(made)
 
 
 class Bar(Protocol):

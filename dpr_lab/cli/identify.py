@@ -1,7 +1,7 @@
 """`dpr-lab identify`: runs in, model.json out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -9,7 +9,12 @@ from dpr_lab.cli.console import emit, json_mode, progress, say, table
 from dpr_lab.errors import IdentificationError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dpr_lab.model import Model
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
+    from dpr_lab.search.problem import Generation
 
 
 def identify(
@@ -32,7 +37,7 @@ def identify(
     """
     json_mode(as_json)
     from dpr_lab.rig import load_rig
-    from dpr_lab.search import ALGORITHMS
+    from dpr_lab.search import load_search
     from dpr_lab.storage.reader import load_run
 
     described = load_rig(rig)
@@ -40,8 +45,15 @@ def identify(
     for run in loaded:
         for note in run.notes:
             say(f"{run.name}: {note}")
-    chosen = ALGORITHMS[search].settings(settings) if settings and search in ALGORITHMS else None
-    model = search_with_progress(loaded, described, objective, search, chosen, seed)
+    chosen = load_search(settings) if settings else None
+    model = search_with_progress(
+        loaded,
+        described,
+        objective=objective,
+        search=chosen.algorithm if chosen else search,
+        settings=chosen,
+        seed=seed,
+    )
     model.save(out)
     if as_json:
         emit(model.model_dump() | {"model": str(out)})
@@ -52,24 +64,16 @@ def identify(
         raise IdentificationError("; ".join(model.failures) + f" (the model is kept in {out}, not to be trusted)")
 
 
-def search_with_progress(loaded, rig, objective, search, settings, seed) -> "Model":
-    """Identify with a progress bar on a terminal."""
-    from dpr_lab.identify import identify as run_identification
+def search_with_progress(runs: "Sequence[Run]", rig: "Rig", **chosen: Any) -> "Model":
+    """`dpr_lab.identify.identify` with a progress bar on a terminal."""
+    from dpr_lab.identify import identify as identify_runs
 
     with progress("identify", 1.0) as bar:
 
-        def on_generation(generation, at_most: int) -> None:
+        def on_generation(generation: "Generation", at_most: int) -> None:
             bar(generation.number / at_most, f"generation {generation.number}, cost {generation.best_cost:.4g}")
 
-        return run_identification(
-            loaded,
-            rig,
-            objective=objective,
-            search=search,
-            settings=settings,
-            seed=seed,
-            on_generation=on_generation,
-        )
+        return identify_runs(runs, rig, on_generation=on_generation, **chosen)
 
 
 def show(model: "Model") -> None:

@@ -1,12 +1,13 @@
 """`dpr-lab import csv`: any logger's table becomes a run."""
 
+from dataclasses import asdict
+from itertools import count
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from dpr_lab.cli.console import emit, json_mode, say
-from dpr_lab.errors import ConfigError
 
 import_app = typer.Typer(help="Turn foreign recordings into runs.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -21,14 +22,17 @@ def import_csv(
     file: Annotated[Path, typer.Argument(help="The table: one row a sample, a header naming the columns.")],
     rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.")],
     pose: Annotated[str | None, typer.Option(help="The rig's pose that the swing started from.")] = None,
-    angles: Annotated[str, typer.Option(help="theta2 is absolute, or relative to the inner rod.")] = "absolute",
-    zero: Annotated[str, typer.Option(help="Where the angles are zero: upright or hanging.")] = "upright",
-    unit: Annotated[str, typer.Option(help="rad, deg or counts.")] = "rad",
+    angles: Annotated[
+        Literal["absolute", "relative"], typer.Option(help="theta2 to the vertical, or to the inner rod.")
+    ] = "absolute",
+    zero: Annotated[Literal["upright", "hanging"], typer.Option(help="Where the angles are zero.")] = "upright",
+    unit: Annotated[Literal["rad", "deg", "counts"], typer.Option(help="What the angles are in.")] = "rad",
+    time_unit: Annotated[Literal["s", "ms", "us"], typer.Option(help="What the time is in.")] = "s",
     columns: Annotated[
         str | None, typer.Option(help="Which column is which, e.g. t=time,theta1=q1,theta2=q2; guessed when left out.")
     ] = None,
-    start_s: Annotated[float, typer.Option(help="Leave out what comes before this time of the table.")] = 0.0,
-    duration_s: Annotated[float | None, typer.Option(help="Keep only so much.")] = None,
+    start_s: Annotated[float, typer.Option(min=0, help="Leave out so much of the beginning.")] = 0.0,
+    duration_s: Annotated[float | None, typer.Option(min=0, help="Keep only so much.")] = None,
     out: Annotated[Path, typer.Option(help="Folder of the run.")] = Path("runs"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -38,34 +42,43 @@ def import_csv(
     """
     json_mode(as_json)
     from dpr_lab.rig import load_rig
+    from dpr_lab.storage.csv_import import ImportOptions
     from dpr_lab.storage.csv_import import import_csv as import_table
+    from dpr_lab.storage.inspect import info
 
-    described = load_rig(rig)
-    written = import_table(
-        file,
-        described,
-        pose=pose,
+    options = ImportOptions(
         angles=angles,
         zero=zero,
         unit=unit,
-        columns=_mapping(columns) if columns else None,
+        time_unit=time_unit,
+        columns=_mapping(columns) if columns else {},
         start_s=start_s,
         duration_s=duration_s,
-        out=out,
+        pose=pose,
     )
-    from dpr_lab.storage.inspect import info
-
-    found = info(written).to_json()
+    target = _unused(out, file.stem)
+    import_table(file, load_rig(rig), options, target)
+    found = info(target)
     if as_json:
-        emit(found)
+        emit(asdict(found))
         return
-    for note in found.get("notes", []):
+    for note in found.notes:
         say(note)
-    print(f"{written}: {found['samples']} samples, {found['duration_s']:.3f} s")
+    print(f"{target}: {found.samples} samples, {found.duration_s:.3f} s")
 
 
 def _mapping(text: str) -> dict[str, str]:
-    pairs = [pair.split("=", 1) for pair in text.split(",")]
-    if any(len(pair) != 2 or not pair[0] or not pair[1] for pair in pairs):
-        raise ConfigError(f"--columns {text}: write name=column pairs, e.g. t=time,theta1=q1,theta2=q2")
-    return {name.strip(): column.strip() for name, column in pairs}
+    pairs = [[part.strip() for part in pair.split("=", 1)] for pair in text.split(",")]
+    if any(len(pair) != 2 or not all(pair) for pair in pairs):
+        raise typer.BadParameter(f"write name=column pairs, e.g. t=time,theta1=q1,theta2=q2, not {text!r}")
+    mapping = dict(pairs)
+    unknown = set(mapping) - {"t", "theta0", "theta1", "theta2"}
+    if unknown:
+        raise typer.BadParameter(f"there are t, theta0, theta1, theta2; not {', '.join(sorted(unknown))}")
+    return mapping
+
+
+def _unused(folder: Path, stem: str) -> Path:
+    """A file name not taken yet: an import never overwrites a run."""
+    names = (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap" for number in count(1))
+    return next(folder / name for name in names if not (folder / name).exists())

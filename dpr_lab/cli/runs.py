@@ -24,11 +24,11 @@ def info(file: RunFile, as_json: Json = False) -> None:
     json_mode(as_json)
     from dpr_lab.storage.inspect import info as inspect_run
 
-    found = inspect_run(file).to_json()
+    found = asdict(inspect_run(file))
     if as_json:
         emit(found)
     else:
-        table(file.name, ("", "value"), [(key, _readable(value)) for key, value in found.items()])
+        table(file.name, ("", "value"), [(key, _readable(value)) for key, value in found.items()], prose=True)
 
 
 @app.command()
@@ -66,7 +66,7 @@ def recover(
     from dpr_lab.storage.inspect import recover as recover_run
 
     recover_run(file, out)
-    kept = inspect_run(out).to_json()
+    kept = asdict(inspect_run(out))
     if as_json:
         emit({"out": str(out), **kept})
     else:
@@ -85,8 +85,9 @@ def export(
     """
     json_mode(as_json)
     from dpr_lab.storage.export import export as export_run
+    from dpr_lab.storage.reader import load_run
 
-    export_run(file, out)
+    export_run(load_run(file), out)
     if as_json:
         emit({"out": str(out)})
     else:

@@ -1,1 +1,13 @@
-"""."""
+"""Runs on disk: one append-only MCAP file per release, its reader, checks, exports and the table importer.
+
+sidecar     the .sha256 beside a finished run
+metadata    what a run says about itself
+layout      channels, schemas, records and limits of the file
+writer      RunWriter: samples to disk as they arrive
+scan        a file's records up to its first damage
+reader      load_run: a file as a Run
+inspect     info, verify, recover
+export      EXPORTERS: .csv, .parquet, .h5, .mat
+table       any logger's text table as columns
+csv_import  import_csv: such a table as a run
+"""

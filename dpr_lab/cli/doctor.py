@@ -1,0 +1,129 @@
+"""`dpr-lab doctor`: what works here, what does not, and what to do about it."""
+
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from dpr_lab.cli.console import emit, json_mode, table
+from dpr_lab.errors import DprError
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing looked at."""
+
+    what: str
+    state: Literal["ok", "note", "wrong"]
+    said: str
+    """What was found, and what to do where it is wrong."""
+
+
+def doctor(
+    link: Annotated[
+        str | None, typer.Option(help="A link to greet the device on, e.g. serial:///dev/ttyACM0?baud=921600.")
+    ] = None,
+    rig: Annotated[str | None, typer.Option(help="A rig file to check, and to check the device against.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Find ports and buses, check packages and permissions, greet the device, say what is wrong.
+
+    Example: dpr-lab doctor --link sim:// --rig paper
+    """
+    json_mode(as_json)
+    failed: list[DprError] = []
+    findings = list(_examine(link, rig, failed))
+    if as_json:
+        emit({"ok": not any(f.state == "wrong" for f in findings), "findings": [asdict(f) for f in findings]})
+    else:
+        table("dpr-lab doctor", ("what", "state", "found"), [(f.what, f.state, f.said) for f in findings], prose=True)
+    if failed:
+        raise typer.Exit(failed[0].exit_code)
+    if any(f.state == "wrong" for f in findings):
+        raise typer.Exit(1)
+
+
+def _examine(link: str | None, rig: str | None, failed: list[DprError]) -> Iterator[Finding]:
+    yield _python()
+    yield from _packages()
+    yield _disk()
+    yield from _links()
+    if rig is not None:
+        yield _try("rig", lambda: _rig(rig), failed)
+    if link is not None:
+        yield _try("device", lambda: _device(link, rig), failed)
+
+
+def _python() -> Finding:
+    return Finding("Python", "ok", f"{sys.version.split()[0]}, {sys.executable}")
+
+
+def _packages() -> Iterator[Finding]:
+    for requirement in requires("dpr-lab") or []:
+        name = requirement.split(";")[0].split("[")[0].split(">")[0].split("<")[0].split("=")[0].strip()
+        extra = requirement.partition("extra == ")[2].strip("'\" ")
+        if name == "dpr-lab" or extra == "dev":
+            continue
+        try:
+            yield Finding(name, "ok", version(name))
+        except PackageNotFoundError:
+            remedy = f"pip install 'dpr-lab[{extra}]'" if extra else f"pip install {name}"
+            yield Finding(name, "note" if extra else "wrong", f"not installed: {remedy}")
+
+
+def _disk() -> Finding:
+    free = shutil.disk_usage(Path.cwd()).free / 1e9
+    hours = free / (0.1 * 3.6)  # a run at 1 kHz writes less than 100 kB/s
+    return Finding("disk", "ok" if free > 1 else "wrong", f"{free:.0f} GB free here, {hours:.0f} h of runs at 1 kHz")
+
+
+def _links() -> Iterator[Finding]:
+    from dpr_lab.transports.discover import discover
+
+    found = discover()
+    for port in found.serial:
+        url = f"serial://{port.device}"
+        described = ", ".join(text for text in (port.description, port.serial_number) if text)
+        yield Finding(url, "wrong" if port.problem else "ok", port.problem or described)
+    if not found.serial:
+        yield Finding("serial ports", "note", "none found: plug the device in, or use sim:// to try without one")
+    for interface in found.can_interfaces:
+        yield Finding(f"can://socketcan/{interface}", "ok", "CAN interface")
+    if not found.can_interfaces:
+        yield Finding("CAN interfaces", "note", f"none up; adapters by python-can: {', '.join(found.can_backends)}")
+
+
+def _try(what: str, look: Callable[[], str], failed: list[DprError]) -> Finding:
+    try:
+        return Finding(what, "ok", look())
+    except DprError as error:
+        failed.append(error)
+        return Finding(what, "wrong", str(error))
+
+
+def _rig(name: str) -> str:
+    from dpr_lab.rig import load_rig
+
+    rig = load_rig(name)
+    return f"{rig.name}: poses {', '.join(rig.poses) or 'none'}, {rig.link.rate_hz} Hz on {rig.link.url}"
+
+
+def _device(url: str, rig: str | None) -> str:
+    from dpr_lab.device import Device
+    from dpr_lab.rig import load_rig
+    from dpr_lab.transports import open_transport
+
+    described = load_rig(rig) if rig is not None else None
+    with Device(open_transport(url, rig_file=described.path if described else None)) as device:
+        info = device.connect()
+        rate_hz = described.link.rate_hz if described else info.rate_default_hz
+        device.check_rate(rate_hz)
+        return (
+            f"{info.uid}, firmware {info.firmware}, protocol {info.major}.{info.minor},"
+            f" counts per turn {', '.join(map(str, info.counts_per_rev))}; {rate_hz} Hz fits the link"
+        )

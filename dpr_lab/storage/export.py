@@ -1,0 +1,128 @@
+"""Write a run in the formats other programs read: one file per format, one line each in `EXPORTERS`.
+
+Every format holds the same columns (`COLUMNS`, and `COUNT_COLUMNS` where the run has counts), one row per sample,
+nothing resampled. What the run says about itself goes along where the format has a place for it: Parquet metadata
+under the key `dpr_lab`, HDF5 attributes, a MATLAB struct `run`; CSV has none.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import DprError, RunError
+from dpr_lab.run import Run
+
+COLUMNS: tuple[str, ...] = ("t_s", "theta0_rad", "theta1_rad", "theta2_rad")
+COUNT_COLUMNS: tuple[str, ...] = ("counts0", "counts1", "counts2")
+
+Columns = dict[str, NDArray[np.float64] | NDArray[np.int64]]
+"""Column name -> (n,) values."""
+
+UNITS = {"t_s": "s", **dict.fromkeys(COLUMNS[1:], "rad"), **dict.fromkeys(COUNT_COLUMNS, "counts")}
+CONVENTION = "t = 0 at the release; absolute angles, 0 = upright, pi = hanging"
+
+
+def export(run: Run, path: Path | str) -> Path:
+    """Write a run in the format that the file's suffix names.
+
+    Raises:
+        RunError: a suffix that is not in `EXPORTERS`, an existing file, or a disk that refuses it.
+        DprError: the format needs an optional library that is not installed; says which to install.
+    """
+    target = Path(path)
+    write = EXPORTERS.get(target.suffix.lower())
+    if write is None:
+        raise RunError(f"{target}: no such format as {target.suffix!r}; there are: {', '.join(EXPORTERS)}")
+    if target.exists():
+        raise RunError(f"{target}: exists already; choose another name")
+    try:
+        write(run, target)
+    except OSError as error:
+        raise RunError(f"{target}: cannot be written: {error.strerror or error}") from error
+    return target
+
+
+def columns(run: Run) -> Columns:
+    """The run as named columns, each (n,)."""
+    table: Columns = dict(zip(COLUMNS, (run.t, *run.theta.T), strict=True))
+    if run.counts is not None:
+        table |= dict(zip(COUNT_COLUMNS, run.counts.T, strict=True))
+    return table
+
+
+def about(run: Run) -> dict[str, Any]:
+    """What the run says about itself, as plain values."""
+    return {
+        "name": run.name,
+        "rig": run.rig_name,
+        "rig_sha256": run.rig_sha256,
+        "pose": run.pose or "",
+        "rate_hz": run.rate_hz,
+        "complete": run.complete,
+        "lost": json.dumps(dict(run.lost)),
+        "run_sha256": run.sha256,
+        "notes": " | ".join(run.notes),
+        "convention": CONVENTION,
+    }
+
+
+def write_csv(run: Run, path: Path) -> None:
+    """Comma-separated text, the header first: a spreadsheet takes comment lines for data."""
+    table = columns(run)
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(",".join(table) + "\n")
+        rows = zip(*(column.tolist() for column in table.values()), strict=True)
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def write_parquet(run: Run, path: Path) -> None:
+    """Apache Parquet; the unit of each column is in its field's metadata."""
+    with _extra("parquet"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    table = columns(run)
+    fields = [pa.field(name, pa.from_numpy_dtype(c.dtype), metadata={"unit": UNITS[name]}) for name, c in table.items()]
+    schema = pa.schema(fields, metadata={"dpr_lab": json.dumps(about(run))})
+    pq.write_table(pa.table(dict(table), schema=schema), path)
+
+
+def write_hdf5(run: Run, path: Path) -> None:
+    """HDF5 with one data set per column, compressed and with checksums."""
+    with _extra("hdf5"):
+        import h5py
+    with h5py.File(path, "x") as file:
+        file.attrs.update(about(run))
+        for name, column in columns(run).items():
+            data = file.create_dataset(name, data=column, compression="gzip", shuffle=True, fletcher32=True)
+            data.attrs["unit"] = UNITS[name]
+
+
+def write_mat(run: Run, path: Path) -> None:
+    """MATLAB level 5; `load` gives one column vector per column and the struct `run`."""
+    from scipy.io import savemat
+
+    savemat(path, {**columns(run), "run": about(run)}, oned_as="column", do_compression=True)
+
+
+EXPORTERS: Mapping[str, Callable[[Run, Path], None]] = {
+    ".csv": write_csv,
+    ".parquet": write_parquet,
+    ".h5": write_hdf5,
+    ".mat": write_mat,
+}
+"""File suffix -> writer."""
+
+
+@contextmanager
+def _extra(name: str) -> Iterator[None]:
+    try:
+        yield
+    except ImportError as error:
+        raise DprError(
+            f"this format needs {error.name}, which is not installed: pip install 'dpr-lab[{name}]'"
+        ) from error

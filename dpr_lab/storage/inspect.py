@@ -1,0 +1,195 @@
+"""Look at a run file without using it: what it says, whether it is sound, and what can be saved of a broken one."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.metadata import RunSummary
+from dpr_lab.storage.reader import lost_by_gaps
+from dpr_lab.storage.scan import Samples, Scan, scan
+from dpr_lab.storage.sidecar import read_sidecar, sidecar_of
+from dpr_lab.storage.writer import RunWriter
+
+
+@dataclass(frozen=True, slots=True)
+class RunInfo:
+    """What a run file says about itself, for a table or as JSON."""
+
+    file: str
+    sha256: str
+    size_bytes: int
+    complete: bool
+    damage: str
+    """What stopped the reading; empty when the file is whole."""
+    stopped: str
+    """Why the recording ended early; empty when it did not."""
+    samples: int
+    duration_s: float
+    """From the release, or the first sample without one, to the last sample."""
+    rate_hz: float
+    gaps: int
+    """Places where at least one sample is missing."""
+    longest_gap_s: float
+    lost: Mapping[str, int]
+    release_tick: int | None
+    pose: str | None
+    pose_rad: tuple[float, ...] | None
+    pose_measured_rad: tuple[float, ...] | None
+    gate: str
+    gate_figures: Mapping[str, float]
+    clock: Mapping[str, float]
+    rig: str
+    rig_sha256: str
+    source: str
+    url: str
+    firmware: str
+    uid: str
+    protocol: str
+    schema_hash: str
+    versions: Mapping[str, str]
+    created_utc: str
+    note: str
+    notes: tuple[str, ...]
+    extra: Mapping[str, str]
+
+    def to_json(self) -> str:
+        """One JSON object."""
+        return json.dumps(asdict(self), ensure_ascii=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Whether a run file is sound, and if not, every reason found."""
+
+    ok: bool
+    faults: list[str]
+
+
+def info(path: Path | str) -> RunInfo:
+    """Describe a run file, broken or without a release as well.
+
+    Raises:
+        RunError: it is not a run, or damaged before its first sample.
+    """
+    found = scan(Path(path))
+    samples, meta = found.samples(), found.metadata
+    summary = _summary(found, samples)
+    steps = np.diff(samples.t)
+    gaps = steps[steps > 1.5 / meta.rate_hz]
+    return RunInfo(
+        file=str(found.path),
+        sha256=found.sha256,
+        size_bytes=found.size_bytes,
+        complete=found.complete,
+        damage=found.damage,
+        stopped=found.stopped,
+        samples=len(samples.ticks),
+        duration_s=_duration(found, samples),
+        rate_hz=meta.rate_hz,
+        gaps=len(gaps),
+        longest_gap_s=float(gaps.max(initial=0.0)),
+        lost=summary.lost,
+        release_tick=summary.release_tick,
+        pose=meta.pose,
+        pose_rad=tuple(meta.rig.poses[meta.pose].theta.tolist()) if meta.pose is not None else None,
+        pose_measured_rad=summary.pose_measured,
+        gate=summary.gate,
+        gate_figures=summary.gate_figures,
+        clock=summary.clock,
+        rig=meta.rig.name,
+        rig_sha256=found.rig_sha256,
+        source=meta.source,
+        url=meta.url,
+        firmware=meta.firmware,
+        uid=meta.uid,
+        protocol=meta.protocol,
+        schema_hash=meta.schema_hash,
+        versions=meta.versions,
+        created_utc=meta.created_utc,
+        note=meta.note,
+        notes=summary.notes,
+        extra=meta.extra,
+    )
+
+
+def verify(path: Path | str) -> Verification:
+    """Check a run file against its hash, its CRCs, its own counts and its order.
+
+    Raises:
+        RunError: there is no such file.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise RunError(f"{path}: no such file")
+    try:
+        faults = _faults(scan(path))
+    except RunError as error:
+        faults = [str(error)]
+    return Verification(ok=not faults, faults=faults)
+
+
+def recover(path: Path | str, out: Path | str) -> int:
+    """Write a whole new run from the sound part of a broken one; the broken file is left as it is.
+
+    Args:
+        path: the broken file
+        out: the file to write; must not exist
+
+    Returns:
+        The number of samples kept.
+
+    Raises:
+        RunError: no sample can be saved, or `out` cannot be written.
+    """
+    found = scan(Path(path))
+    samples = found.samples()
+    kept = len(samples.ticks)
+    if not kept:
+        raise RunError(f"{path}: no sample can be saved from it")
+    origin = {"recovered_from": found.path.name, "recovered_from_sha256": found.sha256}
+    summary = _summary(found, samples)
+    notes = (*summary.notes, f"recovered from {found.path.name}, {kept} samples kept")
+    with RunWriter(out, replace(found.metadata, extra={**found.metadata.extra, **origin})) as writer:
+        writer.copy(found.messages)
+        writer.finish(replace(summary, notes=notes))
+    return kept
+
+
+def _summary(found: Scan, samples: Samples) -> RunSummary:
+    summary = found.summary or RunSummary(lost=lost_by_gaps(found, samples))
+    return replace(summary, release_tick=found.release_tick)
+
+
+def _duration(found: Scan, samples: Samples) -> float:
+    if not len(samples.t):
+        return 0.0
+    release = found.release_tick
+    start = samples.t[0] if release is None else release / found.metadata.rate_hz
+    return float(samples.t[-1] - start)
+
+
+def _faults(found: Scan) -> list[str]:
+    faults = _hash_faults(found)
+    if found.damage:
+        faults.append(f"the file is {found.damage}")
+    if found.stopped:
+        faults.append(f"the recording was not completed: {found.stopped}")
+    elif found.summary is None:
+        faults.append("the recording was not completed: the file has no end record")
+    kept = len(found.samples().ticks)
+    announced = {"end record": found.samples_announced, "MCAP statistics": found.samples_counted}
+    faults += [f"{kept} samples, but the {name} says {n}" for name, n in announced.items() if n not in (None, kept)]
+    return faults
+
+
+def _hash_faults(found: Scan) -> list[str]:
+    written, sidecar = read_sidecar(found.path), sidecar_of(found.path).name
+    if written is None:
+        return [f"there is no {sidecar} beside it"]
+    if written != found.sha256:
+        return [f"its SHA-256 {found.sha256} is not the one in {sidecar}: it was changed after it was finished"]
+    return []

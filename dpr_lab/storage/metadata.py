@@ -1,0 +1,183 @@
+"""What a run says about itself: where it comes from (`RunMetadata`) and how it ended (`RunSummary`)."""
+
+import hashlib
+import json
+import platform
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import ValidationError
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import JOINTS, Rig
+from dpr_lab.storage.layout import FORMAT
+
+TimeSource = Literal["ticks", "table"]
+
+
+def _utc_now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _versions() -> dict[str, str]:
+    return {"dpr_lab": version("dpr-lab"), "numpy": np.__version__, "python": platform.python_version()}
+
+
+@dataclass(frozen=True, slots=True)
+class RunMetadata:
+    """Where a run comes from; known before its first sample."""
+
+    rig: Rig
+    """Stored whole as a TOML attachment: the file can be read without any other."""
+    pose: str | None
+    """Name of the pose asked for, one of the rig's; None for a table without one."""
+    rate_hz: float
+    """Nominal sample rate."""
+    source: str = "device"
+    """`device`, or `import` for a table from elsewhere."""
+    time_source: TimeSource = "ticks"
+    """Where sample times come from: counted ticks, or the time column of a table."""
+    url: str = ""
+    """Link to the device, or name of the imported file."""
+    firmware: str = ""
+    uid: str = ""
+    protocol: str = ""
+    schema_hash: str = ""
+    note: str = ""
+    """The operator's own words."""
+    extra: Mapping[str, str] = field(default_factory=dict)
+    """Anything else worth keeping, such as the options of an import."""
+    created_utc: str = field(default_factory=_utc_now)
+    versions: Mapping[str, str] = field(default_factory=_versions)
+
+    def __post_init__(self) -> None:
+        if self.pose is not None and self.pose not in self.rig.poses:
+            raise ValueError(f"pose {self.pose!r} is not one of the rig's: {', '.join(self.rig.poses) or 'none'}")
+        if not self.rate_hz > 0:
+            raise ValueError(f"rate_hz must be positive, not {self.rate_hz}")
+
+    @property
+    def rig_text(self) -> str:
+        """The rig as TOML: its file as written while that is unchanged, else its values."""
+        if self.rig.path is not None and self.rig.path.is_file():
+            content = self.rig.path.read_bytes()
+            if hashlib.sha256(content).hexdigest() == self.rig.sha256:
+                return content.decode()
+        return "\n".join(_toml_lines(self.rig.model_dump(mode="json", exclude_none=True))) + "\n"
+
+    def to_record(self, rig_text: str) -> dict[str, str]:
+        """The provenance record; `rig_text` is attached separately, only its hash goes in here."""
+        pose = self.rig.poses[self.pose].theta.tolist() if self.pose is not None else None
+        return {
+            "format": FORMAT,
+            "rig": self.rig.name,
+            "rig_sha256": hashlib.sha256(rig_text.encode()).hexdigest(),
+            "pose": self.pose or "",
+            "pose_theta_rad": json.dumps(pose),
+            "rate_hz": repr(float(self.rate_hz)),
+            "extra": json.dumps(dict(self.extra)),
+            "versions": json.dumps(dict(self.versions)),
+            "time_source": self.time_source,
+            **{name: getattr(self, name) for name in _PLAIN},
+        }
+
+    @staticmethod
+    def from_record(record: Mapping[str, str], rig_toml: bytes) -> "RunMetadata":
+        """The inverse of `to_record`.
+
+        Raises:
+            RunError: another layout, or a rig that is not the one the record names.
+        """
+        if record["format"] != FORMAT:
+            raise RunError(f"written as {record['format']!r}, this version reads {FORMAT!r}: update dpr-lab")
+        if hashlib.sha256(rig_toml).hexdigest() != record["rig_sha256"]:
+            raise RunError("the rig stored with the run is damaged, so its counts mean nothing")
+        try:
+            rig = Rig.model_validate(tomllib.loads(rig_toml.decode()))
+        except (tomllib.TOMLDecodeError, ValidationError) as error:
+            raise RunError(f"the rig stored with the run does not fit this version: {error}") from error
+        return RunMetadata(
+            rig=rig,
+            pose=record["pose"] or None,
+            rate_hz=float(record["rate_hz"]),
+            time_source="table" if record["time_source"] == "table" else "ticks",
+            extra=json.loads(record["extra"]),
+            versions=json.loads(record["versions"]),
+            **{name: record[name] for name in _PLAIN},
+        )
+
+
+_PLAIN = ("source", "url", "firmware", "uid", "protocol", "schema_hash", "note", "created_utc")
+
+
+@dataclass(frozen=True, slots=True)
+class RunSummary:
+    """How a run ended; known after its last sample."""
+
+    release_tick: int | None = None
+    """Tick at which the latch opened; None when it never did."""
+    lost: Mapping[str, int] = field(default_factory=dict)
+    """Samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
+    clock: Mapping[str, float] = field(default_factory=dict)
+    """Fit of device time to host time."""
+    gate: str = ""
+    """Verdict of the quality gate, one sentence."""
+    gate_figures: Mapping[str, float] = field(default_factory=dict)
+    """The numbers behind the verdict, by name with unit."""
+    pose_measured: tuple[float, float, float] | None = None
+    """Absolute angles just before the release, rad."""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.pose_measured is not None and len(self.pose_measured) != JOINTS:
+            raise ValueError(f"pose_measured needs {JOINTS} angles, not {len(self.pose_measured)}")
+
+    def to_record(self, samples: int, stopped: str = "") -> dict[str, str]:
+        """The end record of a file with that many samples; `stopped` says why an incomplete one ended."""
+        return {
+            "complete": json.dumps(not stopped),
+            "stopped": stopped,
+            "samples": str(samples),
+            **{name: json.dumps(plain(getattr(self, name))) for name in _JSON},
+        }
+
+    @staticmethod
+    def from_record(record: Mapping[str, str]) -> "RunSummary":
+        """The inverse of `to_record`."""
+        values = {name: json.loads(record[name]) for name in _JSON}
+        measured = values.pop("pose_measured")
+        return RunSummary(
+            **{**values, "notes": tuple(values["notes"])},
+            pose_measured=tuple(measured) if measured is not None else None,
+        )
+
+
+_JSON = ("release_tick", "lost", "clock", "gate", "gate_figures", "pose_measured", "notes")
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON knows it: numpy scalars as numbers, and null for what is not finite."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    number = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(number, float) and not np.isfinite(number) else number
+
+
+def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> list[str]:
+    scalars = [f"{_quoted(k)} = {_quoted(v)}" for k, v in table.items() if not isinstance(v, dict)]
+    lines = ["", f"[{'.'.join(map(_quoted, path))}]", *scalars] if path and scalars else scalars
+    for key, value in table.items():
+        if isinstance(value, dict):
+            lines += _toml_lines(value, (*path, key))
+    return lines
+
+
+def _quoted(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)

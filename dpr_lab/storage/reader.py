@@ -1,0 +1,124 @@
+"""Read a run file, whole or broken, as a `Run`."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.storage.scan import Samples, Scan, scan
+from dpr_lab.storage.sidecar import read_sidecar
+
+# A run keeps the zero of its own day, and the noise is an estimate: neither makes it a run of another rig.
+_SAME_ENCODERS = ("counts_per_rev", "joint2", "direction")
+_SAME_FRAME = ("name", "L1", "g")
+
+
+def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> Run:
+    """Read a run.
+
+    t = (tick - release tick) / rate, or the time column of an imported table. Angles come from the counts by the rig
+    stored in the file; of theta1 and theta2 each, full turns are removed so that the rod lies within pi of the pose
+    asked at the release (it may have been raised either way round).
+
+    A file that was cut or damaged gives the samples before the damage, with `complete` False and a note.
+
+    Args:
+        path: the run file
+        rig: the rig it should belong to; its name, encoders, L1 and g are compared, not its parameters
+        verify: compare the file with the hash written beside it when it was finished
+
+    Raises:
+        RunError: not a run, nothing readable, no release, changed since it was finished, or of another rig.
+    """
+    found = scan(Path(path))
+    if verify:
+        _check_hash(found)
+    if rig is not None:
+        _check_rig(found, rig)
+    samples = found.samples()
+    if not len(samples.ticks):
+        raise RunError(f"{path}: holds no samples{_because(found)}")
+    t = _time(found, samples)
+    own = found.metadata.rig
+    theta = samples.theta if samples.counts is None else own.theta(samples.counts)
+    summary = found.summary
+    return Run(
+        name=found.path.stem,
+        t=t,
+        theta=theta - full_turns(own, found.metadata.pose, t, theta),
+        counts=samples.counts,
+        pose=found.metadata.pose,
+        rig_name=own.name,
+        rig_sha256=found.rig_sha256,
+        rate_hz=found.metadata.rate_hz,
+        complete=found.complete,
+        lost=dict(summary.lost) if summary is not None else lost_by_gaps(found, samples),
+        file=found.path,
+        sha256=found.sha256,
+        notes=(*(summary.notes if summary is not None else ()), *_what_happened(found)),
+    )
+
+
+def stored_rig(path: Path | str) -> Rig:
+    """The rig that a run file carries.
+
+    Raises:
+        RunError: not a run.
+    """
+    return scan(Path(path)).metadata.rig
+
+
+def lost_by_gaps(found: Scan, samples: Samples) -> dict[str, int]:
+    """Losses as the ticks alone tell them, for a file that ends before saying so."""
+    return {"tick_gap": samples.missing} if found.metadata.time_source == "ticks" else {}
+
+
+def _time(found: Scan, samples: Samples) -> NDArray[np.float64]:
+    if found.metadata.time_source == "table":
+        return samples.t
+    release = found.release_tick
+    if release is None:
+        raise RunError(f"{found.path}: has no release: the latch was not opened while it was recorded{_because(found)}")
+    if release > samples.ticks[-1]:
+        raise RunError(f"{found.path}: ends at tick {samples.ticks[-1]}, before the release at tick {release}")
+    return (samples.ticks - release) / found.metadata.rate_hz
+
+
+def full_turns(rig: Rig, pose: str | None, t: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3,) turns to take off, rad, so that each rod lies within pi of the pose at t = 0; zero without a pose."""
+    turns = np.zeros(3)
+    if pose is not None:
+        off = theta[np.argmin(np.abs(t))] - rig.poses[pose].theta
+        turns[1:] = 2 * np.pi * np.round(off[1:] / (2 * np.pi))
+    return turns
+
+
+def _check_hash(found: Scan) -> None:
+    written = read_sidecar(found.path)
+    if written is not None and written != found.sha256:
+        raise RunError(
+            f"{found.path}: has changed since it was finished (its SHA-256 is not the one in the .sha256 file):"
+            " restore it from a copy, or save what is sound with `dpr-lab run recover`"
+        )
+
+
+def _check_rig(found: Scan, rig: Rig) -> None:
+    own = found.metadata.rig
+    pairs = [(f"rig.{key}", getattr(own.rig, key), getattr(rig.rig, key)) for key in _SAME_FRAME]
+    pairs += [(f"encoders.{key}", getattr(own.encoders, key), getattr(rig.encoders, key)) for key in _SAME_ENCODERS]
+    differing = [f"{key} is {stored} there, {given} here" for key, stored, given in pairs if stored != given]
+    if differing:
+        raise RunError(f"{found.path}: run of another rig: {'; '.join(differing)}")
+
+
+def _what_happened(found: Scan) -> list[str]:
+    said = [f"recording stopped early: {found.stopped}"] if found.stopped else []
+    return said + ([f"file {found.damage}"] if found.damage else [])
+
+
+def _because(found: Scan) -> str:
+    said = _what_happened(found)
+    return f" ({'; '.join(said)})" if said else ""

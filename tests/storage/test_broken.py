@@ -1,0 +1,251 @@
+"""Killed, cut, flipped and foreign files: nothing but RunError is raised and no wrong sample is ever read."""
+
+import shutil
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import zstandard
+from mcap.writer import CompressionType, Writer
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import load_rig
+from dpr_lab.storage.inspect import info, recover, verify
+from dpr_lab.storage.layout import MAX_RECORD_BYTES, RELEASED
+from dpr_lab.storage.metadata import RunMetadata, RunSummary
+from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.writer import RunWriter
+
+RIG = load_rig("paper")
+N = 1200
+COUNTS = np.cumsum(np.random.default_rng(1).integers(-9, 10, (N, 3)), axis=0)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    path = tmp_path_factory.mktemp("whole") / "whole.mcap"
+    with RunWriter(path, RunMetadata(RIG, "X1", 1000)) as writer:
+        for at in range(0, N, 100):
+            writer.raw(at, bytes(100))
+            writer.samples(np.arange(at, at + 100), COUNTS[at : at + 100])
+            if at == 100:
+                writer.event(at, RELEASED, 110)
+            writer.flush()
+        writer.finish(RunSummary(110))
+    return path
+
+
+def assert_only_true_samples(path):
+    """Reads what can be read; every sample must be the one written for its tick."""
+    try:
+        run = load_run(path, verify=False)
+    except RunError:
+        return None
+    ticks = np.round(run.t * 1000).astype(int) + 110
+    np.testing.assert_array_equal(run.counts, COUNTS[ticks])
+    return run
+
+
+def test_a_file_cut_anywhere_gives_true_samples_or_a_run_error(tmp_path, whole):
+    content = whole.read_bytes()
+    cuts = [0, 1, 7, 8, 9, len(content) - 1, *np.random.default_rng(2).integers(10, len(content) - 1, 60)]
+    read = 0
+    for cut in cuts:
+        path = tmp_path / "cut.mcap"
+        path.write_bytes(content[:cut])
+        run = assert_only_true_samples(path)
+        if run is not None:
+            read += 1
+            assert not run.complete
+            assert "damaged" in run.notes[-1]
+        assert not verify(path).ok
+    assert read > 30
+
+
+def test_every_chunk_before_the_cut_is_kept(tmp_path, whole):
+    content = whole.read_bytes()
+    path = tmp_path / "cut.mcap"
+    kept = []
+    for share in (0.5, 0.7, 0.9):
+        path.write_bytes(content[: int(share * len(content))])
+        kept.append(info(path).samples)
+    assert kept == sorted(kept)
+    assert kept[0] >= 300
+    assert all(n % 100 == 0 for n in kept)
+
+
+def test_a_flipped_byte_is_found_and_never_read_as_right(tmp_path, whole):
+    content = whole.read_bytes()
+    path = tmp_path / "flipped.mcap"
+    rng = np.random.default_rng(3)
+    for at in rng.integers(0, len(content), 80):
+        flipped = bytearray(content)
+        flipped[at] ^= 1 << rng.integers(8)
+        path.write_bytes(flipped)
+        shutil.copy(f"{whole}.sha256", f"{path}.sha256")
+        assert not verify(path).ok
+        with pytest.raises(RunError):
+            load_run(path)
+        assert_only_true_samples(path)
+
+
+def test_a_flipped_byte_in_the_data_is_found_without_the_sidecar(tmp_path, whole):
+    content = bytearray(whole.read_bytes())
+    content[len(content) // 2] ^= 0x10
+    path = tmp_path / "flipped.mcap"
+    path.write_bytes(content)
+    run = assert_only_true_samples(path)
+    assert run is None or not run.complete
+    assert any("damaged" in fault for fault in verify(path).faults)
+
+
+def test_a_changed_run_says_what_to_do(tmp_path, whole):
+    path = tmp_path / "whole.mcap"
+    shutil.copy(whole, path)
+    (tmp_path / "whole.mcap.sha256").write_text("0" * 64 + "  whole.mcap\n")
+    with pytest.raises(RunError, match=r"has changed since it was finished.*run recover"):
+        load_run(path)
+    assert load_run(path, verify=False).complete
+
+
+def test_recover_writes_a_whole_run_and_leaves_the_broken_one(tmp_path, whole):
+    content = whole.read_bytes()
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(content[: int(0.8 * len(content))])
+    before = broken.read_bytes()
+    kept = recover(broken, tmp_path / "new.mcap")
+    assert broken.read_bytes() == before
+    assert verify(tmp_path / "new.mcap").ok
+    run = load_run(tmp_path / "new.mcap", RIG)
+    assert run.complete
+    assert len(run.t) == kept == len(load_run(broken).t)
+    np.testing.assert_array_equal(run.counts, COUNTS[:kept])
+    assert f"recovered from broken.mcap, {kept} samples kept" in run.notes
+    with pytest.raises(RunError, match="exists already"):
+        recover(broken, tmp_path / "new.mcap")
+
+
+WRITER = """
+import sys, time
+import numpy as np
+from dpr_lab.rig import load_rig
+from dpr_lab.storage.layout import RELEASED
+from dpr_lab.storage.metadata import RunMetadata
+from dpr_lab.storage.writer import RunWriter
+
+writer = RunWriter(sys.argv[1], RunMetadata(load_rig("paper"), "X1", 1000))
+start, written = time.monotonic(), 0
+while True:
+    time.sleep(0.01)
+    due = int((time.monotonic() - start) * 1000)
+    ticks = np.arange(written, due)
+    writer.samples(ticks, np.column_stack([ticks, 3 * ticks, -ticks]))
+    if written <= 100 < due:
+        writer.event(time.time_ns(), RELEASED, 100)
+    written = due
+    print(written, flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="kill -9")
+def test_a_killed_writer_loses_at_most_its_last_chunk(tmp_path):
+    path = tmp_path / "killed.mcap"
+    with subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True) as process:
+        written = 0
+        while written < 1500:
+            written = int(process.stdout.readline())
+        process.kill()
+        written = max([written, *map(int, process.stdout.read().split())])
+    faults = verify(path).faults
+    assert any("not completed" in fault for fault in faults)
+    kept = recover(path, tmp_path / "saved.mcap")
+    assert kept >= written - 250 - 100  # the margin is for a loaded machine
+    run = load_run(tmp_path / "saved.mcap")
+    np.testing.assert_array_equal(run.counts[:, 1], 3 * np.arange(kept))
+    assert run.t[100] == 0
+    assert run.lost == {"tick_gap": 0}
+    assert verify(tmp_path / "saved.mcap").ok
+
+
+def test_a_gap_in_a_cut_file_is_counted(tmp_path):
+    path = tmp_path / "a.mcap"
+    with RunWriter(path, RunMetadata(RIG, "X1", 1000)) as writer:
+        writer.samples([0, 1, 5, 6, 9], COUNTS[:5])
+        writer.event(0, RELEASED, 1)
+        writer.finish(RunSummary(1, lost={"crc": 5}))
+    about = info(path)
+    assert (about.gaps, about.longest_gap_s, about.lost) == (2, pytest.approx(0.004), {"crc": 5})
+    content = path.read_bytes()
+    path.write_bytes(content[: content.index(b"complete")])
+    assert load_run(path, verify=False).lost == {"tick_gap": 5}
+
+
+def foreign(path, chunk=b"{}"):
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start()
+        channel = writer.register_channel("/imu", "json", writer.register_schema("imu", "jsonschema", b"{}"))
+        writer.add_message(channel, 0, chunk, 0)
+        writer.finish()
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "is empty"),
+        (b"t,theta1\n0,1\n", "is not a run file"),
+        (b"\x89MC", "is not a run file"),
+        (b"\x89MCAP0\r\n", "cut off or damaged near byte 8"),
+        (None, "MCAP file of another tool"),
+    ],
+    ids=["empty", "text", "start", "magic alone", "foreign"],
+)
+def test_what_is_not_a_run_is_refused_in_a_sentence(tmp_path, content, sentence):
+    path = tmp_path / "a.mcap"
+    if content is None:
+        foreign(path)
+    else:
+        path.write_bytes(content)
+    for read in (load_run, info):
+        with pytest.raises(RunError, match=sentence):
+            read(path)
+    assert sentence in verify(path).faults[0]
+    with pytest.raises(RunError, match=sentence):
+        recover(path, tmp_path / "new.mcap")
+
+
+def test_missing_file_and_folder_are_named(tmp_path):
+    with pytest.raises(RunError, match=r"no.mcap: cannot be read: No such file"):
+        load_run(tmp_path / "no.mcap")
+    with pytest.raises(RunError, match="cannot be read"):
+        load_run(tmp_path)
+    with pytest.raises(RunError, match="no such file"):
+        verify(tmp_path / "no.mcap")
+
+
+def test_a_chunk_that_would_expand_beyond_reason_is_not_expanded(tmp_path, whole, monkeypatch):
+    content = whole.read_bytes()
+    bomb = zstandard.compress(bytes(4 * MAX_RECORD_BYTES))
+    second = content.index(b"zstd", content.index(b"zstd") + 4)
+    header = second - 4 - 4 - 8 - 8 - 8 - 9  # opcode and length, three u64, crc u32, length of "zstd" u32
+    length = 8 + 8 + 8 + 4 + 4 + 4 + 8 + len(bomb)
+    chunk = (
+        b"\x06"
+        + length.to_bytes(8, "little")
+        + content[header + 9 : second + 4]
+        + len(bomb).to_bytes(8, "little")
+        + bomb
+    )
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(content[:header] + chunk)
+    expanded = []
+    real = zstandard.decompress
+    monkeypatch.setattr(zstandard, "decompress", lambda data, size=0: expanded.append(len(data)) or real(data, size))
+    start = time.process_time()
+    about = info(path)
+    assert "would expand" in about.damage
+    assert about.samples == 100
+    assert len(bomb) not in expanded
+    assert time.process_time() - start < 1

@@ -1,0 +1,243 @@
+"""Tables of many kinds become the same run; what cannot be understood is refused with its place."""
+
+import json
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import load_rig
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.storage.export import export
+from dpr_lab.storage.inspect import info, verify
+from dpr_lab.storage.reader import load_run
+
+RIG = load_rig("paper")
+T = np.round(np.arange(200) * 0.005, 6)
+THETA1 = np.pi + 0.8 * np.cos(6 * T)
+THETA2 = np.pi + 2.0 * np.cos(4 * T)
+
+
+def table(path, names, *columns, delimiter=",", lines=()):
+    rows = [delimiter.join(f"{value:.12g}" for value in row) for row in zip(*columns, strict=True)]
+    path.write_text("\n".join([*lines, delimiter.join(names), *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def read(path, **options):
+    return import_csv(path, RIG, ImportOptions(**options))
+
+
+def assert_the_swing(run, atol=1e-9):
+    np.testing.assert_allclose(run.t, T, atol=1e-12)
+    np.testing.assert_allclose(run.theta, np.column_stack([0 * T, THETA1, THETA2]), atol=atol)
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+@pytest.mark.parametrize("zero", ["upright", "hanging"])
+@pytest.mark.parametrize("angles", ["absolute", "relative"])
+def test_conventions_are_equivalent(tmp_path, unit, zero, angles):
+    shift = np.pi if zero == "hanging" else 0.0
+    second = THETA2 - THETA1 if angles == "relative" else THETA2 - shift
+    scale = 180 / np.pi if unit == "deg" else 1.0
+    file = table(
+        tmp_path / "a.csv", ("t_s", f"theta1_{unit}", f"theta2_{unit}"), T, (THETA1 - shift) * scale, second * scale
+    )
+    assert_the_swing(read(file, unit=unit, zero=zero, angles=angles))
+
+
+def test_counts_are_read_by_the_rig_and_kept(tmp_path):
+    counts = np.round(RIG.positions(np.column_stack([0 * T, THETA1, THETA2]))).astype(int)
+    file = table(tmp_path / "a.csv", ("time", "counts1", "counts2"), T, counts[:, 1], counts[:, 2])
+    for run in (read(file, unit="counts"), import_csv(file, RIG, ImportOptions(unit="counts"), tmp_path / "a.mcap")):
+        assert_the_swing(run, atol=2 * np.pi / 16384)
+        np.testing.assert_array_equal(run.counts, counts)
+    broken = table(tmp_path / "b.csv", ("time", "counts1", "counts2"), T, THETA1, THETA2)
+    with pytest.raises(RunError, match="whole numbers"):
+        read(broken, unit="counts")
+
+
+@pytest.mark.parametrize(
+    ("names", "delimiter", "lines"),
+    [
+        (("t", "theta1", "theta2"), ",", ()),
+        (("Time (s)", "Theta_1 [rad]", "Theta_2 [rad]"), ";", ("# bench 3", "", "// second remark")),
+        (("seconds", "q1", "q2"), "\t", ("% made by a logger",)),
+        (("time_s", "θ1", "θ2"), ",", ("Logger 2.1",)),
+        (("timestamp", "phi1", "phi2"), " ", ()),
+        (("\ufefft_s", '"th1"', '"th2"'), ",", ()),
+    ],
+)
+def test_headers_delimiters_and_comments_are_found(tmp_path, names, delimiter, lines):
+    assert_the_swing(read(table(tmp_path / "a.csv", names, T, THETA1, THETA2, delimiter=delimiter, lines=lines)))
+
+
+def test_decimal_commas_go_with_semicolons(tmp_path):
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2, delimiter=";")
+    file.write_text(file.read_text().replace(".", ","))
+    assert_the_swing(read(file))
+
+
+def test_a_row_of_units_and_windows_line_ends_do_no_harm(tmp_path):
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
+    head, rest = file.read_text().split("\n", 1)
+    file.write_bytes("\r\n".join([head, "s,rad,rad", *rest.split("\n")]).encode())
+    assert_the_swing(read(file))
+
+
+def test_a_header_in_a_comment_and_columns_by_number(tmp_path):
+    rows = np.column_stack([T, THETA1, THETA2])
+    np.savetxt(tmp_path / "a.txt", rows, header="t theta1 theta2")
+    assert_the_swing(read(tmp_path / "a.txt"))
+    np.savetxt(tmp_path / "b.txt", rows[:, [2, 0, 1]], delimiter=",")
+    with pytest.raises(RunError, match="the table has: 1, 2, 3"):
+        read(tmp_path / "b.txt")
+    assert_the_swing(read(tmp_path / "b.txt", columns={"t": "2", "theta1": "3", "theta2": "1"}))
+
+
+def test_milliseconds_are_taken_only_when_said(tmp_path):
+    file = table(tmp_path / "a.csv", ("time_ms", "theta1", "theta2"), T * 1000, THETA1, THETA2)
+    assert_the_swing(read(file, time_unit="ms"))
+    with pytest.raises(RunError, match="no single column found for t"):
+        read(file)
+    with pytest.raises(RunError, match="says ms, but the unit given is s"):
+        read(file, columns={"t": "time_ms"})
+
+
+def test_degrees_taken_for_radians_are_noticed(tmp_path):
+    file = table(tmp_path / "a.csv", ("t", "theta1 [°]", "theta2_deg"), T, THETA1, THETA2)
+    with pytest.raises(RunError, match=r"says °, but the unit given is rad"):
+        read(file, columns={"theta1": "theta1 [°]"})
+
+
+def test_a_table_of_hanging_zero_taken_for_upright_is_noticed(tmp_path):
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, 0.5 * np.cos(T), 0.5 * np.sin(T))
+    assert "zero hanging" in read(file).notes[-1]
+    assert not read(file, zero="hanging").notes
+
+
+def test_wrapped_angles_are_unwrapped_and_said(tmp_path):
+    theta2 = np.pi + 9 * T * 4
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, (theta2 + np.pi) % (2 * np.pi) - np.pi)
+    run = read(file)
+    np.testing.assert_allclose(np.diff(run.theta[:, 2]), np.diff(theta2), atol=1e-9)
+    assert run.notes == ("theta2: wrapped by the logger, unwrapped",)
+
+
+def test_uneven_times_doubled_rows_gaps_and_nan_survive_to_the_file(tmp_path):
+    t = np.cumsum(np.random.default_rng(0).uniform(0.004, 0.0055, 200)) + 1234.5
+    t[150:] += 0.5
+    t[20] = t[19]
+    theta1 = THETA1.copy()
+    theta1[77] = np.nan
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), t, theta1, THETA2)
+    kept = np.delete(np.arange(200), [20, 77])
+    run = import_csv(file, RIG, out=tmp_path / "a.mcap")
+    expected = np.array([float(f"{value:.12g}") for value in t])[kept]
+    np.testing.assert_allclose(run.t, expected - expected[0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.theta[:, 1], THETA1[kept], atol=1e-9)
+    assert any(note == "rows without a value (NaN), left out as gaps: 1" for note in run.notes)
+    assert any(note == "rows with the time of the row before, left out: 1" for note in run.notes)
+    assert any(note.startswith("gaps kept: ") and "the longest 0.50" in note for note in run.notes)
+    assert verify(tmp_path / "a.mcap").ok
+    extra = info(tmp_path / "a.mcap").extra
+    assert float(extra["t_offset_s"]) == pytest.approx(t[0])
+    assert json.loads(extra["columns"]) == {"t": "t", "theta1": "theta1", "theta2": "theta2"}
+
+
+def test_the_run_file_of_an_import_is_the_import(tmp_path):
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T + 7, THETA1 + 2 * np.pi, THETA2)
+    options = ImportOptions(pose="X1", note="by hand")
+    run, stored = import_csv(file, RIG, options), import_csv(file, RIG, options, tmp_path / "a.mcap")
+    np.testing.assert_array_equal(run.t, stored.t)
+    np.testing.assert_array_equal(run.theta, stored.theta)
+    assert (run.notes, run.rate_hz, run.pose) == (stored.notes, stored.rate_hz, stored.pose)
+    assert stored.counts is None
+    assert run.theta[0, 1] == pytest.approx(THETA1[0], abs=1e-9)
+    assert len(stored.rest) == 0
+    assert load_run(tmp_path / "a.mcap", RIG).complete
+
+
+def test_a_slice_starts_at_zero(tmp_path):
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T + 100, THETA1, THETA2)
+    run = read(file, start_s=0.2, duration_s=0.3)
+    assert len(run.t) == pytest.approx(60, abs=1)
+    assert run.t[0] == 0
+    assert run.theta[0, 1] == pytest.approx(THETA1[40], abs=1e-9)
+    with pytest.raises(RunError, match=r"no rows between 105 s and inf s; the table ends at 100.995 s"):
+        read(file, start_s=5)
+
+
+def test_our_own_export_is_read_back_without_options(tmp_path):
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
+    run = read(file)
+    again = read(export(run, tmp_path / "b.csv"))
+    np.testing.assert_array_equal(again.theta, run.theta)
+    np.testing.assert_array_equal(again.t, run.t)
+
+
+def test_a_column_of_words_and_an_empty_first_row_do_no_harm(tmp_path):
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
+    head, rest = file.read_text().split("\n", 1)
+    rows = [row + ',"swing, free"' for row in rest.split()]
+    file.write_text("\n".join([head + ",state", "-0.005,,,held", *rows]))
+    run = read(file)
+    assert_the_swing(run)
+    assert run.notes == ("rows without a value (NaN), left out as gaps: 1",)
+
+
+def test_a_last_row_cut_off_is_left_out_and_said(tmp_path):
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
+    file.write_text(file.read_text() + "1.0,3.1")
+    run = read(file)
+    assert_the_swing(run)
+    assert run.notes == ("line 202, the last one, is cut off: left out",)
+
+
+HEAD = "t,theta1,theta2\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "is empty"),
+        (b" \n\n", "is empty"),
+        (b"# only a remark\n", "holds no rows"),
+        (HEAD.encode(), "no row of numbers"),
+        (b"dear diary,\ntoday it swung\n", "no row of numbers"),
+        (bytes(range(256)) * 9, "binary file"),
+        ("t,theta1\n".encode("utf-16"), "binary file"),
+        (f"{HEAD}0,1,2\n".encode(), "only 1 row is left"),
+        (f"{HEAD}0,1,2\n0,1,2\n".encode(), "only 1 row is left"),
+        (f"{HEAD}0,1,2\n1,1,2\n0.5,1,2\n2,1,2\n".encode(), "line 4: time runs backwards, from 1 s to 0.5 s"),
+        (f"{HEAD}0,1,2\n1,1\n2,1,2\n".encode(), "line 3 has 2 fields where there are 3 columns"),
+        (f"{HEAD}0,1,2\n1,one,2\n2,1,2\n".encode(), "line 3: 'one' in column 'theta1' is not a number"),
+        (f"{HEAD}0,1,2\n1,nan,2\n2,1,2\n".encode(), "1 of 3 rows have no value"),
+        (f"{HEAD}nan,1,2\nnan,1,2\n".encode(), "the time column holds no number"),
+        (
+            b"t_s,theta1_rad,omega1\n0,1,2\n1,1,2\n",
+            "no single column found for theta2; the table has: t_s, theta1_rad, omega1",
+        ),
+        (b"theta1,theta2\n0,1\n1,1\n", "no single column found for t;"),
+        (b"t,theta1,q1,theta2\n0,1,1,1\n1,1,1,1\n", "no single column found for theta1"),
+    ],
+)
+def test_bad_tables_are_refused_in_a_sentence(tmp_path, content, sentence):
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(RunError) as caught:
+        import_csv(tmp_path / "a.csv", RIG, out=tmp_path / "a.mcap")
+    assert sentence in str(caught.value)
+    assert "a.csv" in str(caught.value)
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_missing_files_columns_and_poses_are_named(tmp_path):
+    with pytest.raises(RunError, match=r"no.csv: cannot be read: No such file"):
+        read(tmp_path / "no.csv")
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
+    with pytest.raises(RunError, match="0 columns are named 'angle'"):
+        read(file, columns={"theta1": "angle"})
+    with pytest.raises(RunError, match="pose 'X9' is not one of the rig's: X1, X2, X3"):
+        read(file, pose="X9")
+    with pytest.raises(ValueError, match="not for omega1"):
+        ImportOptions(columns={"omega1": "w"})

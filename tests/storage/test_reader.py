@@ -1,0 +1,95 @@
+"""What the reader makes of a file: time from the release, turns removed, the rig compared."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.storage.layout import RELEASED, sealed, unsealed
+from dpr_lab.storage.metadata import RunMetadata, RunSummary
+from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.writer import RunWriter
+
+RIG = load_rig("paper")
+
+
+def changed(**tables):
+    values = RIG.model_dump(mode="json", exclude_none=True)
+    return Rig.model_validate({name: {**values[name], **tables.get(name, {})} for name in values})
+
+
+def record(path, theta, release=1, pose="X2", summary=None, events=()):
+    with RunWriter(path, RunMetadata(RIG, pose, 1000)) as writer:
+        writer.samples(np.arange(len(theta)), np.round(RIG.positions(theta)).astype(np.int64))
+        for kind, tick in events:
+            writer.event(0, kind, tick)
+        writer.finish(summary or RunSummary(release))
+    return path
+
+
+@pytest.mark.parametrize("turns", [(0, 0), (1, 0), (0, -1), (-2, 1)])
+def test_each_rod_lies_within_half_a_turn_of_the_pose_however_it_was_raised(tmp_path, turns):
+    theta = np.array([[0.0, 0.11, 0.09], [0.0, 0.12, 0.1], [0.0, 0.2, 7.0]])
+    raised = theta + 2 * np.pi * np.array([0, *turns])
+    run = load_run(record(tmp_path / "a.mcap", raised))
+    np.testing.assert_allclose(run.theta, theta, atol=2 * np.pi / 16384)
+
+
+def test_the_turns_are_counted_at_the_release_not_at_the_first_sample(tmp_path):
+    theta = np.array([[0.0, 0.1 + np.pi * k / 50, 0.1] for k in range(101)])
+    run = load_run(record(tmp_path / "a.mcap", theta, release=100))
+    assert run.theta[100, 1] == pytest.approx(0.1, abs=1e-3)
+    assert run.theta[0, 1] == pytest.approx(0.1 - 2 * np.pi, abs=1e-3)
+
+
+def test_the_release_comes_from_the_event_when_the_summary_has_none(tmp_path):
+    theta = np.full((5, 3), 0.1)
+    run = load_run(record(tmp_path / "a.mcap", theta, summary=RunSummary(), events=[("INDEX", 1), (RELEASED, 3)]))
+    np.testing.assert_allclose(run.t, [-0.003, -0.002, -0.001, 0, 0.001])
+
+
+def test_a_run_without_release_or_samples_is_refused(tmp_path):
+    theta = np.full((5, 3), 0.1)
+    with pytest.raises(RunError, match="has no release"):
+        load_run(record(tmp_path / "a.mcap", theta, summary=RunSummary()))
+    with pytest.raises(RunError, match="holds no samples"):
+        load_run(record(tmp_path / "b.mcap", theta[:0]))
+    with pytest.raises(RunError, match="ends at tick 4, before the release at tick 9"):
+        load_run(record(tmp_path / "c.mcap", theta, release=9))
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ({"rig": {"name": "other"}}, "rig.name is paper there, other here"),
+        ({"rig": {"L1": 0.39}}, "rig.L1 is 0.4 there, 0.39 here"),
+        ({"rig": {"g": 9.8}}, "rig.g"),
+        ({"encoders": {"counts_per_rev": [16384, 4096, 16384]}}, "encoders.counts_per_rev"),
+        ({"encoders": {"joint2": "absolute"}}, "encoders.joint2"),
+        ({"encoders": {"direction": [1, 1, -1]}}, "encoders.direction"),
+    ],
+)
+def test_a_run_of_another_rig_is_refused(tmp_path, tables, said):
+    path = record(tmp_path / "a.mcap", np.full((5, 3), 0.1))
+    with pytest.raises(RunError, match="run of another rig: ") as caught:
+        load_run(path, changed(**tables))
+    assert said in str(caught.value)
+
+
+def test_other_bounds_or_a_new_zero_are_the_same_rig(tmp_path):
+    path = record(tmp_path / "a.mcap", np.full((5, 3), 0.1))
+    values = RIG.model_dump(mode="json", exclude_none=True)["parameters"]
+    values["l1"]["upper"] = 0.3
+    rig = changed(parameters=values, encoders={"zero_counts": [1, 2, 3], "noise_counts": 2.0})
+    np.testing.assert_array_equal(load_run(path, rig).theta, load_run(path).theta)
+
+
+@given(st.dictionaries(st.text(), st.text()), st.text(), st.text())
+def test_a_sealed_record_opens_unchanged_and_only_unchanged(record, key, value):
+    record.pop("digest", None)
+    closed = sealed(record)
+    assert unsealed(closed) == record
+    if key != "digest" and record.get(key) != value:
+        assert unsealed({**closed, key: value}) is None
