@@ -1,15 +1,15 @@
 """Runs and a rig in, an identified model out: search globally, finish at the noise floor, say what was fixed."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel
 
 from dpr_lab import __version__
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
-from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.errors import ConfigError, IdentificationError, RunError
 from dpr_lab.estimation.anchors import nine_parameters
 from dpr_lab.estimation.evidence import Evidence, gather
 from dpr_lab.estimation.least_squares import SegmentFit, fit_segments, grow
@@ -18,7 +18,11 @@ from dpr_lab.model import Estimate, Fit, Model, RigFacts, RunUsed, SearchRecord
 from dpr_lab.objectives import OBJECTIVES
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
-from dpr_lab.search import ALGORITHMS, Generation
+from dpr_lab.search import ALGORITHMS, load_search
+from dpr_lab.search.problem import Generation
+from dpr_lab.search.settings import SearchSettings
+
+Entry = TypeVar("Entry")
 
 FIRST_SEGMENT_S = 0.25  # converges from any start inside +-20 % bounds
 WORKING_SEGMENT_S = 0.5
@@ -31,7 +35,7 @@ def identify(
     *,
     objective: str = "segments",
     search: str = "iga",
-    settings: BaseModel | None = None,
+    settings: SearchSettings | None = None,
     seed: int = 0,
     on_generation: Callable[[Generation, int], None] | None = None,
 ) -> Model:
@@ -52,19 +56,22 @@ def identify(
     Raises:
         ConfigError: no such objective or search.
         RunError: nothing to identify from.
+        IdentificationError: not one candidate inside the bounds could be simulated.
     """
     if not runs:
         raise RunError("no runs to identify from")
     chosen = _choose(OBJECTIVES, objective, "objective")
     algorithm = _choose(ALGORITHMS, search, "search")
     evidence = [gather(run, rig) for run in runs]
-    settings = settings or algorithm.settings(chosen.settings)
+    settings = settings or _suited(chosen.settings, search)
     began = time.perf_counter()
     history: list[Generation] = []
     for generation in algorithm.run(chosen.build(evidence, rig), rig.bounds, settings, np.random.default_rng(seed)):
         history.append(generation)
         if on_generation:
-            on_generation(generation, settings.model_dump()["generations"])
+            on_generation(generation, settings.generations)
+    if not np.isfinite(history[0].best_cost):
+        raise IdentificationError("no candidate inside the bounds could be simulated: check the rig file's bounds")
     found = SearchRecord(
         algorithm=search,
         objective=objective,
@@ -92,7 +99,7 @@ def polish(start: NDArray[np.float64], evidence: Sequence[Evidence], rig: Rig) -
         rig: for L1 and g
     """
     L1, g = rig.rig.L1, rig.rig.g
-    whiteners = [item.whitener for item in evidence]
+    whiteners = [item.noise.whitening for item in evidence]
     for length in (FIRST_SEGMENT_S, WORKING_SEGMENT_S):
         segments = [s for i, item in enumerate(evidence) for s in cut(i, item.run, item.states, length)]
         fit = fit_segments(start, segments, whiteners, L1, g)
@@ -100,7 +107,13 @@ def polish(start: NDArray[np.float64], evidence: Sequence[Evidence], rig: Rig) -
     return grow(fit, whiteners, L1, g)
 
 
-def _choose(table: dict, name: str, kind: str):
+def _suited(name: str, search: str) -> SearchSettings:
+    """The objective's own search file where it is for this algorithm, else the algorithm's defaults."""
+    settings = load_search(name)
+    return settings if settings.algorithm == search else ALGORITHMS[search].settings()
+
+
+def _choose(table: Mapping[str, Entry], name: str, kind: str) -> Entry:
     if name not in table:
         raise ConfigError(f"no {kind} named {name!r}; there are: {', '.join(table)}")
     return table[name]

@@ -111,7 +111,7 @@ class Model(_Record):
 
     def used(self, sha256: str) -> bool:
         """Whether the run with this hash took part in the identification; if not, it is held out."""
-        return any(run.sha256 == sha256 for run in self.runs)
+        return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
 
     def save(self, path: Path) -> None:
         """Write `model.json`."""

@@ -29,7 +29,7 @@ def compare(
     identified = load_model(model)
     comparisons = [compare_run(load_run(path), stored_rig(path), identified) for path in runs]
     figures = save_figures(identified, comparisons, out)
-    report = write_report(identified, comparisons, out)
+    report = write_report(identified, comparisons, out, figures)
     if as_json:
         emit(
             {

@@ -46,13 +46,14 @@ def say(message: str) -> None:
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, prose: bool = False) -> None:
     """A table on stdout; `prose` for columns of text, which read from the left."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     made = Table(title=title, title_justify="left", title_style="bold")
     for index, column in enumerate(columns):
         made.add_column(column, justify="left" if prose or index == 0 else "right", overflow="fold")
     for row in rows:
-        made.add_row(*(str(cell) for cell in row))
+        made.add_row(*(escape(str(cell)) for cell in row))
     # A pipe or a file has no width to wrap at.
     Console(width=None if sys.stdout.isatty() else 160).print(made)
 

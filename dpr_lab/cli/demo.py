@@ -52,8 +52,7 @@ def demo(
     model.save(out / "model.json")
     say("3/4 compare: measured and simulated curves")
     comparisons = [compare_run(run, rig, model) for run in runs]
-    save_figures(model, comparisons, out)
-    report = write_report(model, comparisons, out)
+    report = write_report(model, comparisons, out, save_figures(model, comparisons, out))
     say("4/4 open the seal: what the plant really is")
     truth = _reveal(seed)
     rows = _beside(model, truth)

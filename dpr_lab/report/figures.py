@@ -1,0 +1,252 @@
+"""The paper's Figures 2 to 4 for a real rig: response, error against the noise floor, evolution of the search."""
+
+import warnings
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
+from numpy.typing import NDArray
+from PIL import Image
+
+from dpr_lab.compare import Comparison
+from dpr_lab.errors import DprError
+from dpr_lab.model import Model
+from dpr_lab.report import style
+from dpr_lab.report.digits import three
+from dpr_lab.report.envelope import trace
+from dpr_lab.report.tables import to_the_end
+
+AXES = ("inner rod θ₁", "outer rod θ₂")
+NOISE_SIGMAS = 2
+NOTHING = "no run was compared"
+
+_EVOLUTION = {
+    "best_cost": "cost of the best\nindividual",
+    "best_fitness": "fitness of the\nbest individual",
+    "population_fitness": "population\nfitness",
+}
+_LONGEST_LABEL = 70
+
+
+def response_figure(comparisons: Sequence[Comparison]) -> Figure:
+    """Measured and simulated angle of both rods, one row for each run (Figure 2 of the paper).
+
+    The free run is drawn strong up to the predictability horizon and faint beyond it. The range of the angle is
+    that of the measurement, so a free run that tumbles away leaves the panel.
+    """
+    with style.house_style():
+        if not comparisons:
+            return _empty(NOTHING)
+        figure = _new_figure(0.5 + 1.75 * len(comparisons))
+        grid = figure.subplots(len(comparisons), 2, squeeze=False)
+        for panels, comparison in zip(grid, comparisons, strict=True):
+            _title(panels[0], comparison)
+            for axis, axes in enumerate(panels):
+                _draw_response(axes, comparison, axis)
+        for axes in grid[-1]:
+            axes.set_xlabel("time since release (s)")
+        _legend(figure)
+        return figure
+
+
+def error_figure(comparisons: Sequence[Comparison]) -> Figure:
+    """What the model leaves of each run, beside the noise floor (Figure 3 of the paper).
+
+    Left the error of the free run up to the horizon, right the residual of segments with free start states; inner
+    rod above outer rod, in mrad.
+    """
+    with style.house_style():
+        if not comparisons:
+            return _empty(NOTHING)
+        figure = _new_figure(0.5 + 2.7 * len(comparisons))
+        grid = figure.subplots(2 * len(comparisons), 2, squeeze=False)
+        for row, comparison in enumerate(comparisons):
+            _draw_errors(grid[2 * row : 2 * row + 2], comparison)
+        _legend(figure)
+        return figure
+
+
+def evolution_figure(model: Model) -> Figure:
+    """Cost, fitness and population fitness of the best individual over generations (Figure 4 of the paper)."""
+    with style.house_style():
+        figure = _new_figure(5.0)
+        grid = figure.subplots(3, 1, sharex=True, height_ratios=(2, 1, 1))
+        for axes, (column, label) in zip(grid, _EVOLUTION.items(), strict=True):
+            values = model.search.history.get(column, [])
+            axes.plot(np.arange(len(values)), values, label=column, drawstyle="steps-post", **style.EVOLUTION)
+            axes.set_ylabel(label)
+            axes.margins(x=0.01, y=0.12)
+            side = "right" if column == "best_cost" else "left"
+            _note(axes, f"last: {values[-1]:.4g}" if values else "not recorded", side)
+        if any(cost > 0 for cost in model.search.history.get("best_cost", [])):
+            grid[0].set_yscale("log")
+        grid[0].set_title(f"{_one_line(model.search.algorithm)}, seed {model.search.seed}", parse_math=False)
+        grid[-1].xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+        grid[-1].set_xlabel("generation")
+        figure.align_ylabels(grid)
+        return figure
+
+
+def save_figures(model: Model, comparisons: Sequence[Comparison], out_dir: Path) -> dict[str, Path]:
+    """Write `response.png`, `error.png` and `evolution.png`.
+
+    Returns:
+        path of each file by the name of its figure: response, error, evolution
+
+    Raises:
+        DprError: the folder or a file cannot be written.
+    """
+    figures = {
+        "response": response_figure(comparisons),
+        "error": error_figure(comparisons),
+        "evolution": evolution_figure(model),
+    }
+    paths = {name: out_dir / f"{name}.png" for name in figures}
+    for name, path in paths.items():
+        figure = figures[name]
+        write_to(path, lambda file, figure=figure: _save(figure, file))
+    return paths
+
+
+def write_to(path: Path, write: Callable[[Path], object]) -> None:
+    """Make the folder of `path` and let `write` fill the file.
+
+    Raises:
+        DprError: the folder or the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(path)
+    except OSError as error:
+        why = error.strerror or error
+        raise DprError(f"{path}: cannot be written: {why}; choose another folder for the report") from error
+
+
+def _save(figure: Figure, path: Path) -> None:
+    canvas = FigureCanvasAgg(figure)
+    with style.house_style(), warnings.catch_warnings():
+        # A run named in a script the font lacks is drawn with boxes; its name stands in full in the tables.
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        canvas.draw()
+    # A palette makes the noise panels a third of their size, and no line changes its colour visibly.
+    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    picture.save(path, format="PNG", optimize=True, dpi=(style.DPI, style.DPI))
+
+
+def _new_figure(height_in: float) -> Figure:
+    figure = Figure(figsize=(style.WIDTH_IN, height_in))
+    figure.set_layout_engine("constrained", wspace=0.03, hspace=0.02)
+    return figure
+
+
+def _empty(sentence: str) -> Figure:
+    figure = _new_figure(1.2)
+    figure.text(0.5, 0.5, sentence, ha="center", va="center")
+    return figure
+
+
+def _draw_response(axes: Axes, comparison: Comparison, axis: int) -> None:
+    t, measured, free = comparison.t, comparison.measured[:, axis], comparison.free_run[:, axis]
+    near = t <= comparison.horizon_s
+    # One shared sample, so that the faint line starts where the strong one ends.
+    far = t >= t[near][-1] if near.any() else ~near
+    axes.plot(*trace(t, measured), label="measured", **style.MEASURED)
+    axes.plot(*trace(t[near], free[near]), label="simulated, free run", **style.SIMULATED)
+    if not near.all():
+        axes.plot(*trace(t[far], free[far]), label="beyond the horizon", **style.BEYOND)
+        axes.axvline(comparison.horizon_s, label="predictability horizon", **style.HORIZON)
+    axes.set_ylabel(f"{AXES[axis]} (rad)")
+    _angle_range(axes, np.concatenate([measured, free[near]]))
+    _time_range(axes, t)
+
+
+def _draw_errors(panels: NDArray[np.object_], comparison: Comparison) -> None:
+    """Fill the (2, 2) panels of one run."""
+    near = comparison.t <= comparison.horizon_s
+    _title(panels[0, 0], comparison)
+    for axis, (left, right) in enumerate(panels):
+        noise = float(comparison.noise_rad[axis])
+        free, segment = comparison.free_run_error[:, axis], comparison.segment_residual[:, axis]
+        _draw_error(left, comparison.t[near], free[near], float(comparison.free_run_rms_rad[axis]), noise)
+        _draw_error(right, comparison.t, segment, float(comparison.segment_rms_rad[axis]), noise)
+        left.set_ylabel(f"{AXES[axis]}\nerror (mrad)")
+        right.set_ylabel("residual (mrad)")
+    for upper in panels[0]:
+        upper.tick_params(labelbottom=False)
+    panels[1, 0].set_xlabel("free run up to the horizon: time since release (s)")
+    panels[1, 1].set_xlabel("segments with free start states: time since release (s)")
+
+
+def _draw_error(
+    axes: Axes, t: NDArray[np.float64], error: NDArray[np.float64], rms_rad: float, noise_rad: float
+) -> None:
+    band = NOISE_SIGMAS * 1e3 * noise_rad
+    axes.axhspan(-band, band, label=f"noise floor, ±{NOISE_SIGMAS}σ", **style.NOISE_BAND)
+    axes.plot(*trace(t, 1e3 * error), label="measured − simulated", **style.RESIDUAL)
+    if np.isfinite(rms_rad):
+        _note(axes, f"rms {three(1e3 * rms_rad)} mrad")
+    _symmetric_range(axes, np.append(1e3 * error, 1.2 * band))
+    _time_range(axes, t)
+
+
+def _title(axes: Axes, comparison: Comparison) -> None:
+    role = "held out" if comparison.held_out else "used for the fit"
+    reach = "predictable to the end" if to_the_end(comparison) else f"predictable for {comparison.horizon_s:.2g} s"
+    parts = [_one_line(comparison.run), comparison.pose and f"pose {_one_line(comparison.pose)}", role, reach]
+    axes.set_title("   |   ".join(part for part in parts if part), parse_math=False)
+
+
+def _one_line(name: str) -> str:
+    """A name from a file, fit for a title: no line breaks, no lone surrogates, not endless."""
+    line = " ".join(name.encode("utf-8", "replace").decode().split())
+    return line if len(line) <= _LONGEST_LABEL else f"{line[: _LONGEST_LABEL - 1]}…"
+
+
+def _note(axes: Axes, text: str, side: Literal["left", "right"] = "left") -> None:
+    x = {"left": 0.01, "right": 0.99}[side]
+    axes.text(x, 0.97, text, transform=axes.transAxes, ha=side, va="top", fontsize=8, zorder=5, bbox=style.NOTE_BOX)
+
+
+def _legend(figure: Figure) -> None:
+    handles = {str(h.get_label()): h for axes in figure.axes for h in axes.get_legend_handles_labels()[0]}
+    figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=len(handles))
+
+
+def _time_range(axes: Axes, t: NDArray[np.float64]) -> None:
+    if len(t) > 1:
+        axes.set_xlim(float(t[0]), float(t[-1]))
+
+
+def _symmetric_range(axes: Axes, values: NDArray[np.float64]) -> None:
+    reach = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
+    if reach > 0:
+        axes.set_ylim(-1.1 * reach, 1.1 * reach)
+
+
+def _angle_range(axes: Axes, values: NDArray[np.float64]) -> None:
+    """Show all of `values`, with ticks at fractions or multiples of a turn where they span half of one."""
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return
+    low, high = float(finite.min()), float(finite.max())
+    margin = 0.06 * max(high - low, 0.1)
+    axes.set_ylim(low - margin, high + margin)
+    if high - low > np.pi:
+        step = next(step for k in range(64) if (high - low) / (step := np.pi / 2 * 2**k) <= 4)
+        axes.yaxis.set_major_locator(MultipleLocator(step))
+        axes.yaxis.set_major_formatter(FuncFormatter(_multiple_of_pi))
+
+
+def _multiple_of_pi(value: float, _position: int | None = None) -> str:
+    halves = Fraction(round(2 * value / np.pi), 2)
+    if halves == 0:
+        return "0"
+    sign = "−" if halves < 0 else ""
+    times = "" if abs(halves.numerator) == 1 else str(abs(halves.numerator))
+    return f"{sign}{times}π" + ("" if halves.denominator == 1 else "/2")

@@ -1,0 +1,52 @@
+"""How the figures look: told apart by width and dash as well as by colour, readable on screen and in print."""
+
+from contextlib import AbstractContextManager
+from typing import Any
+
+from matplotlib import style
+
+WIDTH_IN = 9.0
+"""Figure width, inch; 9 pt type is then 7 pt on a printed page and 17 px at 1200 px."""
+
+DPI = 150
+
+# Blues and orange of Okabe & Ito's palette for colour-blind readers, and a vermillion dark enough to differ in grey.
+MEASURED: dict[str, Any] = {"color": "#56b4e9", "linewidth": 2.6, "linestyle": "-", "zorder": 2}
+SIMULATED: dict[str, Any] = {"color": "#a63603", "linewidth": 1.1, "linestyle": (0, (4, 1.4)), "zorder": 3}
+BEYOND: dict[str, Any] = {"color": "#a63603", "linewidth": 0.9, "linestyle": "-", "alpha": 0.5, "zorder": 1}
+HORIZON: dict[str, Any] = {"color": "#222222", "linewidth": 1.2, "linestyle": ":", "zorder": 4}
+RESIDUAL: dict[str, Any] = {"color": "#0072b2", "linewidth": 0.7, "linestyle": "-", "zorder": 2}
+NOISE_BAND: dict[str, Any] = {
+    # Above the residual, so that its edges are seen where dense noise fills the panel.
+    "facecolor": ("#e69f00", 0.22),
+    "edgecolor": "#222222",
+    "linewidth": 0.9,
+    "linestyle": (0, (5, 2)),
+    "zorder": 3,
+}
+EVOLUTION: dict[str, Any] = {"color": "#0072b2", "linewidth": 1.5, "linestyle": "-"}
+NOTE_BOX: dict[str, Any] = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+
+_SETTINGS: dict[str, Any] = {
+    "figure.dpi": DPI,
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9,
+    "axes.edgecolor": "#555555",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "legend.handlelength": 3.2,
+}
+
+
+def house_style() -> AbstractContextManager[None]:
+    """Matplotlib's defaults and the settings above, whatever the user's own matplotlibrc says."""
+    return style.context(["default", _SETTINGS])

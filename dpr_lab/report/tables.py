@@ -1,0 +1,168 @@
+"""The numbers of an identification as rows of text: each with its uncertainty, its unit and what fixed it."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.compare import Comparison
+from dpr_lab.model import Model
+from dpr_lab.report.digits import NONE, interval, pair, plus_minus, three
+
+RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
+PARAMETER_COLUMNS = ("parameter", "value ± std", "unit", "fixed by", "what it is")
+COMPARISON_COLUMNS = (
+    "run",
+    "pose",
+    "role",
+    "segments",
+    "rms (mrad)",
+    "noise (mrad)",
+    "times noise",
+    "free run (mrad)",
+    "horizon (s)",
+)
+"""Pairs of numbers are inner, outer rod; rms is that of the segments, free run that up to the horizon; ≥ marks a
+horizon that the record does not reach."""
+RUN_COLUMNS = ("file", "pose", "samples", "duration (s)", "segments", "χ² per dof", "SHA-256")
+SEARCH_COLUMNS = ("what", "value")
+
+RATIO_UNITS = {"a/b": "1", "d/b": "1", "e1/b": "1/s²", "c1/b": "1/s", "c2/b": "1/s"}
+PARAMETER_UNITS = {
+    "l1": ("m", "inner rod, pivot to centroid"),
+    "l2": ("m", "outer rod, pivot to centroid"),
+    "m1": ("kg", "mass of the inner rod"),
+    "m2": ("kg", "mass of the outer rod"),
+    "mb": ("kg", "mass of the encoder at joint 2"),
+    "c1": ("N m s/rad", "viscous friction of joint 1"),
+    "c2": ("N m s/rad", "viscous friction of joint 2"),
+    "J1": ("kg m²", "inertia of the inner rod about its centroid"),
+    "J2": ("kg m²", "inertia of the outer rod about its centroid"),
+}
+
+# A noise floor is itself an estimate, from little data when there was no rest: within these limits residual and
+# floor are called equal. The upper one leaves a squared residual of 1.44, the lower one 0.64.
+SAME_AS_NOISE = 1.2
+BELOW_NOISE = 0.8
+
+
+def summary(model: Model, comparisons: Sequence[Comparison] = ()) -> str:
+    """One sentence: whether anything but noise is left, on the runs of the fit and on those held out."""
+    if model.failures:
+        return f"Not to be trusted: {'; '.join(model.failures)}."
+    used = _worst(list(model.fit.rms_rad.values()), list(model.fit.noise_rad.values()))
+    held_out = [_worst(c.segment_rms_rad, c.noise_rad) for c in comparisons if c.held_out]
+    sizes = (
+        f"residual θ1, θ2: {_mrad(model.fit.rms_rad)} mrad against a noise floor of {_mrad(model.fit.noise_rad)} mrad"
+    )
+    return f"{_verdict(used, held_out)} ({sizes}; {_held_out(held_out)})."
+
+
+def ratio_rows(model: Model) -> list[list[str]]:
+    """The five ratios, one row each, in the columns `RATIO_COLUMNS`."""
+    return [
+        [
+            name,
+            plus_minus(ratio.value, ratio.std),
+            interval(*ratio.interval90, ratio.value, ratio.std),
+            RATIO_UNITS.get(name, ""),
+        ]
+        for name, ratio in model.ratios.items()
+    ]
+
+
+def parameter_rows(model: Model) -> list[list[str]]:
+    """The nine kinetic parameters and what fixed each, in the columns `PARAMETER_COLUMNS`."""
+    rows: list[list[str]] = []
+    for name, parameter in model.parameters.items():
+        unit, meaning = PARAMETER_UNITS.get(name, ("", ""))
+        rows.append([name, plus_minus(parameter.value, parameter.std), unit, parameter.fixed_by, meaning])
+    return rows
+
+
+def comparison_rows(comparisons: Sequence[Comparison]) -> list[list[str]]:
+    """One row for each compared run, in the columns `COMPARISON_COLUMNS`."""
+    return [
+        [
+            comparison.run,
+            comparison.pose or NONE,
+            "held out" if comparison.held_out else "used",
+            str(comparison.segments),
+            pair(1e3 * comparison.segment_rms_rad),
+            pair(1e3 * comparison.noise_rad),
+            pair(_times(comparison.segment_rms_rad, comparison.noise_rad)),
+            pair(1e3 * comparison.free_run_rms_rad),
+            ("≥ " if to_the_end(comparison) else "") + three(comparison.horizon_s),
+        ]
+        for comparison in comparisons
+    ]
+
+
+def run_rows(model: Model) -> list[list[str]]:
+    """The runs that the model was identified from, in the columns `RUN_COLUMNS`."""
+    return [
+        [
+            run.file,
+            run.pose or NONE,
+            str(run.samples),
+            f"{run.duration_s:.4g}",
+            str(run.segments),
+            NONE if run.chi2_per_dof is None else three(run.chi2_per_dof),
+            run.sha256 or NONE,
+        ]
+        for run in model.runs
+    ]
+
+
+def search_rows(model: Model) -> list[list[str]]:
+    """How the model was found: enough to repeat the search, in the columns `SEARCH_COLUMNS`."""
+    search, fit = model.search, model.fit
+    best = ", ".join(f"{name} = {value:.4g}" for name, value in search.best.items())
+    return [
+        ["search", f"{search.algorithm}, objective {search.objective}, seed {search.seed}"],
+        ["generations", str(search.generations)],
+        ["evaluations", str(search.evaluations)],
+        ["time", f"{three(search.seconds)} s"],
+        ["cost of the best individual", f"{search.best_cost:.4g}"],
+        ["best individual, before the local solver", best or NONE],
+        ["local solver", f"{fit.iterations} iterations, {fit.segments} segments up to {fit.longest_segment_s:.3g} s"],
+        ["χ² per degree of freedom", f"{three(fit.chi2_per_dof)} (1 = nothing left but noise)"],
+    ]
+
+
+def to_the_end(comparison: Comparison) -> bool:
+    """Whether the free run can be predicted to the end of the record."""
+    return len(comparison.t) > 0 and comparison.horizon_s >= comparison.t[-1]
+
+
+def _verdict(used: float, held_out: Sequence[float]) -> str:
+    if not math.isfinite(used):
+        return "The noise floor is not known, so the residual says nothing about the model"
+    if used > SAME_AS_NOISE:
+        return f"The residual is {three(used)} times the noise floor: the model misses something"
+    if not all(multiple <= SAME_AS_NOISE for multiple in held_out):
+        return "Nothing is left but noise on the runs of the fit, yet the model does not carry over to others"
+    if used < BELOW_NOISE:
+        return f"The residual is {three(used)} times the noise floor: the floor is overstated, and so are the intervals"
+    return "Nothing is left but noise"
+
+
+def _held_out(multiples: Sequence[float]) -> str:
+    if not multiples:
+        return "no run held out"
+    worst = f"{three(float(np.max(multiples)))} times the noise floor"
+    return f"1 run held out: {worst}" if len(multiples) == 1 else f"{len(multiples)} runs held out: {worst} at worst"
+
+
+def _worst(rms: Sequence[float] | NDArray[np.float64], noise: Sequence[float] | NDArray[np.float64]) -> float:
+    return float(np.max(_times(np.asarray(rms), np.asarray(noise))))
+
+
+def _times(rms: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Residual as a multiple of the noise floor, by axis; NaN where no floor is known."""
+    return np.divide(rms, noise, out=np.full(len(rms), np.nan), where=noise > 0)
+
+
+def _mrad(by_axis: dict[str, float]) -> str:
+    return pair(1e3 * value for value in by_axis.values())

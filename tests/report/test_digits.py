@@ -1,0 +1,54 @@
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dpr_lab.report.digits import interval, pair, plus_minus, three
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "text"),
+    [
+        (10.2458, 0.0020, "10.2458 ± 0.0020"),
+        (0.2, 0.004, "0.2000 ± 0.0040"),
+        (0.00133, 0.0000127, "(1.330 ± 0.013)e-3"),
+        (263.5, 12.3, "264 ± 12"),
+        (0.0, 0.5, "0.00 ± 0.50"),
+        (-0.3, 0.1, "-0.30 ± 0.10"),
+        (0.20812, None, "0.208"),
+        (0.20812, 0.0, "0.2081"),
+    ],
+)
+def test_a_value_has_the_digits_that_its_uncertainty_supports(value, std, text):
+    assert plus_minus(value, std) == text
+
+
+@given(value=st.floats(-1e9, 1e9), relative=st.floats(1e-6, 10), scale=st.floats(1e-9, 1e3))
+def test_what_is_printed_lies_within_a_twentieth_of_the_uncertainty(value, relative, scale):
+    std = relative * scale
+    value *= scale / 1e9
+
+    printed = re.fullmatch(r"\(?(\S+) ± ([^)]+)\)?(?:e(-?\d+))?", plus_minus(value, std))
+
+    assert printed
+    shown, shown_std = (float(printed[i]) * 10.0 ** int(printed[3] or 0) for i in (1, 2))
+    # Two digits: half a unit of the last one is at most a twentieth; whole numbers above 10 are finer.
+    assert abs(shown - value) <= 0.051 * std
+    assert abs(shown_std - std) <= 0.051 * std
+
+
+def test_an_interval_has_the_places_of_its_value():
+    assert interval(10.24241, 10.2491, value=10.2458, std=0.002) == "10.2424 to 10.2491"
+    assert interval(0.0013091, 0.0013509, value=0.00133, std=0.0000127) == "(1.309 to 1.351)e-3"
+
+
+@pytest.mark.parametrize(
+    ("number", "text"), [(0.31, "0.310"), (1.0, "1.00"), (99.99, "100"), (48210.4, "48210"), (float("nan"), "–")]
+)
+def test_three_digits(number, text):
+    assert three(number) == text
+
+
+def test_a_pair_names_inner_before_outer():
+    assert pair([0.1, float("inf")]) == "0.100, –"

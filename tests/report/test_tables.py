@@ -1,0 +1,106 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.report import tables
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows"),
+    [
+        (tables.RATIO_COLUMNS, tables.ratio_rows),
+        (tables.PARAMETER_COLUMNS, tables.parameter_rows),
+        (tables.RUN_COLUMNS, tables.run_rows),
+        (tables.SEARCH_COLUMNS, tables.search_rows),
+    ],
+)
+def test_every_row_fills_its_columns(columns, rows, model):
+    made = rows(model())
+
+    assert made
+    assert all(len(row) == len(columns) and all(isinstance(cell, str) for cell in row) for row in made)
+
+
+def test_ratios_come_with_uncertainty_interval_and_unit(model):
+    rows = tables.ratio_rows(model())
+
+    assert [row[0] for row in rows] == ["a/b", "d/b", "e1/b", "c1/b", "c2/b"]
+    assert rows[0] == ["a/b", "10.246 ± 0.010", "10.225 to 10.266", "1"]
+    assert [row[3] for row in rows] == ["1", "1", "1/s²", "1/s", "1/s"]
+
+
+def test_a_parameter_says_what_fixed_it_and_a_bound_has_no_uncertainty(model):
+    rows = {row[0]: row for row in tables.parameter_rows(model())}
+
+    assert len(rows) == 9
+    assert rows["m1"][1:4] == ["0.2000 ± 0.0010", "kg", "measured"]
+    assert rows["J2"][1:4] == ["0.2", "kg m²", "bound"]
+    assert rows["c1"][3] == "data"
+
+
+def test_a_compared_run_in_mrad_and_times_noise(comparison):
+    (row,) = tables.comparison_rows([comparison(held_out=True, residual=2.0)])
+
+    assert len(row) == len(tables.COMPARISON_COLUMNS)
+    assert row[:4] == ["first", "X1", "held out", "4"]
+    assert row[4:7] == ["0.400, 0.600", "0.200, 0.300", "2.00, 2.00"]
+    assert row[8] == "1.20"
+
+
+def test_a_horizon_beyond_the_record_is_only_bounded_from_below(comparison):
+    made = comparison()
+
+    (row,) = tables.comparison_rows([replace(made, horizon_s=float(made.t[-1]))])
+
+    assert row[8] == "≥ 2.00"
+
+
+def test_a_run_without_pose_or_noise_floor_shows_dashes(comparison):
+    (row,) = tables.comparison_rows([replace(comparison(pose=None), noise_rad=np.zeros(2))])
+
+    assert row[1] == "–"
+    assert row[6] == "–, –"
+
+
+@pytest.mark.parametrize(
+    ("times_noise", "says"),
+    [
+        (1.0, "Nothing is left but noise (residual"),
+        (3.4, "3.40 times the noise floor: the model misses something"),
+        (0.5, "0.500 times the noise floor: the floor is overstated"),
+    ],
+)
+def test_the_summary_judges_the_residual_by_the_noise_floor(times_noise, says, model):
+    sentence = tables.summary(model(times_noise))
+
+    assert says in sentence
+    assert "no run held out" in sentence
+
+
+@pytest.mark.parametrize("residual", [2.0, float("nan")])
+def test_noise_on_the_fit_is_not_enough_when_a_held_out_run_is_worse(residual, model, comparison):
+    compared = [comparison(), comparison("second", held_out=True), comparison("third", held_out=True)]
+    compared[2] = replace(compared[2], segment_rms_rad=residual * compared[2].noise_rad)
+
+    sentence = tables.summary(model(), compared)
+
+    assert sentence.startswith("Nothing is left but noise on the runs of the fit, yet the model does not carry over")
+    assert "2 runs held out" in sentence
+
+
+def test_a_used_run_does_not_count_as_held_out(model, comparison):
+    assert "no run held out" in tables.summary(model(), [comparison(residual=5.0)])
+
+
+def test_a_model_that_failed_its_own_checks_is_not_praised(model):
+    sentence = tables.summary(model(failures=["did not converge"]))
+
+    assert sentence == "Not to be trusted: did not converge."
+
+
+def test_without_a_noise_floor_there_is_no_verdict(model):
+    whole = model()
+    fit = whole.fit.model_copy(update={"noise_rad": {"theta1": 0.0, "theta2": 0.0}})
+
+    assert tables.summary(model(fit=fit)).startswith("The noise floor is not known")
