@@ -1,1 +1,37 @@
-"""."""
+"""Global search: minimise a cost over a box, one operator or algorithm per file."""
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from dpr_lab.configs import find_config, read_config
+from dpr_lab.errors import ConfigError
+from dpr_lab.search import iga
+from dpr_lab.search.problem import Algorithm
+from dpr_lab.search.settings import IgaSettings, SearchSettings
+
+ALGORITHMS: dict[str, Algorithm[Any]] = {
+    "iga": Algorithm(IgaSettings, iga.iga),
+}
+"""Every algorithm by the name that `algorithm` has in a search file."""
+
+
+class _Choice(BaseModel):
+    algorithm: str
+
+
+def load_search(name: str | Path) -> SearchSettings:
+    """Read a search file by path, or a built-in one by its bare name (`paper`, `segments`).
+
+    Returns:
+        the settings, to be run with `ALGORITHMS[settings.algorithm].run(objective, bounds, settings, rng)`
+
+    Raises:
+        ConfigError: not found or not valid; the message names file, key and value.
+    """
+    path = find_config("search", name)
+    algorithm = read_config(path, _Choice).algorithm
+    if algorithm not in ALGORITHMS:
+        raise ConfigError(f"{path}: algorithm = {algorithm!r}: unknown (there are: {', '.join(ALGORITHMS)})")
+    return read_config(path, ALGORITHMS[algorithm].settings)

@@ -1,0 +1,30 @@
+"""Dynamic encoding: new chromosomes close to the best one, equation (9)."""
+
+import numpy as np
+
+from dpr_lab.search.hybrid_coding import STEPS
+from dpr_lab.search.problem import Bounds, Floats
+
+
+def around(best: Floats, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Floats:
+    """Chromosomes around the best one, within 5 % of each of its genes at the paper's settings.
+
+        y_i = (mu + nu beta) x_i,   beta uniform on {0, 0.1, ..., 1}, clipped to the bounds
+
+    The range is a share of the gene's value, so it suits parameters that are far from zero, as masses and lengths are.
+
+    Args:
+        best: (n,) best chromosome x
+        size: chromosomes wanted
+        mu: start of the range, share of the best gene
+        nu: width of the range, share of the best gene
+        box: (2, n) lower and upper bound of each gene
+        rng: source of randomness
+
+    Returns:
+        (size, n) genes
+
+    Source: equation (9), restored: it fits the paper's mu = 0.95 and nu = 0.1.
+    """
+    beta = rng.choice(STEPS, (size, len(best)))
+    return np.clip((mu + nu * beta) * best, *box)

@@ -1,0 +1,43 @@
+"""Feedback mutation: what the population holds twice makes room for something new, step (4)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.search.dynamic_encoding import around
+from dpr_lab.search.hamming_pairing import inbred
+from dpr_lab.search.hybrid_coding import fresh
+from dpr_lab.search.problem import Bounds, Floats
+
+
+def near_duplicates(genes: Floats, tolerance: Floats) -> NDArray[np.bool_]:
+    """Which chromosomes are nearly the same as one before them.
+
+    Args:
+        genes: (M, n) population, best first
+        tolerance: (n,) genes apart by no more than this are equal
+
+    Returns:
+        (M,) True where a better chromosome differs in fewer than two genes; never the best itself
+    """
+    alike = inbred(genes[:, None], genes[None], tolerance)
+    return np.any(np.tril(alike, k=-1), axis=1)
+
+
+def replacements(best: Floats, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Floats:
+    """New chromosomes: with even chances near the best (dynamic encoding) or anywhere (hybrid coding).
+
+    Args:
+        best: (n,) best chromosome
+        size: chromosomes wanted
+        mu: start of the dynamic range, share of the best gene
+        nu: width of the dynamic range, share of the best gene
+        box: (2, n) lower and upper bound of each gene
+        rng: source of randomness
+
+    Returns:
+        (size, n) genes
+
+    Source: section 3.6, which asks for both kinds and does not give their shares; even chances are ours.
+    """
+    local = rng.random((size, 1)) < 0.5
+    return np.where(local, around(best, size, mu, nu, box, rng), fresh(size, box, rng))

@@ -1,0 +1,44 @@
+"""Cost and fitness, equation (10)."""
+
+from typing import Literal
+
+import numpy as np
+
+from dpr_lab.search.problem import Floats
+
+FAILED_ABOVE = 1e100  # a swing that diverged; sums of such costs would overflow
+AGGREGATES = {"sum": np.sum, "max": np.max, "min": np.min}
+
+
+def cost(errors: Floats, aggregate: Literal["sum", "max", "min"]) -> Floats:
+    """H(Z), one cost from the errors of all poses.
+
+    Args:
+        errors: (n, poses) E >= 0; NaN, `inf` and anything above `FAILED_ABOVE` mean that the candidate failed
+        aggregate: how the poses are put together
+
+    Returns:
+        (n,) H; `inf` for a candidate that failed in any pose, whatever the aggregate
+
+    Source: equation (10); the aggregate is lost in the paper, the sum is our reading of section 3.7.
+    """
+    failed = np.any(~(errors <= FAILED_ABOVE), axis=1, keepdims=True)
+    return AGGREGATES[aggregate](np.where(failed, np.inf, errors), axis=1)
+
+
+def fitness(costs: Floats, scale: float, delta: float) -> Floats:
+    """Fitness of each individual, in the form of a signal-to-noise ratio; 0 for a failed one.
+
+        f = M / (H + delta)
+
+    Args:
+        costs: (n,) H
+        scale: M, largest fitness times delta
+        delta: lifts the chances of bad individuals
+
+    Returns:
+        (n,) f
+
+    Source: equation (10), restored from the text.
+    """
+    return scale / (costs + delta)

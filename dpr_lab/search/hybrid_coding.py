@@ -1,0 +1,28 @@
+"""Hybrid coding: chromosomes on a coarse grid over the box, equation (3)."""
+
+import numpy as np
+
+from dpr_lab.search.problem import Bounds, Floats
+
+STEPS = np.arange(11) / 10
+"""Values of beta: 0, 0.1, ..., 1."""
+
+
+def fresh(size: int, box: Bounds, rng: np.random.Generator) -> Floats:
+    """New chromosomes, each gene on the grid of eleven values over its range.
+
+        x_i = L_i + beta (U_i - L_i),   beta uniform on {0, 0.1, ..., 1}
+
+    Args:
+        size: chromosomes wanted
+        box: (2, n) lower and upper bound of each gene
+        rng: source of randomness
+
+    Returns:
+        (size, n) genes
+
+    Source: equation (3).
+    """
+    lower, upper = box
+    beta = rng.choice(STEPS, (size, box.shape[1]))
+    return np.clip(lower + beta * (upper - lower), lower, upper)

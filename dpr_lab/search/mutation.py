@@ -1,0 +1,33 @@
+"""Hybrid mutation: at one gene or at several, step (7)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.search.hybrid_coding import fresh
+from dpr_lab.search.problem import Bounds, Floats
+
+
+def mutate(genes: Floats, rate: float, box: Bounds, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
+    """Give some chromosomes new values on the grid of hybrid coding.
+
+    Each chromosome mutates with chance `rate`. It is then drawn, with even chances, whether one gene changes or
+    several (two to all, drawn as well).
+
+    Args:
+        genes: (size, n) chromosomes
+        rate: Pm
+        box: (2, n) lower and upper bound of each gene
+        rng: source of randomness
+
+    Returns:
+        (size, n) genes and (size,) which chromosomes mutated
+
+    Source: section 3.5; how many genes a multi-point mutation changes is ours.
+    """
+    size, n = genes.shape
+    mutates = rng.random(size) < rate
+    several = rng.integers(min(2, n), n + 1, size)
+    points = np.where(rng.random(size) < 0.5, 1, several)
+    order = rng.permuted(np.tile(np.arange(n), (size, 1)), axis=1)
+    chosen = mutates[:, None] & (order < points[:, None])
+    return np.where(chosen, fresh(size, box, rng), genes), mutates

@@ -1,0 +1,93 @@
+"""Orthogonal experiment: the best mixture of two chromosomes from a few trials, step (6)."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.search.problem import Floats
+
+Levels = NDArray[np.bool_]
+
+
+def _plackett_burman() -> Levels:
+    row = np.array([1, 1, 0, 1, 1, 1, 0, 0, 0, 1, 0], dtype=bool)
+    return np.vstack([[np.roll(row, shift) for shift in range(11)], np.zeros((1, 11), dtype=bool)])
+
+
+def _sylvester(order: int) -> Levels:
+    runs = 2**order
+    common_bits = np.arange(runs)[:, None] & np.arange(1, runs)
+    return np.bitwise_count(common_bits) % 2 == 1
+
+
+def _checked(levels: Levels) -> Levels:
+    with_mean = np.column_stack([np.ones(len(levels)), np.where(levels, 1.0, -1.0)])
+    assert np.array_equal(with_mean.T @ with_mean, len(levels) * np.eye(with_mean.shape[1])), "columns not orthogonal"
+    return levels
+
+
+ARRAYS: dict[str, Levels] = {
+    "L8": _checked(_sylvester(3)),
+    "L12": _checked(_plackett_burman()),
+    "L16": _checked(_sylvester(4)),
+}
+"""Two-level arrays (runs, columns): every pair of columns holds each pair of levels equally often.
+
+Source: Plackett & Burman (1946), Biometrika 33(4) 305-325, for L12; Sylvester's Hadamard matrices for L8 and L16.
+"""
+
+
+def array_for(name: str, genes: int) -> Levels:
+    """(runs, genes) the first columns of a named array.
+
+    Raises:
+        ConfigError: the array has fewer columns than there are genes to search for.
+    """
+    levels = ARRAYS[name]
+    if genes > levels.shape[1]:
+        raise ConfigError(
+            f"orthogonal_array = {name!r} takes at most {levels.shape[1]} searched parameters and there are {genes}:"
+            " choose a larger array, or measure some of them"
+        )
+    return levels[:, :genes]
+
+
+def experiment(x: Floats, y: Floats, levels: Levels, costs: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+    """The best of all trials of each pair and of the mixture that their main effects predict.
+
+    Args:
+        x: (pairs, n) chromosomes, level 0 of each gene
+        y: (pairs, n) chromosomes, level 1 of each gene
+        levels: (runs, n) orthogonal array
+        costs: (any, n) genes -> (any,) H; called once for all trials and once for all predictions
+
+    Returns:
+        (pairs, n) offspring and (pairs,) their H
+
+    Source: section 3.4.
+    """
+    pairs, n = x.shape
+    trials = np.where(levels, y[:, None], x[:, None])
+    tried = costs(trials.reshape(-1, n)).reshape(pairs, len(levels))
+    predicted = np.where(better_levels(tried, levels), y, x)
+    everything = np.concatenate([trials, predicted[:, None]], axis=1)
+    every_cost = np.column_stack([tried, costs(predicted)])
+    winner = np.arange(pairs), np.argmin(every_cost, axis=1)
+    return everything[winner], every_cost[winner]
+
+
+def better_levels(tried: Floats, levels: Levels) -> Levels:
+    """The level of each gene whose trials cost less on average; exact when the cost is a sum over genes.
+
+    Args:
+        tried: (pairs, runs) H of each trial; a failed one counts as the worst of its pair that did not fail
+        levels: (runs, n) orthogonal array
+
+    Returns:
+        (pairs, n) levels
+    """
+    failed = np.isinf(tried)
+    worst = np.where(failed, 0.0, tried).max(axis=1, keepdims=True)
+    return np.where(failed, worst, tried) @ np.where(levels, 1.0, -1.0) < 0

@@ -1,0 +1,20 @@
+"""Population fitness: how close the whole population is to its best, equation (8)."""
+
+from dpr_lab.search.problem import Floats
+
+
+def population_fitness(fitness: Floats) -> float:
+    """Mean fitness of the population as a share of the best one.
+
+        f_pop = (1/M) sum_i f_i / f_optimal
+
+    Args:
+        fitness: (M,) fitness of each individual
+
+    Returns:
+        f_pop in 0..1; 0 when every individual failed
+
+    Source: equation (8).
+    """
+    best = float(fitness.max())
+    return float((fitness / best).mean()) if best > 0 else 0.0  # dividing first: rounding never exceeds 1

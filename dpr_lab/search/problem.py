@@ -1,0 +1,117 @@
+"""What a search is given and what it gives back; the contract of every algorithm."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dpr_lab.search.settings import SearchSettings
+
+Floats = NDArray[np.float64]
+Settings = TypeVar("Settings", bound=SearchSettings)
+
+Objective = Callable[[Floats], Floats]
+"""(n, d) candidates -> (n, poses) E(Z) >= 0 of each candidate and pose, equation (2); `inf` where one failed."""
+
+Bounds = Floats
+"""(2, d) lower and upper bound of every gene; a gene whose bounds coincide is fixed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Generation:
+    """The state of a search after a generation; generation 0 is the initial population."""
+
+    number: int
+    evaluations: int
+    """Candidates evaluated so far."""
+    best: Floats
+    """(d,) best candidate so far."""
+    best_cost: float
+    """H of the best candidate, `inf` as long as every candidate failed."""
+    best_fitness: float
+    population_fitness: float
+    """f_pop, equation (8): 1 when the whole population is as good as its best."""
+    population: Floats
+    """(size, d) candidates, best first."""
+    cost: Floats
+    """(size,) H of each candidate of the population."""
+
+
+@dataclass(frozen=True, slots=True)
+class Algorithm(Generic[Settings]):
+    """One row of `ALGORITHMS`: how a search is set, and how it is run.
+
+    `run(objective, bounds, settings, rng)` yields generation 0 and then every generation, ends by itself at
+    `settings.generations` or on stagnation, and may be left earlier by whoever consumes it. It raises `ValueError`
+    for bounds that are not (2, d), not finite, reversed, or all coincide.
+    """
+
+    settings: type[Settings]
+    run: Callable[[Objective, Bounds, Settings, np.random.Generator], Iterator[Generation]]
+
+
+@dataclass(slots=True)
+class Problem:
+    """An objective seen from inside a search: free genes in, one cost each out; counts its evaluations."""
+
+    objective: Objective
+    bounds: Bounds
+    """(2, d) lower and upper bounds of all genes."""
+    cost: Callable[[Floats], Floats]
+    """(n, poses) E -> (n,) H."""
+    free: NDArray[np.bool_] = field(init=False)
+    """(d,) which genes the search may move."""
+    evaluations: int = field(init=False, default=0)
+
+    def __post_init__(self) -> None:
+        self.bounds = _checked(self.bounds)
+        self.free = self.bounds[0] < self.bounds[1]
+        if not self.free.any():
+            raise ValueError("nothing to search for: lower and upper bound of every gene coincide")
+
+    @property
+    def box(self) -> Bounds:
+        """(2, n) bounds of the free genes."""
+        return self.bounds[:, self.free]
+
+    def candidates(self, genes: Floats) -> Floats:
+        """(size, n) free genes -> (size, d) with the fixed genes in their places."""
+        whole = np.tile(self.bounds[0], (len(genes), 1))
+        whole[:, self.free] = genes
+        return whole
+
+    def costs(self, genes: Floats) -> Floats:
+        """(size, n) free genes -> (size,) H, `inf` for a candidate that failed.
+
+        Raises:
+            ValueError: the objective returned something else than one row of E >= 0 for each candidate.
+        """
+        if not len(genes):
+            return np.empty(0)
+        errors = np.asarray(self.objective(self.candidates(genes)), dtype=np.float64)
+        if errors.ndim != 2 or len(errors) != len(genes) or not errors.size:
+            raise ValueError(f"the objective must return ({len(genes)}, poses) values of E, not shape {errors.shape}")
+        if (errors < 0).any():
+            raise ValueError(f"E is a sum of squares, but the objective returned {np.nanmin(errors)}")
+        self.evaluations += len(genes)
+        return self.cost(errors)
+
+
+def stagnated(best_costs: list[float], patience: int | None, improvement: float) -> bool:
+    """Whether the best cost fell by no more than the share `improvement` within the last `patience` generations."""
+    if patience is None or len(best_costs) <= patience:
+        return False
+    return best_costs[-1] >= (1 - improvement) * best_costs[-1 - patience]
+
+
+def _checked(bounds: ArrayLike) -> Bounds:
+    box = np.array(bounds, dtype=np.float64)
+    if box.ndim != 2 or len(box) != 2:
+        raise ValueError(f"bounds must be (2, d): lower and upper of every gene, not shape {box.shape}")
+    if not np.isfinite(box).all():
+        raise ValueError("bounds must be finite")
+    if (box[0] > box[1]).any():
+        raise ValueError(f"bounds are reversed for gene {int(np.argmax(box[0] > box[1]))}")
+    return box

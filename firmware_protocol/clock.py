@@ -1,0 +1,144 @@
+"""Device ticks to host time, with uncertainty.
+
+Every answered PING gives an exchange: sent at t_sent, the device's time when it arrived, and the answer received at
+t_received. The device read its clock somewhere between, and close to halfway when the round trip was short.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.messages import Ping, Pong
+from firmware_protocol.stream import unwrap
+
+OUTSTANDING = 16
+"""Pings whose answer is waited for; an older one is given up."""
+RESOLUTION_S = 1e-6
+"""Round trips closer than this are not told apart."""
+FEWEST = 5
+"""Exchanges a fit needs: two for the line and three to tell how well it fits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """One PING and its PONG: host times, s, and the device's time between them, ticks."""
+
+    t_sent: float
+    ticks: float
+    t_received: float
+
+    @property
+    def round_trip(self) -> float:
+        """Time from PING to PONG, s."""
+        return self.t_received - self.t_sent
+
+
+class Pinger:
+    """Matches PONGs with their PINGs."""
+
+    def __init__(self) -> None:
+        self._sent: dict[int, float] = {}
+        self._token = 0
+        self._tick = 0
+
+    def ping(self, now: float) -> Ping:
+        """The next PING, sent at the host time `now`, s."""
+        self._token = (self._token + 1) & 0xFFFF
+        self._sent[self._token] = now
+        if len(self._sent) > OUTSTANDING:
+            del self._sent[next(iter(self._sent))]
+        return Ping(self._token)
+
+    def exchange(self, pong: Pong, now: float) -> Exchange | None:
+        """What a PONG received at the host time `now` completes; None for one not waited for."""
+        t_sent = self._sent.pop(pong.token, None)
+        if t_sent is None:
+            return None
+        self._tick = max(unwrap(pong.tick, self._tick, 32), 0)
+        return Exchange(t_sent, self._tick + pong.fraction / 65536, now)
+
+
+@dataclass(frozen=True, slots=True)
+class ClockFit:
+    """host = offset + ticks * period, with standard uncertainties."""
+
+    offset: float
+    """Host time of tick 0, s."""
+    offset_std: float
+    """Its uncertainty, s: that of the line at tick 0, and that nobody knows how the shortest round trip divides."""
+    rate_ppm: float
+    """How much faster than nominal the ticks run by the host's clock, parts per million."""
+    rate_ppm_std: float
+    rtt_min: float
+    """Shortest round trip, s."""
+    n: int
+    """Exchanges used."""
+    period: float
+    """Host time of one tick, s."""
+
+    def host_time(self, tick: float) -> float:
+        """Host time of a device tick, s."""
+        return self.offset + tick * self.period
+
+
+def fit_clock(exchanges: Sequence[Exchange], rate_hz: float) -> ClockFit:
+    """Fit a line through the exchanges of one stream (ticks restart with every STREAM).
+
+    Only the half with the shortest round trips is used: waiting in a queue makes one longer, never shorter. What a
+    round trip took longer than the shortest was spent on one way or the other, so the midpoint has the variance of a
+    uniform distribution of that width, with the median width as a floor since the shortest was not free of it either.
+    The line is weighted by the inverse; scatter larger than so expected widens the uncertainties in proportion.
+
+    Args:
+        exchanges: at least `FEWEST`, at different ticks
+        rate_hz: nominal ticks a second
+
+    Raises:
+        ValueError: too few exchanges.
+
+    Source: after K. O'Connor, Klipper, `clocksync.py` (regression on exchanges with short round trips); the weights are
+    ours.
+    """
+    used = _shortest(exchanges)
+    ticks = np.array([e.ticks for e in used])
+    if len(np.unique(ticks)) < FEWEST:
+        raise ValueError(f"{len(exchanges)} exchanges do not make a clock fit: at least {FEWEST} at different ticks")
+    start = used[0].t_sent
+    middle = np.array([(e.t_sent - start + e.t_received - start) / 2 for e in used])
+    round_trip = np.array([e.round_trip for e in used])
+    rtt_min = float(round_trip.min())
+    longer = round_trip - rtt_min
+    variance = (longer**2 + max(float(np.median(longer)), RESOLUTION_S) ** 2) / 12
+    (offset, period), covariance = _line(ticks, middle, variance)
+    split = rtt_min / np.sqrt(12)
+    return ClockFit(
+        offset=start + offset,
+        offset_std=float(np.hypot(np.sqrt(covariance[0, 0]), split)),
+        rate_ppm=(1 / (rate_hz * period) - 1) * 1e6,
+        rate_ppm_std=float(np.sqrt(covariance[1, 1])) * rate_hz * 1e6,
+        rtt_min=rtt_min,
+        n=len(used),
+        period=period,
+    )
+
+
+def _shortest(exchanges: Sequence[Exchange]) -> list[Exchange]:
+    half = max(FEWEST, (len(exchanges) + 1) // 2)
+    return sorted(exchanges, key=lambda exchange: exchange.round_trip)[:half]
+
+
+def _line(
+    x: NDArray[np.float64], y: NDArray[np.float64], variance: NDArray[np.float64]
+) -> tuple[tuple[float, float], NDArray[np.float64]]:
+    """Weighted least squares of y = a + b x and the covariance of (a, b)."""
+    weight = 1 / variance
+    x_mean = float(np.average(x, weights=weight))
+    design = np.stack([np.ones_like(x), x - x_mean], axis=1)
+    normal = design.T * weight @ design
+    a, b = np.linalg.solve(normal, design.T @ (weight * y))
+    scatter = float(weight @ (y - design @ np.array([a, b])) ** 2) / (len(x) - 2)
+    shift = np.array([[1.0, -x_mean], [0.0, 1.0]])
+    covariance = shift @ np.linalg.inv(normal) @ shift.T * max(scatter, 1.0)
+    return (float(a - b * x_mean), float(b)), covariance.astype(np.float64)

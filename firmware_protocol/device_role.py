@@ -1,0 +1,211 @@
+"""The device's end of the conversation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from firmware_protocol.errors import RemoteProtocolError
+from firmware_protocol.identity import DeviceInfo, info_pages
+from firmware_protocol.messages import (
+    DEVICE_NODE,
+    FIRST_HOST_NUMBER,
+    NUMBERS,
+    Ack,
+    ClearFault,
+    Command,
+    Event,
+    EventKind,
+    Fault,
+    Frame,
+    Hello,
+    Hold,
+    KeepAlive,
+    Message,
+    Nak,
+    NakCode,
+    Ping,
+    Pong,
+    Position,
+    Release,
+    Sample,
+    State,
+    Status,
+    Stop,
+    Stream,
+    decode,
+    encode,
+)
+from firmware_protocol.session import LATCHED, LEASE_S, STREAMS, TRANSITIONS, Trigger
+
+REMEMBERED = 16
+"""Answers kept to repeat; a host has one command under way, so an older one cannot come back."""
+
+Task = Hold | Release | Stream | Stop | ClearFault | Ping
+"""What the owner of a `DeviceSession` has to carry out."""
+
+_TRIGGERS: dict[type[Command], Trigger] = {
+    Hold: Trigger.HOLD,
+    Release: Trigger.RELEASE,
+    Stream: Trigger.STREAM,
+    Stop: Trigger.STOP,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Frames to send, and at most one task for the owner: engage or open the latch, start or stop sampling, `pong`."""
+
+    frames: tuple[Frame, ...] = ()
+    task: Task | None = None
+
+
+class DeviceSession:
+    """The rules a device keeps, without its hardware.
+
+    The owner passes in what arrived and when, sends the frames that come back, then carries out the task: `Hold` engage
+    the latch, `Stream` restart the tick at 0 and sample (three `positions` first), `Release` open the latch and send
+    `event(EventKind.RELEASED, tick)`, `Stop` stop sampling, `ClearFault` try again, `Ping` send `pong`. It calls
+    `check_lease` often and, once `greeted`, sends `status` and `positions` ten times a second. Times are seconds of any
+    monotonic clock, ticks and positions are the device's own and may be any size.
+    """
+
+    def __init__(self, identity: DeviceInfo, node: int = DEVICE_NODE):
+        self.identity = identity
+        self.node = node
+        self.state = State.IDLE
+        self.latched = False
+        self.fault_code = Fault.NONE
+        self.greeted = False
+        self._heard_at = 0.0
+        self._answers: dict[tuple[int, int], Frame] = {}
+
+    @property
+    def streams(self) -> bool:
+        """Whether samples are to be sent."""
+        return self.state in STREAMS
+
+    def receive(self, frame: Frame, now: float) -> Answer:
+        """Take a frame off the link; frames for other nodes and damaged ones do nothing.
+
+        Args:
+            frame: as received
+            now: time of its arrival, s
+        """
+        if frame.node != self.node or frame.number < FIRST_HOST_NUMBER:
+            return Answer()
+        try:
+            message = decode(frame)
+        except RemoteProtocolError:
+            return self._refuse_undecodable(frame)
+        self._heard_at = now
+        if isinstance(message, Ping):
+            return Answer(task=message)
+        if isinstance(message, KeepAlive):
+            return Answer()
+        return self._answer_once(message)
+
+    def check_lease(self, now: float, tick: int) -> Answer:
+        """Stop streaming when the host has been silent for `LEASE_S`; the latch stays as it is."""
+        if now - self._heard_at < LEASE_S or not self._move(Trigger.LEASE_LOST):
+            return Answer()
+        return Answer((self.event(EventKind.LEASE_LOST, tick),), Stop())
+
+    def fault(self, fault: Fault, tick: int) -> Answer:
+        """Stop on a fault the owner found; the latch stays as it is."""
+        if fault is Fault.NONE:
+            raise ValueError("Fault.NONE is no fault; CLEAR_FAULT is for the host to send")
+        self.fault_code = fault
+        self._move(Trigger.FAULT)
+        return Answer((self.event(EventKind.FAULT, tick, fault),), Stop())
+
+    def event(self, kind: EventKind, tick: int, detail: int = 0) -> Frame:
+        """An EVENT at a tick."""
+        return self._frame(Event(kind, detail, tick & 0xFFFFFFFF))
+
+    def sample(self, tick: int, positions: Sequence[int]) -> Frame:
+        """A SAMPLE of the three counters, counts, latched at a tick."""
+        arm, inner, outer = positions
+        return self._frame(Sample(tick & 0xFFFF, arm & 0xFFFF, inner & 0xFFFF, outer & 0xFFFF))
+
+    def positions(self, tick: int, positions: Sequence[int]) -> tuple[Frame, ...]:
+        """The three POSITION frames of counters, counts, latched at a tick."""
+        return tuple(
+            self._frame(Position(joint, tick & 0xFFFF, (position + (1 << 31)) % (1 << 32) - (1 << 31)))
+            for joint, position in enumerate(positions)
+        )
+
+    def status(self, overruns: int, dropped: int, sent: int) -> Frame:
+        """A STATUS with the counts of samples since STREAM."""
+        counters = (overruns & 0xFFFF, dropped & 0xFFFF, sent & 0xFFFF)
+        return self._frame(Status(self.state, self.fault_code, self.latched, *counters))
+
+    def pong(self, ping: Ping, tick: int, fraction: float) -> Frame:
+        """The PONG to a ping that arrived `fraction` (0 up to 1) of a tick after `tick`."""
+        return self._frame(Pong(ping.token, tick & 0xFFFFFFFF, min(int(fraction * 65536), 65535)))
+
+    def _answer_once(self, message: Message) -> Answer:
+        assert isinstance(message, Command)
+        if isinstance(message, Hello):
+            return self._greet(message)
+        key = (NUMBERS[type(message)], message.token)
+        if key in self._answers:
+            return Answer((self._answers[key],))
+        refusal = self._refusal(message)
+        if not refusal:
+            self._move(self._trigger(message))
+        answer = self._answers[key] = self._verdict(message, refusal)
+        if len(self._answers) > REMEMBERED:
+            del self._answers[next(iter(self._answers))]
+        return Answer((answer,), None if refusal else message)
+
+    def _greet(self, hello: Hello) -> Answer:
+        """Begin a new conversation: answers of the last one are not repeated in it."""
+        self._answers.clear()
+        refusal = self._hello_refusal(hello)
+        self.greeted = refusal is None
+        return Answer((self._verdict(hello, refusal), *map(self._frame, info_pages(self.identity))))
+
+    def _hello_refusal(self, hello: Hello) -> NakCode | None:
+        ours = self.identity
+        if hello.major != ours.major:
+            return NakCode.VERSION
+        if hello.minor == ours.minor and hello.schema_hash != ours.schema_hash:
+            return NakCode.SCHEMA
+        return None
+
+    def _refusal(self, command: Hold | Release | Stream | Stop | ClearFault) -> NakCode | None:
+        if not self.greeted:
+            return NakCode.NOT_GREETED
+        if (self.state, self._trigger(command)) not in TRANSITIONS:
+            return NakCode.FAULTED if self.state is State.FAULT else NakCode.WRONG_STATE
+        if isinstance(command, Stream) and command.rate_hz > self.identity.rate_max_hz:
+            return NakCode.RATE_TOO_HIGH
+        return None
+
+    def _trigger(self, command: Command) -> Trigger:
+        if isinstance(command, ClearFault):
+            return Trigger.CLEAR_LATCHED if self.latched else Trigger.CLEAR_OPEN
+        return _TRIGGERS[type(command)]
+
+    def _move(self, trigger: Trigger) -> bool:
+        target = TRANSITIONS.get((self.state, trigger))
+        if target is None:
+            return False
+        self.state = target
+        self.latched = LATCHED.get(target, self.latched)
+        if target is not State.FAULT:
+            self.fault_code = Fault.NONE
+        return True
+
+    def _refuse_undecodable(self, frame: Frame) -> Answer:
+        if frame.number in (NUMBERS[KeepAlive], NUMBERS[Ping]):
+            return Answer()
+        known = frame.number in NUMBERS.values()
+        code = NakCode.BAD_VALUE if known else NakCode.UNKNOWN_COMMAND
+        return Answer((self._frame(Nak(frame.number, frame.data[0] if frame.data else 0, code)),))
+
+    def _verdict(self, command: Command, refusal: NakCode | None) -> Frame:
+        number = NUMBERS[type(command)]
+        return self._frame(Nak(number, command.token, refusal) if refusal else Ack(number, command.token))
+
+    def _frame(self, message: Message) -> Frame:
+        return encode(message, self.node)

@@ -1,0 +1,120 @@
+"""Frames on a byte stream: COBS(id | data | crc) 0x00.
+
+The identifier and the CRC are 16 bits, little-endian; the CRC is CRC-16/IBM-3740 (polynomial 0x1021, start 0xFFFF) over
+identifier and data. COBS leaves no zero in a packet, so a zero always ends one and a reader that joins late, or
+meets noise, is in step again at the next zero.
+"""
+
+import struct
+from binascii import crc_hqx
+
+from firmware_protocol.errors import LocalProtocolError, RemoteProtocolError
+from firmware_protocol.messages import MAX_DATA, Frame
+
+MAX_ID = 0x7FF
+MIN_PACKET = 4
+MAX_PACKET = MIN_PACKET + MAX_DATA
+MAX_ENCODED = MAX_PACKET + 1
+"""Bytes of the longest packet after COBS, without the zero that ends it."""
+
+_HEAD = struct.Struct("<H")
+
+
+def crc16(data: bytes) -> int:
+    """CRC-16/IBM-3740, also called CCITT-FALSE; 0x29B1 for b"123456789"."""
+    return crc_hqx(data, 0xFFFF)
+
+
+def cobs_encode(data: bytes) -> bytes:
+    """The same data without zeros, one byte longer for every 254.
+
+    Source: Cheshire & Baker (1999), IEEE/ACM Transactions on Networking 7(2) 159-172.
+    """
+    out = bytearray()
+    for run in data.split(b"\0"):
+        for start in range(0, len(run) - 253, 254):
+            out += b"\xff" + run[start : start + 254]
+        tail = run[len(run) - len(run) % 254 :]
+        out += bytes([len(tail) + 1]) + tail
+    return bytes(out)
+
+
+def cobs_decode(data: bytes) -> bytes:
+    """The data that `cobs_encode` was given.
+
+    Raises:
+        RemoteProtocolError: no such data; there is a zero inside or the end is missing.
+    """
+    if not data or 0 in data:
+        raise RemoteProtocolError("a COBS packet is empty or has a zero inside")
+    out = bytearray()
+    at, end = 0, len(data)
+    while at < end:
+        code = data[at]
+        out += data[at + 1 : at + code]
+        at += code
+        if code != 0xFF and at < end:
+            out.append(0)
+    if at != end:
+        raise RemoteProtocolError("a COBS packet ends too early")
+    return bytes(out)
+
+
+def encode_frame(frame: Frame) -> bytes:
+    """A frame as the bytes of a serial line, with the zero that ends it; 14 bytes for 8 of data.
+
+    Raises:
+        LocalProtocolError: identifier beyond 11 bits or more than eight bytes of data.
+    """
+    if not 0 <= frame.id <= MAX_ID or len(frame.data) > MAX_DATA:
+        raise LocalProtocolError(f"{frame} is no frame: 11 bits of identifier and at most {MAX_DATA} bytes of data")
+    body = _HEAD.pack(frame.id) + frame.data
+    return cobs_encode(body + _HEAD.pack(crc16(body))) + b"\0"
+
+
+class FrameDecoder:
+    """Finds frames in a byte stream, however it was cut into pieces."""
+
+    def __init__(self) -> None:
+        self.crc_errors = 0
+        """Packets that were whole and did not match their CRC."""
+        self.framing_errors = 0
+        """Packets that were no packets: broken COBS, too short, too long, an identifier beyond 11 bits."""
+        self._rest = b""
+        self._skipping = False
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take bytes as they arrived; give the good frames they complete and count the bad ones."""
+        *packets, rest = (self._rest + data).split(b"\0")
+        if packets and self._skipping:
+            del packets[0]
+            self._skipping = False
+        frames = [frame for packet in packets if packet and (frame := self._frame(packet))]
+        self._keep(rest)
+        return frames
+
+    def _keep(self, rest: bytes) -> None:
+        if self._skipping:
+            rest = b""
+        elif len(rest) > MAX_ENCODED:
+            self.framing_errors += 1
+            self._skipping, rest = True, b""
+        self._rest = rest
+
+    def _frame(self, packet: bytes) -> Frame | None:
+        try:
+            body = cobs_decode(packet)
+        except RemoteProtocolError:
+            self.framing_errors += 1
+            return None
+        if not MIN_PACKET <= len(body) <= MAX_PACKET:
+            self.framing_errors += 1
+            return None
+        if crc16(body[:-2]) != _HEAD.unpack_from(body, len(body) - 2)[0]:
+            self.crc_errors += 1
+            return None
+        (identifier,) = _HEAD.unpack_from(body)
+        if identifier > MAX_ID:
+            self.framing_errors += 1
+            return None
+        return Frame(identifier, body[2:-2])

@@ -1,0 +1,184 @@
+"""The host's end of the conversation."""
+
+from dataclasses import dataclass, replace
+
+from firmware_protocol.errors import (
+    CommandRefused,
+    CommandUnanswered,
+    LocalProtocolError,
+    RemoteProtocolError,
+    VersionMismatch,
+)
+from firmware_protocol.identity import DeviceInfo, assemble, mismatch
+from firmware_protocol.messages import (
+    DEVICE_NODE,
+    FIRST_HOST_NUMBER,
+    NAMES,
+    NUMBERS,
+    Ack,
+    Command,
+    Frame,
+    Hello,
+    Info,
+    KeepAlive,
+    Message,
+    Nak,
+    NakCode,
+    Status,
+    Stop,
+    decode,
+    encode,
+    explain,
+)
+
+KEEPALIVE_S = 0.1
+"""A fifth of the lease: four may be lost in a row."""
+RETRY_S = 0.1
+"""How long an answer may take before the command is sent again."""
+RETRIES = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a command ended: accepted, or with a `CommandRefused`, `CommandUnanswered` or `VersionMismatch`."""
+
+    command: Command
+    error: RemoteProtocolError | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Pending:
+    command: Command
+    frame: Frame
+    sent_at: float
+    retries: int = 0
+
+
+class HostSession:
+    """The rules a host keeps, without its link.
+
+    One command is under way at a time: `hello` or `command` gives the frame to send, `receive` takes what arrives,
+    `due`, called every few hundredths of a second, gives what has to be sent again or to keep the device streaming, and
+    `outcome` turns from None into how the command ended. Times are seconds of any monotonic clock.
+    """
+
+    def __init__(self, node: int = DEVICE_NODE):
+        self.node = node
+        self.info: DeviceInfo | None = None
+        """What the device is, once it was greeted."""
+        self.status: Status | None = None
+        """Where the device stood by its last STATUS."""
+        self.outcome: Outcome | None = None
+        """How the last command ended; None while it is under way."""
+        self._pending: _Pending | None = None
+        self._pages: dict[int, Info] = {}
+        self._hello_answer: Ack | Nak | None = None
+        self._token = 0
+        self._keepalive_at = float("-inf")
+
+    @property
+    def pending(self) -> Command | None:
+        """The command under way."""
+        return self._pending.command if self._pending else None
+
+    def hello(self, now: float) -> Frame:
+        """Greet the device; once that succeeded, `info` says what it is."""
+        frame = self.command(Hello(), now)
+        self.info, self._hello_answer = None, None
+        self._pages.clear()
+        return frame
+
+    def command(self, command: Command, now: float) -> Frame:
+        """Begin a command under a new token and give the frame to send.
+
+        A `Stop` may always begin, and takes the place of the command under way.
+
+        Raises:
+            LocalProtocolError: another command is under way, or a field is out of its range.
+        """
+        if self._pending and not isinstance(command, Stop):
+            raise LocalProtocolError(f"{_name(command)} while {_name(self._pending.command)} is unanswered")
+        self._token = (self._token + 1) % 256
+        command = replace(command, token=self._token)
+        frame = encode(command, self.node)
+        self._pending, self.outcome = _Pending(command, frame, now), None
+        return frame
+
+    def receive(self, frame: Frame) -> Message | None:
+        """The message in a frame off the link, after having taken note of it.
+
+        Returns:
+            None for what is not for this host: another node's, another host's, or a newer minor version's.
+
+        Raises:
+            RemoteProtocolError: the frame means nothing.
+        """
+        if frame.node != self.node or frame.number >= FIRST_HOST_NUMBER or frame.number not in NAMES:
+            return None
+        message = decode(frame)
+        if isinstance(message, Status):
+            self.status = message
+        elif isinstance(message, Ack | Nak | Info) and self._pending:
+            self._answered(self._pending.command, message)
+        return message
+
+    def due(self, now: float) -> list[Frame]:
+        """What has to be sent by now: a command that went unanswered, a KEEPALIVE."""
+        frames = self._retry(self._pending, now) if self._pending else []
+        if self.info and now - self._keepalive_at >= KEEPALIVE_S:
+            self._keepalive_at = now
+            frames.append(encode(KeepAlive(), self.node))
+        return frames
+
+    def _retry(self, pending: _Pending, now: float) -> list[Frame]:
+        if now - pending.sent_at < RETRY_S:
+            return []
+        if pending.retries == RETRIES:
+            self._end(_unanswered(pending.command))
+            return []
+        self._pending = replace(pending, sent_at=now, retries=pending.retries + 1)
+        return [pending.frame]
+
+    def _answered(self, command: Command, message: Ack | Nak | Info) -> None:
+        if isinstance(message, Info):
+            if isinstance(command, Hello):
+                self._pages[message.page] = message
+                self._greeted()
+        elif (message.command, message.token) != (NUMBERS[type(command)], command.token):
+            return
+        elif isinstance(command, Hello):
+            self._hello_answer = message
+            self._greeted()
+        else:
+            self._end(_refused(command, message) if isinstance(message, Nak) else None)
+
+    def _greeted(self) -> None:
+        """End HELLO once the answer and all pages are here, or as soon as page 0 tells that there is no use in it."""
+        error: RemoteProtocolError | None = mismatch(self._pages[0].fields) if 0 in self._pages else None
+        info = assemble(self._pages.values())
+        if error is None and (info is None or self._hello_answer is None):
+            return
+        if error is None and isinstance(self._hello_answer, Nak):
+            error = _refused(Hello(), self._hello_answer)
+        self.info = None if error else info
+        self._end(error)
+
+    def _end(self, error: RemoteProtocolError | None) -> None:
+        assert self._pending
+        self.outcome, self._pending = Outcome(self._pending.command, error), None
+
+
+def _name(command: Command) -> str:
+    return NAMES[NUMBERS[type(command)]]
+
+
+def _unanswered(command: Command) -> CommandUnanswered:
+    return CommandUnanswered(f"{_name(command)} was sent {RETRIES + 1} times and the device did not answer")
+
+
+def _refused(command: Command, nak: Nak) -> RemoteProtocolError:
+    text, remedy = explain(nak.code)
+    sentence = f"the device refused {_name(command)}: {text} {remedy}"
+    if nak.code in (NakCode.VERSION, NakCode.SCHEMA):
+        return VersionMismatch(sentence)
+    return CommandRefused(sentence, nak.code)

@@ -1,0 +1,104 @@
+"""What a device is, as its INFO pages say, and whether this side can talk to it."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from firmware_protocol.definition import PROTOCOL_VERSION, SCHEMA_HASH
+from firmware_protocol.errors import VersionMismatch
+from firmware_protocol.messages import Info
+
+PAGES = 8
+"""INFO pages of a whole identity."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceInfo:
+    """A device's identity."""
+
+    firmware: str
+    """Version, `major.minor.patch`."""
+    uid: str
+    """Sixteen hexadecimal digits that no other device has."""
+    counts_per_rev: tuple[int, int, int]
+    rate_max_hz: int
+    rate_default_hz: int
+    """Rate of the tick while the device is not streaming."""
+    simulated_time: bool = False
+    """Whether ticks may run faster or slower than wall time."""
+    major: int = PROTOCOL_VERSION[0]
+    minor: int = PROTOCOL_VERSION[1]
+    schema_hash: int = SCHEMA_HASH
+
+
+def info_pages(info: DeviceInfo) -> list[Info]:
+    """The INFO messages that tell an identity."""
+    firmware = [int(part) for part in info.firmware.split(".")]
+    uid = int(info.uid, 16)
+    return [
+        Info(0, {"major": info.major, "minor": info.minor, "schema_hash": info.schema_hash}),
+        Info(
+            1,
+            {
+                **dict(zip(("firmware_major", "firmware_minor", "firmware_patch"), firmware, strict=True)),
+                "simulated_time": int(info.simulated_time),
+            },
+        ),
+        Info(2, {"uid_low": uid & 0xFFFFFFFF}),
+        Info(3, {"uid_high": uid >> 32}),
+        *(Info(4 + joint, {f"counts_per_rev{joint}": count}) for joint, count in enumerate(info.counts_per_rev)),
+        Info(7, {"rate_max_hz": info.rate_max_hz, "rate_default_hz": info.rate_default_hz}),
+    ]
+
+
+def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
+    """The identity that INFO pages tell, in any order; None while one is missing."""
+    known = {page.page: page.fields for page in pages if page.page < PAGES}
+    if len(known) < PAGES:
+        return None
+    told = {name: value for fields in known.values() for name, value in fields.items()}
+    return DeviceInfo(
+        firmware=f"{told['firmware_major']}.{told['firmware_minor']}.{told['firmware_patch']}",
+        uid=f"{told['uid_high']:08x}{told['uid_low']:08x}",
+        counts_per_rev=(told["counts_per_rev0"], told["counts_per_rev1"], told["counts_per_rev2"]),
+        rate_max_hz=told["rate_max_hz"],
+        rate_default_hz=told["rate_default_hz"],
+        simulated_time=bool(told["simulated_time"]),
+        major=told["major"],
+        minor=told["minor"],
+        schema_hash=told["schema_hash"],
+    )
+
+
+def same_major(major: int) -> bool:
+    """Whether the other end's major version is this one's."""
+    return major == PROTOCOL_VERSION[0]
+
+
+def same_schema(minor: int, schema_hash: int) -> bool:
+    """Whether two ends of one minor version were built from one dpr.dbc; other minor versions need not be."""
+    return minor != PROTOCOL_VERSION[1] or schema_hash == SCHEMA_HASH
+
+
+def mismatch(protocol_page: Mapping[str, int]) -> VersionMismatch | None:
+    """Why this host cannot talk to a device, by INFO page 0; None when it can.
+
+    Other major versions differ in what messages mean. Another minor version only lacks or adds messages, so both sides
+    use what they share.
+    """
+    major, minor = protocol_page["major"], protocol_page["minor"]
+    ours = f"{PROTOCOL_VERSION[0]}.{PROTOCOL_VERSION[1]}"
+    if not same_major(major):
+        return VersionMismatch(f"the device speaks protocol {major}.{minor} and this dpr-lab {ours}: {_upgrade(major)}")
+    if not same_schema(minor, protocol_page["schema_hash"]):
+        return VersionMismatch(
+            f"the device and this dpr-lab both speak protocol {ours}, but from different dpr.dbc files"
+            f" ({protocol_page['schema_hash']:08x} and {SCHEMA_HASH:08x}): flash the firmware built from the same"
+            " dpr.dbc, or install the dpr-lab release that matches"
+        )
+    return None
+
+
+def _upgrade(major: int) -> str:
+    if major > PROTOCOL_VERSION[0]:
+        return f"upgrade dpr-lab (or flash firmware of protocol {PROTOCOL_VERSION[0]}.x)"
+    return f"flash newer firmware, of protocol {PROTOCOL_VERSION[0]}.x (or install a dpr-lab of protocol {major}.x)"

@@ -1,0 +1,58 @@
+"""The states of a device and the one table of what leads from one to another.
+
+`device_role.DeviceSession` acts on it; `host_role.HostSession` is the other end. The latch holds in HOLDING and
+STREAMING and is open in IDLE and RELEASED; FAULT leaves it as it was. The one way from a latched state to an open one
+is RELEASE: no stop, no fault and no silence lets the rods go.
+"""
+
+from enum import Enum, auto
+
+from firmware_protocol.messages import State
+
+
+class Trigger(Enum):
+    """What can move a device from state to state."""
+
+    HOLD = auto()
+    STREAM = auto()
+    RELEASE = auto()
+    STOP = auto()
+    CLEAR_LATCHED = auto()
+    """CLEAR_FAULT while the latch holds."""
+    CLEAR_OPEN = auto()
+    """CLEAR_FAULT while the latch is open."""
+    LEASE_LOST = auto()
+    FAULT = auto()
+
+
+TRANSITIONS: dict[tuple[State, Trigger], State] = {
+    (State.IDLE, Trigger.HOLD): State.HOLDING,
+    (State.IDLE, Trigger.STOP): State.IDLE,
+    (State.HOLDING, Trigger.HOLD): State.HOLDING,
+    (State.HOLDING, Trigger.STREAM): State.STREAMING,
+    (State.HOLDING, Trigger.STOP): State.HOLDING,
+    (State.STREAMING, Trigger.RELEASE): State.RELEASED,
+    (State.STREAMING, Trigger.STOP): State.HOLDING,
+    (State.STREAMING, Trigger.LEASE_LOST): State.HOLDING,
+    (State.RELEASED, Trigger.STOP): State.IDLE,
+    (State.RELEASED, Trigger.LEASE_LOST): State.IDLE,
+    (State.FAULT, Trigger.CLEAR_LATCHED): State.HOLDING,
+    (State.FAULT, Trigger.CLEAR_OPEN): State.IDLE,
+    (State.FAULT, Trigger.STOP): State.FAULT,
+    **{(state, Trigger.FAULT): State.FAULT for state in State},
+}
+"""What is not here is refused."""
+
+LATCHED: dict[State, bool] = {
+    State.IDLE: False,
+    State.HOLDING: True,
+    State.STREAMING: True,
+    State.RELEASED: False,
+}
+"""Whether the latch holds; not said of FAULT, which leaves it as it was."""
+
+STREAMS = (State.STREAMING, State.RELEASED)
+"""States in which samples are sent."""
+
+LEASE_S = 0.5
+"""A device that hears nothing from its host for this long stops streaming."""

@@ -1,0 +1,127 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_protocol.device_role import DeviceSession
+from firmware_protocol.identity import DeviceInfo
+from firmware_protocol.messages import Ack, Event, EventKind, Frame, Position, Sample, decode
+from firmware_protocol.stream import Row, SampleStream, unwrap
+
+SESSION = DeviceSession(DeviceInfo("0.1.0", "1", (16384, 16384, 16384), 4000, 100))
+
+
+def fed(stream: SampleStream, frames: list[Frame]) -> list[Row]:
+    return [row for frame in frames if (row := stream.feed(decode(frame)))]
+
+
+def anchored(counts: tuple[int, int, int] = (0, 0, 0)) -> SampleStream:
+    stream = SampleStream()
+    for joint, position in enumerate(counts):
+        stream.feed(Position(joint, 0, position))
+    return stream
+
+
+def walk(rng: np.random.Generator, n: int, speed: int) -> list[tuple[int, int, int]]:
+    """Three joints turning by up to `speed` counts a tick, each mostly one way, so that they wrap often."""
+    steps = rng.integers(-speed // 4, speed + 1, size=(n, 3)) * np.array([1, -1, 1])
+    return [tuple(int(count) for count in row) for row in np.cumsum(steps, axis=0)]
+
+
+@given(st.integers(-(1 << 40), 1 << 40), st.integers(-32768, 32767), st.sampled_from([16, 32]))
+def test_unwrap_finds_the_nearest(near: int, off: int, bits: int):
+    assert unwrap((near + off) % (1 << bits), near, bits) == near + off
+
+
+def test_many_wraps_of_ticks_and_positions(rng: np.random.Generator):
+    truth = walk(rng, 200_000, 3000)
+    stream = SampleStream()
+    frames = [*SESSION.positions(0, (0, 0, 0)), *(SESSION.sample(tick, row) for tick, row in enumerate(truth))]
+    assert fed(stream, frames) == list(enumerate(truth))
+    assert abs(truth[-1][1]) > 1000 * 65536
+    assert (stream.lost_tick_gap, stream.out_of_order, stream.unanchored, stream.position_slips) == (0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_gaps_are_counted_and_what_arrives_is_right(seed: int):
+    rng = np.random.default_rng(seed)
+    truth = walk(rng, 20_000, 700)
+    stream, frames, sent = SampleStream(), list(SESSION.positions(0, truth[0])), []
+    tick = 0
+    while tick < len(truth):
+        if tick % 100 == 0:
+            frames += SESSION.positions(tick, truth[tick])
+        frames.append(SESSION.sample(tick, truth[tick]))
+        sent.append((tick, truth[tick]))
+        tick += 1 if rng.random() < 0.95 else int(rng.integers(2, 45))
+    assert fed(stream, frames) == sent
+    assert stream.lost_tick_gap == sent[-1][0] + 1 - len(sent)
+    assert stream.position_slips == 0
+
+
+def test_samples_missing_from_the_very_start_are_counted():
+    stream = anchored()
+    assert stream.feed(Sample(5, 0, 0, 0)) == Row(5, (0, 0, 0))
+    assert stream.lost_tick_gap == 5
+
+
+@pytest.mark.parametrize("stale", [10, 9, 0, 65535])
+def test_doubled_and_late_samples_are_left_out(stale: int):
+    stream = anchored()
+    for tick in range(11):
+        stream.feed(Sample(tick, tick, 0, 0))
+    assert stream.feed(Sample(stale, 77, 77, 77)) is None
+    assert stream.feed(Sample(11, 11, 0, 0)) == Row(11, (11, 0, 0))
+    assert (stream.out_of_order, stream.lost_tick_gap) == (1, 0)
+
+
+def test_samples_wait_for_every_joint_s_counter():
+    stream = SampleStream()
+    assert stream.feed(Sample(0, 1, 2, 3)) is None
+    stream.feed(Position(0, 0, 65536))
+    stream.feed(Position(2, 0, -65536))
+    assert stream.feed(Sample(1, 1, 2, 3)) is None
+    stream.feed(Position(1, 0, 1 << 20))
+    assert stream.feed(Sample(2, 1, 2, 3)) == Row(2, (65537, (1 << 20) + 2, -65533))
+    assert (stream.unanchored, stream.lost_tick_gap) == (2, 0)
+
+
+def test_a_turn_missed_in_a_gap_is_put_right_and_told():
+    stream = anchored()
+    stream.feed(Sample(0, 0, 0, 0))
+    moved = 50_000
+    assert stream.feed(Sample(1000, moved, 0, 0)) == Row(1000, (moved - 65536, 0, 0))
+    stream.feed(Position(0, 1000, moved))
+    assert stream.feed(Sample(1001, moved, 0, 0)) == Row(1001, (moved, 0, 0))
+    assert stream.position_slips == 1
+
+
+def test_the_32_bit_counter_wraps_too():
+    edge = (1 << 31) - 1
+    stream = anchored((edge, 0, 0))
+    stream.feed(Sample(0, (edge + 5) & 0xFFFF, 0, 0))
+    stream.feed(Position(0, 0, edge + 10 - (1 << 32)))
+    assert stream.feed(Sample(1, (edge + 12) & 0xFFFF, 0, 0)) == Row(1, (edge + 12, 0, 0))
+    assert stream.position_slips == 0
+
+
+def test_restart_begins_at_tick_0_and_keeps_positions():
+    stream = anchored((100_000, 0, 0))
+    stream.feed(Sample(40_000, 100_000 & 0xFFFF, 0, 0))
+    stream.feed(Sample(7, 100_000 & 0xFFFF, 0, 0))
+    lost = stream.lost_tick_gap
+    stream.restart()
+    assert stream.feed(Sample(0, 100_001 & 0xFFFF, 0, 0)) == Row(0, (100_001, 0, 0))
+    assert stream.lost_tick_gap == lost
+
+
+def test_event_ticks_are_on_the_count_of_the_rows():
+    stream = anchored()
+    for tick in range(0, 200_000, 20_000):
+        stream.feed(Sample(tick & 0xFFFF, 0, 0, 0))
+    assert stream.tick_of(Event(EventKind.RELEASED, 0, 180_001)) == 180_001
+    assert SampleStream().tick_of(Event(EventKind.RELEASED, 0, 3)) == 3
+
+
+def test_other_messages_give_nothing():
+    assert SampleStream().feed(Ack(33, 1)) is None
