@@ -1,0 +1,131 @@
+"""Run a simulated device: `python -m sim_device --help`."""
+
+import argparse
+import json
+import logging
+import os
+import signal
+import sys
+import threading
+from dataclasses import fields
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from dpr_lab.errors import DprError
+
+if TYPE_CHECKING:
+    from sim_device.assemble import Options
+
+DESCRIPTION = """\
+A device made of software. It speaks the same protocol as the board, over a pseudo terminal (serial, or CAN in SLCAN) or
+over TCP on this machine, and is ready once it prints one line of JSON with the URL to connect to."""
+
+EXAMPLE = """\
+example:
+  python -m sim_device --rig paper --plant paper --link pty --clock realtime --seed 7
+  {"url": "serial:///dev/pts/5?baud=921600"}
+
+faults (--fault NAME=VALUE, repeatable):
+"""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Serve until stopped; returns the exit code."""
+    options = _parser().parse_args(arguments)
+    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="sim_device: %(message)s")
+    try:
+        return _reveal(options) if options.reveal else _run(options)
+    except DprError as error:
+        print(error, file=sys.stderr)
+        return error.exit_code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sim_device",
+        description=DESCRIPTION,
+        epilog=EXAMPLE + _fault_lines(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--rig", default="paper", help="rig file or built-in name: lengths, poses, encoders (default: %(default)s)")
+    add("--plant", default="paper", help="plant file or built-in name: the hidden truth (default: %(default)s)")
+    add("--link", default="pty", help="pty, slcan or tcp:PORT (default: %(default)s)")
+    add("--clock", default="realtime", choices=("realtime", "fast"), help="fast: as fast as the host takes it")
+    add("--seed", type=_whole, help="varies noise and hand; also the truth with --draw (default: the plant file's)")
+    add("--draw", action="store_true", help="draw the true parameters around the plant file's, from the seed")
+    add("--baud", type=_whole, help="bit/s of the line (default: 921600 for serial, 1000000 for CAN)")
+    add("--uid", type=_uid, default=0x51D0_0000_0001, help="the device's number, hexadecimal")
+    add("--drift-ppm", type=float, default=0.0, help="error of the device's crystal (default: %(default)s)")
+    add("--hand-error", type=float, default=0.0, help="rad by which the hand misses every pose (default: %(default)s)")
+    add("--fault", action="append", default=[], metavar="NAME=VALUE", help="something that goes wrong, see below")
+    add("--exit-with-parent", action="store_true", help="stop when standard input closes")
+    add("--reveal", action="store_true", help="print the plant's truth as JSON and exit")
+    return parser
+
+
+def _whole(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 up")
+    return int(text)
+
+
+def _uid(text: str) -> int:
+    try:
+        number = int(text, 16)
+    except ValueError:
+        number = -1
+    if not 0 <= number < 1 << 64:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a hexadecimal number of at most 16 digits")
+    return number
+
+
+def _fault_lines() -> str:
+    from sim_device.faults import FAULTS
+
+    return "\n".join(f"  {name:<15}{kind.meaning}" for name, kind in FAULTS.items())
+
+
+def _reveal(options: argparse.Namespace) -> int:
+    from sim_device.assemble import hidden_plant
+
+    print(json.dumps(hidden_plant(_chosen(options)).reveal(), indent=2))
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    from sim_device.assemble import assemble
+    from sim_device.serve import serve
+
+    stop = threading.Event()
+    _stop_on_signals(stop)
+    if options.exit_with_parent:
+        threading.Thread(target=_watch_parent, args=(stop,), daemon=True).start()
+    device, link, faults = assemble(_chosen(options))
+    print(json.dumps({"url": link.line.url}), flush=True)
+    serve(device, link, faults, stop.is_set)
+    return 0
+
+
+def _chosen(options: argparse.Namespace) -> "Options":
+    from sim_device.assemble import Options
+
+    return Options(**{field.name: getattr(options, field.name) for field in fields(Options)})
+
+
+def _stop_on_signals(stop: threading.Event) -> None:
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        stop.set()
+
+    signal.signal(signal.SIGTERM, on_signal)
+    signal.signal(signal.SIGINT, on_signal)
+
+
+def _watch_parent(stop: threading.Event) -> None:
+    while os.read(sys.stdin.fileno(), 1024):
+        pass
+    stop.set()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

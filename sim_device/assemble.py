@@ -1,0 +1,78 @@
+"""Put a simulated device together from names, as the command line gives them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dpr_lab.rig import load_rig
+from sim_device.clock import CLOCKS, Clock
+from sim_device.config import drawn, load_plant
+from sim_device.device import Device, identity
+from sim_device.faults import Faults, parse_faults
+from sim_device.hand import PLACING_TIME
+from sim_device.links import Link, open_link
+from sim_device.plant import Plant
+from sim_device.rods import HANGING, Rods
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What can be chosen about a simulated device."""
+
+    rig: str | Path = "paper"
+    plant: str | Path = "paper"
+    link: str = "pty"
+    """`pty`, `slcan`, `tcp:PORT` or `virtual:CHANNEL`."""
+    clock: str = "realtime"
+    """A name of `CLOCKS`."""
+    seed: int | None = None
+    """Varies noise and hand; None takes the plant file's."""
+    draw: bool = False
+    """Draw the true parameters around the plant file's, from the seed."""
+    baud: int | None = None
+    """Bits per second of the line; None takes 921600 for serial and 1000000 for CAN."""
+    uid: int = 0x51D0_0000_0001
+    drift_ppm: float = 0.0
+    """Error of the device's crystal."""
+    hand_error: float = 0.0
+    """How far the hand misses every pose, rad."""
+    fault: tuple[str, ...] = ()
+    """Texts such as `drop=0.01`."""
+
+
+def hidden_plant(options: Options) -> Plant:
+    """The truth that a device with these options carries.
+
+    Raises:
+        ConfigError: a rig or plant file that is not found or not valid.
+    """
+    rig = load_rig(options.rig)
+    config = load_plant(options.plant, options.seed)
+    return Plant(drawn(config, rig) if options.draw else config, rig)
+
+
+def assemble(options: Options) -> tuple[Device, Link, Faults]:
+    """A device and its open link, ready for `serve`.
+
+    Raises:
+        ConfigError: a file or a fault that is not right.
+        LinkError: no such link, or it cannot be opened.
+    """
+    rig, plant = load_rig(options.rig), hidden_plant(options)
+    faults = parse_faults(options.fault, plant.config.seed)
+    # Compiles the kernels, which may take seconds, before a host counts on an answer.
+    plant.swing(HANGING.theta, np.zeros(3), np.array([0.0, 1e-3]))
+    pace = CLOCKS[options.clock]
+    link = open_link(options.link, options.baud, faults, lossless=bool(pace))
+    clock = Clock(pace, options.drift_ppm, link.line.fast_samples_hz)
+    rods = Rods(
+        plant,
+        rig,
+        placing_time=0.0 if clock.simulated else PLACING_TIME,
+        hand_error=options.hand_error,
+        clock_rate=clock.rate,
+        faults=faults,
+    )
+    info = identity(rig, options.uid, link.line.rate_max_hz, clock.simulated)
+    return Device(info, rods, clock), link, faults

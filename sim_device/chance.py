@@ -1,0 +1,21 @@
+"""Where chance enters the simulated device: one seed, separate streams, no state."""
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class Stream(IntEnum):
+    """What a random number is for; streams never share numbers."""
+
+    IDLE = 0
+    REST = 1
+    SWING = 2
+    HAND = 3
+    TRUTH = 4
+    FAULTS = 5
+
+
+def generator(seed: int, stream: Stream, *numbers: int) -> np.random.Generator:
+    """The random generator of one purpose, the same every time for the same arguments."""
+    return np.random.default_rng([seed, stream, *numbers])

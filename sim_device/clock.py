@@ -1,0 +1,59 @@
+"""Device time: what the device's crystal counts, at the pace of the wall clock or faster."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from firmware_protocol.messages import State
+
+CLOCKS: dict[str, Mapping[State, float]] = {
+    "realtime": {},
+    "fast": {State.STREAMING: 20.0, State.RELEASED: 60.0},
+}
+"""Name on the command line -> device seconds per wall second in each state; 1 in those not named.
+
+The rest before a release is paced lower: the host decides how long it lasts, and must not be flooded while it thinks.
+"""
+
+LONGEST_STEP = 0.01
+"""Under the fast clock a stalled process skips device time instead of producing it all at once, wall s."""
+
+
+@dataclass(slots=True)
+class Clock:
+    """Device seconds since power-up.
+
+    Wall times are arguments, so the clock itself reads none.
+    """
+
+    pace: Mapping[State, float] = field(default_factory=dict)
+    """A value of `CLOCKS`."""
+    drift_ppm: float = 0.0
+    """Error of the crystal: device time = true time * (1 + drift_ppm 1e-6)."""
+    most_ticks_hz: float = math.inf
+    """Ticks in a wall second that a fast clock does not exceed."""
+    now: float = 0.0
+    _wall: float | None = None
+
+    @property
+    def simulated(self) -> bool:
+        """Whether device time runs apart from wall time."""
+        return bool(self.pace)
+
+    @property
+    def rate(self) -> float:
+        """Device seconds per true second of the plant."""
+        return 1.0 + self.drift_ppm * 1e-6
+
+    def advance(self, wall: float, state: State, rate_hz: float, blocked: bool = False) -> float:
+        """Device time at the wall time `wall`, s, of a device that ticks at `rate_hz`.
+
+        A fast clock stands still while the link is `blocked`; a real one cannot.
+        """
+        passed = 0.0 if self._wall is None else wall - self._wall
+        self._wall = wall
+        if self.simulated:
+            passed = 0.0 if blocked else min(passed, LONGEST_STEP)
+        pace = self.pace.get(state, 1.0)
+        self.now += passed * self.rate * min(pace, max(1.0, self.most_ticks_hz / rate_hz))
+        return self.now

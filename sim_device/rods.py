@@ -1,0 +1,86 @@
+"""The rods as hand, latch and gravity move them, and what the encoders make of it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.rig import Pose, Rig
+from sim_device.chance import Stream
+from sim_device.encoders import Encoders
+from sim_device.faults import Faults
+from sim_device.hand import Held, placement, release_speed
+from sim_device.plant import Plant, Swing
+
+Counts = NDArray[np.int64]
+
+HANGING = Pose(theta1=np.pi, theta2=np.pi)
+
+
+class Rods:
+    """Where the rods are at any device time: in the hand, in the latch, or swinging.
+
+    Args:
+        plant: moves them while they swing
+        rig: poses and encoders
+        placing_time: how long the hand takes to a pose, s of device time
+        hand_error: how far off every pose the hand leaves both rods, on purpose, rad
+        clock_rate: device seconds per true second
+        faults: what is wrong with the encoders
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        rig: Rig,
+        placing_time: float = 0.0,
+        hand_error: float = 0.0,
+        clock_rate: float = 1.0,
+        faults: Faults | None = None,
+    ) -> None:
+        self._plant, self._config, self._faults = plant, plant.config, faults or Faults()
+        self._poses = list(rig.poses.values())
+        self._encoders = Encoders(rig, plant.config.encoders.noise_counts, plant.config.seed)
+        self._placing_time, self._hand_error, self._clock_rate = placing_time, hand_error, clock_rate
+        self._held = Held(HANGING.theta, HANGING.theta)
+        self._swing: Swing | None = None
+        self._released_at, self._rate_hz, self._release = 0.0, 1.0, 0
+        self._at_release = np.zeros(3, dtype=np.int64)
+
+    def place(self, pose_number: int, now: float) -> None:
+        """The hand takes the rods to the rig's pose, counted from 1; 0 or a pose there is not keeps them as they are.
+
+        Turns made by the last swing are unwound, so that the counters do not depend on how long it went on.
+        """
+        start = target = self._theta(now)
+        if 1 <= pose_number <= len(self._poses):
+            pose, config = self._poses[pose_number - 1], self._config
+            target = placement(config.hand, pose, config.seed, self._release + 1, self._hand_error)
+        self._held, self._swing = Held(start, target, now, self._placing_time), None
+
+    def let_go(self, at: float, rate_hz: float) -> None:
+        """The latch opens at the device time `at`; from then on the swing is read at `rate_hz` ticks a second."""
+        theta = self._held.theta(np.array([at]))[0]
+        self._release += 1
+        omega = release_speed(self._config.hand, self._config.seed, self._release)
+        self._swing = Swing(self._plant, theta, omega, rate_hz * self._clock_rate)
+        self._released_at, self._rate_hz = at, rate_hz
+        self._at_release = self._encoders.read(theta[None], Stream.SWING, self._release, 0)[0]
+
+    def held_counts(self, t: NDArray[np.float64], first: int) -> Counts:
+        """(n, 3) counts of the rest before a release at the device times `t`; `first` is the tick of the first."""
+        return self._encoders.read(self._held.theta(t), Stream.REST, self._release + 1, first)
+
+    def swing_counts(self, first: int, count: int) -> Counts:
+        """(count, 3) counts of the swing; `first` is the tick of the first since the release."""
+        assert self._swing is not None
+        counts = self._encoders.read(self._swing.theta(first, count), Stream.SWING, self._release, first)
+        return self._faults.counts(counts, self._at_release)
+
+    def idle_counts(self, now: float, tick: int) -> Counts:
+        """(3,) counts at the device time `now` while nothing is streamed."""
+        return self._encoders.read(self._theta(now)[None], Stream.IDLE, 0, tick)[0]
+
+    def _theta(self, now: float) -> NDArray[np.float64]:
+        if self._swing is None:
+            return self._held.theta(np.array([now]))[0]
+        tick = max(self._swing.first, int((now - self._released_at) * self._rate_hz))
+        return self._swing.theta(tick, 1)[0]

@@ -1,0 +1,83 @@
+"""A CAN adapter in Lawicel's ASCII ("SLCAN"), as python-can's `slcan` backend speaks it."""
+
+import re
+
+from firmware_protocol.messages import Frame
+
+BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
+"""Bit/s of the commands S0 .. S8."""
+
+LONGEST_LINE = 64
+"""A longer run without a carriage return is not SLCAN and is dropped."""
+
+_DATA_FRAME = re.compile(rb"([0-7][0-9A-Fa-f]{2})([0-8])([0-9A-Fa-f]*)")
+
+OK, REFUSED = b"\r", b"\a"
+
+
+class SlcanCodec:
+    """One CAN frame a line: `tIIILDD..` and a carriage return; II the identifier, L the length, DD the data in hex.
+
+    The adapter carries frames while its channel is open and set to the bus's bit rate. Extended and remote frames are
+    acknowledged like any other and go nowhere, since no node on this bus uses them.
+
+    Source: Lawicel CAN232 manual, list of commands.
+    """
+
+    def __init__(self, bitrate: int) -> None:
+        self._bus_bitrate = bitrate
+        self._bitrate = bitrate
+        self._open = False
+        self._line = bytearray()
+
+    @property
+    def _on_bus(self) -> bool:
+        return self._open and self._bitrate == self._bus_bitrate
+
+    def encode(self, frame: Frame) -> bytes:
+        """The line that the host sees for a frame on the bus; empty while the channel is closed."""
+        return b"t%03X%d%s\r" % (frame.id, len(frame.data), frame.data.hex().encode()) if self._on_bus else b""
+
+    def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
+        """Frames for the bus in the host's bytes, and the adapter's answers to the host."""
+        frames, answers = list[Frame](), bytearray()
+        *lines, rest = (bytes(self._line) + data).split(b"\r")
+        self._line[:] = rest if len(rest) <= LONGEST_LINE else b""
+        for line in lines:
+            answers += self._obey(line, frames)
+        return frames, bytes(answers)
+
+    def _obey(self, line: bytes, frames: list[Frame]) -> bytes:
+        command, rest = line[:1], line[1:]
+        match command:
+            case b"t" | b"T" | b"r" | b"R":
+                return self._transmit(command, rest, frames)
+            case b"S" if rest.isdigit() and int(rest) < len(BITRATES) and not self._open:
+                self._bitrate = BITRATES[int(rest)]
+            case b"O" | b"L" if not self._open:
+                self._open = True
+            case b"C":
+                self._open = False
+            case b"V":
+                return b"V1013\r"
+            case b"N":
+                return b"NS1M0\r"
+            case b"F" if self._open:
+                return b"F00\r"
+            case b"":
+                pass
+            case _:
+                return REFUSED
+        return OK
+
+    def _transmit(self, command: bytes, rest: bytes, frames: list[Frame]) -> bytes:
+        if not self._open:
+            return REFUSED
+        if command != b"t":
+            return b"z\r" if command == b"r" else b"Z\r"
+        parts = _DATA_FRAME.fullmatch(rest)
+        if parts is None or 2 * int(parts[2]) != len(parts[3]):
+            return REFUSED
+        if self._on_bus:
+            frames.append(Frame(int(parts[1], 16), bytes.fromhex(parts[3].decode("ascii"))))
+        return b"z\r"

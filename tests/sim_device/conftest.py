@@ -1,0 +1,230 @@
+"""A host for the simulated device: the protocol's host role on whatever end of a link, and none of the lab's driver."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import can
+import numpy as np
+import pytest
+import serial
+
+from firmware_protocol.framing import FrameDecoder, encode_frame
+from firmware_protocol.host_role import HostSession
+from firmware_protocol.messages import (
+    Command,
+    Event,
+    EventKind,
+    Frame,
+    Hold,
+    Message,
+    Release,
+    Sample,
+    Stop,
+    Stream,
+)
+from sim_device.assemble import Options, assemble
+from sim_device.hand import PLACING_TIME
+from sim_device.serve import serve
+
+
+class SerialEnd:
+    def __init__(self, path: str, baud: int) -> None:
+        self.port = serial.Serial(path, baud, timeout=0, exclusive=True)
+        self.decoder = FrameDecoder()
+        self.bytes_in = 0
+
+    def read(self) -> list[Frame]:
+        data = self.port.read(65536)
+        self.bytes_in += len(data)
+        return self.decoder.feed(data)
+
+    def write(self, frame: Frame) -> None:
+        self.port.write(encode_frame(frame))
+
+    def close(self) -> None:
+        self.port.close()
+
+
+class SocketEnd:
+    def __init__(self, host: str, port: int) -> None:
+        self.socket = socket.create_connection((host, port))
+        self.socket.setblocking(False)
+        self.decoder = FrameDecoder()
+
+    def read(self) -> list[Frame]:
+        try:
+            return self.decoder.feed(self.socket.recv(65536))
+        except BlockingIOError:
+            return []
+
+    def write(self, frame: Frame) -> None:
+        self.socket.sendall(encode_frame(frame))
+
+    def close(self) -> None:
+        self.socket.close()
+
+
+class CanEnd:
+    def __init__(self, interface: str, channel: str, bitrate: int) -> None:
+        options = {"sleep_after_open": 0.0} if interface == "slcan" else {}
+        self.bus = can.Bus(channel, interface=interface, bitrate=bitrate, **options)
+
+    def read(self) -> list[Frame]:
+        messages = [self.bus.recv(0.0) for _ in range(64)]
+        return [Frame(m.arbitration_id, bytes(m.data)) for m in messages if m is not None]
+
+    def write(self, frame: Frame) -> None:
+        self.bus.send(can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False))
+
+    def close(self) -> None:
+        self.bus.shutdown()
+
+
+def open_end(url: str):
+    scheme, rest = url.split("://")
+    address, _, query = rest.partition("?")
+    if scheme == "serial":
+        return SerialEnd(address, int(query.removeprefix("baud=")))
+    if scheme == "socket":
+        host, port = address.split(":")
+        return SocketEnd(host, int(port))
+    interface, _, channel = address.partition("/")
+    return CanEnd(interface, f"/{channel}" if interface == "slcan" else channel, int(query.removeprefix("bitrate=")))
+
+
+class DirectEnd:
+    """No link at all: frames are handed over, and wall time is made of steps."""
+
+    def __init__(self, options: Options, step_s: float = 0.01) -> None:
+        self.device, self.link, _ = assemble(options)
+        self.link.close()
+        self.wall, self.step_s = 100.0, step_s
+        self.device.service(self.wall)
+        self._answers: list[Frame] = []
+
+    def now(self) -> float:
+        return self.wall
+
+    def read(self) -> list[Frame]:
+        self.wall += self.step_s
+        frames = self._answers + self.device.service(self.wall)
+        self._answers = []
+        return frames
+
+    def write(self, frame: Frame) -> None:
+        self._answers += self.device.receive(frame, self.wall)
+
+    def close(self) -> None:
+        pass
+
+
+class Host:
+    def __init__(self, end, now: Callable[[], float] = time.monotonic) -> None:
+        self.end, self.now = end, now
+        self.session = HostSession()
+        self.messages: list[Message] = []
+
+    def poll(self) -> None:
+        for frame in self.session.due(self.now()):
+            self.end.write(frame)
+        frames = self.end.read()
+        self.messages += [message for frame in frames if (message := self.session.receive(frame)) is not None]
+        if not frames and self.now is time.monotonic:
+            time.sleep(0.0005)
+
+    def until(self, done: Callable[[], bool], timeout: float = 20.0) -> None:
+        end = self.now() + timeout
+        while not done():
+            assert self.now() < end, "timed out"
+            self.poll()
+
+    def run_for(self, seconds: float) -> None:
+        end = self.now() + seconds
+        self.until(lambda: self.now() >= end, seconds + 1)
+
+    def do(self, command: Command) -> None:
+        self.end.write(self.session.command(command, self.now()))
+        self.until(lambda: self.session.outcome is not None)
+        assert self.session.outcome is not None
+        if self.session.outcome.error is not None:
+            raise self.session.outcome.error
+
+    def hello(self) -> None:
+        self.end.write(self.session.hello(self.now()))
+        self.until(lambda: self.session.outcome is not None)
+        assert self.session.info is not None, self.session.outcome
+
+    def of(self, kind: type) -> list:
+        return [message for message in self.messages if isinstance(message, kind)]
+
+    def release(self, pose: int = 1, rate_hz: int = 1000, rest: int = 300, swing: int = 2000) -> int:
+        """Hold, rest, release, swing, stop; the release tick."""
+        self.messages.clear()
+        self.do(Hold(pose=pose))
+        assert self.session.info is not None
+        self.run_for(0.0 if self.session.info.simulated_time else 1.2 * PLACING_TIME)
+        self.do(Stream(rate_hz=rate_hz))
+        self.until(lambda: len(self.of(Sample)) >= rest)
+        self.do(Release())
+        tick = next(m.tick for m in self.of(Event) if m.kind is EventKind.RELEASED)
+        self.until(lambda: len(self.of(Sample)) >= tick + swing, 60.0)
+        self.do(Stop())
+        return tick
+
+    def counts(self) -> np.ndarray:
+        """(n, 4) ticks and low words of the counters."""
+        return np.array([(m.tick, m.position0, m.position1, m.position2) for m in self.of(Sample)])
+
+
+class Bench:
+    """Makes hosts and devices and takes them away again."""
+
+    def __init__(self) -> None:
+        self._closers: list[Callable[[], None]] = []
+
+    def direct(self, step_s: float = 0.01, **options) -> Host:
+        end = DirectEnd(Options(clock="realtime", **options), step_s)
+        host = Host(end, end.now)
+        host.hello()
+        return host
+
+    def serve(self, **options) -> str:
+        """Serve a device in a thread; the URL."""
+        device, link, faults = assemble(Options(**options))
+        stop = threading.Event()
+        thread = threading.Thread(target=serve, args=(device, link, faults, stop.is_set))
+        thread.start()
+
+        def end() -> None:
+            stop.set()
+            thread.join(5.0)
+            assert not thread.is_alive()
+
+        self._closers.append(end)
+        self.device, self.thread = device, thread
+        return link.line.url
+
+    def connect(self, url: str) -> Host:
+        host = Host(open_end(url))
+        self._closers.append(host.end.close)
+        return host
+
+    def host(self, **options) -> Host:
+        host = self.connect(self.serve(**options))
+        host.hello()
+        return host
+
+    def close(self) -> None:
+        for closer in reversed(self._closers):
+            closer()
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench()
+    try:
+        yield made
+    finally:
+        made.close()

@@ -1,0 +1,74 @@
+"""Counts: noise that is white, of the size asked for, and the seed's alone; and the hand's."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dpr_lab.rig import Pose
+from sim_device.chance import Stream
+from sim_device.config import Hand
+from sim_device.encoders import BLOCK, Encoders, standard_noise
+from sim_device.hand import Held, placement, release_speed
+
+N = 200_000
+
+
+def test_noise_is_white_and_unit():
+    noise = standard_noise(1, Stream.SWING, 1, 0, N)
+    assert np.abs(noise.mean(axis=0)).max() < 4 / np.sqrt(N)
+    assert np.abs(np.cov(noise.T) - np.eye(3)).max() < 5 * np.sqrt(2 / N)
+    for lag in (1, 2, BLOCK):
+        assert np.abs((noise[lag:] * noise[:-lag]).mean(axis=0)).max() < 5 / np.sqrt(N)
+
+
+def test_streams_releases_and_seeds_share_no_noise():
+    kinds = [(1, Stream.SWING, 1), (1, Stream.REST, 1), (1, Stream.IDLE, 1), (1, Stream.SWING, 2), (2, Stream.SWING, 1)]
+    columns = np.array([standard_noise(*kind, 0, 20_000)[:, 0] for kind in kinds])
+    assert np.abs(np.corrcoef(columns) - np.eye(len(kinds))).max() < 0.04
+
+
+@given(first=st.integers(0, 5 * BLOCK), count=st.integers(0, 3 * BLOCK))
+def test_noise_does_not_depend_on_how_it_is_asked_for(first, count):
+    whole = standard_noise(3, Stream.SWING, 1, 0, 8 * BLOCK)
+    assert np.array_equal(standard_noise(3, Stream.SWING, 1, first, count), whole[first : first + count])
+
+
+@pytest.mark.parametrize("noise_counts", [0.0, 0.5, 3.0])
+def test_counts_scatter_as_noise_and_rounding_make_them(paper, noise_counts):
+    theta = np.tile([0.1234, 2.0, 2.5], (50_000, 1))
+    counts = Encoders(paper, noise_counts, 1).read(theta, Stream.REST, 1, 0)
+    exact = paper.positions(theta[0])
+    expected = 0.0 if noise_counts == 0 else np.sqrt(noise_counts**2 + 1 / 12)
+    assert counts.std(axis=0) == pytest.approx(expected, rel=0.02)
+    assert np.abs(counts.mean(axis=0) - exact).max() < (0.5 if noise_counts == 0 else 0.02)
+
+
+def test_joint_2_is_read_against_the_inner_rod_over_many_turns(paper):
+    turns = np.array([[0.0, np.pi + 6 * np.pi, np.pi + 2 * np.pi]])
+    counts = Encoders(paper, 0.0, 1).read(turns, Stream.SWING, 1, 0)[0]
+    assert counts.tolist() == [0, 3 * 16384, -2 * 16384]
+
+
+def test_the_hand_misses_a_little_and_by_what_it_is_told():
+    hand, pose = Hand(placement_std=0.01, release_speed_std=0.002), Pose(theta1=0.1, theta2=3.0)
+    off = np.array([placement(hand, pose, 1, release) for release in range(1, 4000)]) - pose.theta
+    speeds = np.array([release_speed(hand, 1, release) for release in range(1, 4000)])
+    assert (off[:, 0] == 0).all()
+    assert (speeds[:, 0] == 0).all()
+    assert off[:, 1:].std(axis=0) == pytest.approx(0.01, rel=0.05)
+    assert speeds[:, 1:].std(axis=0) == pytest.approx(0.002, rel=0.05)
+    missed = placement(hand, pose, 1, 1, error=0.3) - placement(hand, pose, 1, 1)
+    assert missed == pytest.approx([0.0, 0.3, 0.3])
+
+
+def test_the_hand_moves_smoothly_and_ends_exactly_there():
+    held = Held(np.array([0.0, np.pi, np.pi]), np.array([0.0, 0.1, 3.0]), begins=2.0, takes=0.5)
+    t = np.linspace(1.9, 2.5, 601)
+    theta = held.theta(t)
+    assert np.array_equal(theta[0], held.start)
+    assert np.allclose(theta[-1], held.target, rtol=0, atol=1e-12)
+    assert np.array_equal(held.theta(np.array([2.5, 9.0])), [held.target] * 2)
+    speed = np.gradient(theta[:, 1], t)
+    assert np.abs(speed[[0, -1]]).max() < 0.01
+    assert np.abs(speed).max() == pytest.approx(1.875 * (np.pi - 0.1) / 0.5, rel=1e-3)

@@ -1,0 +1,169 @@
+"""The hidden truth against an integrator and an equation of motion that share no code with it."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import PARAMETERS
+from sim_device.config import Arm, PlantConfig, drawn, find_plant, load_plant
+from sim_device.plant import Plant, Swing
+
+T = np.arange(2001) / 1000
+REST = np.zeros(3)
+
+
+def rods_at(theta1: float, theta2: float) -> np.ndarray:
+    return np.array([0.0, theta1, theta2])
+
+
+def equation_1(config: PlantConfig, L1: float, g: float):
+    """Right-hand side of equation (1), written out of the matrices, with dry friction."""
+    p = config.parameters
+    carried = p["m2"] + p["mb"]
+    a, b = p["J1"] + p["m1"] * p["l1"] ** 2 + carried * L1**2, p["J2"] + p["m2"] * p["l2"] ** 2
+    d, e1, e2 = p["m2"] * L1 * p["l2"], (p["m1"] * p["l1"] + carried * L1) * g, p["m2"] * p["l2"] * g
+    dry1, dry2 = (config.effects.get(f"coulomb_joint{j}", {}).get("torque_Nm", 0.0) for j in (1, 2))
+
+    def slope(t, x):
+        theta, omega = x[:2], x[2:]
+        difference, relative = theta[0] - theta[1], omega[1] - omega[0]
+        mass = np.array([[a, d * np.cos(difference)], [d * np.cos(difference), b]])
+        joint2 = p["c2"] * relative + dry2 * np.tanh(relative / 0.02)
+        torque = np.array([e1, e2]) * np.sin(theta)
+        torque += d * np.sin(difference) * np.array([-(omega[1] ** 2), omega[0] ** 2])
+        torque += [-p["c1"] * omega[0] - dry1 * np.tanh(omega[0] / 0.02) + joint2, -joint2]
+        return np.concatenate([omega, np.linalg.solve(mass, torque)])
+
+    return slope
+
+
+def independent(config: PlantConfig, rig, start: np.ndarray) -> np.ndarray:
+    solution = solve_ivp(
+        equation_1(config, rig.rig.L1, rig.rig.g),
+        (0.0, T[-1]),
+        [start[1], start[2], 0.0, 0.0],
+        method="DOP853",
+        t_eval=T,
+        rtol=1e-13,
+        atol=1e-13,
+    )
+    return solution.y[:2].T
+
+
+@pytest.mark.parametrize("name", ["paper", "dry"])
+@pytest.mark.parametrize("start", [rods_at(np.pi, 0.1), rods_at(0.1, 0.1), rods_at(0.1, np.pi)])
+def test_a_swing_is_that_of_an_independent_integrator(paper, name, start):
+    config = load_plant(name)
+    swing = Swing(Plant(config, paper), start, REST, 1000.0).theta(0, len(T))
+    assert np.abs(swing[:, 1:] - independent(config, paper, start)).max() < 1e-9
+
+
+def test_every_reading_of_a_swing_gives_the_same_bits(paper):
+    plant, start = Plant(load_plant("paper"), paper), rods_at(0.1, 0.1)
+    whole = Swing(plant, start, REST, 1000.0).theta(0, 3500)
+    pieces = Swing(plant, start, REST, 1000.0)
+    read, tick = [], 0
+    for count in [1, 2, 997, 1, 999, 3, 1400, 97]:
+        read.append(pieces.theta(tick, count))
+        tick += count
+    assert np.array_equal(np.concatenate(read), whole)
+    assert np.array_equal(Swing(plant, start, REST, 1000.0).theta(3400, 100), whole[3400:])
+
+
+def test_a_swing_is_read_forwards_only(paper):
+    swing = Swing(Plant(load_plant("paper"), paper), rods_at(0.1, 0.1), REST, 1000.0)
+    swing.theta(5000, 1)
+    with pytest.raises(ValueError, match="not back to 3"):
+        swing.theta(3, 1)
+
+
+def test_the_arm_moves_when_free_and_not_when_clamped(paper):
+    start = rods_at(0.1, 0.1)
+    clamped = Plant(load_plant("paper"), paper).swing(start, REST, T)
+    free = Plant(load_plant("arm"), paper).swing(start, REST, T)
+    assert (clamped[:, [0, 3]] == 0).all()
+    assert 1e-3 < np.abs(free[:, 0]).max() < 0.1
+
+
+def test_a_stiffer_arm_swings_more_like_a_clamped_one(paper):
+    config, start = load_plant("arm"), rods_at(np.pi, 0.1)
+    clamped = Plant(config.model_copy(update={"arm": Arm()}), paper).swing(start, REST, T)
+
+    def away(k0: float) -> float:
+        arm = config.arm.model_copy(update={"k0": k0})
+        return np.abs(Plant(config.model_copy(update={"arm": arm}), paper).swing(start, REST, T) - clamped)[:, :3].max()
+
+    assert away(4e4) < 0.1 * away(400.0)
+
+
+@pytest.mark.parametrize("name", ["paper", "dry", "arm"])
+def test_the_built_in_truth_lies_within_the_paper_rig_s_bounds_and_off_its_grid(paper, name):
+    lower, upper = paper.bounds
+    place = (load_plant(name).Z - lower) / (upper - lower)
+    assert ((place > 0) & (place < 1)).all()
+    assert np.abs(place - 0.5).max() > 0.05
+    assert (np.abs(10 * place - np.rint(10 * place)) > 1e-3).all()
+
+
+def test_a_drawn_truth_is_the_seed_s_and_stays_findable(paper):
+    truths = [drawn(load_plant("paper", seed), paper) for seed in range(40)]
+    Z = np.array([truth.Z for truth in truths])
+    assert np.array_equal(Z[3], drawn(load_plant("paper", 3), paper).Z)
+    assert (Z >= paper.bounds[0]).all()
+    assert (Z <= paper.bounds[1]).all()
+    assert (np.abs(Z / load_plant("paper").Z - 1) <= 0.15 + 1e-12).all()
+    assert (Z.std(axis=0) > 0.03 * load_plant("paper").Z).all()
+
+
+def test_a_measured_parameter_is_not_drawn(paper):
+    measured = paper.parameters["m1"].model_copy(update={"measured": 0.1, "std": 0.001})
+    rig = paper.model_copy(update={"parameters": {**paper.parameters, "m1": measured}})
+    assert drawn(load_plant("paper"), rig).parameters["m1"] == load_plant("paper").parameters["m1"]
+
+
+def test_a_plant_of_another_rig_cannot_be_drawn(paper):
+    config = load_plant("paper")
+    heavy = config.model_copy(update={"parameters": {**config.parameters, "m1": 5.0}})
+    with pytest.raises(ConfigError, match="m1 more than 15%"):
+        drawn(heavy, paper)
+
+
+def test_the_truth_revealed_is_the_truth(paper):
+    config = load_plant("dry")
+    told = Plant(config, paper).reveal()
+    p, L1, g = config.parameters, paper.rig.L1, paper.rig.g
+    b = p["J2"] + p["m2"] * p["l2"] ** 2
+    assert told["parameters"] == config.parameters
+    assert told["effects"] == {name: dict(values) for name, values in config.effects.items()}
+    assert told["ratios"]["d/b"] == pytest.approx(p["m2"] * L1 * p["l2"] / b)
+    assert told["ratios"]["e1/b"] == pytest.approx((p["m1"] * p["l1"] + (p["m2"] + p["mb"]) * L1) * g / b)
+    assert told["ratios"]["c2/b"] == pytest.approx(p["c2"] / b)
+
+
+def test_an_effect_there_is_not_is_named(paper):
+    config = load_plant("paper").model_copy(update={"effects": {"magnetism": {"torque_Nm": 1.0}}})
+    with pytest.raises(ConfigError, match="plant paper: effects: no effect 'magnetism'"):
+        Plant(config, paper)
+
+
+def test_a_plant_file_s_faults_are_named(tmp_path):
+    file = tmp_path / "mine.toml"
+    text = find_plant("paper").read_text(encoding="utf-8")
+    file.write_text(text.replace("noise_counts", "noise").replace('mode = "clamped"', 'mode = "loose"'))
+    with pytest.raises(ConfigError) as caught:
+        load_plant(file)
+    assert "encoders.noise = 0.5: unknown key" in str(caught.value)
+    assert "arm.mode = 'loose'" in str(caught.value)
+    file.write_text(text.replace("mb =", "m3 ="))
+    with pytest.raises(ConfigError, match="missing: mb; unknown: m3"):
+        load_plant(file)
+
+
+def test_an_unknown_plant_is_named_with_those_there_are():
+    with pytest.raises(ConfigError, match=r"nothing: no such file.*arm, dry, paper"):
+        load_plant("nothing")
+
+
+def test_parameters_are_in_the_rig_s_order():
+    assert dict(zip(PARAMETERS, load_plant("paper").Z, strict=True)) == load_plant("paper").parameters
