@@ -70,7 +70,7 @@ def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
     """
     evidence = gather(run, rig)
     r, L1, g = model.ratio_values, model.rig.L1, model.rig.g
-    whiteners = [evidence.whitener]
+    whiteners = [evidence.noise.whitening]
     fit = fit_segments(r, cut(0, evidence.run, evidence.states, SEGMENT_S), whiteners, L1, g, hold_ratios=True)
     t, measured = evidence.run.t, evidence.run.theta[:, 1:]
     states, sensitivity = swing_sensitivity(r, L1, g, fit.segments[0].start, t)

@@ -51,7 +51,7 @@ def segment_objective(evidence: Sequence[Evidence], rig: Rig) -> Objective:
         groups = [group for group in np.split(kept, edges[1:]) if len(group) > 1]
         swings = laid_end_to_end([item.run.t[group] for group in groups], item.states[[g[0] for g in groups]], STEP)
         targets = item.run.theta[np.concatenate(groups), 1:]
-        parts.append((swings, targets, item.whitener))
+        parts.append((swings, targets, item.noise.whitening))
 
     def errors(candidates: NDArray[np.float64]) -> NDArray[np.float64]:
         lanes = rows(base_parameters(candidates, rig.rig.L1, rig.rig.g), rig.rig.L1, rig.rig.g)

@@ -15,7 +15,7 @@ settings.load_profile("repeatable")
 os.environ.setdefault("MPLBACKEND", "agg")
 
 
-@pytest.fixture()
+@pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20261121)
 

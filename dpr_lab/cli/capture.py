@@ -51,7 +51,13 @@ def capture(
     url = link or described.link.url
     captured, device = record(url, described, poses, options, out, ask=not yes and sys.stdin.isatty())
     if as_json:
-        emit({"link": url, "device": device, "runs": [_record(run) for run in captured]})
+        emit(
+            {
+                "link": url,
+                "device": device,
+                "runs": [_record(run) for run in captured],
+            }
+        )
     else:
         for run in captured:
             print(run.run_file)
@@ -124,14 +130,13 @@ def _angles(theta: Any) -> str:
 
 
 def _record(captured: "Captured") -> dict[str, Any]:
-    run = captured.run
-    return {
-        "file": str(captured.run_file),
-        "pose": run.pose,
+    from dataclasses import asdict
+
+    from dpr_lab.storage.inspect import info
+
+    kept = asdict(info(captured.run_file))
+    told = ("file", "pose", "samples", "duration_s", "release_tick", "lost", "pose_measured_rad", "sha256")
+    return {name: kept[name] for name in told} | {
         "ok": captured.verdict.ok,
         "verdict": captured.verdict.to_json(),
-        "samples": len(run.t),
-        "duration_s": run.duration,
-        "lost": dict(run.lost),
-        "pose_measured_rad": list(captured.pose_measured),
     }

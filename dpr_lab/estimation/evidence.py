@@ -20,14 +20,8 @@ class Evidence:
     states: NDArray[np.float64]
     """(n, 4) smoothed theta1, theta2, omega1, omega2 at each sample, rad and rad/s."""
 
-    @property
-    def whitener(self) -> NDArray[np.float64]:
-        """(2, 2) W with W cov W^T = I for the noise of (theta1, theta2)."""
-        return np.linalg.inv(np.linalg.cholesky(self.noise.covariance))
-
 
 def gather(run: Run, rig: Rig) -> Evidence:
     """Measure a run's noise and estimate its velocities (Kalman filter and RTS smoother)."""
     noise = noise_floor(run, rig)
-    smoothed = smooth(run.swing, noise)
-    return Evidence(run.swing, noise, np.hstack([smoothed.theta, smoothed.omega]))
+    return Evidence(run.swing, noise, smooth(run.swing, noise).states)

@@ -122,6 +122,21 @@ def fit_segments(
     return _result(ratios, current, linear, iteration, converged)
 
 
+def information(
+    ratios: NDArray[np.float64],
+    segments: Sequence[Segment],
+    whiteners: Sequence[NDArray[np.float64]],
+    L1: float,
+    g: float,
+) -> NDArray[np.float64]:
+    """(5, 5) Fisher information that segments hold of the ratios, start states eliminated; arguments of `fit_segments`."""
+    H = np.zeros((5, 5))
+    for part in _linearise(ratios, segments, whiteners, L1, g):
+        A, _ = part.projected()
+        H += A.T @ A
+    return H
+
+
 def grow(fit: SegmentFit, whiteners: Sequence[NDArray[np.float64]], L1: float, g: float) -> SegmentFit:
     """Lengthen the segments while the model still follows: longer segments carry more information.
 
@@ -180,7 +195,7 @@ def _linearise(
 
 
 def _cost(linear: Sequence[_Linear]) -> float:
-    return float(sum(part.residual @ part.residual for part in linear))
+    return float(sum(np.sum(part.residual**2) for part in linear))
 
 
 def _ratio_step(ratios: NDArray[np.float64], linear: Sequence[_Linear], damping: float) -> NDArray[np.float64]:

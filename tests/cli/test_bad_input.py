@@ -1,0 +1,181 @@
+"""Bad input is answered with a sentence that says where and what to do, and with the exit code of the help."""
+
+import os
+import pty
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+RIG = Path(__file__).parents[2] / "configs" / "rigs" / "paper.toml"
+GOOD = "t_s,theta1_rad,theta2_rad\n" + "".join(f"{k * 0.005},{3.1 + 0.1 * np.cos(k / 30)},{3.2}\n" for k in range(400))
+
+
+def changed_rig(tmp_path: Path, old: str, new: str) -> Path:
+    path = tmp_path / "rig.toml"
+    text = RIG.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+def capture(cli, link: str, tmp_path: Path, rig: object = "paper"):
+    return cli("capture", "--rig", rig, "--link", link, "--pose", "X1", "--out", tmp_path / "runs")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("lower = 0.16", "lower = 0.3", "bounds are reversed"),
+        ('name = "paper"', 'name = "paper"\ncolour = "red"', "unknown key"),
+        ("nominal = 0.2\n", "", "is missing"),
+        ("counts_per_rev = [16384, 16384, 16384]", 'counts_per_rev = ["many", 16384, 16384]', "counts_per_rev"),
+        ("g = 9.81", "g = -9.81", "g = -9.81"),
+        ("[rig]", "[rig", "not valid TOML"),
+        ("lower = 0.16\nupper = 0.24", "measured = 0.2", "std"),
+    ],
+)
+def test_a_wrong_rig_file_names_file_key_and_value(tmp_path: Path, cli, old: str, new: str, said: str) -> None:
+    rig = changed_rig(tmp_path, old, new)
+    done = capture(cli, "sim://", tmp_path, rig)
+    assert done.code == 3
+    assert said in done.err
+    assert str(rig) in done.err
+    assert "Traceback" not in done.err
+
+
+def test_no_such_rig_lists_those_there_are(tmp_path: Path, cli) -> None:
+    done = capture(cli, "sim://", tmp_path, "nonesuch")
+    assert done.code == 3
+    assert "paper" in done.err
+
+
+def test_no_such_port(tmp_path: Path, cli) -> None:
+    done = capture(cli, "serial:///dev/nonesuch0", tmp_path)
+    assert done.code == 4
+    assert "nonesuch0" in done.err
+    assert not list(tmp_path.rglob("*.mcap"))
+
+
+@pytest.mark.parametrize("link", ["smoke://signal", "sim://?colour=red", "can://nonesuch/can0", "serial://"])
+def test_a_wrong_link_says_what_to_write(tmp_path: Path, cli, link: str) -> None:
+    done = capture(cli, link, tmp_path)
+    assert done.code == 4
+    assert "Traceback" not in done.err
+
+
+def test_nothing_answers_on_the_port(tmp_path: Path, cli) -> None:
+    master, slave = pty.openpty()
+    try:
+        done = capture(cli, f"serial://{os.ttyname(slave)}", tmp_path)
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert done.code == 4
+    assert "no DPR device answered" in done.err
+
+
+def test_a_rate_the_link_cannot_carry_is_refused_with_the_arithmetic(tmp_path: Path, cli) -> None:
+    done = capture(cli, "sim://?clock=fast&baud=115200", tmp_path)
+    assert done.code == 4
+    assert "115200" in done.err
+    assert "1000 Hz" in done.err
+
+
+def test_a_pulled_cable_keeps_the_partial_file(tmp_path: Path, cli) -> None:
+    done = capture(cli, "sim://?clock=realtime&fault=cut_after_s=4", tmp_path)
+    assert done.code == 7, done.err
+    (file,) = tmp_path.rglob("*.mcap")
+    assert str(file) in done.err
+    info = cli("run", "info", file, "--json").json
+    assert info["complete"] is False
+    assert info["samples"] > 500
+    recovered = tmp_path / "whole.mcap"
+    assert cli("run", "recover", file, "--out", recovered).code == 0
+    assert cli("run", "info", recovered, "--json").json["samples"] == info["samples"]
+    assert cli("run", "verify", recovered).code == 0
+
+
+def test_no_such_pose(tmp_path: Path, cli) -> None:
+    done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast", "--pose", "X9", "--out", tmp_path)
+    assert done.code == 3
+    assert "X1" in done.err
+
+
+def imported(cli, tmp_path: Path, text: str | bytes, *options: str):
+    table = tmp_path / "table.csv"
+    table.write_bytes(text.encode() if isinstance(text, str) else text)
+    return cli("import", "csv", table, "--rig", "paper", *options, "--out", tmp_path / "runs")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", "table.csv"),
+        ("", "table.csv"),
+        ("t_s,theta1_rad,theta2_rad\n", "table.csv"),
+        ("t_s,theta1_rad\n0,1\n1,2\n", "theta2"),
+        (GOOD.replace("1.0,", "0.2,"), "line"),
+        ("t_s,theta1_rad,theta2_rad\n" + "0.1,nan,nan\n" * 50, "table.csv"),
+    ],
+    ids=["not a CSV", "empty", "zero length", "one axis missing", "time going backwards", "NaN rows"],
+)
+def test_a_wrong_table_is_refused_with_a_sentence(tmp_path: Path, cli, text: str | bytes, said: str) -> None:
+    done = imported(cli, tmp_path, text)
+    assert done.code == 3
+    assert said in done.err
+    assert "Traceback" not in done.err
+    assert not list(tmp_path.rglob("*.mcap"))
+
+
+def test_a_doubled_row_is_left_out_and_reported(tmp_path: Path, cli) -> None:
+    lines = GOOD.splitlines(keepends=True)
+    done = imported(cli, tmp_path, "".join([*lines[:50], lines[49], *lines[50:]]))
+    assert done.code == 0
+    assert "399" in done.out or "400" in done.out
+    assert "1" in done.err
+
+
+def test_a_run_of_another_rig_is_refused(tmp_path: Path, runs: list[Path], cli) -> None:
+    rig = changed_rig(tmp_path, 'name = "paper"', 'name = "other"')
+    done = cli("identify", *runs, "--rig", rig, "--out", tmp_path / "m.json")
+    assert done.code == 3
+    assert "other" in done.err
+    assert "paper" in done.err
+
+
+@pytest.mark.parametrize("content", ["", "{}", "[1, 2]", "\x00\x01", '{"rig": 3}'])
+def test_a_file_that_is_no_model_is_refused(tmp_path: Path, runs: list[Path], cli, content: str) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(content)
+    done = cli("compare", runs[0], "--model", path, "--out", tmp_path)
+    assert done.code == 3
+    assert str(path) in done.err
+    assert "Traceback" not in done.err
+
+
+def test_a_file_that_is_no_run_is_refused(tmp_path: Path, cli) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_text("hello")
+    for words in (("identify", path, "--rig", "paper"), ("run", "info", path), ("run", "verify", path)):
+        done = cli(*words)
+        assert done.code == 3
+        assert "Traceback" not in done.err
+
+
+def test_an_error_with_json_is_an_object_too(tmp_path: Path, cli) -> None:
+    done = cli("capture", "--rig", "nonesuch", "--json")
+    assert done.json["exit_code"] == done.code == 3
+    assert "nonesuch" in done.json["error"]
+
+
+def test_unknown_names_list_the_known_ones(tmp_path: Path, runs: list[Path], cli) -> None:
+    for option, known in (("--objective", "segments"), ("--search", "iga")):
+        done = cli("identify", runs[0], "--rig", "paper", option, "nonesuch", "--out", tmp_path / "m.json")
+        assert done.code == 3
+        assert known in done.err
+
+
+def test_wrong_usage_is_two(cli) -> None:
+    assert cli("identify").code == 2
+    assert cli("nonesuch").code == 2

@@ -1,0 +1,142 @@
+"""From cable to curve, as a user walks it."""
+
+import json
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.rig import PARAMETERS
+from dpr_lab.storage.reader import load_run
+
+RATIO_KEYS = {"value", "std", "interval90"}
+
+
+def plant_ratios(seed: int) -> dict[str, float]:
+    done = subprocess.run(
+        [sys.executable, "-m", "sim_device", "--plant", "paper", "--seed", str(seed), "--reveal"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(done.stdout)["ratios"]
+
+
+def test_capture_says_what_it_recorded(runs: list[Path], cli) -> None:
+    for file, pose in zip(runs, ("X1", "X2", "X3"), strict=True):
+        info = cli("run", "info", file, "--json").json
+        assert info["pose"] == pose
+        assert info["complete"] is True
+        assert info["duration_s"] == pytest.approx(10.0, abs=0.02)
+        assert info["samples"] >= 10_000
+        assert set(info["lost"]) == {"device_overrun", "crc", "framing", "tick_gap"}
+        assert sum(info["lost"].values()) == 0
+        assert cli("run", "verify", file).code == 0
+
+
+def test_identify_finds_the_plant_within_its_own_uncertainty(model: Path) -> None:
+    found = json.loads(model.read_text())
+    assert list(found["ratios"]) == list(RATIOS)
+    for name, true in plant_ratios(3).items():
+        ratio = found["ratios"][name]
+        assert set(ratio) == RATIO_KEYS
+        assert abs(ratio["value"] - true) < 4 * ratio["std"]
+        assert ratio["interval90"][0] < ratio["value"] < ratio["interval90"][1]
+        assert ratio["std"] < 1e-3 * ratio["value"]
+
+
+def test_identify_json_carries_what_other_tools_rely_on(model: Path, runs: list[Path]) -> None:
+    found = json.loads(model.read_text())
+    assert list(found["parameters"]) == list(PARAMETERS)
+    assert all(p["fixed_by"] in ("data", "measured", "bound") for p in found["parameters"].values())
+    assert set(found["fit"]["rms_rad"]) == set(found["fit"]["noise_rad"]) == {"theta1", "theta2"}
+    assert found["fit"]["segments"] >= 3
+    assert {"evaluations", "seconds", "seed"} <= set(found["search"])
+    assert [Path(run["file"]) for run in found["runs"]] == runs
+    assert all(re.fullmatch("[0-9a-f]{64}", run["sha256"]) for run in found["runs"])
+
+
+def test_same_seed_same_answer_whatever_the_number_of_threads(
+    runs: list[Path], model: Path, tmp_path: Path, cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
+    done = cli("identify", *runs, "--rig", "paper", "--out", tmp_path / "one.json", "--json")
+    one, many = done.json, json.loads(model.read_text())
+    assert one["ratios"] == many["ratios"]
+    assert one["search"]["best"] == many["search"]["best"]
+
+
+def test_two_of_the_three_poses_are_enough(runs: list[Path], tmp_path: Path, cli) -> None:
+    done = cli("identify", *runs[:2], "--rig", "paper", "--out", tmp_path / "two.json", "--json")
+    assert done.code == 0, done.err
+    for name, true in plant_ratios(3).items():
+        assert abs(done.json["ratios"][name]["value"] - true) < 4 * done.json["ratios"][name]["std"]
+
+
+def test_compare_draws_the_papers_figures_and_a_page_without_a_network(
+    runs: list[Path], model: Path, tmp_path: Path, cli
+) -> None:
+    done = cli("compare", *runs, "--model", model, "--out", tmp_path, "--json")
+    assert done.code == 0, done.err
+    assert set(done.json["figures"]) == {"response", "error", "evolution"}
+    for figure in done.json["figures"].values():
+        assert Path(figure).read_bytes().startswith(b"\x89PNG")
+    page = Path(done.json["report"]).read_text()
+    HTMLParser().feed(page)
+    assert not re.search(r"""(src|href)=["']?https?:""", page)
+    for run in done.json["runs"]:
+        assert run["held_out"] is False
+        for axis in ("theta1", "theta2"):
+            assert run["segment_rms_rad"][axis] == pytest.approx(run["noise_rad"][axis], rel=0.1)
+
+
+def test_a_run_the_model_never_saw_is_held_out_and_predicted(runs: list[Path], tmp_path: Path, cli) -> None:
+    assert cli("identify", *runs[:2], "--rig", "paper", "--out", tmp_path / "m.json").code == 0
+    done = cli("compare", runs[2], "--model", tmp_path / "m.json", "--out", tmp_path, "--json")
+    (compared,) = done.json["runs"]
+    assert compared["held_out"] is True
+    assert compared["segment_rms_rad"]["theta2"] == pytest.approx(compared["noise_rad"]["theta2"], rel=0.1)
+
+
+def swing_counts(file: Path) -> NDArray[np.int64]:
+    counts = load_run(file).swing.counts
+    assert counts is not None
+    return counts
+
+
+@pytest.mark.slow
+def test_serial_and_can_carry_the_same_counts(runs: list[Path], tmp_path: Path, cli) -> None:
+    link = "sim://?clock=fast&seed=3&bus=can"
+    done = cli("capture", "--rig", "paper", "--link", link, "--pose", "X1", "--out", tmp_path, "--json")
+    assert done.code == 0, done.err
+    over_can, over_serial = swing_counts(Path(done.json["runs"][0]["file"])), swing_counts(runs[0])
+    both = min(len(over_can), len(over_serial))
+    assert both >= 10_000
+    assert np.array_equal(over_can[:both], over_serial[:both])
+
+
+@pytest.mark.slow
+def test_demo_goes_the_whole_way_and_ends_near_the_plant(tmp_path: Path, cli) -> None:
+    done = cli("demo", "--out", tmp_path, "--seed", 5, "--json")
+    assert done.code == 0, done.err
+    assert max(abs(z) for z in done.json["deviations_std"].values()) < 3
+    assert Path(done.json["report"]).is_file()
+
+
+@pytest.mark.slow
+def test_paper_objective_reaches_the_noise_floor_too(runs: list[Path], tmp_path: Path, cli) -> None:
+    settings = tmp_path / "short.toml"
+    settings.write_text('algorithm = "iga"\ngenerations = 10\npopulation = 40\n')
+    done = cli(
+        "identify", runs[0], "--rig", "paper", "--objective", "paper", "--settings", settings,
+        "--out", tmp_path / "m.json", "--json",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    assert done.json["search"]["objective"] == "paper"
+    assert done.json["fit"]["chi2_per_dof"] < 1.3

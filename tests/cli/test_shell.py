@@ -1,0 +1,134 @@
+"""The shell itself: help, import hygiene, doctor, export, interruption."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+COMMANDS = [
+    (),
+    ("demo",),
+    ("capture",),
+    ("identify",),
+    ("compare",),
+    ("doctor",),
+    ("import", "csv"),
+    ("run", "info"),
+    ("run", "verify"),
+    ("run", "recover"),
+    ("run", "export"),
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_every_help_has_an_example(cli, command: tuple[str, ...]) -> None:
+    done = cli(*command, "--help")
+    assert done.code == 0
+    assert "Example:" in done.out
+
+
+def test_the_help_names_every_exit_code(cli) -> None:
+    text = cli("--help").out
+    for code in ("0 ok", "2 usage", "3 ", "4 ", "5 ", "6 ", "7 ", "8 ", "130 "):
+        assert code in text
+
+
+def test_help_imports_nothing_heavy() -> None:
+    program = (
+        "import sys\nfrom dpr_lab.cli.app import app\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'filterpy', 'matplotlib', 'cantools', 'can', 'serial', 'textual',"
+        " 'pydantic', 'mcap'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_lab_never_loads_the_simulated_device() -> None:
+    program = (
+        "import sys\nimport dpr_lab.identify, dpr_lab.capture, dpr_lab.compare, dpr_lab.transports.simulated\n"
+        "import dpr_lab.report.html, dpr_lab.cli.app\n"
+        "print([name for name in sys.modules if name.startswith(('sim_device', 'textual'))])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_doctor_greets_a_device(cli) -> None:
+    done = cli("doctor", "--link", "sim://?clock=fast", "--rig", "paper", "--json")
+    found = {finding["what"]: finding for finding in done.json["findings"]}
+    assert found["device"]["state"] == found["rig"]["state"] == "ok"
+    assert found["numba"]["state"] == "ok"
+
+
+def test_doctor_says_what_is_wrong_with_a_link(cli) -> None:
+    done = cli("doctor", "--link", "serial:///dev/nonesuch0", "--json")
+    assert done.code == 4
+    assert done.json["ok"] is False
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".h5", ".mat"])
+def test_export_by_suffix(runs: list[Path], tmp_path: Path, cli, suffix: str) -> None:
+    out = tmp_path / f"run{suffix}"
+    assert cli("run", "export", runs[0], "--out", out).code == 0
+    assert out.stat().st_size > 100_000
+
+
+def test_an_exported_table_comes_back_as_the_same_run(runs: list[Path], tmp_path: Path, cli) -> None:
+    from dpr_lab.storage.reader import load_run
+
+    table = tmp_path / "run.csv"
+    assert cli("run", "export", runs[0], "--out", table).code == 0
+    assert cli("import", "csv", table, "--rig", "paper", "--pose", "X1", "--out", tmp_path).code == 0
+    back, original = load_run(tmp_path / "run.mcap"), load_run(runs[0])
+    assert np.abs(back.theta - original.theta).max() < 1e-6
+    assert np.abs(np.diff(back.t) - np.diff(original.t)).max() < 1e-6
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_capture_finalises_its_file(tmp_path: Path, cli, number: signal.Signals) -> None:
+    words = ["capture", "--rig", "paper", "--link", "sim://?clock=realtime", "--pose", "X1", "--out", str(tmp_path)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dpr_lab", *words], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 60
+    while not (files := list(tmp_path.glob("*.mcap"))) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(1.0)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 130, said
+    info = cli("run", "info", files[0], "--json").json
+    assert info["complete"] is False
+    assert info["damage"] == ""
+    assert info["samples"] > 300
+
+
+def test_on_a_terminal_nothing_is_released_before_enter(tmp_path: Path) -> None:
+    master, slave = pty.openpty()
+    words = ["capture", "--rig", "paper", "--link", "sim://?clock=fast", "--pose", "X1", "--duration", "1"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dpr_lab", *words, "--out", str(tmp_path)],
+        stdin=slave,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    for line in process.stderr:
+        if "press Enter" in line:
+            break
+    time.sleep(1.0)
+    assert not list(tmp_path.glob("*.mcap"))
+    os.write(master, b"\n")
+    out, err = process.communicate(timeout=60)
+    os.close(master)
+    os.close(slave)
+    assert process.returncode == 0, err
+    assert out.strip().endswith(".mcap")
