@@ -1,1 +1,1 @@
-"""."""
+"""What a recording says: noise, velocities, parameters and their uncertainty."""

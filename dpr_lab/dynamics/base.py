@@ -1,0 +1,144 @@
+r"""Base parameters: the few combinations of the nine parameters that a free swing can feel.
+
+    a  = J1 + m1 l1^2 + (m2 + mb) L1^2        b  = J2 + m2 l2^2        d = m2 L1 l2
+    e1 = (m1 l1 + (m2 + mb) L1) g             e2 = m2 l2 g = d g / L1
+
+Equation (1) is homogeneous in a, b, d, e1, e2, c1, c2, so that a swing under no outside torque fixes only the five
+ratios to b.
+
+Nine parameters Z are in the order of `dpr_lab.rig.PARAMETERS`, SI.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dpr_lab.rig import AddedMass
+
+BASE = ("a", "b", "d", "e1", "c1", "c2")
+"""Order of base parameters: kg m^2, kg m^2, kg m^2, N m, N m s, N m s."""
+
+RATIOS = ("a/b", "d/b", "e1/b", "c1/b", "c2/b")
+"""Order of the ratios: 1, 1, 1/s^2, 1/s, 1/s."""
+
+_B = BASE.index("b")
+_OTHERS = [0, 2, 3, 4, 5]
+
+
+def base_parameters(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
+    """Base parameters of the nine.
+
+    Args:
+        Z: (..., 9) parameters, SI
+        L1: length of the inner rod, m
+        g: gravity, m/s^2
+
+    Returns:
+        (..., 6) in the order of `BASE`
+    """
+    l1, l2, m1, m2, mb, c1, c2, J1, J2 = np.moveaxis(np.asarray(Z, dtype=np.float64), -1, 0)
+    carried = m2 + mb
+    return np.stack(
+        [
+            J1 + m1 * l1**2 + carried * L1**2,
+            J2 + m2 * l2**2,
+            m2 * L1 * l2,
+            (m1 * l1 + carried * L1) * g,
+            c1,
+            c2,
+        ],
+        axis=-1,
+    )
+
+
+def loaded(Z: ArrayLike, added: AddedMass) -> NDArray[np.float64]:
+    """(9,) parameters of the rig with a known mass clamped on: its rod is heavier, balanced elsewhere, harder to turn.
+
+    m' = m + ma,    m' l' = m l + ma r,    J' + m' l'^2 = J + m l^2 + ma r^2
+    """
+    l1, l2, m1, m2, mb, c1, c2, J1, J2 = np.asarray(Z, dtype=np.float64)
+    if added.rod == "inner":
+        l1, m1, J1 = _joined(l1, m1, J1, added)
+    else:
+        l2, m2, J2 = _joined(l2, m2, J2, added)
+    return np.array([l1, l2, m1, m2, mb, c1, c2, J1, J2])
+
+
+def _joined(length: float, mass: float, inertia: float, added: AddedMass) -> tuple[float, float, float]:
+    whole = mass + added.mass
+    centroid = (mass * length + added.mass * added.position) / whole
+    about_pivot = inertia + mass * length**2 + added.mass * added.position**2
+    return centroid, whole, about_pivot - whole * centroid**2
+
+
+def added_base(added: AddedMass | None, L1: float, g: float) -> NDArray[np.float64]:
+    """(6,) what a known mass adds to the base parameters, SI; zeros without one."""
+    if added is None:
+        return np.zeros(len(BASE))
+    m, r = added.mass, added.position
+    if added.rod == "inner":
+        return np.array([m * r**2, 0.0, 0.0, m * r * g, 0.0, 0.0])
+    return np.array([m * L1**2, m * r**2, m * L1 * r, m * L1 * g, 0.0, 0.0])
+
+
+def ratios(base: ArrayLike) -> NDArray[np.float64]:
+    """(..., 5) the ratios of (..., 6) base parameters, in the order of `RATIOS`."""
+    base = np.asarray(base, dtype=np.float64)
+    return base[..., _OTHERS] / base[..., _B, None]
+
+
+def base_from_ratios(ratios: ArrayLike) -> NDArray[np.float64]:
+    """(..., 6) base parameters with b = 1 of (..., 5) ratios: they swing alike."""
+    return np.insert(np.asarray(ratios, dtype=np.float64), _B, 1.0, axis=-1)
+
+
+def rows(base: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
+    """What the batch kernel reads of each candidate: b, d, e1, e2, c1, c2, each over a.
+
+    Args:
+        base: (..., 6) base parameters, at any scale
+        L1: length of the inner rod, m
+        g: gravity, m/s^2
+
+    Returns:
+        (..., 6)
+    """
+    a, b, d, e1, c1, c2 = np.moveaxis(np.asarray(base, dtype=np.float64), -1, 0)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return np.stack([b, d, e1, d * g / L1, c1, c2], axis=-1) / a[..., None]
+
+
+def base_jacobian(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
+    """(6, 9) derivative of `base_parameters` with respect to the nine parameters, SI."""
+    l1, l2, m1, m2, *_ = np.asarray(Z, dtype=np.float64)
+    zero = 0.0
+    return np.array(
+        [
+            # l1         l2           m1       m2       mb       c1   c2   J1   J2
+            [2 * m1 * l1, zero, l1**2, L1**2, L1**2, zero, zero, 1.0, zero],
+            [zero, 2 * m2 * l2, zero, l2**2, zero, zero, zero, zero, 1.0],
+            [zero, m2 * L1, zero, L1 * l2, zero, zero, zero, zero, zero],
+            [m1 * g, zero, l1 * g, L1 * g, L1 * g, zero, zero, zero, zero],
+            [zero, zero, zero, zero, zero, 1.0, zero, zero, zero],
+            [zero, zero, zero, zero, zero, zero, 1.0, zero, zero],
+        ]
+    )
+
+
+def ratio_jacobian(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
+    """Derivative of the ratios with respect to the nine parameters.
+
+    Args:
+        Z: (9,) parameters, SI
+        L1: length of the inner rod, m
+        g: gravity, m/s^2
+
+    Returns:
+        (5, 9) ratio units over SI
+    """
+    return ratio_slopes(base_parameters(Z, L1, g)) @ base_jacobian(Z, L1, g)
+
+
+def ratio_slopes(base: ArrayLike) -> NDArray[np.float64]:
+    """(5, 6) derivative of the ratios with respect to the base parameters, (6,): d(x/b) = (dx - (x/b) db) / b."""
+    unit = np.eye(len(BASE))
+    return (unit[_OTHERS] - np.outer(ratios(base), unit[_B])) / np.asarray(base)[_B]

@@ -1,0 +1,91 @@
+"""How likely one rod's angles are under a chain of integrators driven by white noise: a compiled scalar filter."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.kernels import njit
+
+CHAIN = 4
+"""States of one rod: theta, omega, alpha, jerk."""
+
+
+@njit
+def log_likelihood(
+    t: NDArray[np.float64], theta: NDArray[np.float64], snap: float, prior: NDArray[np.float64]
+) -> float:
+    """Log-likelihood of the innovations, up to a constant, in filter units (noise of a reading = 1).
+
+        -1/2 sum_k (log S_k + y_k^2 / S_k)
+
+    The first CHAIN readings only find the state and are not counted.
+
+    Args:
+        t: (n,) increasing instants
+        theta: (n,) angles
+        snap: process noise
+        prior: (CHAIN,) variance of the state at the first reading
+    """
+    x, P = np.zeros(CHAIN), np.diag(prior)
+    x[0] = theta[0]
+    f, Q, work = np.eye(CHAIN), np.zeros((CHAIN, CHAIN)), np.empty((CHAIN, CHAIN))
+    total, interval = 0.0, 0.0
+    for k in range(len(t)):
+        if k:
+            if abs(t[k] - t[k - 1] - interval) > 1e-8 * interval:
+                interval = t[k] - t[k - 1]
+                _fill(interval, snap, f, Q)
+            _predict(x, P, f, Q, work)
+        variance = P[0, 0] + 1.0
+        innovation = theta[k] - x[0]
+        _update(x, P, innovation, variance)
+        if k >= CHAIN:
+            total -= 0.5 * (math.log(variance) + innovation * innovation / variance)
+    return total
+
+
+@njit
+def _fill(interval: float, snap: float, f: NDArray[np.float64], Q: NDArray[np.float64]) -> None:
+    """Transition and process noise of one chain over an interval, in place."""
+    for i in range(CHAIN):
+        for j in range(CHAIN):
+            left, right = CHAIN - 1 - i, CHAIN - 1 - j
+            power = left + right + 1
+            Q[i, j] = snap * interval**power / (math.gamma(left + 1.0) * math.gamma(right + 1.0) * power)
+            if j > i:
+                f[i, j] = interval ** (j - i) / math.gamma(j - i + 1.0)
+
+
+@njit
+def _predict(
+    x: NDArray[np.float64],
+    P: NDArray[np.float64],
+    f: NDArray[np.float64],
+    Q: NDArray[np.float64],
+    work: NDArray[np.float64],
+) -> None:
+    """Advance x = f x and P = f P f^T + Q, in place; f is upper triangular."""
+    for i in range(CHAIN):
+        ahead = 0.0
+        for m in range(i, CHAIN):
+            ahead += f[i, m] * x[m]
+        x[i] = ahead
+        for j in range(CHAIN):
+            work[i, j] = 0.0
+            for m in range(i, CHAIN):
+                work[i, j] += f[i, m] * P[m, j]
+    for i in range(CHAIN):
+        for j in range(CHAIN):
+            P[i, j] = Q[i, j]
+            for m in range(j, CHAIN):
+                P[i, j] += work[i, m] * f[j, m]
+
+
+@njit
+def _update(x: NDArray[np.float64], P: NDArray[np.float64], innovation: float, variance: float) -> None:
+    for i in range(CHAIN - 1, -1, -1):
+        gain = P[i, 0] / variance
+        x[i] += gain * innovation
+        for j in range(CHAIN):
+            P[i, j] -= gain * P[0, j]

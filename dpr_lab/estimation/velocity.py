@@ -1,0 +1,276 @@
+r"""Angular velocities by a Kalman filter: live while recording, and smoothed afterwards.
+
+Each rod is a chain of integrators driven by white noise in the fourth derivative of its angle,
+
+    d/dt (theta, omega, alpha, jerk) = (omega, alpha, jerk, w),    E[w(t) w(s)] = snap delta(t - s),
+
+which needs no knowledge of the rig. Both rods share one state, because a relative encoder at joint 2 makes their
+measurement noise correlated. Transition and process noise are exact for any interval, so uneven instants and gaps
+need no resampling. A swing has violent and calm stretches, and calms down as a whole: offline, the strength `snap`
+follows it, chosen stretch by stretch where it makes the recorded angles most likely (`tuned_snap`).
+
+Noise of standard deviation sigma at intervals h against such a motion gives the filter a memory of about
+T = (sigma^2 h / snap)^(1/8). Inside, angles are in units of sigma and time in units of T, or of h where that is longer,
+which makes all states of similar size; in other units the backward pass loses its covariance to rounding.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.likelihood import CHAIN, log_likelihood
+from dpr_lab.estimation.noise import NoiseFloor
+from dpr_lab.run import Run
+
+DEFAULT_SNAP = 1e8
+"""Strength for a live filter before anything was recorded, rad^2/s^7; right for rods of about 0.4 m."""
+
+DIFFUSE = np.array([1.0, 1e7, 1e7, 1e7])
+"""Variance of the first state, in filter units: the angle is as exact as the first reading, the rest unknown."""
+
+MEMORIES = 10.0 ** np.arange(-1.0, 2.1, 0.25)
+"""Memories tried, in samples: from a wild swing at 30 Hz to a calm one at 10 kHz."""
+
+STRETCH, STRETCH_SAMPLES = 0.4, 100
+"""Length over which the strength is taken as one: s, and at least so many samples."""
+
+MEMORIES_PER_STRETCH = 10
+"""A stretch cannot tell memories longer than this fraction of it."""
+
+_THETA, _OMEGA = [0, CHAIN], [1, CHAIN + 1]
+_FACTORIAL = np.array([math.factorial(k) for k in range(CHAIN)])
+
+
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """Angles and velocities of a swing, each from the whole recording."""
+
+    t: NDArray[np.float64]
+    """(n,) instants of the run, s."""
+    theta: NDArray[np.float64]
+    """(n, 2) angles of the rods, rad."""
+    omega: NDArray[np.float64]
+    """(n, 2) speeds of the rods, rad/s."""
+    covariance: NDArray[np.float64]
+    """(n, 4, 4) of (theta1, theta2, omega1, omega2), SI."""
+    nis: NDArray[np.float64]
+    """(n,) normalised innovation squared of the forward pass; its mean is 2 where the noise model fits."""
+    snap: NDArray[np.float64]
+    """(n, 2) process noise used for each rod, rad^2/s^7."""
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        """(n, 4) theta1, theta2, omega1, omega2."""
+        return np.hstack([self.theta, self.omega])
+
+
+class VelocityFilter:
+    """Live speeds of both rods: give it each sample as it arrives.
+
+    Args:
+        covariance: (2, 2) noise of (theta1, theta2), rad^2
+        rate_hz: sample rate; only sets the scale, the true instants go to `update`
+        snap: process noise of each rod, rad^2/s^7
+    """
+
+    def __init__(self, covariance: ArrayLike, rate_hz: float, snap: ArrayLike = DEFAULT_SNAP) -> None:
+        self._scale = _Scale.of(1.0 / rate_hz, np.asarray(covariance, dtype=np.float64), snap)
+        self._filter: Any = None
+        self._t = -math.inf
+        self._interval = math.nan
+        self._model = (np.empty(0), np.empty(0))
+
+    def update(self, t: float, theta: ArrayLike) -> NDArray[np.float64]:
+        """(2,) speeds after the sample theta (2,) at time t, rad/s.
+
+        Raises:
+            ValueError: t is not after the sample before.
+        """
+        if not t > self._t:
+            raise ValueError(f"samples must come in order: {t} s after {self._t} s")
+        scaled = np.asarray(theta, dtype=np.float64) / self._scale.angle
+        if self._filter is None:
+            self._filter = _kalman_filter(scaled, self._scale.noise)
+        else:
+            self._predict(t - self._t)
+        self._filter.update(scaled)
+        self._t = t
+        return self._filter.x[_OMEGA] * self._scale.angle / self._scale.time
+
+    def _predict(self, interval: float) -> None:
+        # Instants are sums of floating-point periods: equal but for rounding.
+        if not math.isclose(interval, self._interval, rel_tol=1e-6):
+            scaled = np.array([interval / self._scale.time])
+            F, Q = _transitions(scaled, self._scale.snap)
+            self._interval, self._model = interval, (F[0], Q[0])
+        self._filter.predict(F=self._model[0], Q=self._model[1])
+
+
+def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smoothed:
+    """Angles and velocities of the swing by a forward and a backward pass (Rauch-Tung-Striebel).
+
+    Args:
+        run: what was recorded; only t >= 0 is used, a release is no smooth motion
+        noise: of `dpr_lab.estimation.noise.noise_floor`
+        snap: process noise, rad^2/s^7: one, (2,) or (n, 2); none: `tuned_snap` of this run
+
+    Raises:
+        RunError: fewer than two samples of swing.
+    """
+    t, theta, period = _swing(run)
+    strengths = tuned_snap(run, noise) if snap is None else np.asarray(snap, dtype=np.float64)
+    strengths = np.array(np.broadcast_to(strengths, theta.shape))
+    scale = _Scale.of(period, noise.covariance, np.exp(np.log(strengths).mean(axis=0)))
+    F, Q = _shared_transitions(np.diff(t) / scale.time, scale.scaled(strengths[1:]))
+    kalman = _kalman_filter(theta[0] / scale.angle, scale.noise)
+    means, covariances, nis = _forward(kalman, theta / scale.angle, F, Q)
+    # The filterpy convention: the matrices of sample k lead from k - 1 to k.
+    x, P, _, _ = kalman.rts_smoother(means, covariances, Fs=[F[0], *F], Qs=[Q[0], *Q])
+    units = np.concatenate([scale.angle, scale.angle / scale.time])
+    chosen = _THETA + _OMEGA
+    states = x[:, chosen] * units
+    covariance = P[:, chosen][:, :, chosen] * np.outer(units, units)
+    return Smoothed(t, states[:, :2], states[:, 2:], covariance, nis, strengths)
+
+
+def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
+    """Process noise that makes the innovations of each rod most likely, stretch by stretch.
+
+    The likelihood of each stretch is taken for each of `MEMORIES`, and its maximum refined by a parabola through the
+    neighbours. Between the middles of stretches the logarithm is interpolated. Each rod is judged by its own marginal
+    noise.
+
+    Args:
+        run: what was recorded; only t >= 0 is used
+        noise: of `dpr_lab.estimation.noise.noise_floor`
+
+    Returns:
+        (n, 2) for each sample of the swing and rod, rad^2/s^7
+
+    Raises:
+        RunError: fewer than two samples of swing.
+    """
+    t, theta, period = _swing(run)
+    variance = np.diag(noise.covariance)
+    stretches = _stretches(len(t), period)
+    longest = (stretches[0].stop - stretches[0].start) / MEMORIES_PER_STRETCH
+    grid = np.log10(MEMORIES[: max(3, np.searchsorted(MEMORIES, longest))])
+
+    def snap(log_memory: ArrayLike) -> NDArray[np.float64]:
+        return variance * period / (period * 10 ** np.asarray(log_memory, dtype=np.float64)) ** (2 * CHAIN)
+
+    def likelihoods(log_memory: float) -> list[list[float]]:
+        scale = _Scale.of(period, np.diag(variance), snap(log_memory))
+        instants, rods = t / scale.time, np.ascontiguousarray((theta / scale.angle).T)
+        return [[log_likelihood(instants[s], rods[i, s], scale.snap[i], DIFFUSE) for i in (0, 1)] for s in stretches]
+
+    best = _peaks(grid, np.array([likelihoods(log_memory) for log_memory in grid]))
+    middles = [(s.start + s.stop) / 2 for s in stretches]
+    return snap(np.stack([np.interp(np.arange(len(t)), middles, best[:, i]) for i in (0, 1)], axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class _Scale:
+    """Units of the filter, and the noises in them."""
+
+    time: float
+    angle: NDArray[np.float64]
+    """(2,) of each rod."""
+    noise: NDArray[np.float64]
+    """(2, 2) covariance of a reading."""
+    snap: NDArray[np.float64]
+    """(2,) process noise of each rod."""
+
+    @classmethod
+    def of(cls, period: float, covariance: NDArray[np.float64], snap: ArrayLike) -> "_Scale":
+        strengths = np.broadcast_to(np.asarray(snap, dtype=np.float64), 2)
+        angle = np.sqrt(np.diag(covariance))
+        memory = (angle**2 * period / strengths) ** (1 / (2 * CHAIN))
+        time = max(period, float(np.sqrt(memory.prod())))
+        scaled = strengths * time ** (2 * CHAIN - 1) / angle**2
+        return cls(time, angle, covariance / np.outer(angle, angle), scaled)
+
+    def scaled(self, snap: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(..., 2) other process noises in these units."""
+        return snap * self.time ** (2 * CHAIN - 1) / self.angle**2
+
+
+def _swing(run: Run) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Instants, angles of the rods and median interval from the release on."""
+    swing = run.swing
+    if len(swing.t) < 2:
+        raise RunError(f"{run.name}: {len(swing.t)} samples after the release; at least 2 are needed for a velocity")
+    return swing.t, swing.theta[:, 1:], float(np.median(np.diff(swing.t)))
+
+
+def _kalman_filter(theta: NDArray[np.float64], noise: NDArray[np.float64]) -> Any:
+    """A filter at rest at the first angles, ready to be updated with them."""
+    from filterpy.kalman import KalmanFilter  # 0.7 s to import, and only needed here
+
+    kalman = KalmanFilter(dim_x=2 * CHAIN, dim_z=2)
+    kalman.x = np.zeros(2 * CHAIN)
+    kalman.x[_THETA] = theta
+    kalman.P = np.diag(np.tile(DIFFUSE, 2))
+    kalman.H = np.zeros((2, 2 * CHAIN))
+    kalman.H[[0, 1], _THETA] = 1.0
+    kalman.R = noise
+    return kalman
+
+
+def _transitions(
+    interval: NDArray[np.float64], snap: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(k, 8, 8) transition F and process noise Q over each of k intervals, in filter units."""
+    row, column = np.indices((CHAIN, CHAIN))
+    ahead = np.maximum(column - row, 0)
+    f = np.where(column >= row, interval[:, None, None] ** ahead / _FACTORIAL[ahead], 0.0)
+    left, right = CHAIN - 1 - row, CHAIN - 1 - column
+    power = left + right + 1
+    q = interval[:, None, None] ** power / (_FACTORIAL[left] * _FACTORIAL[right] * power)
+    return np.kron(np.eye(2), f).astype(np.float64), np.kron(np.diag(snap), q).astype(np.float64)
+
+
+def _shared_transitions(
+    intervals: NDArray[np.float64], snap: NDArray[np.float64]
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    """`_transitions` of every interval, each with its own process noise (k, 2); equal intervals share their F."""
+    distinct, place = np.unique(np.round(intervals, 8), return_inverse=True)
+    F, Q = _transitions(distinct, np.ones(2))
+    strengths = np.repeat(snap, CHAIN, axis=1)[:, :, None]
+    return [F[i] for i in place], list(Q[place] * strengths)
+
+
+def _stretches(samples: int, period: float) -> list[slice]:
+    length = max(STRETCH_SAMPLES, round(STRETCH / period))
+    edges = np.linspace(0, samples, max(1, samples // length) + 1).astype(int)
+    return [slice(start, stop) for start, stop in pairwise(edges)]
+
+
+def _forward(
+    kalman: Any, theta: NDArray[np.float64], F: list[NDArray[np.float64]], Q: list[NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    n = len(theta)
+    means, covariances = np.empty((n, 2 * CHAIN)), np.empty((n, 2 * CHAIN, 2 * CHAIN))
+    nis = np.empty(n)
+    for k in range(n):
+        if k:
+            kalman.predict(F=F[k - 1], Q=Q[k - 1])
+        kalman.update(theta[k])
+        means[k], covariances[k] = kalman.x, kalman.P
+        nis[k] = kalman.y @ kalman.SI @ kalman.y
+    return means, covariances, nis
+
+
+def _peaks(grid: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where along an even grid (k,) the values (k, ...) are highest, by a parabola through three points."""
+    middle = values.argmax(axis=0)
+    inner = np.clip(middle, 1, len(grid) - 2)
+    left, top, right = (np.take_along_axis(values, (inner + side)[None], axis=0)[0] for side in (-1, 0, 1))
+    curvature = left - 2 * top + right
+    shift = np.where(curvature < 0, 0.5 * (left - right) / np.where(curvature < 0, curvature, 1.0), 0.0)
+    return np.where(middle == inner, grid[inner] + shift * (grid[1] - grid[0]), grid[middle])

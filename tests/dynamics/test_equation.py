@@ -1,0 +1,126 @@
+"""The hand-written equations against a Lagrangian that sympy derives from positions alone."""
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE, Arm, arm_accelerations, arm_constants, mass_matrix
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.equation import accelerations, energy
+
+Z = np.array([0.21, 0.19, 0.11, 0.09, 0.2, 0.0011, 0.0009, 0.0014, 0.0012])
+L0, L1, G = 0.3, 0.4, 9.81
+FRAME = (L0, L1, G)
+ARM = Arm(J0=0.01, c0=0.003, k0=0.2, mode="free")
+
+
+@pytest.fixture(scope="module")
+def lagrangian():
+    """(q, w) -> mass matrix (3, 3), conservative generalised forces (3,) and energy, from T and V."""
+    q = sp.symbols("q0:3")
+    w = sp.symbols("w0:3")
+    l1, l2, m1, m2, mb, J1, J2 = (sp.Float(Z[i]) for i in (0, 1, 2, 3, 4, 7, 8))
+    J0, k0 = sp.Float(ARM.J0), sp.Float(ARM.k0)
+    outwards = sp.Matrix([sp.cos(q[0]), sp.sin(q[0]), 0])
+    tangent = sp.Matrix([-sp.sin(q[0]), sp.cos(q[0]), 0])
+    up = sp.Matrix([0, 0, 1])
+    rod1 = sp.sin(q[1]) * tangent + sp.cos(q[1]) * up
+    rod2 = sp.sin(q[2]) * tangent + sp.cos(q[2]) * up
+    tip = L0 * outwards
+    joint2 = tip + L1 * rod1
+
+    def speed2(vector):
+        velocity = vector.jacobian(q) * sp.Matrix(w)
+        return velocity.dot(velocity)
+
+    # A slender rod turns with kinetic energy J/2 |d(direction)/dt|^2.
+    kinetic = (
+        J0 * w[0] ** 2
+        + m1 * speed2(tip + l1 * rod1)
+        + J1 * speed2(rod1)
+        + mb * speed2(joint2)
+        + m2 * speed2(joint2 + l2 * rod2)
+        + J2 * speed2(rod2)
+    ) / 2
+    height = m1 * l1 * rod1[2] + mb * L1 * rod1[2] + m2 * (L1 * rod1[2] + l2 * rod2[2])
+    potential = G * height + k0 * q[0] ** 2 / 2
+    momentum = sp.Matrix([kinetic]).jacobian(w).T
+    mass = momentum.jacobian(w)
+    forces = sp.Matrix([kinetic - potential]).jacobian(q).T - momentum.jacobian(q) * sp.Matrix(w)
+    return sp.lambdify([q, w], [mass, forces, kinetic + potential], cse=True)
+
+
+@pytest.fixture(scope="module")
+def states():
+    rng = np.random.default_rng(4)
+    return np.hstack([rng.uniform(-np.pi, np.pi, (40, 3)), rng.normal(0, 8, (40, 3))])
+
+
+def friction(omega):
+    c1, c2 = Z[5:7]
+    joint2 = c2 * (omega[2] - omega[1])
+    return np.array([-ARM.c0 * omega[0], -c1 * omega[1] + joint2, -joint2])
+
+
+def rod_parameters():
+    a, b, d, e1, c1, c2 = base_parameters(Z, L1, G)
+    return a, b, d, e1, d * G / L1, c1, c2
+
+
+def test_mass_matrix_is_that_of_the_kinetic_energy(lagrangian, states):
+    constants = arm_constants(Z, FRAME, ARM)
+    for q, w in zip(states[:, :3], states[:, 3:], strict=True):
+        expected, _, _ = lagrangian(q, w)
+        M00, M01, M02, M12 = mass_matrix(q[1], q[2], constants)
+        M = [[M00, M01, M02], [M01, constants[0], M12], [M02, M12, constants[1]]]
+        np.testing.assert_allclose(M, expected, rtol=1e-12, atol=1e-15)
+        assert np.linalg.eigvalsh(expected)[0] > 0
+
+
+def test_free_arm_obeys_lagrange(lagrangian, states):
+    constants = arm_constants(Z, FRAME, ARM)
+    for tau0, state in enumerate(states):
+        q, w = state[:3], state[3:]
+        outside = np.array([0.01 * tau0, 0.02, -0.03])
+        M, forces, _ = lagrangian(q, w)
+        expected = np.linalg.solve(M, forces.ravel() + friction(w) + outside)
+        found = arm_accelerations(*state, constants, FREE, outside[0], outside[1], outside[2])
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+
+
+def test_driven_arm_obeys_lagrange_of_the_rods(lagrangian, states):
+    constants = arm_constants(Z, FRAME, ARM)
+    for u, state in enumerate(states):
+        q, w = state[:3], state[3:]
+        M, forces, _ = lagrangian(q, w)
+        right = (forces.ravel() + friction(w))[1:] - M[1:, 0] * u
+        expected = np.linalg.solve(M[1:, 1:], right)
+        alpha0, *found = arm_accelerations(*state, constants, DRIVEN, float(u), 0.0, 0.0)
+        assert alpha0 == u
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+
+
+def test_clamped_arm_obeys_lagrange_and_is_equation_1(lagrangian, states):
+    constants = arm_constants(Z, FRAME, ARM)
+    for state in states:
+        q, w = state[:3], np.array([0.0, *state[4:]])
+        M, forces, _ = lagrangian(q, w)
+        expected = np.linalg.solve(M[1:, 1:], (forces.ravel() + friction(w))[1:])
+        equation1 = accelerations(q[1], q[2], w[1], w[2], *rod_parameters(), 0.0, 0.0)
+        np.testing.assert_allclose(equation1, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+        assert arm_accelerations(*q, *w, constants, CLAMPED, 5.0, 0.0, 0.0) == (0.0, *equation1)
+
+
+def test_driving_by_nothing_is_clamping(states):
+    constants = arm_constants(Z, FRAME, ARM)
+    for state in states:
+        state = np.array([*state[:3], 0.0, *state[4:]])
+        driven = arm_accelerations(*state, constants, DRIVEN, 0.0, 0.1, 0.2)
+        np.testing.assert_allclose(driven, arm_accelerations(*state, constants, CLAMPED, 0.0, 0.1, 0.2), rtol=1e-12)
+
+
+def test_energy_is_kinetic_plus_potential(lagrangian, states):
+    for state in states:
+        q, w = np.array([0.0, *state[1:3]]), np.array([0.0, *state[4:]])
+        _, _, expected = lagrangian(q, w)
+        assert energy(*q[1:], *w[1:], *rod_parameters()[:5]) == pytest.approx(float(expected), rel=1e-12)

@@ -1,0 +1,93 @@
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+import dpr_lab
+from dpr_lab.kernels import KEPT, KERNEL_SOURCES, PRUNE_AFTER_S, open_cache, prune, source_hash
+
+PACKAGE = Path(dpr_lab.__file__).parent
+
+SWING = """
+from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.effects import effect_vector
+vector = effect_vector({"coulomb_joint1": {"torque_Nm": 2e-3}})
+base = [0.05, 0.005, 0.008, 1.4, 0.001, 0.001]
+print(repr(float(simulate(base, 0.4, 9.81, [1, 2, 0, 0], [0, 0.5], 1e-3, vector)[-1, 0])))
+"""
+
+
+@pytest.fixture
+def copy(tmp_path):
+    target = tmp_path / "tree" / "dpr_lab"
+    shutil.copytree(PACKAGE, target, ignore=shutil.ignore_patterns("__pycache__"))
+    return target
+
+
+def test_every_file_that_compiles_is_hashed():
+    hashed = {file for source in KERNEL_SOURCES for file in [PACKAGE / source, *(PACKAGE / source).rglob("*.py")]}
+    compiling = {file for file in PACKAGE.rglob("*.py") if "@njit" in file.read_text() or "@numba" in file.read_text()}
+    assert compiling <= hashed
+
+
+@pytest.mark.parametrize("source", ["effects/coulomb.py", "dynamics/equation.py", "kernels.py"])
+def test_hash_changes_with_any_source(copy, source):
+    before = source_hash(copy)
+    assert before == source_hash(PACKAGE)
+    with (copy / source).open("a") as file:
+        file.write("\nEDITED = 1\n")
+    assert source_hash(copy) != before
+
+
+@pytest.mark.slow
+def test_an_edited_effect_changes_the_answer_of_a_cached_caller(copy, tmp_path):
+    # Numba alone keeps the old machine code of `simulate` here, because only the file of a called function changed.
+    def swing():
+        environment = {**os.environ, "PYTHONPATH": str(copy.parent), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+        environment.pop("NUMBA_CACHE_DIR", None)
+        run = subprocess.run(
+            [sys.executable, "-c", SWING], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        )
+        return float(run.stdout)
+
+    first = swing()
+    compiled = sorted((tmp_path / "cache").rglob("*.nbc"))
+    assert compiled
+    assert swing() == first
+    assert sorted((tmp_path / "cache").rglob("*.nbc")) == compiled
+    coulomb = copy / "effects" / "coulomb.py"
+    coulomb.write_text(
+        coulomb.read_text().replace("-friction * math.tanh(omega1", "-5.0 * friction * math.tanh(omega1")
+    )
+    assert abs(swing() - first) > 1e-3
+
+
+def test_without_a_writable_folder_there_is_no_cache(tmp_path):
+    (tmp_path / "file").touch()
+    assert open_cache(tmp_path / "file", "hash") is None
+
+
+def test_old_folders_go_and_fresh_ones_stay(tmp_path):
+    now = 1e9
+    ages = [0.0, 1.0, 2.0, PRUNE_AFTER_S / 2, PRUNE_AFTER_S + 1, 2 * PRUNE_AFTER_S]
+    for age in ages:
+        folder = tmp_path / f"{age}"
+        folder.mkdir()
+        os.utime(folder, (now - age, now - age))
+    prune(tmp_path, now)
+    assert {folder.name for folder in tmp_path.iterdir()} == {f"{age}" for age in ages[:KEPT]}
+
+
+def test_fresh_folders_stay_however_many(tmp_path):
+    for i in range(KEPT + 3):
+        (tmp_path / str(i)).mkdir()
+    prune(tmp_path, os.stat(tmp_path).st_mtime)
+    assert len(list(tmp_path.iterdir())) == KEPT + 3
+
+
+def test_numba_of_others_keeps_its_folder():
+    assert "dpr-lab" not in str(numba.core.config.CACHE_DIR)

@@ -1,0 +1,108 @@
+import math
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.noise import difference_std, noise_covariance, noise_floor
+from dpr_lab.rig import load_rig
+from dpr_lab.run import Run
+
+RIG = load_rig("paper")
+COUNT = 2 * math.pi / 16384
+
+
+def recorded(t, theta, noise_counts, seed=0, rig=RIG, keep_counts=True):
+    counts = np.rint(rig.positions(theta) + np.random.default_rng(seed).normal(0, noise_counts, theta.shape))
+    counts = counts.astype(np.int64)
+    return Run("test", t, rig.theta(counts), counts if keep_counts else None, "X1", "paper", "", 1000.0)
+
+
+def smooth_swing(t):
+    return np.stack([0 * t, np.pi + 0.8 * np.cos(6 * t), np.pi + np.sin(9 * t)], axis=1)
+
+
+def release(t, noise_counts, **options):
+    theta = np.where(t[:, None] < 0, smooth_swing(0 * t), smooth_swing(t))
+    return recorded(t, theta, noise_counts, **options)
+
+
+def with_joint2(kind):
+    encoders = RIG.encoders.model_copy(update={"joint2": kind})
+    return RIG.model_copy(update={"encoders": encoders})
+
+
+def test_rest_gives_the_noise_of_each_encoder_and_its_covariance():
+    noise = noise_floor(release(np.arange(-2000, 1000) / 1000, 1.5), RIG)
+    expected = COUNT * math.sqrt(1.5**2 + 1 / 12)
+    assert noise.source == "rest"
+    np.testing.assert_allclose(noise.std_joint, expected, rtol=0.05)
+    s1, s2 = noise.std_joint**2
+    np.testing.assert_allclose(noise.covariance, [[s1, s1], [s1, s1 + s2]], rtol=1e-12)
+    np.testing.assert_array_equal(noise_covariance(release(np.arange(-2000, 1000) / 1000, 1.5), RIG), noise.covariance)
+
+
+def test_covariance_is_that_of_the_absolute_angles():
+    rest = release(np.arange(-20_000, 1) / 1000, 1.5)
+    np.testing.assert_allclose(noise_covariance(rest, RIG), np.cov(rest.rest[:, 1:].T), rtol=0.05)
+
+
+def test_absolute_joint_2_is_uncorrelated():
+    rig = with_joint2("absolute")
+    covariance = noise_covariance(release(np.arange(-2000, 1000) / 1000, 1.5, rig=rig), rig)
+    assert covariance[0, 1] == covariance[1, 0] == 0
+    assert covariance[1, 1] == pytest.approx((COUNT * math.sqrt(1.5**2 + 1 / 12)) ** 2, rel=0.1)
+
+
+def test_drift_of_a_hand_held_rod_is_not_noise():
+    t = np.arange(-1000, 1) / 1000
+    theta = smooth_swing(0 * t) + 0.002 * t[:, None]
+    np.testing.assert_allclose(noise_floor(recorded(t, theta, 1.5), RIG).std_joint, COUNT * 1.53, rtol=0.1)
+
+
+def test_silent_encoder_still_has_the_noise_of_its_counts():
+    noise = noise_floor(release(np.arange(-500, 500) / 1000, 0.0), RIG)
+    assert noise.source == "quantisation"
+    np.testing.assert_allclose(noise.std_joint, COUNT / math.sqrt(12))
+
+
+@pytest.mark.parametrize("rate", [200, 1000])
+def test_without_rest_the_swing_tells(rate):
+    noise = noise_floor(release(np.arange(10 * rate) / rate, 2.0), RIG)
+    assert noise.source == "differences"
+    np.testing.assert_allclose(noise.std_joint, COUNT * math.sqrt(4 + 1 / 12), rtol=0.08)
+
+
+def test_differences_survive_uneven_instants_gaps_and_jumps():
+    rng = np.random.default_rng(5)
+    t = np.cumsum(rng.uniform(0.6e-3, 1.4e-3, 8000))
+    t[3000:] += 0.3
+    t[5000:] += 0.02
+    values = smooth_swing(t)[:, 1:] + rng.normal(0, [1e-4, 3e-4], (8000, 2))
+    values[[1000, 4000]] += 0.5
+    np.testing.assert_allclose(difference_std(t, values), [1e-4, 3e-4], rtol=0.06)
+
+
+def test_noiseless_table_falls_back_on_the_encoder():
+    t = np.arange(200) / 200
+    still = Run("table", t, np.full((200, 3), 3.0), None, None, "paper", "", 200.0)
+    noise = noise_floor(still, RIG)
+    assert noise.source == "quantisation"
+    np.testing.assert_allclose(noise.std_joint, COUNT / math.sqrt(12))
+
+
+def test_table_better_than_the_rigs_encoders_keeps_its_own_noise():
+    t = np.arange(2000) / 1000
+    theta = smooth_swing(t) + np.random.default_rng(0).normal(0, 1e-6, (2000, 3))
+    run = Run("table", t, theta, None, None, "paper", "", 1000.0)
+    assert noise_floor(run, RIG).std_joint[0] == pytest.approx(1e-6, rel=0.1)
+
+
+def test_whitening_makes_unit_variance():
+    noise = noise_floor(release(np.arange(-2000, 1000) / 1000, 1.5), RIG)
+    np.testing.assert_allclose(noise.whitening @ noise.covariance @ noise.whitening.T, np.eye(2), atol=1e-12)
+
+
+def test_too_few_samples_is_said():
+    with pytest.raises(RunError, match="5 samples are too few"):
+        noise_floor(release(np.arange(5) / 1000, 1.0), RIG)

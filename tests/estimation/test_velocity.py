@@ -1,0 +1,202 @@
+import functools
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.signal import savgol_filter
+
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.likelihood import CHAIN, log_likelihood
+from dpr_lab.estimation.noise import NoiseFloor, noise_floor
+from dpr_lab.estimation.velocity import DIFFUSE, VelocityFilter, smooth, tuned_snap
+from dpr_lab.rig import load_rig
+from dpr_lab.run import Run
+
+RIG = load_rig("paper")
+BASE = base_parameters(RIG.nominal, RIG.rig.L1, RIG.rig.g)
+POSES = {"X1": [np.pi, 0.1, 0.0, 0.0], "X2": [0.1, 0.1, 0.0, 0.0], "X3": [0.1, np.pi, 0.0, 0.0]}
+
+
+@functools.cache
+def recording(pose, rate_hz, seconds=4):
+    """A run of the paper's rig with half a count of noise, and the true states from the release on."""
+    t = np.arange(-rate_hz, seconds * rate_hz) / rate_hz
+    truth = np.tile(POSES[pose], (len(t), 1))
+    truth[t >= 0] = simulate(BASE, RIG.rig.L1, RIG.rig.g, POSES[pose], t[t >= 0], 5e-4)
+    theta = np.column_stack([0 * t, truth[:, :2]])
+    noise = np.random.default_rng(3).normal(0, RIG.encoders.noise_counts, theta.shape)
+    counts = np.rint(RIG.positions(theta) + noise).astype(np.int64)
+    return Run(pose, t, RIG.theta(counts), counts, pose, "paper", "", rate_hz), truth[t >= 0]
+
+
+def rms(errors):
+    return math.sqrt(np.mean(np.square(errors)))
+
+
+def best_savitzky_golay(theta, truth, rate_hz):
+    """The smallest error over windows and orders, chosen with the truth in hand."""
+    return min(
+        rms(savgol_filter(theta, window, order, deriv=1, delta=1 / rate_hz, axis=0) - truth)
+        for window in range(5, 82, 4)
+        for order in (2, 3, 4)
+    )
+
+
+@pytest.mark.parametrize("rate_hz", [200, 1000])
+@pytest.mark.parametrize("pose", POSES)
+def test_beats_differences_and_the_best_savitzky_golay(pose, rate_hz):
+    run, truth = recording(pose, rate_hz)
+    smoothed = smooth(run, noise_floor(run, RIG))
+    error = rms(smoothed.omega - truth[:, 2:])
+    angles = run.swing.theta[:, 1:]
+    assert error < rms(np.gradient(angles, 1 / rate_hz, axis=0) - truth[:, 2:]) / 3
+    assert error < best_savitzky_golay(angles, truth[:, 2:], rate_hz)
+    assert rms(smoothed.theta - truth[:, :2]) < rms(angles - truth[:, :2]) / 2
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_innovations_are_as_large_as_they_claim(pose):
+    run, truth = recording(pose, 1000)
+    smoothed = smooth(run, noise_floor(run, RIG))
+    assert 1.7 < smoothed.nis.mean() < 2.2
+    deviation = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))
+    assert 0.6 < rms((smoothed.states - truth) / deviation) < 1.1
+
+
+def test_dropped_samples_and_gaps_are_bridged():
+    run, truth = recording("X3", 1000)
+    t = run.t
+    kept = np.random.default_rng(8).random(len(t)) > 0.1
+    gap = (t > 2.0) & (t < 2.05)
+    kept[gap] = False
+    broken = Run("gaps", t[kept], run.theta[kept], None, "X3", "paper", "", 1000.0)
+    noise = noise_floor(run, RIG)
+    smoothed = smooth(broken, noise)
+    np.testing.assert_array_equal(smoothed.t, t[kept & (t >= 0)])
+    errors = smoothed.omega - truth[kept[t >= 0]][:, 2:]
+    assert rms(errors) < 1.5 * rms(smooth(run, noise).omega - truth[:, 2:])
+    claimed = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))[:, 2:]
+    edge = np.abs(smoothed.t - 2.025) < 0.04
+    assert (np.abs(errors[edge]) < 5 * claimed[edge]).all()
+
+
+def test_uneven_instants_agree_with_the_joint_gaussian():
+    """The smoother against the posterior of all states at once, by dense linear algebra."""
+    rng = np.random.default_rng(2)
+    t = np.cumsum(rng.uniform(0.5e-3, 3e-3, 15))
+    t -= t[0]
+    covariance = 1e-8 * np.array([[1.0, 1.0], [1.0, 2.0]])
+    snap = np.array([1e8, 3e9])
+    theta = np.column_stack([np.zeros(15), 0.3 * np.cos(20 * t), np.sin(15 * t)])
+    run = Run("few", t, theta, None, None, "paper", "", 500.0)
+    smoothed = smooth(run, NoiseFloor(np.array([1e-4, 1e-4]), "rest", covariance), snap)
+
+    angle = np.sqrt(np.diag(covariance))
+    memory = np.sqrt(np.prod((angle**2 * np.median(np.diff(t)) / snap) ** (1 / 8)))
+    prior = np.concatenate([DIFFUSE * (angle[i] / memory ** np.arange(CHAIN)) ** 2 for i in (0, 1)])
+    joint, paths = np.diag(prior), [np.eye(8)]
+    blocks = [joint]
+    for interval in np.diff(t):
+        F, Q = van_loan(interval, snap)
+        paths.append(F)
+        blocks.append(F @ blocks[-1] @ F.T + Q)
+    K = np.zeros((15 * 8, 15 * 8))
+    for i in range(15):
+        between = np.eye(8)
+        for j in range(i, 15):
+            between = paths[j] @ between if j > i else between
+            K[8 * j : 8 * j + 8, 8 * i : 8 * i + 8] = between @ blocks[i]
+            K[8 * i : 8 * i + 8, 8 * j : 8 * j + 8] = (between @ blocks[i]).T
+    H = np.kron(np.eye(15), np.kron(np.eye(2), np.eye(CHAIN)[0]))
+    mean = np.zeros(15 * 8)
+    start = np.zeros(8)
+    start[[0, CHAIN]] = theta[0, 1:]
+    for j in range(15):
+        start = paths[j] @ start
+        mean[8 * j : 8 * j + 8] = start
+    S = H @ K @ H.T + np.kron(np.eye(15), covariance)
+    posterior = mean + K @ H.T @ np.linalg.solve(S, theta[:, 1:].ravel() - H @ mean)
+    chosen = posterior.reshape(15, 8)[:, [0, CHAIN, 1, CHAIN + 1]]
+    spread = (K - K @ H.T @ np.linalg.solve(S, H @ K)).reshape(15, 8, 15, 8)
+    np.testing.assert_allclose(smoothed.states, chosen, rtol=1e-5, atol=1e-7)
+    speeds = [spread[k, i, k, i] for k in (3, 14) for i in (1, CHAIN + 1)]
+    np.testing.assert_allclose(smoothed.covariance[[3, 14]][:, [2, 3], [2, 3]].ravel(), speeds, rtol=1e-3)
+
+
+def van_loan(interval, snap):
+    """Transition and process noise of both chains by a matrix exponential."""
+    A = np.kron(np.eye(2), np.eye(CHAIN, k=1))
+    noise = np.zeros((8, 8))
+    noise[[CHAIN - 1, 2 * CHAIN - 1], [CHAIN - 1, 2 * CHAIN - 1]] = snap
+    block = expm(np.block([[-A, noise], [np.zeros((8, 8)), A.T]]) * interval)
+    F = block[8:, 8:].T
+    return F, F @ block[:8, 8:]
+
+
+def test_likelihood_is_that_of_a_multivariate_normal():
+    t = np.array([0.0, 0.4, 1.3, 1.5, 2.6, 3.0, 4.1, 5.0])
+    theta = np.random.default_rng(1).normal(0, 2, len(t))
+    prior = np.array([1.0, 30.0, 20.0, 10.0])
+    cross = np.zeros((len(t), len(t)))
+    for i, early in enumerate(t):
+        F, Q = van_loan(early, np.full(2, 0.7))
+        spread = (F @ np.kron(np.eye(2), np.diag(prior)) @ F.T + Q)[:CHAIN, :CHAIN]
+        for j in range(i, len(t)):
+            ahead = van_loan(t[j] - early, np.ones(2))[0][:CHAIN, :CHAIN]
+            cross[i, j] = cross[j, i] = (ahead @ spread)[0, 0]
+    S, residual = cross + np.eye(len(t)), theta - theta[0]
+
+    def log_density(n):
+        return -0.5 * (np.linalg.slogdet(S[:n, :n])[1] + residual[:n] @ np.linalg.solve(S[:n, :n], residual[:n]))
+
+    expected = log_density(len(t)) - log_density(CHAIN)
+    assert log_likelihood(t, theta, 0.7, prior) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("rate_hz", [30, 80, 4000])
+def test_slow_and_fast_sampling_keep_a_positive_covariance(rate_hz):
+    run, truth = recording("X3", rate_hz)
+    smoothed = smooth(run, noise_floor(run, RIG))
+    assert np.linalg.eigvalsh(smoothed.covariance).min() > 0
+    deviation = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))[:, 2:]
+    assert rms((smoothed.omega - truth[:, 2:]) / deviation) < 1.2
+
+
+def test_tuned_noise_follows_the_swing():
+    run, _ = recording("X1", 1000, 8)
+    snap = tuned_snap(run, noise_floor(run, RIG))
+    assert snap.shape == (8000, 2)
+    assert (snap > 0).all()
+    assert snap[:1000, 1].mean() > 3 * snap[-1000:, 1].mean()
+
+
+def test_live_speed_is_near_the_truth_and_only_looks_back():
+    run, truth = recording("X2", 1000)
+    noise = noise_floor(run, RIG)
+    live = VelocityFilter(noise.covariance, run.rate_hz)
+    angles, t = run.swing.theta[:, 1:], run.swing.t
+    speeds = np.array([live.update(*sample) for sample in zip(t, angles, strict=True)])
+    assert rms(speeds[50:] - truth[50:, 2:]) < 0.1
+    again = VelocityFilter(noise.covariance, run.rate_hz)
+    head = np.array([again.update(*sample) for sample in zip(t[:200], angles[:200], strict=True)])
+    np.testing.assert_array_equal(head, speeds[:200])
+
+
+def test_live_filter_bridges_a_gap_and_refuses_to_go_back():
+    run, truth = recording("X1", 1000)
+    live = VelocityFilter(noise_floor(run, RIG).covariance, run.rate_hz)
+    angles, t = run.swing.theta[:, 1:], run.swing.t
+    for k in [*range(1000), *range(1040, 1200)]:
+        speed = live.update(t[k], angles[k])
+    np.testing.assert_allclose(speed, truth[1199, 2:], atol=0.2)
+    with pytest.raises(ValueError, match="samples must come in order"):
+        live.update(t[1199], angles[1199])
+
+
+def test_nothing_after_the_release_is_said():
+    run, _ = recording("X1", 200)
+    with pytest.raises(RunError, match="0 samples after the release"):
+        smooth(run.between(-1.0, 0.0), noise_floor(run, RIG))
