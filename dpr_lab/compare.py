@@ -5,16 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.sensitivity import swing_sensitivity
-from dpr_lab.estimation.evidence import gather
+from dpr_lab.estimation.evidence import conditions, gather
+from dpr_lab.estimation.growth import free_run
 from dpr_lab.estimation.least_squares import fit_segments
 from dpr_lab.estimation.segments import cut
 from dpr_lab.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-
-HORIZON_ERROR = 0.1
-"""Angle error that ends the predictability horizon, rad."""
 
 SEGMENT_S = 0.5
 """Length of the segments with free start states, s."""
@@ -37,7 +34,7 @@ class Comparison:
     tracked: NDArray[np.float64]
     """(n, 2) simulated segment by segment with free start states, rad."""
     horizon_s: float
-    """Time until the start state's uncertainty alone moves the free run by `HORIZON_ERROR`, s.
+    """Time until the start state's uncertainty alone moves the free run by 0.1 rad, s.
 
     Beyond it a sample-by-sample comparison of free runs says nothing about the model.
     """
@@ -69,13 +66,12 @@ def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
         model: what to simulate; its ratios stay as they are, only start states are fitted
     """
     evidence = gather(run, rig)
-    r, L1, g = model.ratio_values, model.rig.L1, model.rig.g
-    whiteners = [evidence.noise.whitening]
-    fit = fit_segments(r, cut(0, evidence.run, evidence.states, SEGMENT_S), whiteners, L1, g, hold_ratios=True)
+    known = conditions([evidence], rig)
+    unknowns = model.unknowns[: known.unknowns]
+    fit = fit_segments(unknowns, cut(0, evidence.run, evidence.states, SEGMENT_S), known, hold=True)
     t, measured = evidence.run.t, evidence.run.theta[:, 1:]
-    states, sensitivity = swing_sensitivity(r, L1, g, fit.segments[0].start, t)
-    free_run, tracked = states[:, :2], np.concatenate(fit.predicted)
-    horizon = _horizon(t, sensitivity[:, :2, 5:], fit.start_covariance(0, whiteners[0], L1, g))
+    freely, horizon = free_run(fit, 0, t, known)
+    tracked = np.concatenate(fit.predicted)
     predictable = t <= horizon
     return Comparison(
         run=run.name,
@@ -83,20 +79,14 @@ def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
         held_out=not model.used(run.sha256),
         t=t,
         measured=measured,
-        free_run=free_run,
+        free_run=freely,
         tracked=tracked,
         horizon_s=horizon,
         noise_rad=np.sqrt(np.diag(evidence.noise.covariance)),
         segments=len(fit.segments),
         segment_rms_rad=_rms(measured - tracked),
-        free_run_rms_rad=_rms((measured - free_run)[predictable]),
+        free_run_rms_rad=_rms((measured - freely)[predictable]),
     )
-
-
-def _horizon(t: NDArray[np.float64], growth: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
-    variance = np.einsum("nij,jk,nik->ni", growth, covariance, growth)
-    lost = np.flatnonzero(~(np.sqrt(np.max(variance, axis=1)) < HORIZON_ERROR))
-    return float(t[lost[0]] if len(lost) else t[-1])
 
 
 def _rms(error: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab import __version__
-from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.dynamics.base import BASE, RATIOS, base_parameters, ratios
 from dpr_lab.errors import ConfigError, IdentificationError, RunError
-from dpr_lab.estimation.anchors import nine_parameters
-from dpr_lab.estimation.evidence import Evidence, gather
-from dpr_lab.estimation.least_squares import SegmentFit, fit_segments, grow
+from dpr_lab.estimation.anchors import anchor
+from dpr_lab.estimation.evidence import Evidence, conditions, gather
+from dpr_lab.estimation.growth import free_run, grow
+from dpr_lab.estimation.least_squares import UNKNOWNS, SegmentFit, fit_segments
 from dpr_lab.estimation.segments import cut
-from dpr_lab.model import Estimate, Fit, Model, RigFacts, RunUsed, SearchRecord
+from dpr_lab.model import Covariance, Estimate, Fit, Model, RigFacts, RunUsed, SearchRecord
 from dpr_lab.objectives import OBJECTIVES
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
@@ -86,25 +87,25 @@ def identify(
             for name in ("evaluations", "best_cost", "best_fitness", "population_fitness")
         },
     )
-    start = ratios(base_parameters(history[-1].best, rig.rig.L1, rig.rig.g))
-    return _model(polish(start, evidence, rig), evidence, rig, found)
+    return _model(polish(history[-1].best, evidence, rig), evidence, rig, found)
 
 
-def polish(start: NDArray[np.float64], evidence: Sequence[Evidence], rig: Rig) -> SegmentFit:
+def polish(Z: NDArray[np.float64], evidence: Sequence[Evidence], rig: Rig) -> SegmentFit:
     """Segment least squares from 0.25 s to the longest segments the model follows.
 
     Args:
-        start: (5,) ratios to start from
+        Z: (9,) parameters to start from
         evidence: the runs with their states and noise
         rig: for L1 and g
     """
-    L1, g = rig.rig.L1, rig.rig.g
-    whiteners = [item.noise.whitening for item in evidence]
+    known = conditions(evidence, rig)
+    base = base_parameters(Z, rig.rig.L1, rig.rig.g)
+    start = np.append(ratios(base), base[BASE.index("b")])[: known.unknowns]
     for length in (FIRST_SEGMENT_S, WORKING_SEGMENT_S):
         segments = [s for i, item in enumerate(evidence) for s in cut(i, item.run, item.states, length)]
-        fit = fit_segments(start, segments, whiteners, L1, g)
-        start = fit.ratios
-    return grow(fit, whiteners, L1, g)
+        fit = fit_segments(start, segments, known)
+        start = fit.unknowns
+    return grow(fit, known)
 
 
 def _suited(name: str, search: str) -> SearchSettings:
@@ -124,13 +125,17 @@ def _model(fit: SegmentFit, evidence: Sequence[Evidence], rig: Rig, found: Searc
     noise = np.sqrt(np.mean([np.diag(item.noise.covariance) for item in evidence], axis=0))
     rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
     std = np.sqrt(np.diag(fit.covariance))
+    parameters, base = anchor(fit.unknowns, fit.covariance, rig)
     return Model(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.rig.L1, g=rig.rig.g),
         ratios={
             name: Estimate(value=float(fit.ratios[i]), std=float(std[i]), interval90=fit.interval90(i))
             for i, name in enumerate(RATIOS)
         },
-        parameters=nine_parameters(fit.ratios, fit.covariance, rig),
+        covariance=Covariance(order=list(UNKNOWNS[: len(fit.unknowns)]), matrix=fit.covariance.tolist()),
+        cramer_rao_std=dict(zip(RATIOS, fit.cramer_rao_std.tolist(), strict=False)),
+        parameters=parameters,
+        base=base,
         fit=Fit(
             rms_rad=dict(zip(("theta1", "theta2"), rms.tolist(), strict=True)),
             noise_rad=dict(zip(("theta1", "theta2"), noise.tolist(), strict=True)),
@@ -140,21 +145,27 @@ def _model(fit: SegmentFit, evidence: Sequence[Evidence], rig: Rig, found: Searc
             longest_segment_s=max(s.duration for s in fit.segments),
         ),
         search=found,
-        runs=[_used(i, item.run, fit) for i, item in enumerate(evidence)],
+        runs=[_used(i, evidence, fit, rig) for i in range(len(evidence))],
         warnings=_warnings(fit),
         failures=_failures(fit),
         version=__version__,
     )
 
 
-def _used(index: int, run: Run, fit: SegmentFit) -> RunUsed:
+def _used(index: int, evidence: Sequence[Evidence], fit: SegmentFit, rig: Rig) -> RunUsed:
+    run = evidence[index].run
+    mine = [i for i, segment in enumerate(fit.segments) if segment.run == index]
+    _, horizon = free_run(fit, mine[0], run.t, conditions(evidence, rig))
+    samples = sum(len(fit.segments[i].t) for i in mine)
     return RunUsed(
         file=str(run.file or run.name),
         sha256=run.sha256,
         pose=run.pose,
-        samples=len(run.swing.t),
+        samples=samples,
         duration_s=run.duration,
-        segments=sum(s.run == index for s in fit.segments),
+        chi2_per_dof=sum(fit.chi2_by_segment[i] for i in mine) / (2 * samples - 4 * len(mine)),
+        segments=len(mine),
+        horizon_s=horizon,
     )
 
 

@@ -56,6 +56,15 @@ class RunUsed(_Record):
     duration_s: Number = 0.0
     chi2_per_dof: Number | None = None
     segments: int = 0
+    horizon_s: Number | None = None
+    """How far a free run from the fitted start state can be predicted before that state's uncertainty fills 0.1 rad."""
+
+
+class Covariance(_Record):
+    """A covariance matrix with the order of its rows."""
+
+    order: list[str]
+    matrix: list[list[Number]]
 
 
 class Fit(_Record):
@@ -94,7 +103,12 @@ class Model(_Record):
     rig: RigFacts
     ratios: dict[str, Estimate]
     """a/b, d/b, e1/b, c1/b, c2/b: all that a free swing fixes (physics: the equation is homogeneous)."""
+    covariance: Covariance
+    cramer_rao_std: dict[str, Number]
+    """The least standard deviation any unbiased estimate of a ratio can have at this noise."""
     parameters: dict[str, ParameterValue]
+    base: dict[str, ParameterValue]
+    """a, b, d, e1, c1, c2 in SI; their common scale is in the data only with measured values or a known added mass."""
     fit: Fit
     search: SearchRecord
     runs: list[RunUsed]
@@ -108,6 +122,11 @@ class Model(_Record):
     def ratio_values(self) -> NDArray[np.float64]:
         """(5,) the ratios in the order a/b, d/b, e1/b, c1/b, c2/b."""
         return np.array([estimate.value for estimate in self.ratios.values()])
+
+    @property
+    def unknowns(self) -> NDArray[np.float64]:
+        """(6,) the ratios, and b."""
+        return np.append(self.ratio_values, self.base["b"].value)
 
     def used(self, sha256: str) -> bool:
         """Whether the run with this hash took part in the identification; if not, it is held out."""

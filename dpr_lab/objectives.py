@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.base import base_parameters, rows
+from dpr_lab.dynamics.base import added_base, base_parameters, rows
 from dpr_lab.dynamics.rollout import segment_errors
 from dpr_lab.dynamics.segments import segments as laid_end_to_end
 from dpr_lab.estimation.evidence import Evidence
 from dpr_lab.estimation.segments import cut
 from dpr_lab.rig import Rig
+from dpr_lab.run import Run
 from dpr_lab.search.problem import Objective
 
 STEP = 0.005
@@ -51,13 +52,12 @@ def segment_objective(evidence: Sequence[Evidence], rig: Rig) -> Objective:
         groups = [group for group in np.split(kept, edges[1:]) if len(group) > 1]
         swings = laid_end_to_end([item.run.t[group] for group in groups], item.states[[g[0] for g in groups]], STEP)
         targets = item.run.theta[np.concatenate(groups), 1:]
-        parts.append((swings, targets, item.noise.whitening))
+        parts.append((item.run, swings, targets, item.noise.whitening))
 
     def errors(candidates: NDArray[np.float64]) -> NDArray[np.float64]:
-        lanes = rows(base_parameters(candidates, rig.rig.L1, rig.rig.g), rig.rig.L1, rig.rig.g)
         columns = [
-            segment_errors(lanes, swings, targets, whitener).sum(axis=1) / targets.size
-            for swings, targets, whitener in parts
+            segment_errors(_rows(candidates, run, rig), swings, targets, whitening).sum(axis=1) / targets.size
+            for run, swings, targets, whitening in parts
         ]
         return np.stack(columns, axis=1)
 
@@ -74,19 +74,15 @@ def paper_objective(evidence: Sequence[Evidence], rig: Rig) -> Objective:
     Returns:
         (n, 9) candidates -> (n, runs)
     """
-    kept = [_thinned(item.run.t) for item in evidence]
-    swings = laid_end_to_end(
-        [item.run.t[k] for item, k in zip(evidence, kept, strict=True)],
-        np.array([item.states[0] for item in evidence]),
-        STEP,
-    )
-    targets = np.concatenate(
-        [np.hstack([item.run.theta[k, 1:], item.states[k, 2:]]) for item, k in zip(evidence, kept, strict=True)]
-    )
+    parts = []
+    for item in evidence:
+        kept = _thinned(item.run.t)
+        swings = laid_end_to_end([item.run.t[kept]], item.states[:1], STEP)
+        parts.append((item.run, swings, np.hstack([item.run.theta[kept, 1:], item.states[kept, 2:]])))
 
     def errors(candidates: NDArray[np.float64]) -> NDArray[np.float64]:
-        lanes = rows(base_parameters(candidates, rig.rig.L1, rig.rig.g), rig.rig.L1, rig.rig.g)
-        return segment_errors(lanes, swings, targets)
+        columns = [segment_errors(_rows(candidates, run, rig), swings, targets) for run, swings, targets in parts]
+        return np.hstack(columns)
 
     return errors
 
@@ -102,3 +98,9 @@ def _thinned(t: NDArray[np.float64]) -> NDArray[np.int64]:
     """Indices of samples about `STEP` apart: more of them cost time and say nothing new to a search."""
     ticks = np.floor((t - t[0]) / STEP + 1e-6)
     return np.flatnonzero(np.diff(ticks, prepend=-1.0) > 0)
+
+
+def _rows(candidates: NDArray[np.float64], run: Run, rig: Rig) -> NDArray[np.float64]:
+    """What the kernel reads of the candidates, with the mass that was clamped on during the run."""
+    L1, g = rig.rig.L1, rig.rig.g
+    return rows(base_parameters(candidates, L1, g) + added_base(run.added_mass, L1, g), L1, g)

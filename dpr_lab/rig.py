@@ -79,6 +79,16 @@ class Pose(_Table):
         return np.array([self.theta0, self.theta1, self.theta2])
 
 
+class AddedMass(_Table):
+    """A known mass clamped to a rod, as good as a point: one more release with it fixes the scale of all masses."""
+
+    rod: Literal["inner", "outer"]
+    mass: Positive
+    """kg"""
+    position: Positive
+    """Distance from that rod's pivot, m."""
+
+
 class Link(_Table):
     """Where the device is and how fast it streams."""
 
@@ -100,13 +110,14 @@ class Rig(_Table):
     """A rig file (`configs/rigs/*.toml`).
 
     Args of the file: `[rig]` lengths and gravity, `[parameters.*]` one table for each of `PARAMETERS`,
-    `[encoders]`, `[poses.*]`, `[link]`.
+    `[encoders]`, `[poses.*]`, `[link]`; `[added_mass]` while a known mass is clamped on.
     """
 
     rig: Frame
     parameters: dict[str, Parameter]
     encoders: Encoders = Encoders()
     poses: dict[str, Pose] = {}
+    added_mass: AddedMass | None = None
     link: Link = Link()
     _path: Path | None = PrivateAttr(default=None)
     _sha256: str = PrivateAttr(default="")

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.rig import AddedMass
+
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "tick_gap")
 """Why a sample can be missing: the device was late, the link damaged it, or it never arrived."""
 
@@ -33,6 +35,8 @@ class Run:
     rig_sha256: str
     rate_hz: float
     """Nominal sample rate; the real instants are in `t`."""
+    added_mass: AddedMass | None = None
+    """The known mass that was clamped on, if any."""
     complete: bool = True
     """Whether the file was finished; a recovered or cut one is not."""
     lost: Mapping[str, int] = field(default_factory=dict)

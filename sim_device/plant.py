@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import Arm
-from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.dynamics.base import RATIOS, base_parameters, loaded, ratios
 from dpr_lab.dynamics.simulate import simulate_arm
 from dpr_lab.effects import effect_vector
 from dpr_lab.errors import ConfigError
@@ -27,7 +27,7 @@ class Plant:
 
     Args:
         config: the plant file
-        rig: gives the lengths and gravity, which are measured and so true
+        rig: gives the lengths, gravity and any added mass, which are measured and so true
 
     Raises:
         ConfigError: the plant file names an effect or a parameter of one that there is not.
@@ -36,6 +36,7 @@ class Plant:
     def __init__(self, config: PlantConfig, rig: Rig) -> None:
         self.config = config
         self._frame = (rig.rig.L0, rig.rig.L1, rig.rig.g)
+        self._Z = config.Z if rig.added_mass is None else loaded(config.Z, rig.added_mass)
         self._arm = Arm(config.arm.J0, config.arm.c0, config.arm.k0, config.arm.mode)
         try:
             self._effects = effect_vector(config.effects)
@@ -45,7 +46,7 @@ class Plant:
     def swing(self, theta: Theta, omega: Theta, t: Theta) -> NDArray[np.float64]:
         """(n, 6) angles and speeds at the instants `t` (n,) of a swing that is at theta, omega (3,) at t[0]."""
         start = np.concatenate([theta, omega])
-        return simulate_arm(self.config.Z, self._frame, self._arm, start, t, MAX_STEP, self._effects)
+        return simulate_arm(self._Z, self._frame, self._arm, start, t, MAX_STEP, self._effects)
 
     def reveal(self) -> dict[str, dict[str, object]]:
         """The truth, to be opened once an identification is finished."""

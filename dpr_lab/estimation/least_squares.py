@@ -1,10 +1,14 @@
-"""Segment least squares: the five ratios and every segment's start state, by damped Gauss-Newton.
+"""Segment least squares: the ratios and every segment's start state, by damped Gauss-Newton.
 
-    minimise  sum over segments s, samples k  | W_run(s) (theta_sk - theta_hat(t_k; r, x_s)) |^2
+    minimise  sum over segments s, samples k  | W_run(s) (theta_sk - theta_hat(t_k; q, x_s)) |^2
 
-over the ratios r (5) and the start states x_s (4 each). A start state touches its own segment only, so it is eliminated
-there by QR: with B = dresidual/dx_s = QR, the projected A~ = (I - Q Q^T) A and e~ = (I - Q Q^T) e leave five normal
-equations however many segments there are.
+over the unknowns q and the start states x_s (4 each). q holds the five ratios; where a run was recorded with a known
+mass clamped on, it also holds b itself, because the known mass sets the scale:
+
+    run's base parameters = b (a/b, 1, d/b, e1/b, c1/b, c2/b) + what the known mass adds
+
+A start state touches its own segment only, so it is eliminated there by QR: with B = dresidual/dx_s = QR, the projected
+A~ = (I - Q Q^T) A and e~ = (I - Q Q^T) e leave five or six normal equations however many segments there are.
 
 Source: multiple shooting, H. G. Bock (1983); variable projection, Golub & Pereyra (1973).
 """
@@ -18,200 +22,206 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.stats import t as student_t
 
-from dpr_lab.dynamics.base import RATIOS, base_from_ratios
+from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios
+from dpr_lab.dynamics.base import ratios as ratios_of
 from dpr_lab.dynamics.segments import segments as laid_end_to_end
 from dpr_lab.dynamics.sensitivity import sensitivities
-from dpr_lab.dynamics.simulate import simulate
-from dpr_lab.estimation.segments import Segment, join, restart
+from dpr_lab.estimation.segments import Segment, restart
 
 BLOCK_S = 0.5  # residuals further apart than half a swing are taken as independent in the covariance
-LINEAR_RANGE = 0.2  # a free run that strays further from the measurement than this, rad, is not Gauss-Newton-able
 FRICTION = slice(3, 5)  # c1/b, c2/b cannot be negative
+UNKNOWNS = (*RATIOS, "b")
+"""Order of the unknowns; b only where a known added mass makes it visible, kg m^2."""
+
+_B = BASE.index("b")
+_OTHERS = [i for i in range(len(BASE)) if i != _B]
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What a fit takes as known."""
+
+    L1: float
+    """Inner rod's length, m."""
+    g: float
+    whitening: tuple[NDArray[np.float64], ...]
+    """Per run the (2, 2) matrix W with W cov W^T = I for the noise of (theta1, theta2), 1/rad."""
+    added: tuple[NDArray[np.float64], ...] = ()
+    """Per run the (6,) base parameters of the known mass clamped on, SI; empty when there never was one."""
+
+    @property
+    def unknowns(self) -> int:
+        """Five ratios, and b where a known mass makes it visible."""
+        return 6 if any(np.any(extra) for extra in self.added) else 5
+
+    def ratios(self, q: NDArray[np.float64], run: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(5,) the ratios that a run swings by, and their (5, unknowns) derivative with respect to q."""
+        slopes = np.eye(5, len(q))
+        if len(q) == 5 or not np.any(self.added[run]):
+            return q[:5], slopes
+        unit, b = base_from_ratios(q[:5]), q[5]
+        base = b * unit + self.added[run]
+        base_slopes = np.zeros((6, 6))
+        base_slopes[_OTHERS, :5], base_slopes[:, 5] = b * np.eye(5), unit
+        found = ratios_of(base)
+        return found, (base_slopes[_OTHERS] - found[:, None] * base_slopes[_B]) / base[_B]
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentFit:
     """Where the Gauss-Newton iteration ended."""
 
-    ratios: NDArray[np.float64]
-    """(5,) a/b, d/b, e1/b, c1/b, c2/b."""
+    unknowns: NDArray[np.float64]
+    """(5 or 6,) in the order of `UNKNOWNS`."""
     segments: tuple[Segment, ...]
     """The segments with their fitted start states."""
     predicted: tuple[NDArray[np.float64], ...]
     """(n, 2) fitted theta1, theta2 of each segment, rad."""
+    start_covariances: tuple[NDArray[np.float64], ...]
+    """(4, 4) covariance of each start state from the noise alone, the unknowns taken as known."""
     information: NDArray[np.float64]
-    """(5, 5) Fisher information of the ratios, start states eliminated."""
+    """Fisher information of the unknowns, start states eliminated."""
     covariance: NDArray[np.float64]
-    """(5, 5) covariance of the ratios, valid under autocorrelated residuals (blocks as units)."""
+    """Covariance of the unknowns, valid under autocorrelated residuals (blocks as units)."""
     blocks: int
     chi2: float
+    chi2_by_segment: tuple[float, ...]
     dof: int
     iterations: int
     converged: bool
-    at_zero: tuple[str, ...]
-    """Friction ratios held at zero because the data ask for less."""
+
+    @property
+    def ratios(self) -> NDArray[np.float64]:
+        """(5,) a/b, d/b, e1/b, c1/b, c2/b of the rig without any added mass."""
+        return self.unknowns[:5]
 
     @property
     def chi2_per_dof(self) -> float:
         """Reduced chi-square; 1 = nothing left but noise."""
         return self.chi2 / self.dof
 
+    @property
+    def at_zero(self) -> tuple[str, ...]:
+        """Friction ratios held at zero because the data ask for less."""
+        return tuple(name for name, value in zip(RATIOS, self.ratios, strict=True) if value <= 0)
+
+    @property
+    def cramer_rao_std(self) -> NDArray[np.float64]:
+        """Least standard deviation any unbiased estimate can have at this noise; zero for what is held at zero."""
+        free = self.unknowns > 0
+        std = np.zeros(len(free))
+        std[free] = np.sqrt(np.diag(np.linalg.inv(self.information[np.ix_(free, free)])))
+        return std
+
     def interval90(self, index: int) -> tuple[float, float]:
-        """90 % interval of one ratio, Student-t with the blocks as units."""
-        reach = float(student_t.ppf(0.95, max(self.blocks - len(RATIOS), 1))) * self.covariance[index, index] ** 0.5
-        return float(self.ratios[index] - reach), float(self.ratios[index] + reach)
-
-    def start_covariance(self, index: int, whitener: NDArray[np.float64], L1: float, g: float) -> NDArray[np.float64]:
-        """(4, 4) covariance of one segment's start state, the ratios taken as known."""
-        linear = _linearise(self.ratios, [self.segments[index]], [whitener], L1, g)[0]
-        inverse = solve_triangular(linear.R, np.eye(4))
-        return inverse @ inverse.T * max(1.0, self.chi2_per_dof)
-
-
-@dataclass(frozen=True, slots=True)
-class _Linear:
-    residual: NDArray[np.float64]  # (2n,) whitened
-    A: NDArray[np.float64]  # (2n, 5)
-    Q: NDArray[np.float64]
-    R: NDArray[np.float64]
-    predicted: NDArray[np.float64]
-
-    def projected(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return self.A - self.Q @ (self.Q.T @ self.A), self.residual - self.Q @ (self.Q.T @ self.residual)
+        """90 % interval of one unknown, Student-t with the blocks as units."""
+        freedom = max(self.blocks - len(self.unknowns), 1)
+        reach = float(student_t.ppf(0.95, freedom)) * self.covariance[index, index] ** 0.5
+        return float(self.unknowns[index] - reach), float(self.unknowns[index] + reach)
 
 
 def fit_segments(
-    ratios: NDArray[np.float64],
+    start: NDArray[np.float64],
     segments: Sequence[Segment],
-    whiteners: Sequence[NDArray[np.float64]],
-    L1: float,
-    g: float,
+    known: Conditions,
     *,
-    hold_ratios: bool = False,
+    hold: bool = False,
     max_iterations: int = 40,
 ) -> SegmentFit:
-    """Fit ratios and start states to segments of fixed length.
+    """Fit the unknowns and the start states to segments of fixed length.
 
     Args:
-        ratios: (5,) where to start
-        segments: what to fit; their `run` indexes `whiteners`
-        whiteners: per run, the (2, 2) matrix W with W cov W^T = I for the noise of (theta1, theta2)
-        L1: inner rod's length, m
-        g: gravity, m/s^2
-        hold_ratios: fit the start states only, as for a run that is held out
+        start: (5 or 6,) unknowns to start from
+        segments: what to fit; their `run` indexes what is known of each run
+        known: lengths, noise, added masses
+        hold: fit the start states only, as for a run that is held out
         max_iterations: give up (`converged` false) after as many
     """
-    current = list(segments)
-    linear = _linearise(ratios, current, whiteners, L1, g)
+    q, current = start, list(segments)
+    linear = _linearise(q, current, known)
     cost, damping, converged, iteration = _cost(linear), 1e-6, False, 0
     while iteration < max_iterations and not converged:
         iteration += 1
-        step = np.zeros(5) if hold_ratios else _ratio_step(ratios, linear, damping)
-        starts = _start_steps(current, linear, step)
-        trial_ratios = ratios + step
-        trial = restart(current, starts)
-        trial_linear = _linearise(trial_ratios, trial, whiteners, L1, g)
+        step = np.zeros(len(q)) if hold else _step(q, linear, damping)
+        trial_q, trial = q + step, restart(current, _start_steps(current, linear, step))
+        trial_linear = _linearise(trial_q, trial, known)
         trial_cost = _cost(trial_linear)
         if trial_cost <= cost:
             converged = cost - trial_cost <= 1e-8 * cost
-            ratios, current, linear, cost = trial_ratios, trial, trial_linear, trial_cost
+            q, current, linear, cost = trial_q, trial, trial_linear, trial_cost
             damping = max(damping / 10, 1e-12)
         else:
             converged = damping > 1e6
             damping = max(damping * 10, 1e-6)
-    return _result(ratios, current, linear, iteration, converged)
+    return _result(q, current, linear, iteration, converged)
 
 
-def information(
-    ratios: NDArray[np.float64],
-    segments: Sequence[Segment],
-    whiteners: Sequence[NDArray[np.float64]],
-    L1: float,
-    g: float,
-) -> NDArray[np.float64]:
-    """(5, 5) Fisher information that segments hold of the ratios, start states eliminated; arguments of `fit_segments`."""
-    H = np.zeros((5, 5))
-    for part in _linearise(ratios, segments, whiteners, L1, g):
-        A, _ = part.projected()
-        H += A.T @ A
-    return H
+def information(q: NDArray[np.float64], segments: Sequence[Segment], known: Conditions) -> NDArray[np.float64]:
+    """Fisher information that segments hold of the unknowns, start states eliminated; arguments of `fit_segments`."""
+    return sum((part.A.T @ part.A for part in _linearise(q, segments, known)), np.zeros((len(q), len(q))))
 
 
-def grow(fit: SegmentFit, whiteners: Sequence[NDArray[np.float64]], L1: float, g: float) -> SegmentFit:
-    """Lengthen the segments while the model still follows: longer segments carry more information.
+@dataclass(frozen=True, slots=True)
+class _Linear:
+    """A segment around the current unknowns; A and e are projected, that is free of the start state."""
 
-    Neighbours are joined where the first one's free run stays within `LINEAR_RANGE` of the second's measurement, and
-    the joined set is fitted again; a level whose residual rises is thrown away.
-    """
-    while fit.chi2_per_dof < 3.0:
-        joined = _join_neighbours(fit, L1, g)
-        if len(joined) == len(fit.segments):
-            break
-        longer = fit_segments(fit.ratios, joined, whiteners, L1, g)
-        if not longer.converged or longer.chi2_per_dof > 1.5 * fit.chi2_per_dof:
-            break
-        fit = longer
-    return fit
+    residual: NDArray[np.float64]  # (2n,) whitened
+    slopes: NDArray[np.float64]  # (2n, unknowns)
+    Q: NDArray[np.float64]  # (2n, 4)
+    R: NDArray[np.float64]  # (4, 4)
+    A: NDArray[np.float64]  # (2n, unknowns)
+    e: NDArray[np.float64]  # (2n,)
+    predicted: NDArray[np.float64]  # (n, 2)
 
 
-def _join_neighbours(fit: SegmentFit, L1: float, g: float) -> list[Segment]:
-    joined: list[Segment] = []
-    queue = list(fit.segments)
-    while queue:
-        first = queue.pop(0)
-        if queue and queue[0].run == first.run and _follows(fit.ratios, both := join(first, queue[0]), L1, g):
-            joined.append(both)
-            queue.pop(0)
-        else:
-            joined.append(first)
-    return joined
+def _linearise(q: NDArray[np.float64], segments: Sequence[Segment], known: Conditions) -> list[_Linear]:
+    linear: list[_Linear | None] = [None] * len(segments)
+    for run in sorted({segment.run for segment in segments}):
+        of_run = [i for i, segment in enumerate(segments) if segment.run == run]
+        ratios, chain = known.ratios(q, run)
+        swings = laid_end_to_end([segments[i].t for i in of_run], np.array([segments[i].start for i in of_run]))
+        states, slopes = sensitivities(ratios, known.L1, known.g, swings)
+        for i, (first, last) in zip(of_run, pairwise(swings.offsets), strict=True):
+            linear[i] = _whitened(
+                segments[i].theta, states[first:last, :2], slopes[first:last, :2], known.whitening[run], chain
+            )
+    return [part for part in linear if part is not None]
 
 
-def _follows(ratios: NDArray[np.float64], segment: Segment, L1: float, g: float) -> bool:
-    states = simulate(base_from_ratios(ratios), L1, g, segment.start, segment.t)
-    return bool(np.max(np.abs(states[:, :2] - segment.theta)) < LINEAR_RANGE)
-
-
-def _linearise(
-    ratios: NDArray[np.float64],
-    segments: Sequence[Segment],
-    whiteners: Sequence[NDArray[np.float64]],
-    L1: float,
-    g: float,
-) -> list[_Linear]:
-    swings = laid_end_to_end([s.t for s in segments], np.array([s.start for s in segments]))
-    states, slopes = sensitivities(ratios, L1, g, swings)
-    linear = []
-    for segment, (first, last) in zip(segments, pairwise(swings.offsets), strict=True):
-        W, theta = whiteners[segment.run], states[first:last, :2]
-        residual = ((segment.theta - theta) @ W.T).ravel()
-        jacobian = np.einsum("ij,njk->nik", W, slopes[first:last, :2]).reshape(len(residual), 9)
-        if np.isfinite(jacobian).all():
-            Q, R = np.linalg.qr(jacobian[:, 5:])
-        else:
-            residual, Q, R = np.full_like(residual, np.inf), np.zeros((len(residual), 4)), np.eye(4)
-        linear.append(_Linear(residual, jacobian[:, :5], Q, R, theta))
-    return linear
+def _whitened(
+    measured: NDArray[np.float64],
+    predicted: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    W: NDArray[np.float64],
+    chain: NDArray[np.float64],
+) -> _Linear:
+    residual = ((measured - predicted) @ W.T).ravel()
+    jacobian = (W @ slopes).reshape(len(residual), -1)
+    if not np.isfinite(jacobian).all():
+        nothing = np.zeros((len(residual), chain.shape[1]))
+        failed = np.full(len(residual), np.inf)
+        return _Linear(failed, nothing, np.zeros((len(residual), 4)), np.eye(4), nothing, failed, predicted)
+    of_unknowns = jacobian[:, :5] @ chain
+    Q, R = np.linalg.qr(jacobian[:, 5:])
+    A, e = of_unknowns - Q @ (Q.T @ of_unknowns), residual - Q @ (Q.T @ residual)
+    return _Linear(residual, of_unknowns, Q, R, A, e, predicted)
 
 
 def _cost(linear: Sequence[_Linear]) -> float:
     return float(sum(np.sum(part.residual**2) for part in linear))
 
 
-def _ratio_step(ratios: NDArray[np.float64], linear: Sequence[_Linear], damping: float) -> NDArray[np.float64]:
-    H, gradient = np.zeros((5, 5)), np.zeros(5)
-    for part in linear:
-        A, e = part.projected()
-        H += A.T @ A
-        gradient += A.T @ e
-    free = np.ones(5, dtype=bool)
-    step = np.zeros(5)
+def _step(q: NDArray[np.float64], linear: Sequence[_Linear], damping: float) -> NDArray[np.float64]:
+    """The damped Gauss-Newton step; friction that would turn negative stops at zero and the others are solved again."""
+    H = np.sum([part.A.T @ part.A for part in linear], axis=0)
+    gradient = np.sum([part.A.T @ part.e for part in linear], axis=0)
+    free, step = np.ones(len(q), dtype=bool), np.zeros(len(q))
     for _ in range(3):
         inner = H[np.ix_(free, free)]
-        step[:] = -ratios * ~free
+        step[:] = -q * ~free
         step[free] = np.linalg.solve(inner + damping * np.diag(np.diag(inner)), (gradient - H @ step)[free])
-        below = np.zeros(5, dtype=bool)
-        below[FRICTION] = (ratios + step)[FRICTION] < 0
+        below = np.zeros(len(q), dtype=bool)
+        below[FRICTION] = (q + step)[FRICTION] < 0
         if not (below & free).any():
             break
         free &= ~below
@@ -219,40 +229,45 @@ def _ratio_step(ratios: NDArray[np.float64], linear: Sequence[_Linear], damping:
 
 
 def _start_steps(
-    segments: Sequence[Segment], linear: Sequence[_Linear], ratio_step: NDArray[np.float64]
+    segments: Sequence[Segment], linear: Sequence[_Linear], step: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     return np.array(
         [
-            segment.start + solve_triangular(part.R, part.Q.T @ (part.residual - part.A @ ratio_step))
+            segment.start + solve_triangular(part.R, part.Q.T @ (part.residual - part.slopes @ step))
             for segment, part in zip(segments, linear, strict=True)
         ]
     )
 
 
 def _result(
-    ratios: NDArray[np.float64],
-    segments: Sequence[Segment],
-    linear: Sequence[_Linear],
-    iterations: int,
-    converged: bool,
+    q: NDArray[np.float64], segments: Sequence[Segment], linear: Sequence[_Linear], iterations: int, converged: bool
 ) -> SegmentFit:
-    H, meat, blocks, dof = np.zeros((5, 5)), np.zeros((5, 5)), 0, -len(RATIOS)
-    for segment, part in zip(segments, linear, strict=True):
-        A, e = part.projected()
-        H += A.T @ A
-        dof += len(e) - 4
-        units = np.repeat(((segment.t - segment.t[0]) // BLOCK_S).astype(int), 2)
-        for unit in np.unique(units):
-            score = A[units == unit].T @ e[units == unit]
-            meat += np.outer(score, score)
-            blocks += 1
-    free = ratios > 0
-    covariance = np.zeros((5, 5))
-    bread = np.linalg.inv(H[np.ix_(free, free)])
-    scale = blocks / max(blocks - len(RATIOS), 1)
-    covariance[np.ix_(free, free)] = bread @ meat[np.ix_(free, free)] @ bread * scale
-    at_zero = tuple(name for name, is_free in zip(RATIOS, free, strict=True) if not is_free)
-    predicted = tuple(part.predicted for part in linear)
+    H = np.sum([part.A.T @ part.A for part in linear], axis=0)
+    scores = np.concatenate([_block_scores(s, part) for s, part in zip(segments, linear, strict=True)])
+    free = q > 0
+    covariance = np.zeros_like(H)
+    bread = np.linalg.pinv(H[np.ix_(free, free)], hermitian=True)
+    inflation = len(scores) / max(len(scores) - len(q), 1)
+    covariance[np.ix_(free, free)] = bread @ scores[:, free].T @ scores[:, free] @ bread * inflation
+    inverses = [solve_triangular(part.R, np.eye(4)) for part in linear]
     return SegmentFit(
-        ratios, tuple(segments), predicted, H, covariance, blocks, _cost(linear), dof, iterations, converged, at_zero
+        unknowns=q,
+        segments=tuple(segments),
+        predicted=tuple(part.predicted for part in linear),
+        start_covariances=tuple(inverse @ inverse.T for inverse in inverses),
+        information=H,
+        covariance=covariance,
+        blocks=len(scores),
+        chi2=_cost(linear),
+        chi2_by_segment=tuple(float(np.sum(part.residual**2)) for part in linear),
+        dof=sum(len(part.residual) - 4 for part in linear) - len(q),
+        iterations=iterations,
+        converged=converged,
     )
+
+
+def _block_scores(segment: Segment, part: _Linear) -> NDArray[np.float64]:
+    """(blocks, unknowns) gradient of each stretch of `BLOCK_S`: the independent units of the covariance."""
+    blocks = np.repeat(((segment.t - segment.t[0]) // BLOCK_S).astype(int), 2)
+    edges = np.flatnonzero(np.diff(blocks, prepend=-1))
+    return np.add.reduceat(part.A * part.e[:, None], edges, axis=0)

@@ -54,6 +54,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         rig_name=own.name,
         rig_sha256=found.rig_sha256,
         rate_hz=found.metadata.rate_hz,
+        added_mass=own.added_mass,
         complete=found.complete,
         lost=dict(summary.lost) if summary is not None else lost_by_gaps(found, samples),
         file=found.path,

@@ -6,15 +6,20 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from dpr_lab.dynamics.base import base_parameters, ratios
-from dpr_lab.estimation.least_squares import fit_segments, grow
+from dpr_lab.dynamics.base import added_base, base_parameters, loaded, ratios
+from dpr_lab.estimation.growth import grow
+from dpr_lab.estimation.least_squares import Conditions, fit_segments
 from dpr_lab.estimation.segments import MIN_SAMPLES, cut
-from dpr_lab.rig import Rig
+from dpr_lab.rig import AddedMass, Rig
 from dpr_lab.run import Run
 
 NOISE = 2e-4
 WHITENER = np.eye(2) / NOISE
 TRUE = np.array([0.21, 0.19, 0.104, 0.093, 0.215, 0.00107, 0.00093, 0.00139, 0.00128])
+
+
+def known(rig: Rig) -> Conditions:
+    return Conditions(rig.rig.L1, rig.rig.g, (WHITENER,) * 3)
 
 
 def swing(state: NDArray, t: NDArray, base: NDArray, rig: Rig) -> NDArray:
@@ -55,13 +60,11 @@ def segments_of(runs, states, length: float):
 def test_ratios_are_recovered_from_a_start_ten_percent_off(paper: Rig, rng: np.random.Generator) -> None:
     true = ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g))
     runs, states = record(paper, rng)
-    fit = fit_segments(
-        true * [1.1, 0.92, 1.08, 0.9, 1.1], segments_of(runs, states, 0.25), [WHITENER] * 3, paper.rig.L1, paper.rig.g
-    )
+    fit = fit_segments(true * [1.1, 0.92, 1.08, 0.9, 1.1], segments_of(runs, states, 0.25), known(paper))
     assert fit.converged
     assert fit.chi2_per_dof == pytest.approx(1.0, abs=4 * np.sqrt(2 / fit.dof))
     assert np.all(np.abs(fit.ratios - true) < 4 * np.sqrt(np.diag(fit.covariance)))
-    grown = grow(fit, [WHITENER] * 3, paper.rig.L1, paper.rig.g)
+    grown = grow(fit, known(paper))
     assert len(grown.segments) < len(fit.segments)
     assert np.all(np.abs(grown.ratios - true) < 4 * np.sqrt(np.diag(grown.covariance)))
     assert np.all(np.diag(grown.covariance) < np.diag(fit.covariance))
@@ -70,7 +73,7 @@ def test_ratios_are_recovered_from_a_start_ten_percent_off(paper: Rig, rng: np.r
 def test_gaps_cost_information_and_nothing_else(paper: Rig, rng: np.random.Generator) -> None:
     true = ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g))
     runs, states = record(paper, rng, keep=lambda t: ((t * 10).astype(int) % 3 != 1) | (t < 0.1))
-    fit = fit_segments(true, segments_of(runs, states, 0.5), [WHITENER] * 3, paper.rig.L1, paper.rig.g)
+    fit = fit_segments(true, segments_of(runs, states, 0.5), known(paper))
     assert fit.chi2_per_dof == pytest.approx(1.0, abs=4 * np.sqrt(2 / fit.dof))
     assert np.all(np.abs(fit.ratios - true) < 4 * np.sqrt(np.diag(fit.covariance)))
 
@@ -93,10 +96,26 @@ def test_eliminating_start_states_gives_what_a_solver_of_all_unknowns_gives(
         return np.concatenate(parts).ravel()
 
     everything = least_squares(residual, np.concatenate([np.ones(5), *(s.start for s in pieces)]), xtol=1e-12)
-    fit = fit_segments(true, pieces, [WHITENER], paper.rig.L1, paper.rig.g)
+    fit = fit_segments(true, pieces, known(paper))
     std = np.sqrt(np.diag(np.linalg.inv(fit.information)))
     assert np.abs(fit.ratios - everything.x[:5] * scale[:5]) == pytest.approx(0, abs=0.01 * std.max())
     assert fit.chi2 == pytest.approx(2 * everything.cost, rel=1e-5)
+
+
+def test_a_release_with_a_known_added_mass_makes_the_scale_visible(paper: Rig, rng: np.random.Generator) -> None:
+    L1, g = paper.rig.L1, paper.rig.g
+    clamped = AddedMass(rod="outer", mass=0.05, position=0.3)
+    bare, heavy = base_parameters(TRUE, L1, g), base_parameters(loaded(TRUE, clamped), L1, g)
+    assert heavy == pytest.approx(bare + added_base(clamped, L1, g), rel=1e-12)
+    runs, states = record(paper, rng, base=bare)
+    heavy_runs, heavy_states = record(paper, rng, base=heavy)
+    conditions = Conditions(L1, g, (WHITENER,) * 6, (np.zeros(6),) * 3 + (added_base(clamped, L1, g),) * 3)
+    true = np.append(ratios(bare), bare[1])
+    pieces = segments_of(runs + heavy_runs, states + heavy_states, 0.5)
+    fit = fit_segments(true * [1.05, 0.95, 1.05, 0.9, 1.1, 1.3], pieces, conditions)
+    assert fit.converged
+    assert np.all(np.abs(fit.unknowns - true) < 4 * np.sqrt(np.diag(fit.covariance)))
+    assert np.sqrt(fit.covariance[5, 5]) < 0.01 * true[5]
 
 
 def test_friction_is_never_negative_and_says_so(paper: Rig, rng: np.random.Generator) -> None:
@@ -106,9 +125,7 @@ def test_friction_is_never_negative_and_says_so(paper: Rig, rng: np.random.Gener
     fit = fit_segments(
         ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g)),
         segments_of(runs, states, 0.5),
-        [WHITENER] * 3,
-        paper.rig.L1,
-        paper.rig.g,
+        known(paper),
     )
     assert fit.ratios[3] == 0.0
     assert fit.at_zero == ("c1/b",)
@@ -118,9 +135,7 @@ def test_friction_is_never_negative_and_says_so(paper: Rig, rng: np.random.Gener
 def test_held_ratios_stay_and_start_states_move(paper: Rig, rng: np.random.Generator) -> None:
     true = ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g))
     runs, states = record(paper, rng, duration=1.0)
-    fit = fit_segments(
-        true, segments_of(runs, states, 0.5), [WHITENER] * 3, paper.rig.L1, paper.rig.g, hold_ratios=True
-    )
+    fit = fit_segments(true, segments_of(runs, states, 0.5), known(paper), hold=True)
     assert np.array_equal(fit.ratios, true)
     assert fit.chi2_per_dof == pytest.approx(1.0, abs=0.2)
 
@@ -138,7 +153,7 @@ def test_errors_over_their_standard_deviation_have_unit_variance(paper: Rig) -> 
     deviations = []
     for seed in range(30):
         runs, states = record(paper, np.random.default_rng(seed), duration=5.0)
-        fit = fit_segments(true, segments_of(runs, states, 0.5), [WHITENER] * 3, paper.rig.L1, paper.rig.g)
+        fit = fit_segments(true, segments_of(runs, states, 0.5), known(paper))
         deviations.append((fit.ratios - true) / np.sqrt(np.diag(fit.covariance)))
     rms = np.sqrt(np.mean(np.square(deviations)))
     assert 0.8 < rms < 1.25

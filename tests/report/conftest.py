@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.compare import Comparison
-from dpr_lab.model import Estimate, Fit, Model, ParameterValue, RigFacts, RunUsed, SearchRecord
+from dpr_lab.model import Covariance, Estimate, Fit, Model, ParameterValue, RigFacts, RunUsed, SearchRecord
 from dpr_lab.rig import PARAMETERS
 
 NOISE_RAD = np.array([2e-4, 3e-4])
@@ -54,6 +54,9 @@ def model() -> Callable[..., Model]:
                 name: Estimate(value=value, std=1e-3 * value, interval90=(0.998 * value, 1.002 * value))
                 for name, value in ratios.items()
             },
+            covariance=Covariance(order=list(ratios), matrix=np.diag([1e-6] * 5).tolist()),
+            cramer_rao_std={name: 1e-3 * value for name, value in ratios.items()},
+            base={name: ParameterValue(value=0.01, std=None, fixed_by="bound") for name in ("a", "b")},
             parameters={
                 name: ParameterValue.model_validate(
                     {"value": value, "std": 0.001 if name in fixed else None, "fixed_by": fixed.get(name, "bound")}
