@@ -1,0 +1,282 @@
+"""Capture: from the pose through the release to a judged run file. Headless; progress is events, nothing is printed.
+
+    hold -> guide to the pose -> stream -> wait for rest -> go-ahead -> release -> record -> stop -> gate
+
+The rods are let go by one command alone, RELEASE, and it is sent only after pose, rest and the caller's explicit
+go-ahead. Whatever ends a capture before that leaves them held.
+"""
+
+import re
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.device import SILENCE_S, Batch, Device
+from dpr_lab.errors import ConfigError, DeviceLost, DprError, LinkError, RunError
+from dpr_lab.gate import MAX_REST_SPEED, Verdict, rest_motion, rest_spread_limit
+from dpr_lab.holding import (
+    POLL_S,
+    PROGRESS_S,
+    Confirm,
+    Held,
+    PoseReading,
+    RestReading,
+    RestWindow,
+    guide,
+    raise_faults,
+)
+from dpr_lab.recording import Recording
+from dpr_lab.rig import Pose, Rig
+from dpr_lab.storage.layout import SUFFIX
+from dpr_lab.storage.metadata import RunMetadata
+from dpr_lab.storage.writer import RunWriter
+from firmware_protocol.messages import State, Status
+
+RELEASE_TIMEOUT_S = 2.0
+LAST_STATUS_S = 0.5
+REST_AFTER_S = 2.0
+NO_SAMPLES_S = 2 * SILENCE_S  # a device that says nothing at all is found lost before
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureOptions:
+    """What to record."""
+
+    rate_hz: int | None = None
+    """None: as the rig file says."""
+    duration: float = 10.0
+    """How long to record after the release, s."""
+    until_rest: bool = False
+    """Record until both rods have come to rest, at most `max_duration`, instead of for `duration`."""
+    max_duration: float = 180.0
+    pose_timeout: float = 120.0
+    """How long the operator has to bring the rods to the pose, s."""
+    rest_timeout: float = 15.0
+    """How long the held rods have to become still, s."""
+    note: str = ""
+    """The operator's own words, kept with the run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Released:
+    """The latch opened; samples are going to `file`."""
+
+    tick: int
+    file: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """How far the recording is."""
+
+    t: float
+    """Time since the release, s."""
+    theta: tuple[float, float, float]
+    """Newest absolute angles, rad."""
+    samples: int
+
+
+Progress: TypeAlias = PoseReading | RestReading | Released | Recorded
+OnProgress: TypeAlias = Callable[[Progress], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Captured:
+    """A finished capture."""
+
+    run_file: Path
+    verdict: Verdict
+    release_tick: int
+    duration: float
+    """From the release to the last sample, s."""
+    lost: Mapping[str, int]
+    """Samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
+    pose_measured: tuple[float, float, float] | None
+    """Absolute angles just before the release, rad."""
+
+
+def refuse() -> bool | None:
+    """The default go-ahead: none is given."""
+    return False
+
+
+def ignore(progress: Progress) -> None:
+    """The default listener: none."""
+
+
+def capture(
+    device: Device,
+    rig: Rig,
+    pose_name: str,
+    options: CaptureOptions,
+    out_dir: Path,
+    on_progress: OnProgress = ignore,
+    confirm: Confirm = refuse,
+) -> Captured:
+    """Guide the rods to a pose, let them go, record, and judge the recording.
+
+    Args:
+        device: a connected device
+        rig: the rig it is mounted on
+        pose_name: one of the rig's poses
+        options: rate, duration and limits
+        out_dir: folder for the run file, made when missing
+        on_progress: called with every step, on this thread
+        confirm: the go-ahead, asked once the rods are still: True releases, False stops, None asks again a moment later
+
+    Raises:
+        ConfigError: no such pose, or a device that does not fit the rig.
+        LinkError, DeviceFault: see `Device`.
+        SafetyStop: a check before the release did not pass or no go-ahead was given; the rods stay held.
+        RunError: the disk failed; what was recorded is kept.
+        DeviceLost: the device went away; the message names the partial file if there is one.
+        KeyboardInterrupt: passed on after the file was finished as incomplete and the device was stopped.
+    """
+    pose, rate_hz = _pose(rig, pose_name), options.rate_hz or rig.link.rate_hz
+    _check_encoders(device, rig)
+    device.check_rate(rate_hz)
+    metadata = _metadata(device, rig, pose_name, rate_hz, options.note)
+    try:
+        device.stop()  # whatever an earlier program left running; the latch stays as it is
+        device.poll(0)
+        device.hold(1 + list(rig.poses).index(pose_name))
+        guide(device, rig, pose, options.pose_timeout, on_progress)
+        device.stream(rate_hz)
+        held = Held(device, rig, pose, RestWindow(rate_hz), on_progress)
+        held.await_rest(options.rest_timeout)
+        held.await_go_ahead(confirm)
+        path = new_path(out_dir, pose_name, device.info.uid)
+        return _record(device, path, metadata, held.window, options, on_progress)
+    except BaseException:
+        with suppress(DprError):
+            device.stop()
+        raise
+
+
+def new_path(out_dir: Path, pose_name: str, uid: str) -> Path:
+    """A file name that is not taken: `<utc>_<pose>_<uid8>.mcap`."""
+    stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}_{re.sub(r'[^A-Za-z0-9.-]', '-', pose_name)}_{uid[-8:]}"
+    path, number = out_dir / f"{stem}{SUFFIX}", 1
+    while path.exists():
+        number += 1
+        path = out_dir / f"{stem}-{number}{SUFFIX}"
+    return path
+
+
+def _pose(rig: Rig, name: str) -> Pose:
+    if name not in rig.poses:
+        where = rig.path or rig.name
+        raise ConfigError(f"{where}: has no pose {name!r} (there are: {', '.join(rig.poses) or 'none'})")
+    return rig.poses[name]
+
+
+def _check_encoders(device: Device, rig: Rig) -> None:
+    ours, theirs = rig.encoders.counts_per_rev, device.info.counts_per_rev
+    if ours != theirs:
+        raise ConfigError(
+            f"{rig.path or rig.name}: encoders.counts_per_rev = {list(ours)}, but the device at {device.url} has"
+            f" {list(theirs)}: correct the rig file, or choose the device that belongs to it"
+        )
+
+
+def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str) -> RunMetadata:
+    info = device.info
+    return RunMetadata(
+        rig=rig,
+        pose=pose_name,
+        rate_hz=rate_hz,
+        url=device.url,
+        firmware=info.firmware,
+        uid=info.uid,
+        protocol=f"{info.major}.{info.minor}",
+        schema_hash=f"{info.schema_hash:08x}",
+        note=note,
+        extra={"simulated_time": str(info.simulated_time).lower()},
+    )
+
+
+def _record(
+    device: Device,
+    path: Path,
+    metadata: RunMetadata,
+    rest: RestWindow,
+    options: CaptureOptions,
+    on_progress: OnProgress,
+) -> Captured:
+    longest = options.max_duration if options.until_rest else options.duration
+    with RunWriter(path, metadata) as writer:
+        recording = Recording(writer, device.losses, longest)
+        try:
+            recording.add(rest.batches)
+            device.release()
+            _await_release(device, recording)
+            on_progress(Released(recording.release_tick or 0, path))
+            _follow(device, recording, options.until_rest, on_progress)
+            _stop(device, recording)
+            verdict = recording.finish(device.clock_fit())
+        except BaseException as error:
+            recording.count_losses(device.losses)
+            with suppress(RunError):
+                recording.abort(f"{type(error).__name__}: {error}".rstrip(": "))
+            if isinstance(error, DprError) and not isinstance(error, RunError):  # which names the file already
+                raise type(error)(f"{error}; what was recorded until then is kept in {path}") from error
+            raise
+    return Captured(path, verdict, recording.release_tick or 0, recording.t, recording.lost, recording.pose_measured)
+
+
+def _take(device: Device, recording: Recording) -> list[Batch]:
+    batches = device.poll(POLL_S)
+    recording.add(batches)
+    raise_faults(device.url, batches)
+    return batches
+
+
+def _await_release(device: Device, recording: Recording) -> None:
+    deadline = time.monotonic() + RELEASE_TIMEOUT_S
+    while recording.release_tick is None:
+        if time.monotonic() > deadline:
+            raise LinkError(f"{device.url}: the message with the instant of the release was lost: record again")
+        _take(device, recording)
+
+
+def _follow(device: Device, recording: Recording, until_rest: bool, on_progress: OnProgress) -> None:
+    """Record for as long as asked, or until the rods have come to rest."""
+    next_look = heard_at = time.monotonic()
+    while not recording.full:
+        batches = _take(device, recording)
+        now = time.monotonic()
+        if any(batch.rows for batch in batches):
+            heard_at = now
+        elif now - heard_at > NO_SAMPLES_S:
+            raise DeviceLost(f"{device.url}: the device reports but sent no samples for {NO_SAMPLES_S:g} s")
+        if now < next_look:
+            continue
+        next_look = now + PROGRESS_S
+        t, theta = recording.tail(REST_AFTER_S)
+        theta0, theta1, theta2 = theta[-1].tolist()
+        on_progress(Recorded(recording.t, (theta0, theta1, theta2), len(recording.rows)))
+        if until_rest and recording.t >= REST_AFTER_S and _came_to_rest(recording.rig, t, theta):
+            recording.end_here()
+
+
+def _came_to_rest(rig: Rig, t: NDArray[np.float64], theta: NDArray[np.float64]) -> bool:
+    speed, spread = rest_motion(t, theta)
+    return speed <= MAX_REST_SPEED and spread <= rest_spread_limit(rig)
+
+
+def _stop(device: Device, recording: Recording) -> None:
+    """Stop the stream, and take in what was under way with the status that counts it."""
+    device.stop()
+    deadline = time.monotonic() + LAST_STATUS_S
+    told = False
+    while not told and time.monotonic() < deadline:
+        messages = [message for batch in _take(device, recording) for message in batch.messages]
+        told = any(isinstance(message, Status) and message.state is State.IDLE for message in messages)
+    recording.count_losses(device.losses)

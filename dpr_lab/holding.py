@@ -1,0 +1,171 @@
+"""Between the pose and the release: the rods are held, guided, watched until still, and let go by consent only."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.device import Batch, Device, arrays
+from dpr_lab.errors import DeviceFault, LinkError, SafetyStop
+from dpr_lab.gate import MAX_REST_SPEED, REST_WINDOW_S, RODS, pose_error, rest_motion, rest_spread_limit
+from dpr_lab.rig import JOINTS, Pose, Rig
+from firmware_protocol.messages import Event, EventKind, Fault, Message, Position, State, Status, explain
+
+POLL_S = 0.04  # the run file wants a call every 50 ms
+PROGRESS_S = 0.1
+STEADY_READINGS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class PoseReading:
+    """Where the rods are while the operator places them."""
+
+    theta: tuple[float, float, float]
+    """Absolute angles, rad."""
+    error: tuple[float, float]
+    """Signed error of inner and outer rod, whole turns aside, rad."""
+    tolerance: float
+    ok: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RestReading:
+    """How still the held rods are."""
+
+    speed: float
+    """Fastest drift, rad/s."""
+    spread: float
+    """Widest shaking, rad rms."""
+    ok: bool
+
+
+OnReading: TypeAlias = Callable[["PoseReading | RestReading"], None]
+Confirm: TypeAlias = Callable[[], bool | None]
+
+
+class RestWindow:
+    """The newest second of the held rods, as it came."""
+
+    def __init__(self, rate_hz: int) -> None:
+        self.batches: deque[Batch] = deque()
+        self._rate_hz = rate_hz
+        self._ticks = round(REST_WINDOW_S * rate_hz)
+
+    def add(self, batches: Iterable[Batch]) -> None:
+        """Take new batches in and let go of those older than the window."""
+        self.batches.extend(batches)
+        newest = next((batch.rows[-1].tick for batch in reversed(self.batches) if batch.rows), 0)
+        while len(self.batches) > 1 and _last_tick(self.batches[0]) < newest - self._ticks:
+            self.batches.popleft()
+
+    def motion(self, rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Time (n,), s, and angles (n, 3), rad, of the window; None until it is full."""
+        ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
+        if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
+            return None
+        return ticks / self._rate_hz, rig.theta(counts)
+
+
+def _last_tick(batch: Batch) -> int:
+    return batch.rows[-1].tick if batch.rows else -1
+
+
+def raise_faults(url: str, batches: Iterable[Batch]) -> None:
+    """Raise for what the device said that ends a capture: a fault, or a lease it lost."""
+    for batch in batches:
+        for message in batch.messages:
+            _raise_for(url, message)
+
+
+def _raise_for(url: str, message: Message) -> None:
+    if isinstance(message, Event) and message.kind is EventKind.LEASE_LOST:
+        raise LinkError(f"{url}: {' '.join(explain(message.kind))}")
+    if isinstance(message, Event) and message.kind is EventKind.FAULT:
+        raise DeviceFault(f"{url}: {' '.join(explain(Fault(message.detail)))}")
+    if isinstance(message, Status) and message.state is State.FAULT:
+        raise DeviceFault(f"{url}: {' '.join(explain(message.fault))}")
+
+
+def guide(device: Device, rig: Rig, pose: Pose, timeout: float, on_reading: OnReading) -> None:
+    """Report the rods' error to the pose until it is, a few times in a row, within the tolerance."""
+    counts: dict[int, int] = {}
+    reading, steady = None, 0
+    deadline = time.monotonic() + timeout
+    while steady < STEADY_READINGS:
+        if time.monotonic() > deadline:
+            raise SafetyStop(_not_placed(pose, reading, timeout))
+        batches = device.poll(POLL_S)
+        raise_faults(device.url, batches)
+        for position in (m for batch in batches for m in batch.messages if isinstance(m, Position)):
+            counts[position.joint] = position.position
+            if len(counts) == JOINTS and position.joint == JOINTS - 1:
+                reading = _pose_reading(rig.theta([counts[joint] for joint in range(JOINTS)]), pose)
+                steady = steady + 1 if reading.ok else 0
+                on_reading(reading)
+
+
+def _pose_reading(theta: NDArray[np.float64], pose: Pose) -> PoseReading:
+    theta0, theta1, theta2 = theta.tolist()
+    error1, error2 = pose_error(theta, pose).tolist()
+    ok = max(abs(error1), abs(error2)) <= pose.tolerance
+    return PoseReading((theta0, theta1, theta2), (error1, error2), pose.tolerance, ok)
+
+
+def _not_placed(pose: Pose, reading: PoseReading | None, timeout: float) -> str:
+    if reading is None:
+        return f"the device sent no positions within {timeout:g} s; nothing was released, the rods stay held"
+    rod, worst = max(zip(RODS, reading.error, strict=True), key=lambda pair: abs(pair[1]))
+    return (
+        f"the rods did not reach the pose within {timeout:g} s: the {rod} is {worst:+.3f} rad off, tolerance"
+        f" {pose.tolerance} rad; nothing was released, the rods stay held"
+    )
+
+
+class Held:
+    """The rods between pose and release: held, streaming, watched."""
+
+    def __init__(self, device: Device, rig: Rig, pose: Pose, window: RestWindow, on_reading: OnReading) -> None:
+        self.window = window
+        self._device, self._rig, self._pose, self._on_reading = device, rig, pose, on_reading
+        self._report_at = 0.0
+
+    def await_rest(self, timeout: float) -> None:
+        """Wait until a whole window is still and at the pose."""
+        deadline = time.monotonic() + timeout
+        while (restless := self._look(POLL_S)) != "":
+            if time.monotonic() > deadline:
+                raise SafetyStop(f"after {timeout:g} s {restless}; nothing was released, the rods stay held")
+
+    def await_go_ahead(self, confirm: Confirm) -> None:
+        """Ask until there is an answer; then look once more, since an answer can take long."""
+        while (answer := confirm()) is None:
+            self._look(POLL_S)
+        if not answer:
+            raise SafetyStop("no go-ahead was given; nothing was released, the rods stay held")
+        restless = self._look(0)
+        if restless:
+            raise SafetyStop(f"at the go-ahead {restless}; nothing was released, the rods stay held")
+
+    def _look(self, timeout: float) -> str:
+        """Take in what is new; why the rods may not be let go, or nothing."""
+        batches = self._device.poll(timeout)
+        raise_faults(self._device.url, batches)
+        self.window.add(batches)
+        motion = self.window.motion(self._rig)
+        if motion is None:
+            return "the device had not streamed a full second of samples"
+        speed, spread = rest_motion(*motion)
+        limit = rest_spread_limit(self._rig)
+        still = speed <= MAX_REST_SPEED and spread <= limit
+        if time.monotonic() >= self._report_at:
+            self._report_at = time.monotonic() + PROGRESS_S
+            self._on_reading(RestReading(speed, spread, still))
+        if not still:
+            limits = f"limits {MAX_REST_SPEED} rad/s and {limit:.5f} rad"
+            return f"the rods still moved, by {speed:.3f} rad/s and {spread:.5f} rad rms ({limits})"
+        worst = float(np.abs(pose_error(motion[1], self._pose)).mean(axis=0).max())
+        return f"the rods were {worst:.3f} rad off the pose" if worst > self._pose.tolerance else ""

@@ -1,0 +1,52 @@
+"""Frames over any port that carries bytes."""
+
+import time
+from typing import Protocol
+
+from dpr_lab.transports.transport import Capacity, Received
+from firmware_protocol.framing import FrameDecoder, encode_frame
+from firmware_protocol.messages import Frame
+
+
+class BytePort(Protocol):
+    """A port that carries bytes and says DeviceLost when it is gone."""
+
+    def read(self, timeout: float) -> bytes:
+        """All bytes that have arrived, waiting at most `timeout` s for the first; empty when none came."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Send all of `data`."""
+        ...
+
+    def close(self) -> None:
+        """Close the port; closing twice is harmless."""
+        ...
+
+
+class BytesLink:
+    """A `Transport` made of a byte port and the serial framing."""
+
+    def __init__(self, url: str, port: BytePort, capacities: tuple[Capacity, ...] = ()) -> None:
+        self.url = url
+        self.capacities = capacities
+        self._port = port
+        self._decoder = FrameDecoder()
+
+    @property
+    def errors(self) -> dict[str, int]:
+        """Damaged frames so far, by cause."""
+        return {"crc": self._decoder.crc_errors, "framing": self._decoder.framing_errors}
+
+    def send(self, frame: Frame) -> None:
+        """Send one frame."""
+        self._port.write(encode_frame(frame))
+
+    def receive(self, timeout: float) -> Received:
+        """All that has arrived, waiting at most `timeout` s for the first byte."""
+        raw = self._port.read(timeout)
+        return Received(time.monotonic(), tuple(self._decoder.feed(raw)), raw)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._port.close()

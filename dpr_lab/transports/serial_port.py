@@ -1,0 +1,94 @@
+"""A serial port (pyserial): `serial:///dev/ttyUSB0?baud=921600`, `serial://COM3`."""
+
+import errno
+import time
+from pathlib import Path
+
+import serial
+
+from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.transports.bytes_link import BytesLink
+from dpr_lab.transports.discover import JOIN_GROUP, serial_ports
+from dpr_lab.transports.transport import Capacity
+from dpr_lab.transports.url import LinkUrl, whole_number
+
+DEFAULT_BAUD = 921_600
+BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
+SAMPLE_BYTES = 14  # identifier, eight data bytes, CRC, COBS overhead and delimiter
+READ_SLICE_S = 0.05  # pyserial's timeout stays fixed: changing it reconfigures the port and can corrupt data
+WRITE_TIMEOUT_S = 1.0
+
+# What pyserial raises when the device is pulled: its own exception, a bare OSError(EIO) from in_waiting,
+# or a TypeError when another thread closed the descriptor.
+_GONE = (serial.SerialException, OSError, TypeError)
+
+
+def open_serial(url: LinkUrl, rig_file: Path | None) -> BytesLink:
+    """Open a serial port for this process alone.
+
+    Raises:
+        LinkError: no such port, no permission, busy, or not a baud rate it can do.
+    """
+    baud = url.options({"baud": whole_number}).get("baud", DEFAULT_BAUD)
+    name = url.host + url.path
+    if not name:
+        raise LinkError(f"{url.text}: names no port; {_ports_found()}")
+    remedy = f"{DEFAULT_BAUD} baud" if baud < DEFAULT_BAUD else "a faster link"
+    capacity = Capacity(f"{baud} baud", baud, SAMPLE_BYTES * BITS_PER_BYTE, remedy)
+    return BytesLink(url.text, SerialPort(url.text, name, baud), (capacity,))
+
+
+class SerialPort:
+    """A byte port over pyserial that reads in bulk."""
+
+    def __init__(self, url: str, name: str, baud: int) -> None:
+        self._url = url
+        try:
+            self._serial = serial.Serial(
+                name, baud, timeout=READ_SLICE_S, write_timeout=WRITE_TIMEOUT_S, exclusive=True
+            )
+        except (OSError, ValueError) as error:
+            raise LinkError(f"{url}: {_why_not_opened(name, baud, error)}") from error
+
+    def read(self, timeout: float) -> bytes:
+        """All bytes that have arrived, waiting at most about `timeout` s for the first."""
+        deadline = time.monotonic() + timeout
+        try:
+            while True:
+                data = self._serial.read(self._serial.in_waiting or 1)
+                if data:
+                    return data + self._serial.read(self._serial.in_waiting)
+                if time.monotonic() >= deadline:
+                    return b""
+        except _GONE as error:
+            raise self._lost(error) from error
+
+    def write(self, data: bytes) -> None:
+        """Send all of `data`."""
+        try:
+            self._serial.write(data)
+        except _GONE as error:
+            raise self._lost(error) from error
+
+    def close(self) -> None:
+        """Close the port."""
+        self._serial.close()
+
+    def _lost(self, error: BaseException) -> DeviceLost:
+        return DeviceLost(f"{self._url}: the port is gone ({error}): check cable and power, then connect again")
+
+
+def _why_not_opened(name: str, baud: int, error: Exception) -> str:
+    code = error.errno if isinstance(error, OSError) else None
+    if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        return f"there is no port {name}; {_ports_found()}"
+    if code in (errno.EAGAIN, errno.EBUSY):
+        return f"the port is in use by another program: close it there (`fuser {name}` tells which one)"
+    if code == errno.EACCES:
+        return f"no permission to open {name}: {JOIN_GROUP}"
+    return f"cannot be opened at {baud} baud: {error}"
+
+
+def _ports_found() -> str:
+    names = [port.device for port in serial_ports()]
+    return f"found: {', '.join(names)}" if names else "no serial port was found: check the cable"

@@ -1,0 +1,69 @@
+"""A TCP connection: `socket://192.168.1.20:5555`.
+
+A client of our own rather than pyserial's `socket://`, whose in_waiting is 0 or 1, which throws away what it has
+read when the peer closes, and which discards what arrives while it opens.
+"""
+
+import select
+import socket
+from pathlib import Path
+
+from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.transports.bytes_link import BytesLink
+from dpr_lab.transports.url import LinkUrl
+
+CONNECT_TIMEOUT_S = 3.0
+SEND_TIMEOUT_S = 1.0
+MAX_READ_BYTES = 65_536
+
+
+def open_tcp(url: LinkUrl, rig_file: Path | None) -> BytesLink:
+    """Connect to a device that listens on TCP.
+
+    Raises:
+        LinkError: no address in the URL, or nothing accepts the connection there.
+    """
+    url.options({})
+    host, _, port = url.host.rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 65_536 or url.path not in ("", "/"):
+        raise LinkError(f"{url.text}: write socket://HOST:PORT, for example socket://192.168.1.20:5555")
+    return BytesLink(url.text, TcpPort(url.text, host.strip("[]"), int(port)))
+
+
+class TcpPort:
+    """A byte port over one TCP connection."""
+
+    def __init__(self, url: str, host: str, port: int) -> None:
+        self._url = url
+        try:
+            self._socket = socket.create_connection((host, port), timeout=CONNECT_TIMEOUT_S)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise LinkError(f"{url}: no connection ({reason}): check address, port and power") from error
+        self._socket.settimeout(SEND_TIMEOUT_S)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def read(self, timeout: float) -> bytes:
+        """All bytes that have arrived, waiting at most `timeout` s for the first."""
+        try:
+            ready, _, _ = select.select([self._socket], [], [], timeout)
+            data = self._socket.recv(MAX_READ_BYTES) if ready else None
+        except (OSError, ValueError) as error:  # ValueError: the descriptor was closed
+            raise self._lost(str(error)) from error
+        if data == b"":
+            raise self._lost("closed by the device")
+        return data or b""
+
+    def write(self, data: bytes) -> None:
+        """Send all of `data`."""
+        try:
+            self._socket.sendall(data)
+        except OSError as error:
+            raise self._lost(str(error)) from error
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
+    def _lost(self, reason: str) -> DeviceLost:
+        return DeviceLost(f"{self._url}: the connection is gone ({reason}): check network and power")

@@ -1,0 +1,98 @@
+"""The seam between a link and the device driver: frames out, frames in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from dpr_lab.errors import LinkError
+
+if TYPE_CHECKING:
+    from firmware_protocol.messages import Frame
+
+USABLE_SHARE = 0.8
+"""Share of a link that samples may fill; the rest is left for answers, status and arbitration."""
+
+
+@dataclass(frozen=True, slots=True)
+class Capacity:
+    """What a link can carry and what a sample costs on it."""
+
+    name: str
+    """As the operator knows it: `115200 baud`."""
+    bits_per_s: int
+    bits_per_sample: int
+    remedy: str
+    """What to change when samples do not fit."""
+
+    @property
+    def max_rate_hz(self) -> int:
+        """The fastest sample rate that leaves the reserve, Hz."""
+        return int(USABLE_SHARE * self.bits_per_s / self.bits_per_sample)
+
+    def check(self, rate_hz: int) -> None:
+        """Refuse a sample rate the link cannot carry.
+
+        Raises:
+            LinkError: with the arithmetic and what to choose instead.
+        """
+        if rate_hz <= self.max_rate_hz:
+            return
+        needed = rate_hz * self.bits_per_sample
+        raise LinkError(
+            f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"
+            f" (at most {100 * USABLE_SHARE:.0f} % may be used): choose at most {self.max_rate_hz} Hz or {self.remedy}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """What one read of a link brought."""
+
+    host_time: float
+    """`time.monotonic()` right after the read, s."""
+    frames: tuple[Frame, ...]
+    raw: bytes
+    """The bytes as they came. A CAN bus has none, so there its frames stand in their serial framing."""
+
+
+class Transport(Protocol):
+    """An open link to a device.
+
+    `send` may be called while another thread is inside `receive`; all else belongs to one thread.
+    """
+
+    @property
+    def url(self) -> str:
+        """The URL it was opened with."""
+        ...
+
+    @property
+    def errors(self) -> dict[str, int]:
+        """Damaged frames so far, by cause: `crc`, `framing`."""
+        ...
+
+    @property
+    def capacities(self) -> tuple[Capacity, ...]:
+        """Every limit a sample rate has to pass; empty where the link knows none."""
+        ...
+
+    def send(self, frame: Frame) -> None:
+        """Send one frame.
+
+        Raises:
+            DeviceLost: the link is gone.
+        """
+        ...
+
+    def receive(self, timeout: float) -> Received:
+        """All that has arrived, waiting at most `timeout` s for the first byte.
+
+        Raises:
+            DeviceLost: the link is gone.
+        """
+        ...
+
+    def close(self) -> None:
+        """Close the link; closing twice is harmless."""
+        ...

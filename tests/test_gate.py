@@ -1,0 +1,175 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.gate import CHECKS, Verdict, fastest_possible, judge, pose_error, rest_motion
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
+
+RATE_HZ = 1000
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return load_rig("paper")
+
+
+@pytest.fixture
+def good(rig: Rig) -> Run:
+    """A second of rest at X1 with encoder noise, then 5 s of smooth motion that starts at rest."""
+    t = np.arange(-RATE_HZ, 5 * RATE_HZ + 1) / RATE_HZ
+    after = np.maximum(t, 0)
+    theta = rig.poses["X1"].theta + np.stack(
+        [0 * t, 0.2 * (1 - np.cos(4 * after)), 1.2 * (1 - np.cos(3 * after))], axis=-1
+    )
+    noise = np.random.default_rng(1).normal(0, rig.encoders.noise_counts, theta.shape)
+    return _run(rig, t, np.round(rig.positions(theta) + noise).astype(np.int64))
+
+
+def _run(rig: Rig, t: np.ndarray, counts: np.ndarray) -> Run:
+    return Run("test", t, rig.theta(counts), counts, "X1", rig.name, rig.sha256, RATE_HZ)
+
+
+def _failed(verdict: Verdict) -> list[str]:
+    return [check.name for check in verdict.checks if not check.ok]
+
+
+def test_good_run_passes_every_check(good: Run, rig: Rig) -> None:
+    verdict = judge(good, rig, duration=5.0)
+    assert len(verdict.checks) == len(CHECKS)
+    assert verdict.ok
+    assert verdict.sentence == "ok"
+
+
+def test_whole_turns_do_not_count_as_pose_error(good: Run, rig: Rig) -> None:
+    turned = good.counts + np.array([0, 3, -2]) * np.array(rig.encoders.counts_per_rev)
+    assert judge(_run(rig, good.t, turned), rig).ok
+
+
+def _drift(run: Run, rig: Rig) -> Run:
+    return _with_rest(run, rig, 0.03 * run.t[run.t < 0])
+
+
+def _shake(run: Run, rig: Rig) -> Run:
+    return _with_rest(run, rig, 0.002 * np.sin(50 * run.t[run.t < 0]))
+
+
+def _with_rest(run: Run, rig: Rig, moved: np.ndarray) -> Run:
+    counts = run.counts.copy()
+    counts[run.t < 0, 1] += np.round(moved / rig.radians_per_count[1]).astype(np.int64)
+    return _run(rig, run.t, counts)
+
+
+def _wrong_pose(run: Run, rig: Rig) -> Run:
+    return _run(rig, run.t, run.counts + np.array([0, 0, round(0.06 / rig.radians_per_count[2])]))
+
+
+def _pushed(run: Run, rig: Rig) -> Run:
+    counts = run.counts.copy()
+    counts[:, 2] += np.round(0.4 * np.maximum(run.t, 0) / rig.radians_per_count[2]).astype(np.int64)
+    return _run(rig, run.t, counts)
+
+
+def _damaged(run: Run, rig: Rig) -> Run:
+    return replace(run, lost={"crc": 5, "framing": 0, "tick_gap": 4, "device_overrun": 0})
+
+
+def _gapped(run: Run, rig: Rig) -> Run:
+    keep = (run.t < 2.0) | (run.t > 2.012)
+    return _run(rig, run.t[keep], run.counts[keep])
+
+
+def _uneven(run: Run, rig: Rig) -> Run:
+    return _run(rig, run.t + np.where(np.arange(len(run.t)) % 2, 0.0002, 0), run.counts)
+
+
+def _jumping(run: Run, rig: Rig) -> Run:
+    counts = run.counts.copy()
+    counts[4000:, 1] += 256
+    return _run(rig, run.t, counts)
+
+
+def _stuck(run: Run, rig: Rig) -> Run:
+    counts = run.counts.copy()
+    counts[:, 2] = counts[0, 2]
+    return _run(rig, run.t, counts)
+
+
+def _short(run: Run, rig: Rig) -> Run:
+    keep = run.t < 4.0
+    return _run(rig, run.t[keep], run.counts[keep])
+
+
+def _cut(run: Run, rig: Rig) -> Run:
+    return replace(run, complete=False)
+
+
+FAULTS = {
+    "rest_speed": _drift,
+    "rest_spread": _shake,
+    "pose": _wrong_pose,
+    "release_speed": _pushed,
+    "lost": _damaged,
+    "gap": _gapped,
+    "jitter": _uneven,
+    "jumps": _jumping,
+    "moved": _stuck,
+    "duration": _short,
+    "complete": _cut,
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_each_check_fails_alone_on_its_own_fault(name: str, good: Run, rig: Rig) -> None:
+    verdict = judge(FAULTS[name](good, rig), rig, duration=5.0)
+    assert _failed(verdict) == [name]
+    assert verdict.sentence == f"degraded: {verdict.reasons[0]}"
+    assert verdict.to_json()["ok"] is False
+
+
+def test_every_check_has_a_fault_that_fails_it(good: Run, rig: Rig) -> None:
+    assert [check.name for check in judge(good, rig, duration=5.0).checks] == list(FAULTS)
+
+
+def test_a_table_without_rest_is_judged_on_what_it_has(good: Run, rig: Rig) -> None:
+    verdict = judge(replace(good.swing, counts=None, pose=None), rig)
+    assert [check.name for check in verdict.checks] == ["lost", "gap", "jitter", "jumps", "moved", "complete"]
+    assert verdict.ok
+
+
+@pytest.mark.parametrize("samples", [0, 1, 2])
+def test_a_run_of_next_to_nothing_is_judged_without_an_exception(samples: int, good: Run, rig: Rig) -> None:
+    run = _run(rig, good.t[1000 : 1000 + samples], good.counts[1000 : 1000 + samples])
+    assert _failed(judge(run, rig, duration=5.0)) == ["duration"]
+
+
+def test_rest_motion_finds_slope_and_spread() -> None:
+    t = np.arange(1000) / 1000
+    theta = np.zeros((1000, 3))
+    theta[:, 2] = 0.05 * t
+    theta[:, 1] = np.where(np.arange(1000) % 2, 1e-3, -1e-3)
+    speed, spread = rest_motion(t, theta)
+    assert speed == pytest.approx(0.05)
+    assert spread == pytest.approx(1e-3, rel=1e-3)
+
+
+def test_pose_error_is_signed_and_wraps(rig: Rig) -> None:
+    asked = rig.poses["X3"]
+    error = pose_error(asked.theta + np.array([0, -0.02, 2 * np.pi + 0.03]), asked)
+    assert error == pytest.approx([-0.02, 0.03])
+
+
+def test_no_state_of_the_rig_is_faster_than_the_fastest_possible(rig: Rig) -> None:
+    """Every state with the energy of both rods upright, by brute force over angle between rods and direction."""
+    l1, l2, m1, m2, mb, _, _, J1, J2 = rig.nominal
+    L1, g = rig.rig.L1, rig.rig.g
+    energy = 2 * g * (m1 * l1 + (m2 + mb) * L1 + m2 * l2)
+    between, direction = np.meshgrid(np.linspace(0, np.pi, 181), np.linspace(0, np.pi, 20_001))
+    w1, w2 = np.cos(direction), np.sin(direction)
+    kinetic = 0.5 * (J1 + m1 * l1**2 + (m2 + mb) * L1**2) * w1**2 + 0.5 * (J2 + m2 * l2**2) * w2**2
+    kinetic += m2 * L1 * l2 * np.cos(between) * w1 * w2
+    scale = np.sqrt(energy / kinetic)
+    brute = np.array([np.abs(scale * w1).max(), np.abs(scale * w2).max()])
+    assert fastest_possible(rig) == pytest.approx(brute, rel=1e-3)
+    assert np.all(brute <= fastest_possible(rig) * (1 + 1e-12))

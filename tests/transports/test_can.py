@@ -1,0 +1,134 @@
+import os
+import pty
+import tty
+from collections.abc import Iterator
+
+import can
+import pytest
+
+from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.transports import open_transport
+from firmware_protocol.framing import FrameDecoder
+from firmware_protocol.messages import Frame
+
+SAMPLE = Frame(66, bytes(range(8)))
+
+
+@pytest.fixture
+def peer() -> Iterator[can.BusABC]:
+    bus = can.Bus(interface="virtual", channel="transport-test", ignore_config=True)
+    yield bus
+    bus.shutdown()
+
+
+@pytest.fixture
+def adapter() -> Iterator[tuple[int, str]]:
+    """The adapter's end of an slcan line and the path of the host's end."""
+    device, host = pty.openpty()
+    tty.setraw(host)
+    yield device, os.ttyname(host)
+    for descriptor in (device, host):
+        try:
+            os.close(descriptor)
+        except OSError:
+            pass
+
+
+def test_virtual_bus_carries_frames_both_ways(peer: can.BusABC) -> None:
+    link = open_transport("can://virtual/transport-test")
+    for _ in range(1000):
+        peer.send(can.Message(arbitration_id=SAMPLE.id, data=SAMPLE.data, is_extended_id=False))
+    frames: list[Frame] = []
+    raw = b""
+    while len(frames) < 1000:
+        received = link.receive(1.0)
+        frames += received.frames
+        raw += received.raw
+    assert frames == [SAMPLE] * 1000
+    assert FrameDecoder().feed(raw) == frames
+    link.send(Frame(96, b"\x01"))
+    heard = peer.recv(1.0)
+    assert heard is not None
+    assert (heard.arbitration_id, bytes(heard.data), heard.is_extended_id) == (96, b"\x01", False)
+    assert link.receive(0.05).frames == ()
+    link.close()
+    link.close()
+
+
+def test_frames_of_other_kinds_are_passed_over_and_error_frames_counted(peer: can.BusABC) -> None:
+    link = open_transport("can://virtual/transport-test")
+    peer.send(can.Message(arbitration_id=66, data=b"1", is_extended_id=True))
+    peer.send(can.Message(arbitration_id=66, is_remote_frame=True, is_extended_id=False))
+    peer.send(can.Message(arbitration_id=66, data=b"1", is_fd=True, is_extended_id=False))
+    peer.send(can.Message(is_error_frame=True))
+    peer.send(can.Message(arbitration_id=SAMPLE.id, data=SAMPLE.data, is_extended_id=False))
+    assert link.receive(1.0).frames == (SAMPLE,)
+    assert link.errors == {"crc": 0, "framing": 1}
+    link.close()
+
+
+def test_slcan_opens_the_bus_at_the_bit_rate_and_survives_damaged_lines(adapter: tuple[int, str]) -> None:
+    device, path = adapter
+    link = open_transport(f"can://slcan{path}?bitrate=1000000")
+    assert b"S8\r" in os.read(device, 100)
+    line = b"t0428" + SAMPLE.data.hex().upper().encode() + b"\r"
+    for damage in (b"t0z28\r", b"t\r", b"t04280011\r", b"\xff\xfe\r"):
+        os.write(device, damage)
+        assert link.receive(0.1).frames == ()
+    assert link.errors == {"crc": 0, "framing": 4}
+    os.write(device, line + line)
+    assert link.receive(1.0).frames == (SAMPLE, SAMPLE)
+    link.send(Frame(96, b"\x01"))
+    assert os.read(device, 100) == b"t060101\r"
+    link.close()
+
+
+def test_busy_slcan_port_says_so_and_is_left_alone(adapter: tuple[int, str]) -> None:
+    device, path = adapter
+    first = open_transport(f"can://slcan{path}")
+    os.read(device, 100)
+    with pytest.raises(LinkError, match="in use by another program"):
+        open_transport(f"can://slcan{path}")
+    first.send(SAMPLE)
+    assert os.read(device, 100).startswith(b"t0428")  # nothing closed or reopened the bus in between
+    first.close()
+    open_transport(f"can://slcan{path}").close()
+
+
+def test_pulled_slcan_adapter_is_device_lost(adapter: tuple[int, str]) -> None:
+    device, path = adapter
+    link = open_transport(f"can://slcan{path}")
+    os.close(device)
+    with pytest.raises(DeviceLost, match="the bus is gone"):
+        link.receive(0.5)
+    with pytest.raises(DeviceLost):
+        link.send(SAMPLE)
+    link.close()
+
+
+@pytest.mark.parametrize(
+    ("url", "sentence"),
+    [
+        ("can://carrier-pigeon/x", "unknown CAN backend 'carrier-pigeon'; python-can has:.*slcan.*virtual"),
+        ("can://virtual", "names no channel"),
+        ("can://slcan/dev/nothing?settle_s=0", "slcan cannot open /dev/nothing at 1000000 bit/s"),
+        ("can://socketcan/can7", "socketcan cannot open can7"),
+    ],
+)
+def test_bus_that_cannot_be_opened_says_why(url: str, sentence: str) -> None:
+    with pytest.raises(LinkError, match=sentence):
+        open_transport(url)
+
+
+def test_slcan_refuses_a_bit_rate_it_has_no_letter_for(adapter: tuple[int, str]) -> None:
+    with pytest.raises(LinkError, match="Invalid bitrate, choose one of"):
+        open_transport(f"can://slcan{adapter[1]}?bitrate=123456")
+
+
+def test_capacity_counts_stuffed_bits_and_the_adapters_uart(adapter: tuple[int, str]) -> None:
+    link = open_transport(f"can://slcan{adapter[1]}?bitrate=500000&tty_baud=115200")
+    bus, uart = link.capacities
+    assert bus.max_rate_hz == int(0.8 * 500_000 / 135)
+    with pytest.raises(LinkError, match="faster tty_baud"):
+        uart.check(1000)
+    link.close()

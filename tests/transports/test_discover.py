@@ -1,0 +1,32 @@
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from dpr_lab.transports import discover as module
+
+
+def test_discover_opens_nothing_and_knows_the_backends() -> None:
+    links = module.discover()
+    assert {"slcan", "socketcan", "virtual"} <= set(links.can_backends)
+
+
+def test_can_interfaces_are_those_of_the_can_type(tmp_path: Path) -> None:
+    for name, kind in {"can1": "280", "eth0": "1", "can0": "280"}.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "type").write_text(f"{kind}\n")
+    assert module.can_interfaces(tmp_path) == ("can0", "can1")
+    assert module.can_interfaces(tmp_path / "none") == ()
+
+
+def test_forbidden_port_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    port = tmp_path / "ttyUSB0"
+    port.touch()
+    found = SimpleNamespace(device=str(port), description="FTDI", serial_number="A1")
+    monkeypatch.setattr(module.list_ports, "comports", lambda: [found])
+    monkeypatch.setattr(module.os, "access", lambda path, mode: False)
+    (listed,) = module.serial_ports()
+    assert (listed.device, listed.description, listed.serial_number) == (str(port), "FTDI", "A1")
+    assert "usermod -aG dialout" in listed.problem
+    monkeypatch.setattr(module.os, "access", lambda path, mode: True)
+    assert module.serial_ports()[0].problem == ""
