@@ -26,6 +26,7 @@ MAX_GAP_PERIODS = 10
 MAX_JITTER_PERIODS = 0.05
 SPEED_MARGIN = 1.5
 MIN_TRAVEL_COUNTS = 16
+MAX_HANG_ERROR = 0.02  # rad; dry friction of a small bearing holds a rod within a milliradian of hanging
 RODS = ("inner rod", "outer rod")
 
 
@@ -242,6 +243,20 @@ def _moved(evidence: Evidence) -> Check | None:
     return Check("moved", least >= MIN_TRAVEL_COUNTS, least, MIN_TRAVEL_COUNTS, "counts", sentence)
 
 
+def _hanging_after(evidence: Evidence) -> Check | None:
+    """Where the rods hang once they are at rest again: counts lost on the way, or a wrong zero, show there."""
+    run = evidence.run
+    last = run.t >= run.duration - REST_WINDOW_S
+    if run.duration <= REST_WINDOW_S or rest_motion(run.t[last], run.theta[last])[1] > rest_spread_limit(evidence.rig):
+        return None
+    error = np.abs((run.theta[last, 1:].mean(axis=0)) % (2 * np.pi) - np.pi)
+    rod, worst = RODS[int(error.argmax())], float(error.max())
+    sentence = (
+        f"the {rod} came to rest {worst:.3f} rad off hanging (limit {MAX_HANG_ERROR}): lost counts, or a wrong zero"
+    )
+    return Check("hanging_after", worst <= MAX_HANG_ERROR, worst, MAX_HANG_ERROR, "rad", sentence)
+
+
 def _duration(evidence: Evidence) -> Check | None:
     if evidence.duration <= 0:
         return None
@@ -267,6 +282,7 @@ CHECKS: tuple[Callable[[Evidence], Check | None], ...] = (
     _jitter,
     _jumps,
     _moved,
+    _hanging_after,
     _duration,
     _complete,
 )

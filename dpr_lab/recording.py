@@ -21,6 +21,7 @@ from firmware_protocol.messages import Event, EventKind, Message, Status
 from firmware_protocol.stream import Row
 
 NANOSECONDS = 1_000_000_000
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Recording:
@@ -178,15 +179,16 @@ class Recording:
 
 @contextmanager
 def unbroken() -> Iterator[None]:
-    """Hold Ctrl-C back until the block is done: a record half written would cost the rest of the file."""
+    """Hold Ctrl-C and SIGTERM back until the block is done: a record half written would cost the rest of the file."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     held_back: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, frame: held_back.append(number))
+    ours = {number: signal.signal(number, lambda caught, frame: held_back.append(caught)) for number in INTERRUPTS}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
+        for number, handler in ours.items():
+            signal.signal(number, handler)
     if held_back:
         signal.raise_signal(signal.SIGINT)

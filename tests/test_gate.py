@@ -17,12 +17,11 @@ def rig() -> Rig:
 
 @pytest.fixture
 def good(rig: Rig) -> Run:
-    """A second of rest at X1 with encoder noise, then 5 s of smooth motion that starts at rest."""
+    """A second of rest at X1 with encoder noise, 4 s of smooth motion that starts at rest, a second of hanging."""
     t = np.arange(-RATE_HZ, 5 * RATE_HZ + 1) / RATE_HZ
-    after = np.maximum(t, 0)
-    theta = rig.poses["X1"].theta + np.stack(
-        [0 * t, 0.2 * (1 - np.cos(4 * after)), 1.2 * (1 - np.cos(3 * after))], axis=-1
-    )
+    swing = np.clip(t, 0, 4)
+    inner, outer = 0.2 * (1 - np.cos(2 * np.pi * swing)), (np.pi - 0.1) / 2 * (1 - np.cos(np.pi * swing / 4))
+    theta = rig.poses["X1"].theta + np.stack([0 * t, inner, outer], axis=-1)
     noise = np.random.default_rng(1).normal(0, rig.encoders.noise_counts, theta.shape)
     return _run(rig, t, np.round(rig.positions(theta) + noise).astype(np.int64))
 
@@ -96,6 +95,13 @@ def _stuck(run: Run, rig: Rig) -> Run:
     return _run(rig, run.t, counts)
 
 
+def _slipped(run: Run, rig: Rig) -> Run:
+    counts = run.counts.copy()
+    for at in range(1500, 4500, 300):
+        counts[at:, 1] += 8
+    return _run(rig, run.t, counts)
+
+
 def _short(run: Run, rig: Rig) -> Run:
     keep = run.t < 4.0
     return _run(rig, run.t[keep], run.counts[keep])
@@ -115,16 +121,21 @@ FAULTS = {
     "jitter": _uneven,
     "jumps": _jumping,
     "moved": _stuck,
+    "hanging_after": _slipped,
     "duration": _short,
     "complete": _cut,
 }
 
 
+SHOWN_TWICE = dict.fromkeys(("pose", "release_speed", "jumps", "moved"), ["hanging_after"])
+"""Faults that shift the rest of the run, or stop a counter, also end beside hanging."""
+
+
 @pytest.mark.parametrize("name", FAULTS)
-def test_each_check_fails_alone_on_its_own_fault(name: str, good: Run, rig: Rig) -> None:
+def test_each_check_fails_on_its_own_fault(name: str, good: Run, rig: Rig) -> None:
     verdict = judge(FAULTS[name](good, rig), rig, duration=5.0)
-    assert _failed(verdict) == [name]
-    assert verdict.sentence == f"degraded: {verdict.reasons[0]}"
+    assert _failed(verdict) == [name, *SHOWN_TWICE.get(name, [])]
+    assert verdict.sentence.startswith(f"degraded: {verdict.reasons[0]}")
     assert verdict.to_json()["ok"] is False
 
 
@@ -134,7 +145,15 @@ def test_every_check_has_a_fault_that_fails_it(good: Run, rig: Rig) -> None:
 
 def test_a_table_without_rest_is_judged_on_what_it_has(good: Run, rig: Rig) -> None:
     verdict = judge(replace(good.swing, counts=None, pose=None), rig)
-    assert [check.name for check in verdict.checks] == ["lost", "gap", "jitter", "jumps", "moved", "complete"]
+    assert [check.name for check in verdict.checks] == [
+        "lost",
+        "gap",
+        "jitter",
+        "jumps",
+        "moved",
+        "hanging_after",
+        "complete",
+    ]
     assert verdict.ok
 
 
