@@ -8,9 +8,7 @@ Every figure is a median over rounds in which all programs run in turn, so that 
 alike; only the efficiency of threads needs idle cores, hence the load is printed.
 """
 
-import argparse
 import ctypes
-import json
 import math
 import os
 import shutil
@@ -20,11 +18,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numba
 import numpy as np
+from _bars import Bar, options, show
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import base_parameters, rows
@@ -36,16 +35,6 @@ from dpr_lab.rig import load_rig
 STEP, SAMPLES = 0.005, 2001
 Array = NDArray[np.float64]
 Evaluator = Callable[[Array], Array]
-
-
-@dataclass(frozen=True, slots=True)
-class Bar:
-    """One line of the table."""
-
-    bar: str
-    target: str
-    measured: float
-    ok: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,20 +184,11 @@ def measure(quick: bool, limit: Path | None) -> list[Bar]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="fewer candidates and rounds")
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser = options(__doc__)
     parser.add_argument("--limit", type=Path, metavar="RK4_LIMIT.C", help="C yardstick to compile and compare with")
-    options = parser.parse_args()
+    chosen = parser.parse_args()
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
-    bars = measure(options.quick, options.limit)
-    if options.json:
-        print(json.dumps([asdict(bar) for bar in bars], indent=2))
-        return
-    print(f"{'bar':<36} {'target':>8} {'measured':>10}  ok")
-    for bar in bars:
-        print(f"{bar.bar:<36} {bar.target:>8} {bar.measured:>10.4g}  {'yes' if bar.ok else 'NO'}")
-    print(f"load before the start: {load:.1f} on {os.cpu_count()} cores")
+    show(f"evaluator, load before the start {load:.1f}", measure(chosen.quick, chosen.limit), chosen.json)
 
 
 if __name__ == "__main__":

@@ -261,7 +261,7 @@ def _follow(device: Device, recording: Recording, until_rest: bool, on_progress:
         next_look = now + PROGRESS_S
         t, theta = recording.tail(REST_AFTER_S)
         theta0, theta1, theta2 = theta[-1].tolist()
-        on_progress(Recorded(recording.t, (theta0, theta1, theta2), len(recording.rows)))
+        on_progress(Recorded(recording.t, (theta0, theta1, theta2), len(recording.samples)))
         if until_rest and recording.t >= REST_AFTER_S and _came_to_rest(recording.rig, t, theta):
             recording.end_here()
 

@@ -15,7 +15,8 @@ from dpr_lab.estimation.evidence import Evidence, conditions, gather
 from dpr_lab.estimation.growth import free_run, grow
 from dpr_lab.estimation.least_squares import UNKNOWNS, SegmentFit, fit_segments
 from dpr_lab.estimation.segments import cut
-from dpr_lab.model import Covariance, Estimate, Fit, Model, RigFacts, RunUsed, SearchRecord
+from dpr_lab.identifiability import identifiability, summary
+from dpr_lab.model import Covariance, Estimate, Fit, Identifiable, Model, RigFacts, RunUsed, SearchRecord
 from dpr_lab.objectives import OBJECTIVES
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
@@ -136,6 +137,7 @@ def _model(fit: SegmentFit, evidence: Sequence[Evidence], rig: Rig, found: Searc
         cramer_rao_std=dict(zip(RATIOS, fit.cramer_rao_std.tolist(), strict=False)),
         parameters=parameters,
         base=base,
+        identifiability=_identifiable(fit, rig, np.array([value.value for value in parameters.values()])),
         fit=Fit(
             rms_rad=dict(zip(("theta1", "theta2"), rms.tolist(), strict=True)),
             noise_rad=dict(zip(("theta1", "theta2"), noise.tolist(), strict=True)),
@@ -150,6 +152,10 @@ def _model(fit: SegmentFit, evidence: Sequence[Evidence], rig: Rig, found: Searc
         failures=_failures(fit),
         version=__version__,
     )
+
+
+def _identifiable(fit: SegmentFit, rig: Rig, Z: NDArray[np.float64]) -> Identifiable:
+    return Identifiable.model_validate(summary(identifiability(fit.information / max(1.0, fit.chi2_per_dof), rig, Z)))
 
 
 def _used(index: int, evidence: Sequence[Evidence], fit: SegmentFit, rig: Rig) -> RunUsed:

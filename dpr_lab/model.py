@@ -67,6 +67,16 @@ class Covariance(_Record):
     matrix: list[list[Number]]
 
 
+class Identifiable(_Record):
+    """What the runs can tell of the nine parameters at all."""
+
+    rank: int
+    null_space: list[dict[str, Number]]
+    """Relative changes of the parameters that leave every swing as it is."""
+    advice: list[str]
+    """Bench measurements that would fix more, best first."""
+
+
 class Fit(_Record):
     """How well the model follows the runs, over segments with free start states."""
 
@@ -109,6 +119,7 @@ class Model(_Record):
     parameters: dict[str, ParameterValue]
     base: dict[str, ParameterValue]
     """a, b, d, e1, c1, c2 in SI; their common scale is in the data only with measured values or a known added mass."""
+    identifiability: Identifiable | None = None
     fit: Fit
     search: SearchRecord
     runs: list[RunUsed]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.device import Batch, arrays
 from dpr_lab.gate import Verdict, judge, pose_error
-from dpr_lab.rig import Rig
+from dpr_lab.rig import JOINTS, Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.metadata import RunSummary
 from dpr_lab.storage.writer import RunWriter
@@ -22,6 +22,35 @@ from firmware_protocol.stream import Row
 
 NANOSECONDS = 1_000_000_000
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Samples:
+    """Ticks and counts that grow while recording, 32 bytes a sample."""
+
+    def __init__(self) -> None:
+        self._table = np.empty((4096, 1 + JOINTS), dtype=np.int64)
+        self._used = 0
+
+    def __len__(self) -> int:
+        return self._used
+
+    @property
+    def ticks(self) -> NDArray[np.int64]:
+        """(n,) sample numbers."""
+        return self._table[: self._used, 0]
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """(n, 3) position counters."""
+        return self._table[: self._used, 1:]
+
+    def extend(self, ticks: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+        """Take in newer samples."""
+        end = self._used + len(ticks)
+        if end > len(self._table):
+            self._table = np.concatenate([self._table, np.empty((end, 1 + JOINTS), dtype=np.int64)])
+        self._table[self._used : end, 0], self._table[self._used : end, 1:] = ticks, counts
+        self._used = end
 
 
 class Recording:
@@ -36,7 +65,7 @@ class Recording:
 
     def __init__(self, writer: RunWriter, lost: Mapping[str, int], duration: float) -> None:
         self.release_tick: int | None = None
-        self.rows: list[Row] = []
+        self.samples = Samples()
         self._writer = writer
         self._duration = duration
         self._end_tick: int | None = None
@@ -54,9 +83,9 @@ class Recording:
     @property
     def t(self) -> float:
         """Time from the release to the newest sample, s; 0 before the release."""
-        if self.release_tick is None or not self.rows:
+        if self.release_tick is None or not len(self.samples):
             return 0.0
-        return (self.rows[-1].tick - self.release_tick) / self._writer.metadata.rate_hz
+        return float(self.samples.ticks[-1] - self.release_tick) / self._writer.metadata.rate_hz
 
     def add(self, batches: Iterable[Batch]) -> None:
         """Write new batches to the file."""
@@ -73,8 +102,9 @@ class Recording:
             if self._end_tick is not None:
                 rows = [row for row in rows if row.tick <= self._end_tick]
             if rows:
-                self._writer.samples(*arrays(rows))
-            self.rows += rows
+                ticks, counts = arrays(rows)
+                self._writer.samples(ticks, counts)
+                self.samples.extend(ticks, counts)
 
     @property
     def full(self) -> bool:
@@ -83,13 +113,13 @@ class Recording:
 
     def end_here(self) -> None:
         """Take no further samples."""
-        self._end_tick, self._duration = self.rows[-1].tick, self.t
+        self._end_tick, self._duration = int(self.samples.ticks[-1]), self.t
 
     def tail(self, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Time (n,), s, and angles (n, 3), rad, of the newest samples."""
         rate_hz = self._writer.metadata.rate_hz
-        ticks, counts = arrays(self.rows[-round(seconds * rate_hz) :])
-        return ticks / rate_hz, self._writer.metadata.rig.theta(counts)
+        newest = slice(-round(seconds * rate_hz), None)
+        return self.samples.ticks[newest] / rate_hz, self._writer.metadata.rig.theta(self.samples.counts[newest])
 
     def count_losses(self, lost: Mapping[str, int]) -> None:
         """Note the device's losses as they stand now."""
@@ -104,7 +134,8 @@ class Recording:
         """
         lost = {cause: self._lost[cause] - before for cause, before in self._lost_before.items()}
         explained = sum(number for cause, number in lost.items() if cause != "tick_gap")
-        missing = self.rows[-1].tick - self.rows[0].tick + 1 - len(self.rows) if self.rows else 0
+        ticks = self.samples.ticks
+        missing = int(ticks[-1] - ticks[0]) + 1 - len(ticks) if len(ticks) else 0
         return {**lost, "tick_gap": max(0, missing - explained)}
 
     @property
@@ -119,7 +150,7 @@ class Recording:
     def run(self, complete: bool = True) -> Run:
         """The recording as it stands, for the gate; without a release, time counts from the first sample."""
         metadata = self._writer.metadata
-        ticks, counts = arrays(self.rows)
+        ticks, counts = self.samples.ticks, self.samples.counts
         start = self.release_tick if self.release_tick is not None else ticks[0] if len(ticks) else 0
         return Run(
             name=self._writer.path.stem,
@@ -148,7 +179,7 @@ class Recording:
         """Close the file as an incomplete run, saying why; a finished one stays finished."""
         if self._finished:
             return
-        verdict = judge(self.run(complete=False), self._writer.metadata.rig) if self.rows else None
+        verdict = judge(self.run(complete=False), self._writer.metadata.rig) if len(self.samples) else None
         with unbroken():
             self._writer.abort(reason, self._summary(verdict, None))
 

@@ -8,8 +8,10 @@ from dpr_lab.cli.capture import capture
 from dpr_lab.cli.compare import compare
 from dpr_lab.cli.demo import demo
 from dpr_lab.cli.doctor import doctor
+from dpr_lab.cli.identifiability import identifiability
 from dpr_lab.cli.identify import identify
 from dpr_lab.cli.import_table import import_app
+from dpr_lab.cli.paper import paper
 
 HELP = """Identify a rotary double pendulum and explain why its simulation differs from the rig.
 
@@ -45,7 +47,7 @@ def _root(
     pass
 
 
-for command in (demo, capture, identify, compare, doctor):
+for command in (demo, capture, identify, identifiability, compare, paper, doctor):
     app.command()(command)
 app.add_typer(import_app, name="import")
 app.add_typer(runs.app, name="run")

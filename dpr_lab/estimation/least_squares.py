@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.stats import t as student_t
 
-from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios
+from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios, ratio_slopes
 from dpr_lab.dynamics.base import ratios as ratios_of
 from dpr_lab.dynamics.segments import segments as laid_end_to_end
 from dpr_lab.dynamics.sensitivity import sensitivities
@@ -63,8 +63,7 @@ class Conditions:
         base = b * unit + self.added[run]
         base_slopes = np.zeros((6, 6))
         base_slopes[_OTHERS, :5], base_slopes[:, 5] = b * np.eye(5), unit
-        found = ratios_of(base)
-        return found, (base_slopes[_OTHERS] - found[:, None] * base_slopes[_B]) / base[_B]
+        return ratios_of(base), ratio_slopes(base) @ base_slopes
 
 
 @dataclass(frozen=True, slots=True)

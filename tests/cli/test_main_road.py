@@ -140,3 +140,28 @@ def test_paper_objective_reaches_the_noise_floor_too(runs: list[Path], tmp_path:
     assert done.code == 0, done.err
     assert done.json["search"]["objective"] == "paper"
     assert done.json["fit"]["chi2_per_dof"] < 1.3
+
+
+@pytest.mark.slow
+def test_one_more_release_with_a_known_added_mass_gives_absolute_values(runs: list[Path], tmp_path: Path, cli) -> None:
+    paper = (Path(__file__).parents[2] / "configs" / "rigs" / "paper.toml").read_text()
+    rig = tmp_path / "with_collar.toml"
+    rig.write_text(paper + '\n[added_mass]\nrod = "outer"\nmass = 0.05\nposition = 0.35\n')
+    link = "sim://?clock=fast&seed=3"
+    done = cli("capture", "--rig", rig, "--link", link, "--pose", "X1", "--out", tmp_path, "--json")
+    assert done.code == 0, done.err
+    heavy = done.json["runs"][0]["file"]
+    done = cli("identify", *runs, heavy, "--rig", "paper", "--out", tmp_path / "m.json", "--json")
+    assert done.code == 0, done.err
+    truth = json.loads(
+        subprocess.run(
+            [sys.executable, "-m", "sim_device", "--reveal"], capture_output=True, text=True, check=True
+        ).stdout
+    )["parameters"]
+    for name in ("c1", "c2"):
+        found = done.json["parameters"][name]
+        assert found["fixed_by"] == "data"
+        assert abs(found["value"] - truth[name]) < 4 * found["std"]
+        assert found["std"] < 0.01 * truth[name]
+    assert {value["fixed_by"] for value in done.json["base"].values()} == {"data"}
+    assert done.json["covariance"]["order"][-1] == "b"

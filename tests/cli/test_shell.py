@@ -18,6 +18,7 @@ COMMANDS = [
     ("identify",),
     ("compare",),
     ("doctor",),
+    ("identifiability",),
     ("import", "csv"),
     ("run", "info"),
     ("run", "verify"),

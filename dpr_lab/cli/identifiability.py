@@ -1,0 +1,133 @@
+"""`dpr-lab identifiability`: what a free swing can and cannot tell about a rig, and what to measure next."""
+
+import textwrap
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dpr_lab.cli.console import emit, json_mode, say, table
+from dpr_lab.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dpr_lab.identifiability import Identifiability
+    from dpr_lab.rig import Rig
+
+WIDTH = 80
+
+
+def identifiability(
+    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.")],
+    runs: Annotated[
+        list[Path] | None, typer.Argument(help="Run files (.mcap); none: releases simulated from the rig's poses.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Say what free swings can and cannot tell about a rig, and which bench measurement tells the rest.
+
+    Example: dpr-lab identifiability runs/*.mcap --rig paper
+    """
+    json_mode(as_json)
+    from dpr_lab.rig import load_rig
+
+    described = load_rig(rig)
+    found = _from_runs(runs, described) if runs else _from_poses(described)
+    if as_json:
+        emit(found.to_json() | {"rig": described.name, "runs": [str(path) for path in runs or []]})
+    else:
+        show(found)
+
+
+def _from_poses(rig: "Rig") -> "Identifiability":
+    from dpr_lab.estimation.expected import expected_information
+    from dpr_lab.identifiability import identifiability as judge
+
+    if not rig.poses:
+        raise ConfigError(f"{rig.path}: poses: there are none to simulate; add [poses.X1], or name recorded runs")
+    say(f"no runs given: simulated releases from {', '.join(rig.poses)}, at the rig file's values")
+    return judge(expected_information(rig.nominal, rig), rig)
+
+
+def _from_runs(paths: "Sequence[Path]", rig: "Rig") -> "Identifiability":
+    import numpy as np
+
+    from dpr_lab.estimation.anchors import anchor
+    from dpr_lab.estimation.evidence import gather
+    from dpr_lab.identifiability import identifiability as judge
+    from dpr_lab.identify import polish
+    from dpr_lab.storage.reader import load_run
+
+    evidence = [gather(load_run(path, rig=rig), rig) for path in paths]
+    fit = polish(rig.nominal, evidence, rig)
+    if not fit.converged:
+        say("warning: the fit from the rig file's values did not settle; run `dpr-lab identify` for a global search")
+    nine, _ = anchor(fit.unknowns, fit.covariance, rig)
+    # What the model misses is no better than noise of that size.
+    return judge(fit.information / max(1.0, fit.chi2_per_dof), rig, np.array([value.value for value in nine.values()]))
+
+
+def show(found: "Identifiability") -> None:
+    """The findings as tables and sentences on stdout, at most 80 columns wide."""
+    from dpr_lab.estimation.directions import described
+    from dpr_lab.report.digits import plus_minus
+
+    sizes = ", ".join(f"{value:.2g}" for value in found.singular_values)
+    _print(f"The recordings see {found.rank} of 9 directions (singular values {sizes}; the others are 0).")
+    table(
+        "What the recordings fix",
+        ("combination", "value ± Cramér-Rao std", "relative std"),
+        [
+            (name, plus_minus(value, std), f"{std / value:.1e}")
+            if isfinite(std)
+            else (name, f"{value:.3g}", "not seen")
+            for (name, value), std in zip(found.unknowns.items(), found.cramer_rao_std.values(), strict=True)
+        ],
+    )
+    table(
+        "Nine parameters, and what fixes each",
+        ("parameter", "value ± std", "fixed by", "measured values that help"),
+        [
+            (name, plus_minus(p.value, p.std), p.fixed_by, ", ".join(m for m in found.helps if name in found.helps[m]))
+            for name, p in found.parameters.items()
+        ],
+    )
+    if found.null_space:
+        _print("Changes that no recording and no measured value can see:")
+    for direction in found.null_space:
+        _print(f"- {described(direction)}")
+    _show_length(found)
+    _show_advice(found)
+
+
+def _show_length(found: "Identifiability") -> None:
+    if found.length_error is None:
+        return
+    shifts = ", ".join(f"{name} {shift:+.2%}" for name, shift in found.length_error.ratio_shift.items())
+    _print(
+        f"L1 is taken as measured. {1e3 * found.length_error.error:.2g} mm of error makes e2 = d g / L1 wrong, as an"
+        f" error of g or of the sample clock does: it moves {shifts} and leaves"
+        f" {found.length_error.residual_over_noise:.1f} times the noise as residual."
+    )
+
+
+def _show_advice(found: "Identifiability") -> None:
+    if not found.null_space:
+        _print("All nine are fixed; a further measurement only makes them more exact.")
+    table(
+        "One more measurement on the bench",
+        ("measurement", "fixes", "gain (bits)"),
+        [(advice.name, ", ".join(advice.frees), f"{advice.gain_bits:.1f}") for advice in found.advice],
+    )
+    if found.advice:
+        _print(found.advice[0].sentence)
+    if found.sequence:
+        _print("One after the other:")
+    for number, advice in enumerate(found.sequence, 1):
+        _print(f"{number}. {advice.how}: fixes {', '.join(advice.frees) or 'no parameter by itself'}")
+
+
+def _print(text: str) -> None:
+    print(textwrap.fill(text, WIDTH, subsequent_indent="  " if text[0] in "-123456789" else ""))

@@ -1,0 +1,49 @@
+"""`dpr-lab identifiability` as a user runs it."""
+
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.rig import PARAMETERS
+
+
+def test_without_runs_it_simulates_the_poses_of_the_rig_file(cli) -> None:
+    done = cli("identifiability", "--rig", "paper")
+    assert done.code == 0, done.err
+    assert "5 of 9" in done.out
+    assert "m1, m2, mb, c1, c2, J1, J2 +1 %" in done.out
+    assert max(len(line.rstrip()) for line in done.out.splitlines()) <= 80
+    assert "simulated releases from X1, X2, X3" in done.err
+
+
+@pytest.mark.slow
+def test_with_runs_it_speaks_of_what_they_hold(cli, runs: list[Path]) -> None:
+    done = cli("identifiability", *runs, "--rig", "paper", "--json")
+    assert done.code == 0, done.err
+    assert done.json["rank"] == 5
+    assert list(done.json["parameters"]) == list(PARAMETERS)
+    assert done.json["runs"] == [str(run) for run in runs]
+    expected = cli("identifiability", "--rig", "paper", "--json").json
+    for name, ratio in done.json["unknowns"].items():
+        assert 0 < ratio["cramer_rao_std"] < expected["unknowns"][name]["cramer_rao_std"]
+    assert {a["name"] for a in done.json["advice"]} == {a["name"] for a in expected["advice"]}
+
+
+def test_a_rig_file_without_poses_and_no_runs_is_refused(cli, tmp_path: Path) -> None:
+    source = (Path(__file__).parents[2] / "configs/rigs/multiarm.toml").read_text()
+    rig = tmp_path / "rig.toml"
+    rig.write_text(source.split("[poses.X1]")[0])
+    done = cli("identifiability", "--rig", rig)
+    assert done.code == 3
+    assert "poses" in done.err
+    assert str(rig) in done.err
+
+
+def test_releases_with_one_and_the_same_mass_on_are_said_not_to_see_the_bare_rig(cli, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    added = '\n[added_mass]\nrod = "outer"\nmass = 0.05\nposition = 0.4\n'
+    rig.write_text((Path(__file__).parents[2] / "configs/rigs/paper.toml").read_text() + added)
+    done = cli("identifiability", "--rig", rig)
+    assert done.code == 0, done.err
+    assert "5 of 9" in done.out
+    assert "not seen" in done.out
