@@ -22,9 +22,9 @@ def serve(
     """Run until `stopped()`, or until the link is cut on request; closes the link."""
     cut_after, reset_after = faults.value("cut_after_s"), faults.value("reset_after_s")
     while not stopped():
-        frames = device.service(wall(), link.blocked)
-        for frame in link.receive():
-            frames += device.receive(frame, wall())
+        # Read before looking at the lease: keepalives that waited while this process slept were sent in time.
+        frames = [answer for frame in link.receive() for answer in device.receive(frame, wall())]
+        frames += device.service(wall(), link.blocked)
         device.note_dropped(link.send(frames))
         if cut_after is not None and device.streamed >= cut_after:
             log.info("the link is cut, as asked for")

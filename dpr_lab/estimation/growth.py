@@ -7,11 +7,18 @@ from dpr_lab.dynamics.base import base_from_ratios
 from dpr_lab.dynamics.sensitivity import swing_sensitivity
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.estimation.least_squares import Conditions, SegmentFit, fit_segments
-from dpr_lab.estimation.segments import Segment, join
+from dpr_lab.estimation.segments import MIN_SAMPLES, Segment, join, split
 
-LINEAR_RANGE = 0.2  # a free run that strays further from the measurement than this, rad, is not Gauss-Newton-able
+LINEAR_RANGES = (
+    0.2,
+    0.05,
+    0.0125,
+)  # a free run may stray so far from the measurement, rad; the next where the fit is lost
 FOLLOWS = 3.0  # reduced chi-square above which longer segments would only amplify what the model misses
-WORSE = 1.5  # a level whose reduced chi-square rises by this factor is thrown away
+WORSE = 1.1  # a level whose reduced chi-square rises by this factor is lost
+WORTH_MOVING = 0.1  # share of its neighbour that a segment must follow for the border between them to move
+MAX_LEVELS = 30
+MAX_ITERATIONS = 100  # over ten chaotic seconds the valley is curved and the steps are short
 
 HORIZON_ERROR = 0.1
 """Angle error that ends the predictability horizon, rad."""
@@ -20,37 +27,55 @@ HORIZON_ERROR = 0.1
 def grow(fit: SegmentFit, known: Conditions) -> SegmentFit:
     """Lengthen the segments while the model still follows: longer segments carry more information.
 
-    Neighbours are joined where the first one's free run stays within `LINEAR_RANGE` of the second's measurement, and
-    the joined set is fitted again; a level whose residual rises is thrown away.
+    Neighbours are joined where the first one's free run stays near the second's measurement; where it follows only a
+    part, the border between them moves by that part. The new set is fitted again. A level whose residual rises is
+    thrown away and tried again in smaller steps: the first one's free run must then stay nearer.
     """
-    while fit.chi2_per_dof < FOLLOWS:
-        joined = _join_neighbours(fit, known)
-        if len(joined) == len(fit.segments):
+    ranges = iter(LINEAR_RANGES)
+    near = next(ranges)
+    for _ in range(MAX_LEVELS):
+        longer = _lengthened(fit, known, near) if fit.chi2_per_dof < FOLLOWS else None
+        if longer is None:
             break
-        longer = fit_segments(fit.unknowns, joined, known)
-        if not longer.converged or longer.chi2_per_dof > WORSE * fit.chi2_per_dof:
+        trial = fit_segments(fit.unknowns, longer, known, max_iterations=MAX_ITERATIONS)
+        if trial.converged and trial.chi2_per_dof < WORSE * fit.chi2_per_dof:
+            fit = trial
+        elif (near := next(ranges, 0.0)) == 0.0:
             break
-        fit = longer
     return fit
 
 
-def _join_neighbours(fit: SegmentFit, known: Conditions) -> list[Segment]:
-    joined: list[Segment] = []
-    queue = list(fit.segments)
+def _lengthened(fit: SegmentFit, known: Conditions, near: float) -> list[Segment] | None:
+    """The segments after every first of a pair took what it follows of the second; None when nothing moved."""
+    queue, done, moved = list(fit.segments), [], False
     while queue:
         first = queue.pop(0)
-        if queue and queue[0].run == first.run and _follows(fit, both := join(first, queue[0]), known):
-            joined.append(both)
-            queue.pop(0)
-        else:
-            joined.append(first)
-    return joined
+        if queue and queue[0].run == first.run:
+            second = queue[0]
+            taken = _followed(fit, first, second, known, near)
+            if taken == len(second.t):
+                first, moved = join(first, queue.pop(0)), True
+            elif taken >= WORTH_MOVING * len(second.t) and len(second.t) - taken >= MIN_SAMPLES:
+                rest = _states(fit, second, second.t[: taken + 1], known)[-1]
+                head, queue[0] = split(second, taken, rest)
+                first, moved = join(first, head), True
+                done.append(first)
+                first = queue.pop(0)
+        done.append(first)
+    return done if moved else None
 
 
-def _follows(fit: SegmentFit, segment: Segment, known: Conditions) -> bool:
+def _followed(fit: SegmentFit, first: Segment, second: Segment, known: Conditions, near: float) -> int:
+    """How many samples of the second segment the first one's free run follows."""
+    t = np.concatenate([first.t[:1], second.t])
+    off = np.abs(_states(fit, first, t, known)[1:, :2] - second.theta).max(axis=1)
+    strayed = np.flatnonzero(~(off < near))
+    return int(strayed[0]) if len(strayed) else len(off)
+
+
+def _states(fit: SegmentFit, segment: Segment, t: NDArray[np.float64], known: Conditions) -> NDArray[np.float64]:
     ratios, _ = known.ratios(fit.unknowns, segment.run)
-    states = simulate(base_from_ratios(ratios), known.L1, known.g, segment.start, segment.t)
-    return bool(np.max(np.abs(states[:, :2] - segment.theta)) < LINEAR_RANGE)
+    return simulate(base_from_ratios(ratios), known.L1, known.g, segment.start, t, segment.max_step)
 
 
 def free_run(

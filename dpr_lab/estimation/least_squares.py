@@ -178,7 +178,11 @@ def _linearise(q: NDArray[np.float64], segments: Sequence[Segment], known: Condi
     for run in sorted({segment.run for segment in segments}):
         of_run = [i for i, segment in enumerate(segments) if segment.run == run]
         ratios, chain = known.ratios(q, run)
-        swings = laid_end_to_end([segments[i].t for i in of_run], np.array([segments[i].start for i in of_run]))
+        swings = laid_end_to_end(
+            [segments[i].t for i in of_run],
+            np.array([segments[i].start for i in of_run]),
+            min(segments[i].max_step for i in of_run),
+        )
         states, slopes = sensitivities(ratios, known.L1, known.g, swings)
         for i, (first, last) in zip(of_run, pairwise(swings.offsets), strict=True):
             linear[i] = _whitened(
@@ -243,11 +247,7 @@ def _result(
 ) -> SegmentFit:
     H = np.sum([part.A.T @ part.A for part in linear], axis=0)
     scores = np.concatenate([_block_scores(s, part) for s, part in zip(segments, linear, strict=True)])
-    free = q > 0
-    covariance = np.zeros_like(H)
-    bread = np.linalg.pinv(H[np.ix_(free, free)], hermitian=True)
-    inflation = len(scores) / max(len(scores) - len(q), 1)
-    covariance[np.ix_(free, free)] = bread @ scores[:, free].T @ scores[:, free] @ bread * inflation
+    dof = sum(len(part.residual) - 4 for part in linear) - len(q)
     inverses = [solve_triangular(part.R, np.eye(4)) for part in linear]
     return SegmentFit(
         unknowns=q,
@@ -255,14 +255,31 @@ def _result(
         predicted=tuple(part.predicted for part in linear),
         start_covariances=tuple(inverse @ inverse.T for inverse in inverses),
         information=H,
-        covariance=covariance,
+        covariance=_covariance(H, scores, _cost(linear) / dof, q > 0),
         blocks=len(scores),
         chi2=_cost(linear),
         chi2_by_segment=tuple(float(np.sum(part.residual**2)) for part in linear),
-        dof=sum(len(part.residual) - 4 for part in linear) - len(q),
+        dof=dof,
         iterations=iterations,
         converged=converged,
     )
+
+
+def _covariance(
+    H: NDArray[np.float64], scores: NDArray[np.float64], chi2_per_dof: float, free: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Covariance from the information at the noise that is there, widened to what the scatter of the blocks asks for.
+
+    White residuals make both agree, and the information is the exacter of the two, because a chaotic run holds most of
+    it in few blocks; correlated residuals make the blocks scatter more.
+    """
+    bread = np.linalg.inv(H[np.ix_(free, free)])
+    white = bread * chi2_per_dof
+    blocks = len(scores) / max(len(scores) - len(H), 1) * bread @ scores[:, free].T @ scores[:, free] @ bread
+    widen = np.sqrt(np.maximum(np.diag(blocks) / np.diag(white), 1.0))
+    covariance = np.zeros_like(H)
+    covariance[np.ix_(free, free)] = white * np.outer(widen, widen)
+    return covariance
 
 
 def _block_scores(segment: Segment, part: _Linear) -> NDArray[np.float64]:

@@ -11,8 +11,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.errors import RunError
 from dpr_lab.run import Run
+
+LONG_S = 2.0  # beyond it chaos amplifies what the integrator leaves: half the step leaves a sixteenth
 
 MIN_SAMPLES = 8  # four start states take four numbers; fewer than twice that says nothing about the model
 
@@ -34,6 +37,11 @@ class Segment:
     def duration(self) -> float:
         """From the first to the last sample, s."""
         return float(self.t[-1] - self.t[0])
+
+    @property
+    def max_step(self) -> float:
+        """Longest Runge-Kutta step that keeps the solver's error below the noise, s."""
+        return MAX_STEP if self.duration <= LONG_S else MAX_STEP / 2
 
 
 def cut(index: int, run: Run, states: NDArray[np.float64], length: float) -> list[Segment]:
@@ -71,6 +79,12 @@ def join(first: Segment, second: Segment) -> Segment:
     return Segment(
         first.run, np.concatenate([first.t, second.t]), np.concatenate([first.theta, second.theta]), first.start
     )
+
+
+def split(segment: Segment, at: int, start: NDArray[np.float64]) -> tuple[Segment, Segment]:
+    """The first `at` samples, and the others with their own (4,) start state."""
+    head = Segment(segment.run, segment.t[:at], segment.theta[:at], segment.start)
+    return head, Segment(segment.run, segment.t[at:], segment.theta[at:], start)
 
 
 def restart(segments: Sequence[Segment], starts: NDArray[np.float64]) -> list[Segment]:

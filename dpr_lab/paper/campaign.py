@@ -1,0 +1,152 @@
+"""The paper's search over several seeds, with the true values on the coding grid and off it."""
+
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, fields
+from multiprocessing import get_context
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import base_parameters, ratios
+from dpr_lab.paper.printed import BEST_H, TRUE
+from dpr_lab.paper.swings import READINGS, errors, objective, swings
+from dpr_lab.rig import Rig
+from dpr_lab.search.iga import iga
+from dpr_lab.search.settings import IgaSettings
+
+Grid = Literal["on", "off"]
+
+_DRAW = np.random.default_rng(2012).uniform(0.85, 1.15, len(TRUE))
+
+TRUTHS: dict[Grid, NDArray[np.float64]] = {"on": TRUE, "off": TRUE * _DRAW}
+"""True parameters: the paper's, which the coding grid holds at its middle, and each times a factor drawn once."""
+
+HISTORY = ("best_cost", "best_fitness", "population_fitness")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One search to run."""
+
+    reading: str
+    """A name of `READINGS`."""
+    grid: Grid
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What one search found."""
+
+    job: Job
+    best: NDArray[np.float64]
+    """(9,) parameters, SI."""
+    H: float
+    """In the reading of the search."""
+    E: dict[str, NDArray[np.float64]]
+    """(3,) E from X1, X2, X3 by the names of `TERMS`."""
+    generations: int
+    evaluations: int
+    gate_opened: int | None
+    """First generation at which step (4) allows dynamic encoding and feedback mutation; None: never."""
+    wall_s: float
+    cpu_s: float
+    history: dict[str, list[float]]
+    """Columns `HISTORY` over the generations."""
+
+    @property
+    def percent(self) -> NDArray[np.float64]:
+        """(9,) signed errors of the nine parameters, %."""
+        return 100 * (self.best / TRUTHS[self.job.grid] - 1)
+
+    def ratio_percent(self, rig: Rig) -> NDArray[np.float64]:
+        """(5,) signed errors of the five ratios a/b, d/b, e1/b, c1/b, c2/b, %."""
+        return ratio_percent(self.best, TRUTHS[self.job.grid], rig)
+
+    @property
+    def as_good_as_printed(self) -> bool:
+        """Whether H is no larger than that of the paper's best row."""
+        return self.H <= BEST_H
+
+    def record(self, rig: Rig) -> dict[str, Any]:
+        """Plain lists and numbers, for JSON."""
+        job = {field.name: getattr(self.job, field.name) for field in fields(Job)}
+        found = {field.name: getattr(self, field.name) for field in fields(Found) if field.name not in ("job", "E")}
+        return (
+            job
+            | found
+            | {
+                "best": self.best.tolist(),
+                "E": {name: E.tolist() for name, E in self.E.items()},
+                "percent": self.percent.tolist(),
+                "ratio_percent": self.ratio_percent(rig).tolist(),
+                "as_good_as_printed": self.as_good_as_printed,
+            }
+        )
+
+
+def ratio_percent(Z: NDArray[np.float64], truth: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+    """(5,) signed errors of the five ratios of one set of nine parameters, %."""
+    L1, g = rig.rig.L1, rig.rig.g
+    return 100 * (ratios(base_parameters(Z, L1, g)) / ratios(base_parameters(truth, L1, g)) - 1)
+
+
+def jobs(seeds: int, readings: Sequence[str]) -> list[Job]:
+    """Every search of a campaign, the costly readings first."""
+    grids: tuple[Grid, ...] = ("on", "off")
+    return [Job(reading, grid, seed) for reading in readings for grid in grids for seed in range(seeds)]
+
+
+def run_job(job: Job, rig: Rig, settings: IgaSettings) -> Found:
+    """Run one search to its end; the same job gives the same answer on any number of cores."""
+    reading, truth = READINGS[job.reading], swings(TRUTHS[job.grid], rig)
+    wall, cpu = time.perf_counter(), time.process_time()
+    history = list(iga(objective(reading, truth, rig), rig.bounds, settings, np.random.default_rng(job.seed)))
+    last = history[-1]
+    opened = (g.number for g in history if g.population_fitness > settings.alpha and g.best_fitness > settings.sigma)
+    return Found(
+        job=job,
+        best=last.best,
+        H=last.best_cost,
+        E=errors(last.best, truth, rig),
+        generations=last.number,
+        evaluations=last.evaluations,
+        gate_opened=next(opened, None),
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+        history={name: [float(getattr(g, name)) for g in history] for name in HISTORY},
+    )
+
+
+def run_jobs(wanted: Sequence[Job], rig: Rig, settings: IgaSettings, workers: int) -> Iterator[Found]:
+    """Run searches side by side, each on one core, and yield them as they end.
+
+    Side by side they waste nothing on waiting for one another, unlike the threads of a single search, whose batches
+    are often too small for all cores.
+
+    Args:
+        wanted: the searches
+        rig: bounds, lengths, poses
+        settings: the paper's, perhaps with fewer generations
+        workers: processes; with 1 everything happens in this one
+    """
+    if workers == 1:
+        yield from (run_job(job, rig, settings) for job in wanted)
+        return
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_one_core) as pool:
+        pending = [pool.submit(run_job, job, rig, settings) for job in wanted]
+        try:
+            for done in as_completed(pending):
+                yield done.result()
+        finally:
+            for future in pending:
+                future.cancel()
+
+
+def _one_core() -> None:
+    import numba
+
+    numba.set_num_threads(1)

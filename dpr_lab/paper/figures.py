@@ -1,0 +1,96 @@
+"""Figures 2 to 4 of the paper, for what our search found."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dpr_lab.paper.campaign import TRUTHS, Found
+from dpr_lab.paper.printed import POSES
+from dpr_lab.paper.swings import INSTANTS, swings
+from dpr_lab.report import style
+from dpr_lab.report.figures import AXES, write_to
+from dpr_lab.rig import Rig
+
+
+def response_figure(found: Found, rig: Rig) -> Figure:
+    """Figure 2: angles with the true and with the found parameters, one row for each pose."""
+    true, ours = swings(TRUTHS[found.job.grid], rig), swings(found.best, rig)
+
+    def draw(axes: Axes, pose: int, axis: int) -> None:
+        axes.plot(INSTANTS, true[pose, :, axis], label="true parameters", **style.MEASURED)
+        axes.plot(INSTANTS, ours[pose, :, axis], label="found parameters", **style.SIMULATED)
+
+    return _by_pose("angle (rad)", draw)
+
+
+def error_figure(found: Found, rig: Rig) -> Figure:
+    """Figure 3: difference of the angles of Figure 2."""
+    error = swings(TRUTHS[found.job.grid], rig) - swings(found.best, rig)
+
+    def draw(axes: Axes, pose: int, axis: int) -> None:
+        axes.plot(INSTANTS, error[pose, :, axis], label="true − found", **style.RESIDUAL)
+
+    return _by_pose("error (rad)", draw)
+
+
+def evolution_figure(found: Found) -> Figure:
+    """Figure 4: H and fitness of the best individual of each generation."""
+    with style.house_style():
+        figure = _new_figure(4.2)
+        upper, lower = figure.subplots(2, 1, sharex=True)
+        generations = np.arange(found.generations + 1)
+        upper.plot(generations, found.history["best_cost"], drawstyle="steps-post", **style.EVOLUTION)
+        lower.plot(generations, found.history["best_fitness"], drawstyle="steps-post", **style.EVOLUTION)
+        upper.set_yscale("log")
+        upper.set_ylabel("H of the best")
+        lower.set_ylabel("fitness of the best")
+        lower.set_xlabel("generation")
+        job = found.job
+        upper.set_title(f"H = {job.reading}, true values {job.grid} the grid, seed {job.seed}")
+        return figure
+
+
+def save_figures(found: Found, rig: Rig, out_dir: Path) -> dict[str, Path]:
+    """Write `figure2.png`, `figure3.png` and `figure4.png`.
+
+    Returns:
+        path by name, in the order of `dpr_lab.paper.printed.FIGURES`
+
+    Raises:
+        DprError: the folder or a file cannot be written.
+    """
+    figures = {
+        "figure2": response_figure(found, rig),
+        "figure3": error_figure(found, rig),
+        "figure4": evolution_figure(found),
+    }
+    paths = {name: out_dir / f"{name}.png" for name in figures}
+    for name, figure in figures.items():
+        with style.house_style():
+            write_to(paths[name], lambda file, figure=figure: figure.savefig(file))
+    return paths
+
+
+def _by_pose(label: str, draw: Callable[[Axes, int, int], None]) -> Figure:
+    with style.house_style():
+        figure = _new_figure(0.5 + 1.75 * len(POSES))
+        grid = figure.subplots(len(POSES), 2, sharex=True, squeeze=False)
+        for pose, panels in enumerate(grid):
+            panels[0].set_title(f"pose {POSES[pose]}")
+            for axis, axes in enumerate(panels):
+                draw(axes, pose, axis)
+                axes.set_ylabel(f"{AXES[axis]}\n{label}")
+        for axes in grid[-1]:
+            axes.set_xlabel("time since release (s)")
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(handles))
+        return figure
+
+
+def _new_figure(height_in: float) -> Figure:
+    figure = Figure(figsize=(style.WIDTH_IN, height_in))
+    figure.set_layout_engine("constrained")
+    return figure

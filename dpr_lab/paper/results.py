@@ -1,0 +1,154 @@
+"""The whole reproduction in a folder: `paper.json`, tables as CSV, figures, and `paper.md` that reads them together."""
+
+import csv
+import io
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from dpr_lab import __version__
+from dpr_lab.paper.campaign import TRUTHS, Found, Job, jobs, run_jobs
+from dpr_lab.paper.contradictions import Contradiction, contradictions
+from dpr_lab.paper.figures import save_figures
+from dpr_lab.paper.printed import BEST_H, FIGURES, PERCENT_ERRORS
+from dpr_lab.paper.swings import READINGS
+from dpr_lab.paper.tables import Recomputed, Table, all_tables, recompute, verdicts
+from dpr_lab.report.figures import write_to
+from dpr_lab.rig import Rig
+from dpr_lab.search.settings import IgaSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Reproduction:
+    """Everything that was computed, ready to be written or shown."""
+
+    settings: IgaSettings
+    found: tuple[Found, ...]
+    """In the order of `campaign.jobs`."""
+    ours: Recomputed
+    tables: tuple[Table, ...]
+    verdicts: tuple[str, ...]
+    contradictions: tuple[Contradiction, ...]
+
+    @property
+    def best(self) -> Found:
+        """The search that the figures show: true values on the grid, smallest E in angles from X1.
+
+        The H of different readings cannot be compared with one another.
+        """
+        return min((f for f in self.found if f.job.grid == "on"), key=lambda f: f.E["angles"][0])
+
+
+def reproduce(
+    rig: Rig,
+    settings: IgaSettings,
+    *,
+    seeds: int = 5,
+    readings: Sequence[str] = tuple(READINGS),
+    workers: int = 1,
+    on_search: Callable[[Found], None] | None = None,
+) -> Reproduction:
+    """Run the paper's experiment.
+
+    Args:
+        rig: the paper's
+        settings: the paper's, perhaps with fewer generations
+        seeds: searches for each reading of H and each grid
+        readings: names of `READINGS`
+        workers: searches side by side
+        on_search: called with each search as it ends
+
+    Raises:
+        ValueError: no seed, or an unknown reading.
+    """
+    if seeds < 1 or not readings or not set(readings) <= set(READINGS):
+        raise ValueError(f"needs at least one seed and readings among {', '.join(READINGS)}")
+    wanted = jobs(seeds, readings)
+    done: dict[Job, Found] = {}
+    for search in run_jobs(wanted, rig, settings, min(workers, len(wanted))):
+        done[search.job] = search
+        if on_search:
+            on_search(search)
+    found = [done[job] for job in wanted]
+    ours = recompute(rig)
+    return Reproduction(
+        settings=settings,
+        found=tuple(found),
+        ours=ours,
+        tables=tuple(all_tables(ours, found, rig)),
+        verdicts=tuple(verdicts(found, rig)),
+        contradictions=tuple(contradictions(ours, rig)),
+    )
+
+
+def record(result: Reproduction, rig: Rig) -> dict[str, Any]:
+    """The content of `paper.json`."""
+    return {
+        "version": __version__,
+        "settings": result.settings.model_dump(),
+        "printed": {"best_H": BEST_H, "percent_errors": PERCENT_ERRORS.tolist()},
+        "truths": {grid: Z.tolist() for grid, Z in TRUTHS.items()},
+        "readings": {name: reading.why for name, reading in READINGS.items()},
+        "table1_E": {term: E.tolist() for term, E in result.ours.table1.items()},
+        "table3_E": {term: E.tolist() for term, E in result.ours.table3.items()},
+        "searches": [found.record(rig) for found in result.found],
+        "verdicts": list(result.verdicts),
+        "contradictions": [asdict(item) for item in result.contradictions],
+    }
+
+
+def save(result: Reproduction, rig: Rig, out_dir: Path) -> Path:
+    """Write `paper.json`, one CSV for each table, the figures, `contradictions.md` and `paper.md`.
+
+    Returns:
+        path of `paper.md`
+
+    Raises:
+        DprError: the folder or a file cannot be written.
+    """
+    figures = save_figures(result.best, rig, out_dir)
+    texts = {"paper.json": json.dumps(record(result, rig), indent=1) + "\n"}
+    texts |= {f"{table.name}.csv": _csv(table) for table in result.tables}
+    texts["contradictions.md"] = _contradictions_page(result)
+    texts["paper.md"] = _page(result, figures)
+    for name, text in texts.items():
+        write_to(out_dir / name, lambda file, text=text: file.write_text(text, encoding="utf-8"))
+    return out_dir / "paper.md"
+
+
+def _csv(table: Table) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([table.columns, *table.rows])
+    return text.getvalue()
+
+
+def _markdown(table: Table) -> str:
+    lines = [table.columns, ["---"] * len(table.columns), *table.rows]
+    return f"## {table.title}\n\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def _page(result: Reproduction, figures: dict[str, Path]) -> str:
+    shown = result.best
+    s = result.settings
+    head = (
+        "# The published experiment, run again\n\n"
+        f"M = {s.population}, {s.generations} generations, Pc = {s.crossover_rate}, Pm = {s.mutation_rate}, "
+        f"alpha = {s.alpha}, sigma = {s.sigma}, delta = {s.delta}, mu = {s.mu}, nu = {s.nu}; 10 s, 5 ms, "
+        "classical Runge-Kutta. M of the fitness "
+        f"({s.fitness_scale:g}) and the reading of H are ours: the paper gives neither.\n\n"
+        + "\n".join(f"- {sentence}" for sentence in result.verdicts)
+        + "\n- The contradictions of the printed numbers are in [contradictions.md](contradictions.md).\n"
+    )
+    pictures = (
+        f"## Figures\n\nH = {shown.job.reading}, true values {shown.job.grid} the grid, seed {shown.job.seed}: "
+        f"best H {shown.H:.4g}.\n\n"
+        + "\n".join(f"{FIGURES[name]}\n\n![{name}]({path.name})\n" for name, path in figures.items())
+    )
+    return "\n".join([head, *(_markdown(table) for table in result.tables), pictures])
+
+
+def _contradictions_page(result: Reproduction) -> str:
+    points = [f"{i}. {c.claim}\n\n   {c.evidence}\n" for i, c in enumerate(result.contradictions, start=1)]
+    return "# Where the printed numbers contradict themselves\n\n" + "\n".join(points)

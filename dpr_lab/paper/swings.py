@@ -1,0 +1,116 @@
+"""E(Z) of the paper's experiment: swings of 10 s from X1, X2 and X3 beside those of the true parameters."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dpr_lab.dynamics.base import base_parameters, rows
+from dpr_lab.dynamics.rollout import trajectory_errors
+from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.paper.printed import POSES
+from dpr_lab.rig import Rig
+from dpr_lab.search.problem import Objective
+
+STEP = 0.005
+"""Simulation interval and Runge-Kutta step of section 4.1, s."""
+
+DURATION_S = 10.0
+
+INSTANTS = STEP * np.arange(round(DURATION_S / STEP) + 1)
+"""(2001,) sampled instants, s."""
+
+
+def _angles(error: NDArray[np.float64]) -> NDArray[np.float64]:
+    return error[..., :2]
+
+
+def _with_speeds(error: NDArray[np.float64]) -> NDArray[np.float64]:
+    return error
+
+
+def _relative(error: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([error[..., 0], error[..., 1] - error[..., 0]], axis=-1)
+
+
+TERMS: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+    "angles": _angles,
+    "relative angles": _relative,
+    "angles and speeds": _with_speeds,
+}
+"""Readings of E(Z): which errors are squared and summed.
+
+Equation (2) names angles and speeds; the printed sizes suit angles alone; an encoder at joint 2 reads theta2 - theta1.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a search minimises: one reading of H(Z), which the paper's text leaves open."""
+
+    poses: tuple[str, ...]
+    """H is the sum of E over these."""
+    speeds: bool
+    """Whether E holds speeds beside angles."""
+    why: str
+
+
+READINGS = {
+    "sum": Reading(POSES, True, "equation (2) with angles and speeds, summed over all three poses (section 3.7)"),
+    "X1": Reading(("X1",), False, "angles alone from pose X1, as the size of the printed H suggests"),
+}
+
+
+def start_states(rig: Rig) -> NDArray[np.float64]:
+    """(3, 4) theta1, theta2, omega1, omega2 of X1, X2, X3 at the release, rad and rad/s."""
+    return np.array([[rig.poses[pose].theta1, rig.poses[pose].theta2, 0.0, 0.0] for pose in POSES])
+
+
+def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> NDArray[np.float64]:
+    """The zero-input responses of one set of parameters.
+
+    Args:
+        Z: (9,) parameters, SI
+        rig: L1, g and poses
+        step: longest Runge-Kutta step, s
+
+    Returns:
+        (3, 2001, 4) theta1, theta2, omega1, omega2 from X1, X2, X3 at `INSTANTS`, rad and rad/s
+    """
+    L1, g = rig.rig.L1, rig.rig.g
+    base = base_parameters(Z, L1, g)
+    return np.stack([simulate(base, L1, g, state, INSTANTS, step) for state in start_states(rig)])
+
+
+def errors(Z: ArrayLike, truth: NDArray[np.float64], rig: Rig) -> dict[str, NDArray[np.float64]]:
+    """E(Z) of one set of parameters in every reading of `TERMS`.
+
+    Args:
+        Z: (9,) parameters, SI
+        truth: (3, 2001, 4) the swings to compare with
+        rig: L1, g and poses
+
+    Returns:
+        (3,) E from X1, X2, X3 by reading; rad^2, where speeds count (rad/s)^2
+    """
+    error = swings(Z, rig) - truth
+    return {name: np.sum(term(error) ** 2, axis=(1, 2)) for name, term in TERMS.items()}
+
+
+def objective(reading: Reading, truth: NDArray[np.float64], rig: Rig) -> Objective:
+    """The cost of a population under one reading of H.
+
+    Args:
+        reading: poses and terms
+        truth: (3, 2001, 4) the swings to find again
+        rig: L1, g and poses
+
+    Returns:
+        (n, 9) candidates -> (n, poses) E
+    """
+    kept = [POSES.index(pose) for pose in reading.poses]
+    starts = start_states(rig)[kept]
+    reference = truth[kept] if reading.speeds else truth[kept][..., :2]
+    L1, g = rig.rig.L1, rig.rig.g
+    return lambda Z: trajectory_errors(rows(base_parameters(Z, L1, g), L1, g), starts, reference, STEP)
