@@ -1,0 +1,76 @@
+"""Whether the stated uncertainty holds: errors of the ratios against their Cramer-Rao bounds and intervals.
+
+    python benchmarks/uncertainty.py [--rigs 200] [--rates 200 1000] [--processes N] [--quick] [--json]
+
+Random rigs within 15 % of the paper's, three poses of 10 s, 14 bits, half a count of noise, rods placed by hand; the
+truth is integrated in steps of a quarter of a millisecond. The local solver starts within 2 % of the truth: whether the
+search gets that far is what benchmarks/identify.py asks.
+"""
+
+import os
+from multiprocessing import get_context
+
+import numpy as np
+from _bars import Bar, at_most, options, show
+from _random_rigs import draw
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.identify import polish
+from dpr_lab.rig import load_rig
+
+START_WITHIN = 0.02
+
+
+def one(job: tuple[int, int]) -> tuple[list[float], list[float], list[bool], float, int]:
+    """Errors over the Cramer-Rao bound and over the stated std, hits of the 90 % intervals, chi-square, segments."""
+    seed, rate_hz = job
+    trial = draw(seed, rate_hz)
+    rng = np.random.default_rng([seed, 1])
+    start = trial.Z * rng.uniform(1 - START_WITHIN, 1 + START_WITHIN, len(trial.Z))
+    fit = polish(start, trial.evidence, load_rig("paper"))
+    error = fit.ratios - trial.ratios
+    inside = [low <= true <= high for i, true in enumerate(trial.ratios) for low, high in [fit.interval90(i)]]
+    stated = np.sqrt(np.diag(fit.covariance))
+    over_bound, over_std = (error / trial.cramer_rao_std).tolist(), (error / stated).tolist()
+    return over_bound, over_std, inside, fit.chi2_per_dof, len(fit.segments)
+
+
+def _single_thread() -> None:
+    import numba
+
+    numba.set_num_threads(1)
+
+
+def bars_at(rate_hz: int, rigs: int, processes: int) -> list[Bar]:
+    """The bars at one sample rate."""
+    with get_context("spawn").Pool(processes, _single_thread) as pool:
+        results = pool.map(one, [(seed, rate_hz) for seed in range(rigs)], chunksize=1)
+    over_bound, over_std, inside = (np.array([result[k] for result in results]) for k in range(3))
+    bars = [
+        at_most(f"{rate_hz} Hz: error of {name} over its bound, rms", float(np.sqrt(np.mean(column**2))), 1.2)
+        for name, column in zip(RATIOS, over_bound.T, strict=True)
+    ]
+    coverage = 100 * float(inside.mean())
+    bars.append(Bar(f"{rate_hz} Hz: 90 % intervals cover, %", "86 .. 94", coverage, 86 <= coverage <= 94))
+    bars.append(Bar(f"{rate_hz} Hz: error over stated std, rms", "1", float(np.sqrt(np.mean(over_std**2))), None))
+    near = float(np.mean([result[3] ** 0.5 <= 1.1 for result in results]))
+    bars.append(Bar(f"{rate_hz} Hz: residual within 1.1 of the floor, %", ">= 99", 100 * near, near >= 0.99))
+    whole = float(np.mean([result[4] == 3 for result in results]))
+    bars.append(Bar(f"{rate_hz} Hz: runs fitted whole, %", "-", 100 * whole, None))
+    return bars
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = options(__doc__)
+    parser.add_argument("--rigs", type=int, default=200)
+    parser.add_argument("--rates", type=int, nargs="+", default=[200, 1000], help="Hz")
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    chosen = parser.parse_args()
+    rigs = 8 if chosen.quick else chosen.rigs
+    bars = [bar for rate_hz in chosen.rates for bar in bars_at(rate_hz, rigs, chosen.processes)]
+    show(f"uncertainty over {rigs} random rigs", bars, chosen.json)
+
+
+if __name__ == "__main__":
+    main()
