@@ -26,13 +26,13 @@ class Segments:
         return len(self.starts)
 
 
-def segments(times: Sequence[ArrayLike], starts: ArrayLike, max_step: float = MAX_STEP) -> Segments:
+def segments(times: Sequence[ArrayLike], starts: ArrayLike, max_step: float | Sequence[float] = MAX_STEP) -> Segments:
     """Segments from the instants of each.
 
     Args:
         times: for each segment (n,) increasing instants, s; the start state holds at the first
         starts: (segments, 4) start states, rad and rad/s
-        max_step: longest Runge-Kutta step, s
+        max_step: longest Runge-Kutta step, s; of all segments or of each
 
     Raises:
         ValueError: shapes that do not fit, or instants that do not increase.
@@ -42,6 +42,7 @@ def segments(times: Sequence[ArrayLike], starts: ArrayLike, max_step: float = MA
         raise ValueError(f"starts must have shape ({len(times)}, 4), not {starts.shape}")
     if not len(times):
         raise ValueError("there must be at least one segment")
-    steps, counts = zip(*(steps_between(t, max_step) for t in times), strict=True)
+    longest = np.broadcast_to(max_step, len(times))
+    steps, counts = zip(*(steps_between(t, float(h)) for t, h in zip(times, longest, strict=True)), strict=True)
     offsets = np.cumsum([0, *(len(step) for step in steps)])
     return Segments(starts, offsets, np.concatenate(steps), np.concatenate(counts))

@@ -1,5 +1,7 @@
 """Lengthen segments as far as the model follows, and say how far a free run can be predicted."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,7 @@ LINEAR_RANGES = (
 FOLLOWS = 3.0  # reduced chi-square above which longer segments would only amplify what the model misses
 WORSE = 1.1  # a level whose reduced chi-square rises by this factor is lost
 WORTH_MOVING = 0.1  # share of its neighbour that a segment must follow for the border between them to move
+LAST_FINER = 0.5  # half the step leaves a sixteenth of the solver's error, which ten chaotic seconds would show
 MAX_LEVELS = 30
 MAX_ITERATIONS = 100  # over ten chaotic seconds the valley is curved and the steps are short
 
@@ -42,7 +45,7 @@ def grow(fit: SegmentFit, known: Conditions) -> SegmentFit:
             fit = trial
         elif (near := next(ranges, 0.0)) == 0.0:
             break
-    return fit
+    return fit_segments(fit.unknowns, fit.segments, replace(known, finer=LAST_FINER))
 
 
 def _lengthened(fit: SegmentFit, known: Conditions, near: float) -> list[Segment] | None:

@@ -19,7 +19,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 from scipy.stats import t as student_t
 
 from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios, ratio_slopes
@@ -29,6 +28,7 @@ from dpr_lab.dynamics.sensitivity import sensitivities
 from dpr_lab.estimation.segments import Segment, restart
 
 BLOCK_S = 0.5  # residuals further apart than half a swing are taken as independent in the covariance
+UNDAMPED = 1e-3  # a damped step may gain little because it is short, not because there is nothing to gain
 FRICTION = slice(3, 5)  # c1/b, c2/b cannot be negative
 UNKNOWNS = (*RATIOS, "b")
 """Order of the unknowns; b only where a known added mass makes it visible, kg m^2."""
@@ -48,11 +48,17 @@ class Conditions:
     """Per run the (2, 2) matrix W with W cov W^T = I for the noise of (theta1, theta2), 1/rad."""
     added: tuple[NDArray[np.float64], ...] = ()
     """Per run the (6,) base parameters of the known mass clamped on, SI; empty when there never was one."""
+    finer: float = 1.0
+    """Factor on the Runge-Kutta steps; below 1 for a last fit whose solver error must vanish beside the noise."""
 
     @property
     def unknowns(self) -> int:
         """Five ratios, and b where a known mass makes it visible."""
         return 6 if any(np.any(extra) for extra in self.added) else 5
+
+    def loading(self, run: int) -> tuple[float, ...]:
+        """What was clamped on during a run; runs alike in it swing by the same ratios."""
+        return tuple(self.added[run]) if self.unknowns == 6 else ()
 
     def ratios(self, q: NDArray[np.float64], run: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(5,) the ratios that a run swings by, and their (5, unknowns) derivative with respect to q."""
@@ -146,7 +152,7 @@ def fit_segments(
         trial_linear = _linearise(trial_q, trial, known)
         trial_cost = _cost(trial_linear)
         if trial_cost <= cost:
-            converged = cost - trial_cost <= 1e-8 * cost
+            converged = cost - trial_cost <= 1e-8 * cost and damping <= UNDAMPED
             q, current, linear, cost = trial_q, trial, trial_linear, trial_cost
             damping = max(damping / 10, 1e-12)
         else:
@@ -174,21 +180,20 @@ class _Linear:
 
 
 def _linearise(q: NDArray[np.float64], segments: Sequence[Segment], known: Conditions) -> list[_Linear]:
-    linear: list[_Linear | None] = [None] * len(segments)
-    for run in sorted({segment.run for segment in segments}):
-        of_run = [i for i, segment in enumerate(segments) if segment.run == run]
-        ratios, chain = known.ratios(q, run)
+    linear: dict[int, _Linear] = {}
+    for loading in sorted({known.loading(segment.run) for segment in segments}):
+        alike = [i for i, segment in enumerate(segments) if known.loading(segment.run) == loading]
+        ratios, chain = known.ratios(q, segments[alike[0]].run)
         swings = laid_end_to_end(
-            [segments[i].t for i in of_run],
-            np.array([segments[i].start for i in of_run]),
-            min(segments[i].max_step for i in of_run),
+            [segments[i].t for i in alike],
+            np.array([segments[i].start for i in alike]),
+            [known.finer * segments[i].max_step for i in alike],
         )
         states, slopes = sensitivities(ratios, known.L1, known.g, swings)
-        for i, (first, last) in zip(of_run, pairwise(swings.offsets), strict=True):
-            linear[i] = _whitened(
-                segments[i].theta, states[first:last, :2], slopes[first:last, :2], known.whitening[run], chain
-            )
-    return [part for part in linear if part is not None]
+        for i, (first, last) in zip(alike, pairwise(swings.offsets), strict=True):
+            W = known.whitening[segments[i].run]
+            linear[i] = _whitened(segments[i].theta, states[first:last, :2], slopes[first:last, :2], W, chain)
+    return [linear[i] for i in range(len(segments))]
 
 
 def _whitened(
@@ -236,7 +241,7 @@ def _start_steps(
 ) -> NDArray[np.float64]:
     return np.array(
         [
-            segment.start + solve_triangular(part.R, part.Q.T @ (part.residual - part.slopes @ step))
+            segment.start + np.linalg.solve(part.R, part.Q.T @ (part.residual - part.slopes @ step))
             for segment, part in zip(segments, linear, strict=True)
         ]
     )
@@ -248,7 +253,7 @@ def _result(
     H = np.sum([part.A.T @ part.A for part in linear], axis=0)
     scores = np.concatenate([_block_scores(s, part) for s, part in zip(segments, linear, strict=True)])
     dof = sum(len(part.residual) - 4 for part in linear) - len(q)
-    inverses = [solve_triangular(part.R, np.eye(4)) for part in linear]
+    inverses = [np.linalg.inv(part.R) for part in linear]
     return SegmentFit(
         unknowns=q,
         segments=tuple(segments),

@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.errors import RunError
 from dpr_lab.run import Run
 
-LONG_S = 2.0  # beyond it chaos amplifies what the integrator leaves: half the step leaves a sixteenth
+STEPS = ((1.0, 5e-3), (2.0, 2.5e-3), (np.inf, 1e-3))
+"""Longest Runge-Kutta step up to each duration, s: chaos amplifies what the integrator leaves behind."""
 
 MIN_SAMPLES = 8  # four start states take four numbers; fewer than twice that says nothing about the model
 
@@ -41,7 +41,7 @@ class Segment:
     @property
     def max_step(self) -> float:
         """Longest Runge-Kutta step that keeps the solver's error below the noise, s."""
-        return MAX_STEP if self.duration <= LONG_S else MAX_STEP / 2
+        return next(step for duration, step in STEPS if self.duration <= duration)
 
 
 def cut(index: int, run: Run, states: NDArray[np.float64], length: float) -> list[Segment]:

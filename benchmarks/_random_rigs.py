@@ -1,0 +1,74 @@
+"""Random rigs for benchmarks: a truth drawn near the paper's values, its three recordings, boxes to search in."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import base_parameters, ratios
+from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.estimation.evidence import Evidence, conditions, gather
+from dpr_lab.estimation.least_squares import information
+from dpr_lab.estimation.segments import Segment
+from dpr_lab.rig import PARAMETERS, Rig, load_rig
+from dpr_lab.run import Run
+
+RATE_HZ, REST_S, SWING_S = 200, 1.0, 10.0
+TRUTH_STEP = 2.5e-4  # s; finer than the lab's, so that the truth does not share its solver's error
+WITHIN = 0.15
+PLACEMENT_STD, RELEASE_SPEED_STD = 0.01, 0.002  # of the hand, rad and rad/s
+BOXES = {"20 %": (0.8, 1.2), "50 %": (0.5, 1.5), "factor 3": (1 / 3, 3.0)}
+"""Lower and upper bound of every parameter, as shares of its nominal value."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One random rig and what was recorded of it."""
+
+    Z: Array
+    """(9,) true parameters, SI."""
+    ratios: Array
+    """(5,) true ratios."""
+    evidence: list[Evidence]
+    cramer_rao_std: Array
+    """(5,) least standard deviations of the ratios from three whole swings with unknown start states."""
+
+
+def draw(seed: int, rate_hz: int = RATE_HZ) -> Trial:
+    """A rig within 15 % of the paper's, three poses of 10 s, 14 bits, half a count of noise."""
+    rig = load_rig("paper")
+    L1, g = rig.rig.L1, rig.rig.g
+    rng = np.random.default_rng(seed)
+    Z = rig.nominal * rng.uniform(1 - WITHIN, 1 + WITHIN, len(PARAMETERS))
+    base = base_parameters(Z, L1, g)
+    recorded = [_record(rig, base, name, rate_hz, rng) for name in rig.poses]
+    evidence = [gather(run, rig) for run, _ in recorded]
+    whole = [Segment(i, e.run.t, e.run.theta[:, 1:], recorded[i][1]) for i, e in enumerate(evidence)]
+    true = ratios(base)
+    known = information(true, whole, conditions(evidence, rig))
+    return Trial(Z, true, evidence, np.sqrt(np.diag(np.linalg.inv(known))))
+
+
+def boxed(box: str) -> Rig:
+    """The paper's rig with wider or narrower bounds."""
+    below, above = BOXES[box]
+    described = load_rig("paper").model_dump()
+    for parameter in described["parameters"].values():
+        nominal = parameter["nominal"]
+        parameter.update(lower=below * nominal, upper=above * nominal)
+    return Rig.model_validate(described)
+
+
+def _record(rig: Rig, base: Array, pose: str, rate_hz: int, rng: np.random.Generator) -> tuple[Run, Array]:
+    """A run of counts, and its true start state."""
+    t = np.arange(-round(REST_S * rate_hz), round(SWING_S * rate_hz) + 1) / rate_hz
+    start = np.append(rig.poses[pose].theta[1:], np.zeros(2))
+    start += rng.normal(0, [PLACEMENT_STD] * 2 + [RELEASE_SPEED_STD] * 2)
+    theta = np.zeros((len(t), 3))
+    theta[t < 0, 1:] = start[:2]
+    theta[t >= 0, 1:] = simulate(base, rig.rig.L1, rig.rig.g, start, t[t >= 0], TRUTH_STEP)[:, :2]
+    noise = rng.normal(0, rig.encoders.noise_counts, theta.shape)
+    counts = np.rint(rig.positions(theta) + noise).astype(np.int64)
+    return Run(pose, t, rig.theta(counts), counts, pose, rig.name, "", rate_hz), start
