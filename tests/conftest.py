@@ -2,6 +2,8 @@
 
 import os
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: tests run side by side
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
@@ -12,7 +14,6 @@ settings.register_profile(
     "repeatable", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=60
 )
 settings.load_profile("repeatable")
-os.environ.setdefault("MPLBACKEND", "agg")
 
 
 @pytest.fixture

@@ -14,6 +14,8 @@ def main() -> None:
 
     Errors for the operator become one message on stderr; everything else is a bug and keeps its traceback.
     """
+    # Our matrices are small: threads of the linear algebra cost more than they give, and lanes already use the cores.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from dpr_lab.cli.app import app
     from dpr_lab.cli.console import complain
 

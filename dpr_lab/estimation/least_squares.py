@@ -1,4 +1,4 @@
-"""Segment least squares: the ratios and every segment's start state, by damped Gauss-Newton.
+"""Segment least squares: the ratios and every segment's start state, by Gauss-Newton with backtracking.
 
     minimise  sum over segments s, samples k  | W_run(s) (theta_sk - theta_hat(t_k; q, x_s)) |^2
 
@@ -28,7 +28,9 @@ from dpr_lab.dynamics.sensitivity import sensitivities
 from dpr_lab.estimation.segments import Segment, restart
 
 BLOCK_S = 0.5  # residuals further apart than half a swing are taken as independent in the covariance
-UNDAMPED = 1e-3  # a damped step may gain little because it is short, not because there is nothing to gain
+FRACTIONS = (1.0, 0.3, 0.1, 0.03, 0.01, 1e-3, 1e-4)  # of a step, until the cost falls
+SETTLED = 1e-8  # relative fall of the cost in a whole step that ends the iteration
+RIDGE = 1e-10  # keeps a parameter that the data do not reach where it is
 FRICTION = slice(3, 5)  # c1/b, c2/b cannot be negative
 UNKNOWNS = (*RATIOS, "b")
 """Order of the unknowns; b only where a known added mass makes it visible, kg m^2."""
@@ -144,20 +146,21 @@ def fit_segments(
     """
     q, current = start, list(segments)
     linear = _linearise(q, current, known)
-    cost, damping, converged, iteration = _cost(linear), 1e-6, False, 0
+    cost, converged, iteration = _cost(linear), False, 0
     while iteration < max_iterations and not converged:
         iteration += 1
-        step = np.zeros(len(q)) if hold else _step(q, linear, damping)
-        trial_q, trial = q + step, restart(current, _start_steps(current, linear, step))
-        trial_linear = _linearise(trial_q, trial, known)
-        trial_cost = _cost(trial_linear)
-        if trial_cost <= cost:
-            converged = cost - trial_cost <= 1e-8 * cost and damping <= UNDAMPED
-            q, current, linear, cost = trial_q, trial, trial_linear, trial_cost
-            damping = max(damping / 10, 1e-12)
-        else:
-            converged = damping > 1e6
-            damping = max(damping * 10, 1e-6)
+        step = np.zeros(len(q)) if hold else _step(q, linear)
+        starts = np.array([segment.start for segment in current])
+        start_steps = _start_steps(linear, step)
+        converged = True
+        for fraction in FRACTIONS:
+            trial = restart(current, starts + fraction * start_steps)
+            trial_linear = _linearise(q + fraction * step, trial, known)
+            trial_cost = _cost(trial_linear)
+            if trial_cost < cost:
+                converged = fraction == 1.0 and cost - trial_cost <= SETTLED * cost
+                q, current, linear, cost = q + fraction * step, trial, trial_linear, trial_cost
+                break
     return _result(q, current, linear, iteration, converged)
 
 
@@ -219,15 +222,15 @@ def _cost(linear: Sequence[_Linear]) -> float:
     return float(sum(np.sum(part.residual**2) for part in linear))
 
 
-def _step(q: NDArray[np.float64], linear: Sequence[_Linear], damping: float) -> NDArray[np.float64]:
-    """The damped Gauss-Newton step; friction that would turn negative stops at zero and the others are solved again."""
+def _step(q: NDArray[np.float64], linear: Sequence[_Linear]) -> NDArray[np.float64]:
+    """The Gauss-Newton step; friction that would turn negative stops at zero and the others are solved again."""
     H = np.sum([part.A.T @ part.A for part in linear], axis=0)
     gradient = np.sum([part.A.T @ part.e for part in linear], axis=0)
     free, step = np.ones(len(q), dtype=bool), np.zeros(len(q))
     for _ in range(3):
         inner = H[np.ix_(free, free)]
         step[:] = -q * ~free
-        step[free] = np.linalg.solve(inner + damping * np.diag(np.diag(inner)), (gradient - H @ step)[free])
+        step[free] = np.linalg.solve(inner + RIDGE * np.diag(np.diag(inner)), (gradient - H @ step)[free])
         below = np.zeros(len(q), dtype=bool)
         below[FRICTION] = (q + step)[FRICTION] < 0
         if not (below & free).any():
@@ -236,15 +239,10 @@ def _step(q: NDArray[np.float64], linear: Sequence[_Linear], damping: float) -> 
     return step
 
 
-def _start_steps(
-    segments: Sequence[Segment], linear: Sequence[_Linear], step: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    return np.array(
-        [
-            segment.start + np.linalg.solve(part.R, part.Q.T @ (part.residual - part.slopes @ step))
-            for segment, part in zip(segments, linear, strict=True)
-        ]
-    )
+def _start_steps(linear: Sequence[_Linear], step: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(segments, 4) the start states' share of a step."""
+    steps = [np.linalg.solve(part.R, part.Q.T @ (part.residual - part.slopes @ step)) for part in linear]
+    return np.array(steps, dtype=np.float64)
 
 
 def _result(

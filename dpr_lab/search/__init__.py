@@ -7,12 +7,20 @@ from pydantic import BaseModel
 
 from dpr_lab.configs import find_config, read_config
 from dpr_lab.errors import ConfigError
-from dpr_lab.search import iga
+from dpr_lab.search.cma_es import CmaEsSettings, cma_es
+from dpr_lab.search.differential_evolution import DifferentialEvolutionSettings, differential_evolution
+from dpr_lab.search.iga import iga
+from dpr_lab.search.multistart import MultistartSettings, multistart
+from dpr_lab.search.plain_ga import PlainGaSettings, plain_ga
 from dpr_lab.search.problem import Algorithm
 from dpr_lab.search.settings import IgaSettings, SearchSettings
 
 ALGORITHMS: dict[str, Algorithm[Any]] = {
-    "iga": Algorithm(IgaSettings, iga.iga),
+    "iga": Algorithm(IgaSettings, iga),
+    "plain_ga": Algorithm(PlainGaSettings, plain_ga),
+    "differential_evolution": Algorithm(DifferentialEvolutionSettings, differential_evolution),
+    "cma_es": Algorithm(CmaEsSettings, cma_es),
+    "multistart": Algorithm(MultistartSettings, multistart),
 }
 """Every algorithm by the name that `algorithm` has in a search file."""
 

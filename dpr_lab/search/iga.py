@@ -14,13 +14,14 @@ import numpy as np
 from dpr_lab.search.crossover import cross
 from dpr_lab.search.feedback_mutation import near_duplicates, replacements
 from dpr_lab.search.fitness import cost, fitness
+from dpr_lab.search.generations import generations
 from dpr_lab.search.hamming_pairing import pair
 from dpr_lab.search.hybrid_coding import fresh
 from dpr_lab.search.mutation import mutate
 from dpr_lab.search.orthogonal import Levels, array_for, experiment
-from dpr_lab.search.population import Population, ranked
+from dpr_lab.search.population import Population, merged, ranked
 from dpr_lab.search.population_fitness import population_fitness
-from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, Problem, stagnated
+from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, Problem
 from dpr_lab.search.settings import IgaSettings
 
 
@@ -44,21 +45,20 @@ def iga(objective: Objective, bounds: Bounds, settings: IgaSettings, rng: np.ran
     """
     problem = Problem(objective, bounds, partial(cost, aggregate=settings.aggregate))
     levels = array_for(settings.orthogonal_array, problem.box.shape[1])
+    return generations(problem, _populations(problem, levels, settings, rng), settings)
+
+
+def _populations(
+    problem: Problem, levels: Levels, settings: IgaSettings, rng: np.random.Generator
+) -> Iterator[Population]:
     genes = fresh(settings.population, problem.box, rng)  # (1)
     population = ranked(genes, problem.costs(genes))  # (2)
-    yield _generation(0, problem, population, settings)
-    best_costs = [float(population.cost[0])]
-    for number in range(1, settings.generations + 1):
-        if stagnated(best_costs, settings.stagnation_generations, settings.stagnation_improvement):
-            return
+    while True:
+        yield population
         if _converged(population, settings):  # (3), (4)
             population = _refreshed(problem, population, settings, rng)
-        offspring, offspring_cost = _offspring(problem, population, levels, settings, rng)  # (5) - (8)
-        everyone = np.vstack([population.genes, offspring])
-        merged = ranked(everyone, np.concatenate([population.cost, offspring_cost]))  # (9)
-        population = merged.best(settings.population)  # (10)
-        best_costs.append(float(population.cost[0]))
-        yield _generation(number, problem, population, settings)
+        offspring = _offspring(problem, population, levels, settings, rng)  # (5) - (8)
+        population = merged(population, offspring).best(settings.population)  # (9), (10)
 
 
 def _fitness(population: Population, settings: IgaSettings) -> Floats:
@@ -77,33 +77,17 @@ def _refreshed(problem: Problem, population: Population, settings: IgaSettings, 
     alike = near_duplicates(population.genes, settings.similarity * (upper - lower))
     best, count = population.genes[0], int(alike.sum())
     new = replacements(best, count, settings.mu, settings.nu, problem.box, rng)
-    genes = np.vstack([population.genes[~alike], new])
-    return ranked(genes, np.concatenate([population.cost[~alike], problem.costs(new)]))
+    return merged(Population(population.genes[~alike], population.cost[~alike]), Population(new, problem.costs(new)))
 
 
 def _offspring(
     problem: Problem, population: Population, levels: Levels, settings: IgaSettings, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """Steps (5) to (7) for all M Pc / 2 offspring: (size, n) genes and (size,) H."""
+) -> Population:
+    """Steps (5) to (7) for all M Pc / 2 offspring, in any order."""
     pairs = max(1, round(settings.population * settings.crossover_rate / 2))
     parents = pair(population.genes, _fitness(population, settings), pairs, problem.box, rng)  # (5)
     crossed = cross(*parents, rng)
     offspring, costs = experiment(*crossed, levels, problem.costs)  # (6)
     offspring, mutated = mutate(offspring, settings.mutation_rate, problem.box, rng)  # (7)
     costs[mutated] = problem.costs(offspring[mutated])
-    return offspring, costs
-
-
-def _generation(number: int, problem: Problem, population: Population, settings: IgaSettings) -> Generation:
-    f = _fitness(population, settings)
-    candidates = problem.candidates(population.genes)
-    return Generation(
-        number=number,
-        evaluations=problem.evaluations,
-        best=candidates[0],
-        best_cost=float(population.cost[0]),
-        best_fitness=float(f[0]),
-        population_fitness=population_fitness(f),
-        population=candidates,
-        cost=population.cost,
-    )
+    return Population(offspring, costs)

@@ -9,7 +9,7 @@ from dpr_lab.search.problem import Floats
 
 @dataclass(frozen=True, slots=True)
 class Population:
-    """Chromosomes sorted by cost, which is descending fitness; equal costs keep their order."""
+    """Chromosomes with their costs; best first wherever a search hands it on."""
 
     genes: Floats
     """(size, n) free genes."""
@@ -22,6 +22,11 @@ class Population:
 
 
 def ranked(genes: Floats, cost: Floats) -> Population:
-    """A population from chromosomes in any order."""
+    """A population from chromosomes in any order; equal costs keep theirs."""
     order = np.argsort(cost, kind="stable")
     return Population(genes[order], cost[order])
+
+
+def merged(first: Population, second: Population) -> Population:
+    """Both together, best first; among equal costs `first` comes first."""
+    return ranked(np.vstack([first.genes, second.genes]), np.concatenate([first.cost, second.cost]))

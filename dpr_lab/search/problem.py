@@ -83,27 +83,22 @@ class Problem:
         return whole
 
     def costs(self, genes: Floats) -> Floats:
-        """(size, n) free genes -> (size,) H, `inf` for a candidate that failed.
+        """(size, n) free genes -> (size,) H, `inf` for a candidate that failed; raises as `errors` does."""
+        return self.cost(self.errors(genes)) if len(genes) else np.empty(0)
+
+    def errors(self, genes: Floats) -> Floats:
+        """(size, n) free genes, at least one -> (size, poses) E as the objective gives it.
 
         Raises:
             ValueError: the objective returned something else than one row of E >= 0 for each candidate.
         """
-        if not len(genes):
-            return np.empty(0)
         errors = np.asarray(self.objective(self.candidates(genes)), dtype=np.float64)
         if errors.ndim != 2 or len(errors) != len(genes) or not errors.size:
             raise ValueError(f"the objective must return ({len(genes)}, poses) values of E, not shape {errors.shape}")
         if (errors < 0).any():
             raise ValueError(f"E is a sum of squares, but the objective returned {np.nanmin(errors)}")
         self.evaluations += len(genes)
-        return self.cost(errors)
-
-
-def stagnated(best_costs: list[float], patience: int | None, improvement: float) -> bool:
-    """Whether the best cost fell by no more than the share `improvement` within the last `patience` generations."""
-    if patience is None or len(best_costs) <= patience:
-        return False
-    return best_costs[-1] >= (1 - improvement) * best_costs[-1 - patience]
+        return errors
 
 
 def _checked(bounds: ArrayLike) -> Bounds:

@@ -22,6 +22,10 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
     """Stop when the best cost has hardly fallen for so many generations; never when left out."""
     stagnation_improvement: Share = 0.01
     """What "hardly" means: a fall by no more than this share."""
+    delta: Positive = 35.0
+    """Added to H in the fitness; the larger, the better the chances of bad individuals."""
+    fitness_scale: Positive = 350.0
+    """M of equation (10), the paper gives no value; with 350, sigma = 5 means H < 35."""
 
 
 class IgaSettings(SearchSettings, frozen=True):
@@ -38,10 +42,6 @@ class IgaSettings(SearchSettings, frozen=True):
     """Dynamic encoding and feedback mutation wait until f_pop exceeds this."""
     sigma: NotNegative = 5.0
     """They also wait until the best fitness exceeds this."""
-    delta: Positive = 35.0
-    """Added to H in the fitness; the larger, the better the chances of bad individuals."""
-    fitness_scale: Positive = 350.0
-    """M of equation (10), the paper gives no value; with 350, sigma = 5 means H < 35."""
     mu: Positive = 0.95
     """Dynamic encoding starts at mu times the best gene."""
     nu: NotNegative = 0.1

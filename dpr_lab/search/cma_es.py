@@ -1,0 +1,86 @@
+"""CMA-ES with restarts, a baseline: the `cma` package, asked and told."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from dpr_lab.search.fitness import FAILED_ABOVE, cost
+from dpr_lab.search.generations import generations
+from dpr_lab.search.population import Population, merged, ranked
+from dpr_lab.search.problem import Bounds, Generation, Objective, Problem
+from dpr_lab.search.settings import Count, Positive, SearchSettings
+
+FEWEST_GENES = 2
+"""The package does not search a single dimension; a second one without meaning is added to it."""
+
+LARGEST_GROWTH = 64
+
+
+class CmaEsSettings(SearchSettings, frozen=True):
+    """Covariance matrix adaptation; a search that has ended starts again with a larger population (IPOP)."""
+
+    algorithm: Literal["cma_es"] = "cma_es"
+    generations: Annotated[int, Field(ge=0)] = 500
+    """Generations after the first sample, at most, all restarts together."""
+    population: Annotated[int, Field(ge=4)] | None = None
+    """Candidates in a generation; 4 + 3 ln(genes) when left out."""
+    sigma: Annotated[Positive, Field(le=1)] = 0.3
+    """First standard deviation, share of each gene's range."""
+    restart_growth: Count = 2
+    """A restart has so many times the population of the search before it, up to `LARGEST_GROWTH` times the first."""
+
+
+def cma_es(
+    objective: Objective, bounds: Bounds, settings: CmaEsSettings, rng: np.random.Generator
+) -> Iterator[Generation]:
+    """Search the box for the smallest H; arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
+
+    A generation's population is its sample and the best individual so far. A restart begins anywhere in the box.
+
+    Source: Hansen (2016), The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; restarts: Auger & Hansen (2005),
+    IEEE Congress on Evolutionary Computation, 1769-1776.
+    """
+    problem = Problem(objective, bounds, partial(cost, aggregate=settings.aggregate))
+    return generations(problem, _populations(problem, settings, rng), settings)
+
+
+def _populations(problem: Problem, settings: CmaEsSettings, rng: np.random.Generator) -> Iterator[Population]:
+    genes = problem.box.shape[1]
+    best = Population(np.empty((0, genes)), np.empty(0))
+    size = first = settings.population or 4 + int(3 * np.log(max(genes, FEWEST_GENES)))
+    while True:
+        for sample in _search(problem, size, settings.sigma, rng):
+            population = merged(best, sample)
+            best = population.best(1)
+            yield population
+        size = min(size * settings.restart_growth, LARGEST_GROWTH * first)
+
+
+def _search(problem: Problem, size: int, sigma: float, rng: np.random.Generator) -> Iterator[Population]:
+    """Samples of one search until it ends by the package's own criteria; in the unit cube inside."""
+    lower, upper = problem.box
+    strategy = _strategy(len(lower), size, sigma, rng)
+    while not strategy.stop():
+        shares = strategy.ask()
+        genes = np.clip(lower + np.array(shares)[:, : len(lower)] * (upper - lower), lower, upper)
+        costs = problem.costs(genes)
+        strategy.tell(shares, np.minimum(costs, FAILED_ABOVE).tolist())
+        yield ranked(genes, costs)
+
+
+def _strategy(genes: int, size: int, sigma: float, rng: np.random.Generator) -> Any:
+    import cma  # takes a second to import
+
+    dimension = max(genes, FEWEST_GENES)
+    options = {
+        "bounds": [0, 1],
+        "BoundaryHandler": cma.BoundTransform,
+        "popsize": size,
+        "randn": lambda *shape: rng.standard_normal(shape),
+        "seed": np.nan,  # leaves numpy's global generator alone
+        "verbose": -9,
+    }
+    return cma.CMAEvolutionStrategy(rng.random(dimension), sigma, options)

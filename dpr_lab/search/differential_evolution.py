@@ -1,0 +1,90 @@
+"""Differential evolution, a baseline: scipy's, one generation a call."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from dpr_lab.search.fitness import FAILED_ABOVE, cost
+from dpr_lab.search.generations import generations
+from dpr_lab.search.latin_hypercube import latin_hypercube
+from dpr_lab.search.population import Population, ranked
+from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, Problem
+from dpr_lab.search.settings import NotNegative, SearchSettings, Share
+
+
+class DifferentialEvolutionSettings(SearchSettings, frozen=True):
+    """Differential evolution; the names and defaults of `scipy.optimize.differential_evolution` but for the size."""
+
+    algorithm: Literal["differential_evolution"] = "differential_evolution"
+    generations: Annotated[int, Field(ge=0)] = 300
+    """Generations after the initial population, at most."""
+    population: Annotated[int, Field(ge=5)] = 50
+    """Individuals in the population."""
+    strategy: Literal["best1bin", "rand1bin", "currenttobest1bin", "randtobest1bin", "best2bin", "rand2bin"] = (
+        "best1bin"
+    )
+    """How a trial is made from others."""
+    mutation: tuple[NotNegative, NotNegative] = (0.5, 1.0)
+    """Range of the differential weight, drawn anew for each generation."""
+    recombination: Share = 0.7
+    """Share of the genes that a trial takes from its mutant."""
+
+
+def differential_evolution(
+    objective: Objective, bounds: Bounds, settings: DifferentialEvolutionSettings, rng: np.random.Generator
+) -> Iterator[Generation]:
+    """Search the box for the smallest H; arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
+
+    Source: Storn & Price (1997), Journal of Global Optimization 11, 341-359.
+    """
+    problem = Problem(objective, bounds, partial(cost, aggregate=settings.aggregate))
+    return generations(problem, _populations(problem, settings, rng), settings)
+
+
+def _populations(
+    problem: Problem, settings: DifferentialEvolutionSettings, rng: np.random.Generator
+) -> Iterator[Population]:
+    population = latin_hypercube(problem, settings.population, rng)
+    while True:
+        yield population
+        trials = _trials(population, problem.box, settings, rng)
+        costs = problem.costs(trials)
+        wins = costs <= population.cost
+        genes = np.where(wins[:, None], trials, population.genes)
+        population = ranked(genes, np.where(wins, costs, population.cost))
+
+
+def _trials(
+    population: Population, box: Bounds, settings: DifferentialEvolutionSettings, rng: np.random.Generator
+) -> Floats:
+    """(size, n) one trial for each individual.
+
+    scipy has no generation to call. It is given the population, told the costs already known, and asked for one
+    iteration, in which the trials are all that it evaluates.
+    """
+    from scipy import optimize
+
+    asked: list[Floats] = []
+
+    def known_then_none(columns: Floats) -> Floats:
+        asked.append(columns.T)
+        return np.minimum(population.cost, FAILED_ABOVE) if len(asked) == 1 else np.zeros(len(population.cost))
+
+    init: Any = population.genes  # typed as str in scipy's signature
+    optimize.differential_evolution(
+        known_then_none,
+        box.T,
+        init=init,
+        strategy=settings.strategy,
+        mutation=settings.mutation,
+        recombination=settings.recombination,
+        maxiter=1,
+        polish=False,
+        updating="deferred",
+        vectorized=True,
+        rng=rng,
+    )
+    return np.clip(asked[1], *box)

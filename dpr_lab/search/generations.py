@@ -1,0 +1,49 @@
+"""From populations to generations: the record of a search and when it ends, the same for every algorithm."""
+
+from collections.abc import Iterable, Iterator
+
+from dpr_lab.search.fitness import fitness
+from dpr_lab.search.population import Population
+from dpr_lab.search.population_fitness import population_fitness
+from dpr_lab.search.problem import Generation, Problem
+from dpr_lab.search.settings import SearchSettings
+
+
+def generations(problem: Problem, populations: Iterable[Population], settings: SearchSettings) -> Iterator[Generation]:
+    """Number and record populations until `settings.generations` or stagnation.
+
+    Args:
+        problem: what is searched, for its count of evaluations and its fixed genes
+        populations: without end, the initial one first; each evaluated when it is asked for, the best found so far at
+            its head
+        settings: when to stop, and the constants of the fitness
+    """
+    best_costs: list[float] = []
+    for number, population in enumerate(populations):
+        best_costs.append(float(population.cost[0]))
+        yield _recorded(number, problem, population, settings)
+        if number == settings.generations or _stagnated(best_costs, settings):
+            return
+
+
+def _stagnated(best_costs: list[float], settings: SearchSettings) -> bool:
+    """Whether the best cost hardly fell within the last `stagnation_generations`."""
+    patience = settings.stagnation_generations
+    if patience is None or len(best_costs) <= patience:
+        return False
+    return best_costs[-1] >= (1 - settings.stagnation_improvement) * best_costs[-1 - patience]
+
+
+def _recorded(number: int, problem: Problem, population: Population, settings: SearchSettings) -> Generation:
+    f = fitness(population.cost, settings.fitness_scale, settings.delta)
+    candidates = problem.candidates(population.genes)
+    return Generation(
+        number=number,
+        evaluations=problem.evaluations,
+        best=candidates[0],
+        best_cost=float(population.cost[0]),
+        best_fitness=float(f[0]),
+        population_fitness=population_fitness(f),
+        population=candidates,
+        cost=population.cost,
+    )

@@ -1,0 +1,73 @@
+"""The traditional genetic algorithm, a baseline: tournament, single-point crossover, Gaussian mutation, elitism."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from dpr_lab.search.fitness import cost
+from dpr_lab.search.generations import generations
+from dpr_lab.search.population import Population, merged, ranked
+from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, Problem
+from dpr_lab.search.settings import Count, Positive, SearchSettings, Share
+
+
+class PlainGaSettings(SearchSettings, frozen=True):
+    """The traditional genetic algorithm, in real numbers."""
+
+    algorithm: Literal["plain_ga"] = "plain_ga"
+    generations: Annotated[int, Field(ge=0)] = 200
+    """Generations after the initial population, at most."""
+    population: Annotated[int, Field(ge=2)] = 100
+    """Chromosomes in the population."""
+    elite: Count = 2
+    """Best chromosomes that live on unchanged."""
+    tournament: Count = 3
+    """Chromosomes drawn for each parent; the best of them wins."""
+    crossover_rate: Share = 0.8
+    """Share of the pairs that are crossed."""
+    mutation_rate: Share = 0.1
+    """Share of the genes that mutate."""
+    mutation_std: Positive = 0.05
+    """Standard deviation of a mutation, share of the gene's range."""
+
+
+def plain_ga(
+    objective: Objective, bounds: Bounds, settings: PlainGaSettings, rng: np.random.Generator
+) -> Iterator[Generation]:
+    """Search the box for the smallest H; arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
+
+    Source: Goldberg (1989), Genetic Algorithms in Search, Optimization and Machine Learning, chapter 1, with real
+    genes instead of bits.
+    """
+    problem = Problem(objective, bounds, partial(cost, aggregate=settings.aggregate))
+    return generations(problem, _populations(problem, settings, rng), settings)
+
+
+def _populations(problem: Problem, settings: PlainGaSettings, rng: np.random.Generator) -> Iterator[Population]:
+    lower, upper = problem.box
+    genes = rng.uniform(lower, upper, (settings.population, len(lower)))
+    population = ranked(genes, problem.costs(genes))
+    while True:
+        yield population
+        children = _mutated(_crossed(population.genes, settings, rng), problem.box, settings, rng)
+        offspring = Population(children, problem.costs(children))
+        population = merged(population.best(settings.elite), offspring).best(settings.population)
+
+
+def _crossed(genes: Floats, settings: PlainGaSettings, rng: np.random.Generator) -> Floats:
+    """(size, n) children; `genes` come best first, so the winner of a tournament is its lowest index."""
+    size, n = genes.shape
+    mothers, fathers = rng.integers(size, size=(2, size, settings.tournament)).min(axis=2)
+    point = rng.integers(1, max(2, n), (size, 1))
+    swaps = (rng.random((size, 1)) < settings.crossover_rate) & (np.arange(n) >= point)
+    return np.where(swaps, genes[fathers], genes[mothers])
+
+
+def _mutated(genes: Floats, box: Bounds, settings: PlainGaSettings, rng: np.random.Generator) -> Floats:
+    lower, upper = box
+    step = rng.normal(0, settings.mutation_std, genes.shape) * (upper - lower)
+    mutates = rng.random(genes.shape) < settings.mutation_rate
+    return np.clip(np.where(mutates, genes + step, genes), lower, upper)
