@@ -34,7 +34,8 @@ try:
     from mujoco import sysid
     from mujoco.sysid import SignalType, optimize
 except ImportError as missing:
-    sys.exit(f'not measured: MuJoCo\'s sysid toolbox is not installed ({missing}); pip install "mujoco[sysid]>=3.5"')
+    print(f"not measured: MuJoCo's sysid toolbox is not installed ({missing}); pip install 'mujoco[sysid]>=3.5'")
+    sys.exit(0)
 
 STEP = 0.0025
 SEGMENTS_S = (0.25, 1.0)

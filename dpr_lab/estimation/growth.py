@@ -17,9 +17,10 @@ LINEAR_RANGES = (
     0.0125,
 )  # a free run may stray so far from the measurement, rad; the next where the fit is lost
 FOLLOWS = 3.0  # reduced chi-square above which longer segments would only amplify what the model misses
-WORSE = 1.1  # a level whose reduced chi-square rises by this factor is lost
+WORSE = 1.02  # a level whose reduced chi-square rises by this factor over the shortest segments' is lost
 WORTH_MOVING = 0.1  # share of its neighbour that a segment must follow for the border between them to move
-LAST_FINER = 0.5  # half the step leaves a sixteenth of the solver's error, which ten chaotic seconds would show
+SOLVER_ERROR = 0.2  # of the noise: what the integrator may add to a longer segment
+SHORTEST_STEP = 2e-4  # s
 MAX_LEVELS = 30
 MAX_ITERATIONS = 100  # over ten chaotic seconds the valley is curved and the steps are short
 
@@ -34,18 +35,18 @@ def grow(fit: SegmentFit, known: Conditions) -> SegmentFit:
     part, the border between them moves by that part. The new set is fitted again. A level whose residual rises is
     thrown away and tried again in smaller steps: the first one's free run must then stay nearer.
     """
-    ranges = iter(LINEAR_RANGES)
+    lost, ranges = WORSE * fit.chi2_per_dof, iter(LINEAR_RANGES)
     near = next(ranges)
     for _ in range(MAX_LEVELS):
         longer = _lengthened(fit, known, near) if fit.chi2_per_dof < FOLLOWS else None
         if longer is None:
             break
         trial = fit_segments(fit.unknowns, longer, known, max_iterations=MAX_ITERATIONS)
-        if trial.converged and trial.chi2_per_dof < WORSE * fit.chi2_per_dof:
+        if trial.converged and trial.chi2_per_dof < lost:
             fit = trial
         elif (near := next(ranges, 0.0)) == 0.0:
             break
-    return fit_segments(fit.unknowns, fit.segments, replace(known, finer=LAST_FINER))
+    return fit
 
 
 def _lengthened(fit: SegmentFit, known: Conditions, near: float) -> list[Segment] | None:
@@ -53,19 +54,41 @@ def _lengthened(fit: SegmentFit, known: Conditions, near: float) -> list[Segment
     queue, done, moved = list(fit.segments), [], False
     while queue:
         first = queue.pop(0)
-        if queue and queue[0].run == first.run:
-            second = queue[0]
-            taken = _followed(fit, first, second, known, near)
-            if taken == len(second.t):
-                first, moved = join(first, queue.pop(0)), True
-            elif taken >= WORTH_MOVING * len(second.t) and len(second.t) - taken >= MIN_SAMPLES:
-                rest = _states(fit, second, second.t[: taken + 1], known)[-1]
-                head, queue[0] = split(second, taken, rest)
-                first, moved = join(first, head), True
-                done.append(first)
-                first = queue.pop(0)
-        done.append(first)
+        if queue and queue[0].run == first.run and (pair := _taking(fit, first, queue[0], known, near)):
+            moved = True
+            done.append(pair[0])
+            queue[0:1] = []
+            done += pair[1:]
+        else:
+            done.append(first)
     return done if moved else None
+
+
+def _taking(fit: SegmentFit, first: Segment, second: Segment, known: Conditions, near: float) -> list[Segment] | None:
+    """The first segment with what it follows of the second, and what is left of that; None when that is too little."""
+    taken = _followed(fit, first, second, known, near)
+    if taken == len(second.t):
+        pair = [join(first, second)]
+    elif taken >= WORTH_MOVING * len(second.t) and len(second.t) - taken >= MIN_SAMPLES:
+        head, rest = split(second, taken, _states(fit, second, second.t[: taken + 1], known)[-1])
+        pair = [join(first, head), rest]
+    else:
+        return None
+    step = _step_for(fit, pair[0], known)
+    return None if step is None else [replace(pair[0], max_step=step), *pair[1:]]
+
+
+def _step_for(fit: SegmentFit, segment: Segment, known: Conditions) -> float | None:
+    """The longest step whose error stays below the noise, seen by halving it; None where chaos lets none do."""
+    noise = 1.0 / np.abs(known.whitening[segment.run]).max()
+    step = min(segment.max_step, float(np.median(np.diff(segment.t))))
+    coarse = _states(fit, replace(segment, max_step=step), segment.t, known)
+    while step >= SHORTEST_STEP:
+        fine = _states(fit, replace(segment, max_step=step / 2), segment.t, known)
+        if np.max(np.abs(fine - coarse)[:, :2]) < SOLVER_ERROR * noise:
+            return step
+        step, coarse = step / 2, fine
+    return None
 
 
 def _followed(fit: SegmentFit, first: Segment, second: Segment, known: Conditions, near: float) -> int:

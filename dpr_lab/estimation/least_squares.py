@@ -50,8 +50,6 @@ class Conditions:
     """Per run the (2, 2) matrix W with W cov W^T = I for the noise of (theta1, theta2), 1/rad."""
     added: tuple[NDArray[np.float64], ...] = ()
     """Per run the (6,) base parameters of the known mass clamped on, SI; empty when there never was one."""
-    finer: float = 1.0
-    """Factor on the Runge-Kutta steps; below 1 for a last fit whose solver error must vanish beside the noise."""
 
     @property
     def unknowns(self) -> int:
@@ -190,7 +188,7 @@ def _linearise(q: NDArray[np.float64], segments: Sequence[Segment], known: Condi
         swings = laid_end_to_end(
             [segments[i].t for i in alike],
             np.array([segments[i].start for i in alike]),
-            [known.finer * segments[i].max_step for i in alike],
+            [segments[i].max_step for i in alike],
         )
         states, slopes = sensitivities(ratios, known.L1, known.g, swings)
         for i, (first, last) in zip(alike, pairwise(swings.offsets), strict=True):

@@ -5,7 +5,7 @@ and the start state is estimated with the parameters (multiple shooting).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.run import Run
-
-STEPS = ((1.0, 5e-3), (2.0, 2.5e-3), (np.inf, 1e-3))
-"""Longest Runge-Kutta step up to each duration, s: chaos amplifies what the integrator leaves behind."""
 
 MIN_SAMPLES = 8  # four start states take four numbers; fewer than twice that says nothing about the model
 
@@ -32,16 +29,13 @@ class Segment:
     """(n, 2) measured theta1, theta2, rad."""
     start: NDArray[np.float64]
     """(4,) theta1, theta2, omega1, omega2 at t[0], rad and rad/s."""
+    max_step: float = 5e-3
+    """Longest Runge-Kutta step, s; over half a second it errs by less than a microradian."""
 
     @property
     def duration(self) -> float:
         """From the first to the last sample, s."""
         return float(self.t[-1] - self.t[0])
-
-    @property
-    def max_step(self) -> float:
-        """Longest Runge-Kutta step that keeps the solver's error below the noise, s."""
-        return next(step for duration, step in STEPS if self.duration <= duration)
 
 
 def cut(index: int, run: Run, states: NDArray[np.float64], length: float) -> list[Segment]:
@@ -76,17 +70,16 @@ def _drop_short(bounds: NDArray[np.int64]) -> list[int]:
 
 def join(first: Segment, second: Segment) -> Segment:
     """Two neighbours of one run as one segment that starts where the first does."""
-    return Segment(
-        first.run, np.concatenate([first.t, second.t]), np.concatenate([first.theta, second.theta]), first.start
-    )
+    t, theta = np.concatenate([first.t, second.t]), np.concatenate([first.theta, second.theta])
+    return replace(first, t=t, theta=theta, max_step=min(first.max_step, second.max_step))
 
 
 def split(segment: Segment, at: int, start: NDArray[np.float64]) -> tuple[Segment, Segment]:
     """The first `at` samples, and the others with their own (4,) start state."""
-    head = Segment(segment.run, segment.t[:at], segment.theta[:at], segment.start)
-    return head, Segment(segment.run, segment.t[at:], segment.theta[at:], start)
+    head = replace(segment, t=segment.t[:at], theta=segment.theta[:at])
+    return head, replace(segment, t=segment.t[at:], theta=segment.theta[at:], start=start)
 
 
 def restart(segments: Sequence[Segment], starts: NDArray[np.float64]) -> list[Segment]:
     """The same segments from other start states, (segments, 4)."""
-    return [Segment(s.run, s.t, s.theta, start) for s, start in zip(segments, starts, strict=True)]
+    return [replace(segment, start=start) for segment, start in zip(segments, starts, strict=True)]
