@@ -20,7 +20,7 @@ import numba
 import numba.core.config as numba_config
 from platformdirs import user_cache_path
 
-KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation/likelihood.py")
+KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation/likelihood.py", "gap/response.py", "gap/scan.py")
 """Every file or folder of this package that holds a compiled function."""
 
 KEPT = 4

@@ -29,12 +29,16 @@ faults (--fault NAME=VALUE, repeatable):
 """
 
 
+DRAW_HELP = """\
+draw the effects too, from the seed: single, pair, triple, clean, dirty, form or outside; clear or subtle"""
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Serve until stopped; returns the exit code."""
     options = _parser().parse_args(arguments)
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="sim_device: %(message)s")
     try:
-        return _reveal(options) if options.reveal else _run(options)
+        return _tell(options) if options.reveal or options.seal else _run(options)
     except DprError as error:
         print(error, file=sys.stderr)
         return error.exit_code
@@ -54,13 +58,15 @@ def _parser() -> argparse.ArgumentParser:
     add("--clock", default="realtime", choices=("realtime", "fast"), help="fast: as fast as the host takes it")
     add("--seed", type=_whole, help="varies noise and hand; also the truth with --draw (default: the plant file's)")
     add("--draw", action="store_true", help="draw the true parameters around the plant file's, from the seed")
+    add("--draw-effects", metavar="KIND[:LEVEL[:EFFECT,...]]", help=DRAW_HELP)
     add("--baud", type=_whole, help="bit/s of the line (default: 921600 for serial, 1000000 for CAN)")
     add("--uid", type=_uid, default=0x51D0_0000_0001, help="the device's number, hexadecimal")
     add("--drift-ppm", type=float, default=0.0, help="error of the device's crystal (default: %(default)s)")
     add("--hand-error", type=float, default=0.0, help="rad by which the hand misses every pose (default: %(default)s)")
     add("--fault", action="append", default=[], metavar="NAME=VALUE", help="something that goes wrong, see below")
     add("--exit-with-parent", action="store_true", help="stop when standard input closes")
-    add("--reveal", action="store_true", help="print the plant's truth as JSON and exit")
+    add("--seal", action="store_true", help="print a salted hash of the plant's truth as JSON and exit")
+    add("--reveal", action="store_true", help="print the plant's truth as JSON and exit; of a drawn one with its seal")
     return parser
 
 
@@ -86,10 +92,15 @@ def _fault_lines() -> str:
     return "\n".join(f"  {name:<15}{kind.meaning}" for name, kind in FAULTS.items())
 
 
-def _reveal(options: argparse.Namespace) -> int:
+def _tell(options: argparse.Namespace) -> int:
     from sim_device.assemble import hidden_plant
+    from sim_device.seal import opened, seal
 
-    print(json.dumps(hidden_plant(_chosen(options)).reveal(), indent=2))
+    plant = hidden_plant(_chosen(options))
+    if options.reveal:
+        print(json.dumps(plant.reveal() if options.draw_effects is None else opened(plant), indent=2))
+    else:
+        print(json.dumps({"seal": seal(plant)}))
     return 0
 
 

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dpr_lab.rig import load_rig
+from dpr_lab.rig import Rig, load_rig
 from sim_device.clock import CLOCKS, Clock
-from sim_device.config import drawn, load_plant
+from sim_device.config import PlantConfig, drawn, load_plant
 from sim_device.device import Device, identity
 from sim_device.faults import Faults, parse_faults
+from sim_device.foreign.plant import ForeignPlant
 from sim_device.hand import PLACING_TIME
 from sim_device.links import Link, open_link
 from sim_device.plant import Plant
@@ -30,6 +31,8 @@ class Options:
     """Varies noise and hand; None takes the plant file's."""
     draw: bool = False
     """Draw the true parameters around the plant file's, from the seed."""
+    draw_effects: str | None = None
+    """Draw parameters and effects: a text of `sim_device.draw.parse_wanted`, such as `single:clear`."""
     baud: int | None = None
     """Bits per second of the line; None takes 921600 for serial and 1000000 for CAN."""
     uid: int = 0x51D0_0000_0001
@@ -41,15 +44,28 @@ class Options:
     """Texts such as `drop=0.01`."""
 
 
-def hidden_plant(options: Options) -> Plant:
+def hidden_plant(options: Options) -> Plant | ForeignPlant:
     """The truth that a device with these options carries.
 
     Raises:
-        ConfigError: a rig or plant file that is not found or not valid.
+        ConfigError: a rig or plant file that is not found or not valid, or nothing that could be drawn.
     """
     rig = load_rig(options.rig)
     config = load_plant(options.plant, options.seed)
-    return Plant(drawn(config, rig) if options.draw else config, rig)
+    if options.draw_effects is not None:
+        from sim_device.draw import draw_plant, parse_wanted
+
+        return plant_of(draw_plant(parse_wanted(options.draw_effects), config, rig), rig)
+    return plant_of(drawn(config, rig) if options.draw else config, rig)
+
+
+def plant_of(config: PlantConfig, rig: Rig) -> Plant | ForeignPlant:
+    """The plant that a plant file describes.
+
+    Raises:
+        ConfigError: effects that there are not, or not together.
+    """
+    return ForeignPlant(config, rig) if config.foreign else Plant(config, rig)
 
 
 def assemble(options: Options) -> tuple[Device, Link, Faults]:
@@ -62,7 +78,8 @@ def assemble(options: Options) -> tuple[Device, Link, Faults]:
     rig, plant = load_rig(options.rig), hidden_plant(options)
     faults = parse_faults(options.fault, plant.config.seed)
     # Compiles the kernels, which may take seconds, before a host counts on an answer.
-    plant.swing(HANGING.theta, np.zeros(3), np.array([0.0, 1e-3]))
+    plant.let_go(HANGING.theta, np.zeros(3), 1000.0, 0).theta(0, 2)
+    plant.misread(HANGING.theta[None], np.zeros(1), 0)
     pace = CLOCKS[options.clock]
     link = open_link(options.link, options.baud, faults, lossless=bool(pace))
     clock = Clock(pace, options.drift_ppm, link.line.fast_samples_hz)

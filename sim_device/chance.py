@@ -14,6 +14,10 @@ class Stream(IntEnum):
     HAND = 3
     TRUTH = 4
     FAULTS = 5
+    DRAW = 6
+    SEAL = 7
+    FOREIGN = 8
+    DIRT = 9
 
 
 def generator(seed: int, stream: Stream, *numbers: int) -> np.random.Generator:

@@ -37,10 +37,22 @@ class Arm(_Table):
     k0: NotNegative = 0.0
 
 
-class Encoders(_Table):
-    """What the encoders add to the truth: Gaussian noise before rounding, in counts."""
+Share = Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)]
 
-    noise_counts: NotNegative = 0.5
+
+class Encoders(_Table):
+    """What encoders and board add to the truth."""
+
+    noise_counts: NotNegative | tuple[NotNegative, NotNegative, NotNegative] = 0.5
+    """Standard deviation of Gaussian noise before rounding, of all encoders or of each."""
+    step_counts: Annotated[int, Field(gt=0)] = 1
+    """Counters move by this many counts at a time, as those of a coarser encoder."""
+    jitter_ms: NotNegative = 0.0
+    """Standard deviation of the instants at which the encoders are read."""
+    repeated_share: Share = 0.0
+    """Share of the samples of a swing that say what the one before said."""
+    missing_share: Share = 0.0
+    """Share of the samples of a swing that are never sent."""
 
 
 class Hand(_Table):
@@ -54,7 +66,7 @@ class PlantConfig(_Table):
     """A plant file (`configs/plants/*.toml`).
 
     Args of the file: `name`, `seed`, `[parameters]` with one value for each of `PARAMETERS` (SI), `[arm]`,
-    `[effects.NAME]` with the effect's own parameters, `[encoders]`, `[hand]`.
+    `[effects.NAME]` or, at most one, `[foreign.NAME]` with the effect's own parameters, `[encoders]`, `[hand]`.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -62,6 +74,7 @@ class PlantConfig(_Table):
     parameters: dict[str, Positive]
     arm: Arm = Arm()
     effects: dict[str, dict[str, Finite]] = {}
+    foreign: dict[str, dict[str, Finite]] = {}
     encoders: Encoders = Encoders()
     hand: Hand = Hand()
 

@@ -147,10 +147,12 @@ class Device:
         if not count:
             return []
         frames: list[Frame] = []
+        sent = self._sent(first, count)
         for tick, counts in enumerate(self._streamed_counts(first, count).tolist(), first):
             if self._reports_due(tick):
                 frames += self._report(tick, counts)
-            frames.append(self._session.sample(tick, counts))
+            if sent[tick - first]:
+                frames.append(self._session.sample(tick, counts))
         self._counters.taken += count
         self.streamed += count / self._ticks.rate_hz
         return frames
@@ -159,6 +161,11 @@ class Device:
         if self._session.state is State.RELEASED:
             return self._rods.swing_counts(first - self._release_tick, count)
         return self._rods.held_counts(self._ticks.times(first, count), first)
+
+    def _sent(self, first: int, count: int) -> NDArray[np.bool_]:
+        if self._session.state is State.RELEASED:
+            return ~self._rods.missing(first - self._release_tick, count)
+        return np.ones(count, dtype=np.bool_)
 
     def _reports(self, first: int, count: int, now: float) -> list[Frame]:
         last = first + count - 1

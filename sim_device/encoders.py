@@ -17,15 +17,16 @@ BLOCK = 1024
 class Encoders:
     """Three multi-turn encoders with Gaussian noise.
 
-    counts = round(rig.positions(theta) + noise_counts * n),  n ~ N(0, 1)
+    counts = s round((rig.positions(theta) + noise_counts * n) / s),  n ~ N(0, 1),  s = step_counts
 
     The noise is a pure function of seed, stream, release and tick, so the same seed reads the same counts over any link
     and in any batching.
     """
 
     rig: Rig
-    noise_counts: float
+    noise_counts: float | tuple[float, float, float]
     seed: int
+    step_counts: int = 1
 
     def read(self, theta: NDArray[np.float64], stream: Stream, release: int, first: int) -> NDArray[np.int64]:
         """Counts at consecutive ticks.
@@ -39,8 +40,8 @@ class Encoders:
         Returns:
             (n, 3) multi-turn counts
         """
-        noise = self.noise_counts * standard_noise(self.seed, stream, release, first, len(theta))
-        return np.rint(self.rig.positions(theta) + noise).astype(np.int64)
+        noise = np.asarray(self.noise_counts) * standard_noise(self.seed, stream, release, first, len(theta))
+        return self.step_counts * np.rint((self.rig.positions(theta) + noise) / self.step_counts).astype(np.int64)
 
 
 def standard_noise(seed: int, stream: Stream, release: int, first: int, count: int) -> NDArray[np.float64]:

@@ -1,16 +1,20 @@
 """The plant: the hidden truth that the encoders look at."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.arm import Arm
+from dpr_lab.dynamics.arm import CLAMPED, Arm
 from dpr_lab.dynamics.base import RATIOS, base_parameters, loaded, ratios
-from dpr_lab.dynamics.simulate import simulate_arm
+from dpr_lab.dynamics.known import known_of
+from dpr_lab.dynamics.sensors import distort, has_play, held_along, read_at
+from dpr_lab.dynamics.simulate import integrate, rig_model
+from dpr_lab.dynamics.step import State
 from dpr_lab.effects import effect_vector
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import JOINTS, Rig
+from dpr_lab.rig import JOINTS, PARAMETERS, Rig
 from sim_device.config import PlantConfig
 
 MAX_STEP = 1e-4
@@ -18,6 +22,9 @@ MAX_STEP = 1e-4
 
 BLOCK_TIME = 1.0
 """How much of a swing is computed at a time, s."""
+
+LOOK = 5e-4
+"""How often an encoder with play or delay looks at its joint, s."""
 
 Theta = NDArray[np.float64]
 
@@ -30,23 +37,69 @@ class Plant:
         rig: gives the lengths, gravity and any added mass, which are measured and so true
 
     Raises:
-        ConfigError: the plant file names an effect or a parameter of one that there is not.
+        ConfigError: the plant file names an effect or a parameter of one that there is not, or effects that the plant
+            cannot have.
     """
 
     def __init__(self, config: PlantConfig, rig: Rig) -> None:
         self.config = config
-        self._frame = (rig.rig.L0, rig.rig.L1, rig.rig.g)
-        self._Z = config.Z if rig.added_mass is None else loaded(config.Z, rig.added_mass)
-        self._arm = Arm(config.arm.J0, config.arm.c0, config.arm.k0, config.arm.mode)
+        frame = (rig.rig.L0, rig.rig.L1, rig.rig.g)
+        self._frame = frame
+        Z = config.Z if rig.added_mass is None else loaded(config.Z, rig.added_mass)
+        masses = dict(zip(PARAMETERS[2:5], Z[2:5].tolist(), strict=True))
+        arm = Arm(config.arm.J0, config.arm.c0, config.arm.k0, config.arm.mode)
         try:
-            self._effects = effect_vector(config.effects)
+            known = known_of(rig)._replace(**masses)
+            self._model, self._mode = rig_model(Z, frame, arm, effect_vector(config.effects), known)
         except ValueError as error:
             raise ConfigError(f"plant {config.name}: effects: {error}") from error
+        self.pace = read_at(1.0, self._model)[0]
+        """True seconds in a second of the device's clock, as far as an effect sets it wrong."""
+        self.delay = float(np.subtract(*read_at(0.0, self._model)))
+        """How much later joint 2 is read than joint 1, s."""
+        if not abs(self.delay) < BLOCK_TIME:
+            raise ConfigError(f"plant {config.name}: effects: latency_joint2.delay_s must be below {BLOCK_TIME:g} s")
+        self.has_play = has_play(self._model)
+        """Whether the encoder of joint 2 has play."""
+
+    def let_go(self, theta: Theta, omega: Theta, rate_hz: float, release: int) -> "Swing":
+        """The swing of rods let go at theta, omega (3,), read at `rate_hz`."""
+        return Swing(self, theta, omega, rate_hz)
+
+    def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(n, 3) what the counters say instead of these counts: the same."""
+        return counts
+
+    def start(self, theta: Theta, omega: Theta) -> State:
+        """The state of rods let go at theta, omega (3,); a clamped arm does not move."""
+        at_rest = 0.0 if self._mode == CLAMPED else float(omega[0])
+        return State._make([*theta, at_rest, *omega[1:], 0.0, 0.0])
 
     def swing(self, theta: Theta, omega: Theta, t: Theta) -> NDArray[np.float64]:
         """(n, 6) angles and speeds at the instants `t` (n,) of a swing that is at theta, omega (3,) at t[0]."""
-        start = np.concatenate([theta, omega])
-        return simulate_arm(self._Z, self._frame, self._arm, start, t, MAX_STEP, self._effects)
+        return self.goes_on(self.start(theta, omega), t)[:, : 2 * JOINTS]
+
+    def goes_on(self, state: State, t: Theta) -> NDArray[np.float64]:
+        """(n, 8) states, in the order of `State`, at the true times `t` (n,) since the release; `state` is at t[0]."""
+        return integrate(self._model, self._mode, state, t, MAX_STEP)
+
+    def joint2(self, theta1: Theta, theta2: Theta) -> Theta:
+        """Angle of joint 2 as its encoder has it, rad."""
+        return theta2 - self._model.known.relative2 * theta1
+
+    def with_joint2(self, theta: Theta, angle2: Theta) -> Theta:
+        """(n, 3) absolute angles with another angle of joint 2, (n,) as its encoder has it, rad."""
+        return np.column_stack([theta[:, :2], angle2 + self._model.known.relative2 * theta[:, 1]])
+
+    def held(self, angle2: Theta, hold: float) -> Theta:
+        """(n,) angles that the encoder of joint 2 holds as its joint goes through `angle2`, from `hold` on, rad."""
+        return held_along(angle2, hold, self._model)
+
+    def misread(self, theta: Theta, t: Theta, run: int) -> Theta:
+        """(n, 3) angles as the encoders misread them at the device times `t` (n,) since the release number `run`."""
+        angles = np.column_stack([theta[:, 1], self.joint2(theta[:, 1], theta[:, 2])])
+        distort(angles, t, run, self._model)
+        return self.with_joint2(np.column_stack([theta[:, 0], angles[:, 0]]), angles[:, 1])
 
     def reveal(self) -> dict[str, dict[str, object]]:
         """The truth, to be opened once an identification is finished."""
@@ -61,13 +114,13 @@ class Plant:
 
 
 class Swing:
-    """One release, computed a block ahead of whoever reads it.
+    """One release as the encoders are shown it, computed a block ahead of whoever reads it.
 
     Blocks start from the state the last one ended in, so the same release has the same bits however it is read.
     """
 
     def __init__(self, plant: Plant, theta: Theta, omega: Theta, rate_hz: float) -> None:
-        self._blocks = _blocks(plant, theta, omega, rate_hz)
+        self._blocks = _shown(plant, theta, omega, rate_hz)
         self.first = 0
         """Earliest tick that can still be read."""
         self._theta = next(self._blocks)
@@ -87,10 +140,42 @@ class Swing:
         return self._theta[first - self.first :][:count]
 
 
-def _blocks(plant: Plant, theta: Theta, omega: Theta, rate_hz: float) -> Iterator[Theta]:
-    ticks = max(1, round(BLOCK_TIME * rate_hz))
-    t = np.arange(ticks + 1) / rate_hz
+def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float) -> Iterator[Theta]:
+    """Blocks of angles, (ticks, 3), with joint 2 as late and as loose as its encoder has it."""
+    rate_hz /= plant.pace
+    if plant.delay == 0.0 and not plant.has_play:
+        yield from (states[:-1, :JOINTS] for _, states in _blocks(plant, theta, omega, rate_hz, 1))
+    looks = max(1, math.ceil(1.0 / (rate_hz * LOOK)))
+    blocks = _blocks(plant, theta, omega, rate_hz, looks)
+    hold = float(plant.joint2(theta[1], theta[2]))
+    around = [next(blocks), next(blocks)]
+    this = 0
     while True:
-        states = plant.swing(theta, omega, t)
-        yield states[:-1, :JOINTS]
-        theta, omega = states[-1, :JOINTS], states[-1, JOINTS:]
+        t, states = around[this]
+        angle2 = plant.held(_joint2_at(plant, around, t - plant.delay), hold)
+        hold = float(angle2[-2])
+        yield plant.with_joint2(states[:-1, :JOINTS], angle2[:-1])[::looks]
+        around = [*around[-2:], next(blocks)]
+        this = 1
+
+
+def _joint2_at(plant: Plant, blocks: list[tuple[Theta, Theta]], t: Theta) -> Theta:
+    """(n,) angle of joint 2 at the true times `t`; before the release it was held."""
+    from scipy.interpolate import CubicHermiteSpline  # slow to import, and few plants need it
+
+    at = np.concatenate([times[:-1] for times, _ in blocks])
+    states = np.concatenate([block[:-1] for _, block in blocks])
+    angle, speed = (plant.joint2(states[:, 1 + i], states[:, 2 + i]) for i in (0, JOINTS))
+    return CubicHermiteSpline(at, angle, speed)(np.maximum(t, 0.0))
+
+
+def _blocks(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, looks: int) -> Iterator[tuple[Theta, Theta]]:
+    """Blocks of true times and states, each from the instant at which the last one ended, `looks` to a tick."""
+    ticks = max(1, round(BLOCK_TIME * rate_hz))
+    own = np.arange(ticks * looks + 1) / (rate_hz * looks)
+    state, first = plant.start(theta, omega), 0
+    while True:
+        t = first / rate_hz + own
+        states = plant.goes_on(state, t)
+        yield t, states
+        state, first = State._make(states[-1]), first + ticks

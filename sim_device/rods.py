@@ -1,12 +1,14 @@
 """The rods as hand, latch and gravity move them, and what the encoders make of it."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.rig import Pose, Rig
+from sim_device import dirt
 from sim_device.chance import Stream
 from sim_device.encoders import Encoders
 from sim_device.faults import Faults
+from sim_device.foreign.plant import ForeignPlant, ForeignSwing
 from sim_device.hand import Held, placement, release_speed
 from sim_device.plant import Plant, Swing
 
@@ -29,7 +31,7 @@ class Rods:
 
     def __init__(
         self,
-        plant: Plant,
+        plant: Plant | ForeignPlant,
         rig: Rig,
         placing_time: float = 0.0,
         hand_error: float = 0.0,
@@ -38,10 +40,11 @@ class Rods:
     ) -> None:
         self._plant, self._config, self._faults = plant, plant.config, faults or Faults()
         self._poses = list(rig.poses.values())
-        self._encoders = Encoders(rig, plant.config.encoders.noise_counts, plant.config.seed)
+        encoders = plant.config.encoders
+        self._encoders = Encoders(rig, encoders.noise_counts, plant.config.seed, encoders.step_counts)
         self._placing_time, self._hand_error, self._clock_rate = placing_time, hand_error, clock_rate
         self._held = Held(HANGING.theta, HANGING.theta)
-        self._swing: Swing | None = None
+        self._swing: Swing | ForeignSwing | None = None
         self._released_at, self._rate_hz, self._release = 0.0, 1.0, 0
         self._at_release = np.zeros(3, dtype=np.int64)
 
@@ -61,23 +64,48 @@ class Rods:
         theta = self._held.theta(np.array([at]))[0]
         self._release += 1
         omega = release_speed(self._config.hand, self._config.seed, self._release)
-        self._swing = Swing(self._plant, theta, omega, rate_hz * self._clock_rate)
+        self._swing = self._plant.let_go(theta, omega, rate_hz * self._clock_rate, self._release)
         self._released_at, self._rate_hz = at, rate_hz
-        self._at_release = self._encoders.read(theta[None], Stream.SWING, self._release, 0)[0]
+        self._at_release = self._read(theta[None], Stream.SWING, self._release, 0)[0]
 
     def held_counts(self, t: NDArray[np.float64], first: int) -> Counts:
         """(n, 3) counts of the rest before a release at the device times `t`; `first` is the tick of the first."""
-        return self._encoders.read(self._held.theta(t), Stream.REST, self._release + 1, first)
+        return self._read(self._held.theta(t), Stream.REST, self._release + 1, first)
 
     def swing_counts(self, first: int, count: int) -> Counts:
         """(count, 3) counts of the swing; `first` is the tick of the first since the release."""
-        assert self._swing is not None
-        counts = self._encoders.read(self._swing.theta(first, count), Stream.SWING, self._release, first)
-        return self._faults.counts(counts, self._at_release)
+        before = min(first, 1)
+        counts = self._swung(first - before, count + before)
+        own, last = counts[before:], counts[np.maximum(np.arange(count) + before - 1, 0)]
+        again = dirt.repeated(self._config, self._release, first, count)
+        return self._faults.counts(np.where(again[:, None], last, own), self._at_release)
+
+    def missing(self, first: int, count: int) -> NDArray[np.bool_]:
+        """(count,) which samples of the swing the board never sends."""
+        return dirt.missing(self._config, self._release, first, count)
 
     def idle_counts(self, now: float, tick: int) -> Counts:
         """(3,) counts at the device time `now` while nothing is streamed."""
-        return self._encoders.read(self._theta(now)[None], Stream.IDLE, 0, tick)[0]
+        return self._read(self._theta(now)[None], Stream.IDLE, 0, tick)[0]
+
+    def _swung(self, first: int, count: int) -> Counts:
+        """(count, 3) counts of the swing, each at its own instant."""
+        assert self._swing is not None
+        later = dirt.instants(self._config, self._release, first, count)
+        since = np.arange(first, first + count) / self._rate_hz
+        if not later.any():
+            return self._read(self._swing.theta(first, count), Stream.SWING, self._release, first, since)
+        edge = min(first, 1)
+        theta = self._swing.theta(first - edge, count + 1 + edge)
+        theta = dirt.between_ticks(theta if edge else np.concatenate([theta[:1], theta]), later * self._rate_hz)
+        return self._read(theta, Stream.SWING, self._release, first, since + later)
+
+    def _read(
+        self, theta: NDArray[np.float64], stream: Stream, release: int, first: int, since: ArrayLike = -np.inf
+    ) -> Counts:
+        """(n, 3) counts of the angles that encoders are shown at the device times `since` the release."""
+        misread = self._plant.misread(theta, np.full(len(theta), since), release - 1)
+        return self._plant.counted(self._encoders.read(misread, stream, release, first))
 
     def _theta(self, now: float) -> NDArray[np.float64]:
         if self._swing is None:

@@ -12,16 +12,18 @@ and M alpha = f, with the rods' part of f that of equation (1) and
 
 The rods are slender: they turn about their own axes without inertia, so that J1 and J2 also resist the arm's rotation
 by the square of the sine of their angles. Point mass mb at joint 2; J0 is the arm alone, about its axis.
+
+Effects add to M11, M22, M12 and to f1, f2 (`dpr_lab.effects.quantities.Terms`).
 """
 
-import math
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dpr_lab.dynamics.base import base_parameters
-from dpr_lab.dynamics.equation import accelerations, coupled, solved
+from dpr_lab.dynamics.equation import coupled, solved
+from dpr_lab.effects.quantities import Motion, Mount, Rods, Terms
 from dpr_lab.kernels import njit
 
 Mode = Literal["clamped", "free", "driven"]
@@ -39,73 +41,62 @@ class Arm(NamedTuple):
     mode: Mode = "clamped"
 
 
-def arm_constants(Z: ArrayLike, frame: tuple[float, float, float], arm: Arm) -> NDArray[np.float64]:
-    """(11,) a, b, d, e1, e2, c1, c2, A, r, c0, k0 of a rig with the nine parameters Z and frame (L0, L1, g)."""
+def rods_of(base: ArrayLike, L1: float, g: float) -> Rods:
+    """The rods from their base parameters (6,) a, b, d, e1, c1, c2, SI."""
+    a, b, d, e1, c1, c2 = np.asarray(base, dtype=np.float64).tolist()
+    return Rods(a, b, d, e1, d * g / L1, c1, c2)
+
+
+def mounted(Z: ArrayLike, frame: tuple[float, float, float], arm: Arm) -> tuple[Rods, Mount]:
+    """Rods and arm of a rig with the nine parameters Z and frame (L0, L1, g)."""
     L0, L1, g = frame
-    a, b, d, e1, c1, c2 = base_parameters(Z, L1, g)
-    m1, m2, mb = np.asarray(Z, dtype=np.float64)[2:5]
-    return np.array([a, b, d, e1, d * g / L1, c1, c2, arm.J0 + (m1 + m2 + mb) * L0**2, L0 / g, arm.c0, arm.k0])
+    m1, m2, mb = np.asarray(Z, dtype=np.float64)[2:5].tolist()
+    mount = Mount(float(arm.J0) + (m1 + m2 + mb) * L0**2, L0 / g, float(arm.c0), float(arm.k0))
+    return rods_of(base_parameters(Z, L1, g), L1, g), mount
 
 
 @njit
-def mass_matrix(theta1: float, theta2: float, constants: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """(M00, M01, M02, M12), kg m^2; M11 = a and M22 = b are constant.
-
-    Args:
-        theta1: angle of the inner rod, rad
-        theta2: angle of the outer rod, rad
-        constants: (11,) of `arm_constants`
-    """
-    a, b, d, e1, e2, _, _, inertia, reach = constants[:9]
-    sin1, sin2 = math.sin(theta1), math.sin(theta2)
-    turning = inertia + a * sin1 * sin1 + b * sin2 * sin2 + 2.0 * d * sin1 * sin2
-    return turning, reach * e1 * math.cos(theta1), reach * e2 * math.cos(theta2), d * math.cos(theta1 - theta2)
+def mass_matrix(motion: Motion, rods: Rods, mount: Mount) -> tuple[float, float, float]:
+    """(M00, M01, M02), kg m^2: how the arm's inertia feels the rods."""
+    turning = mount.inertia + rods.a * motion.sin1 * motion.sin1 + rods.b * motion.sin2 * motion.sin2
+    turning += 2.0 * rods.d * motion.sin1 * motion.sin2
+    return turning, mount.reach * rods.e1 * motion.cos1, mount.reach * rods.e2 * motion.cos2
 
 
 @njit
 def arm_accelerations(
-    theta0: float,
-    theta1: float,
-    theta2: float,
-    omega0: float,
-    omega1: float,
-    omega2: float,
-    constants: NDArray[np.float64],
-    mode: int,
-    drive: float,
-    tau1: float,
-    tau2: float,
+    motion: Motion, rods: Rods, terms: Terms, mount: Mount, mode: int, drive: float
 ) -> tuple[float, float, float]:
     """Angular accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2.
 
     Args:
-        theta0: angle of the arm, rad
-        theta1: angle of the inner rod, rad
-        theta2: angle of the outer rod, rad
-        omega0: speed of the arm, rad/s
-        omega1: speed of the inner rod, rad/s
-        omega2: speed of the outer rod, rad/s
-        constants: (11,) of `arm_constants`
+        motion: angles and speeds
+        rods: base parameters
+        terms: what effects add
+        mount: the arm, unused while it is clamped
         mode: CLAMPED (alpha0 = 0, equation (1)), FREE (a torque acts) or DRIVEN (alpha0 is prescribed)
         drive: FREE: torque tau0 on the arm, N m; DRIVEN: acceleration u of the arm, rad/s^2; CLAMPED: unused
-        tau1: generalised torque on theta1, N m
-        tau2: generalised torque on theta2, N m
     """
-    a, b, d, e1, e2, c1, c2 = constants[:7]
-    if mode == CLAMPED:
-        alpha1, alpha2 = accelerations(theta1, theta2, omega1, omega2, a, b, d, e1, e2, c1, c2, tau1, tau2)
-        return 0.0, alpha1, alpha2
-    sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
+    a, b, d, e1, e2, c1, c2 = rods
+    sin1, cos1, sin2, cos2 = motion.sin1, motion.cos1, motion.sin2, motion.cos2
+    omega0, omega1, omega2 = motion.omega0, motion.omega1, motion.omega2
     coupling, torque1, torque2 = coupled(sin1, cos1, sin2, cos2, omega1, omega2, d, e1, e2, c1, c2)
+    coupling += terms.coupling
+    torque1 += terms.torque1
+    torque2 += terms.torque2
+    inertia1, inertia2 = a + terms.a, b + terms.b
+    if mode == CLAMPED:
+        alpha1, alpha2 = solved(inertia1, inertia2, coupling, torque1, torque2)
+        return 0.0, alpha1, alpha2
     lever1, lever2 = (a * sin1 + d * sin2) * cos1, (b * sin2 + d * sin1) * cos2
     whirl = omega0 * omega0
-    free1, free2 = solved(a, b, coupling, torque1 + whirl * lever1 + tau1, torque2 + whirl * lever2 + tau2)
-    turning, cross1, cross2, _ = mass_matrix(theta1, theta2, constants)
-    carried1, carried2 = solved(a, b, coupling, cross1, cross2)
+    free1, free2 = solved(inertia1, inertia2, coupling, torque1 + whirl * lever1, torque2 + whirl * lever2)
+    turning, cross1, cross2 = mass_matrix(motion, rods, mount)
+    carried1, carried2 = solved(inertia1, inertia2, coupling, cross1, cross2)
     alpha0 = drive
     if mode == FREE:
-        reach, c0, k0 = constants[8:11]
-        torque0 = drive - c0 * omega0 - k0 * theta0 - 2.0 * omega0 * (lever1 * omega1 + lever2 * omega2)
-        torque0 += reach * (e1 * sin1 * omega1 * omega1 + e2 * sin2 * omega2 * omega2)
+        torque0 = drive - mount.friction * omega0 - mount.stiffness * motion.theta0
+        torque0 -= 2.0 * omega0 * (lever1 * omega1 + lever2 * omega2)
+        torque0 += mount.reach * (e1 * sin1 * omega1 * omega1 + e2 * sin2 * omega2 * omega2)
         alpha0 = (torque0 - cross1 * free1 - cross2 * free2) / (turning - cross1 * carried1 - cross2 * carried2)
     return alpha0, free1 - carried1 * alpha0, free2 - carried2 * alpha0

@@ -3,12 +3,17 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.dynamics.arm import CLAMPED, MODES, Arm, arm_accelerations, arm_constants
+from dpr_lab.dynamics.arm import CLAMPED, FREE, MODES, Arm, mounted, rods_of
+from dpr_lab.dynamics.known import UNKNOWN
 from dpr_lab.dynamics.schedule import MAX_STEP, steps_between
-from dpr_lab.effects import SIZE, effect_torques
+from dpr_lab.dynamics.step import Model, State, model_of, stepped
+from dpr_lab.effects import SIZE
+from dpr_lab.effects.quantities import Known, Mount
 from dpr_lab.kernels import njit
+from dpr_lab.rig import PARAMETERS
 
 _RODS = [1, 2, 4, 5]
+_HELD = Mount(1.0, 0.0, 0.0, 0.0)
 
 
 def simulate(
@@ -19,6 +24,7 @@ def simulate(
     t: ArrayLike,
     max_step: float = MAX_STEP,
     effects: ArrayLike | None = None,
+    known: Known | None = None,
 ) -> NDArray[np.float64]:
     """A free swing with the arm clamped, equation (1).
 
@@ -29,7 +35,9 @@ def simulate(
         state: (4,) theta1, theta2, omega1, omega2 at t[0], rad and rad/s
         t: (n,) increasing instants, s
         max_step: longest Runge-Kutta step, s; each interval is cut into equal ones
-        effects: (SIZE,) vector of `dpr_lab.effects`, SI; none: all off
+        effects: (SIZE,) vector of `dpr_lab.effects`, SI; none: all off. Those that act between rods and counts do not
+            show in states.
+        known: what was measured on the rig; none: an effect that needs more than L1 and g gives nan
 
     Returns:
         (n, 4) states at `t`; nan from where the swing is no longer finite
@@ -37,11 +45,13 @@ def simulate(
     Raises:
         ValueError: wrong shapes, or instants that do not increase.
     """
-    a, b, d, e1, c1, c2 = _vector(base, 6, "base")
-    constants = np.array([a, b, d, e1, d * g / L1, c1, c2, 0.0, 0.0, 0.0, 0.0])
+    rods = rods_of(_vector(base, 6, "base"), L1, g)
+    vector = _effects(effects)
+    model = model_of(rods, (known or UNKNOWN)._replace(L1=L1, g=g), _HELD, vector)
     full = np.zeros(6)
     full[_RODS] = _vector(state, 4, "state")
-    return _integrate(constants, CLAMPED, full, t, max_step, effects, 0.0)[:, _RODS]
+    mode = FREE if model.gives else CLAMPED
+    return integrate(model, mode, State._make([*full, 0.0, 0.0]), t, max_step)[:, _RODS]
 
 
 def simulate_arm(
@@ -53,6 +63,7 @@ def simulate_arm(
     max_step: float = MAX_STEP,
     effects: ArrayLike | None = None,
     drive: ArrayLike = 0.0,
+    known: Known | None = None,
 ) -> NDArray[np.float64]:
     """A swing of the whole rig with the arm clamped, free or driven.
 
@@ -66,21 +77,40 @@ def simulate_arm(
         effects: (SIZE,) vector of `dpr_lab.effects`, SI; none: all off
         drive: (n,) or one number, held from each instant to the next: torque on a free arm, N m, or acceleration of a
             driven one, rad/s^2
+        known: what was measured on the rig; none: the lengths of `frame` and the masses of Z
 
     Returns:
         (n, 6) states at `t`; nan from where the swing is no longer finite
 
     Raises:
-        ValueError: wrong shapes, an unknown mode, or instants that do not increase.
+        ValueError: wrong shapes, an unknown mode, an arm that is not clamped beside the effect `arm_compliance`, or
+            instants that do not increase.
     """
-    if arm.mode not in MODES:
-        raise ValueError(f"arm mode must be one of {', '.join(MODES)}, not {arm.mode!r}")
-    constants = arm_constants(_vector(Z, 9, "Z"), frame, arm)
-    mode = MODES.index(arm.mode)
+    model, mode = rig_model(Z, frame, arm, effects, known)
     start = _vector(state, 6, "state")
     if mode == CLAMPED:
         start[3] = 0.0
-    return _integrate(constants, mode, start, t, max_step, effects, drive)
+    return integrate(model, mode, State._make([*start, 0.0, 0.0]), t, max_step, drive)[:, :6]
+
+
+def rig_model(
+    Z: ArrayLike, frame: tuple[float, float, float], arm: Arm, effects: ArrayLike | None, known: Known | None = None
+) -> tuple[Model, int]:
+    """The whole rig for `integrate`, and how its arm is held; arguments as for `simulate_arm`."""
+    if arm.mode not in MODES:
+        raise ValueError(f"arm mode must be one of {', '.join(MODES)}, not {arm.mode!r}")
+    values = _vector(Z, 9, "Z")
+    if known is None:
+        m1, m2, mb = values[[PARAMETERS.index(name) for name in ("m1", "m2", "mb")]].tolist()
+        known = UNKNOWN._replace(m1=m1, m2=m2, mb=mb)
+    L0, L1, g = frame
+    rods, mount = mounted(values, frame, arm)
+    model = model_of(rods, known._replace(L0=L0, L1=L1, g=g), mount, _effects(effects))
+    if not model.gives:
+        return model, MODES.index(arm.mode)
+    if arm.mode != "clamped":
+        raise ValueError(f"the effect arm_compliance replaces what holds a clamped arm; this one is {arm.mode}")
+    return model, FREE
 
 
 def _vector(values: ArrayLike, size: int, name: str) -> NDArray[np.float64]:
@@ -90,75 +120,54 @@ def _vector(values: ArrayLike, size: int, name: str) -> NDArray[np.float64]:
     return vector
 
 
-def _integrate(
-    constants: NDArray[np.float64],
-    mode: int,
-    state: NDArray[np.float64],
-    t: ArrayLike,
-    max_step: float,
-    effects: ArrayLike | None,
-    drive: ArrayLike,
+def _effects(effects: ArrayLike | None) -> NDArray[np.float64]:
+    return np.zeros(SIZE) if effects is None else _vector(effects, SIZE, "effects")
+
+
+def integrate(
+    model: Model, mode: int, start: State, t: ArrayLike, max_step: float = MAX_STEP, drive: ArrayLike = 0.0
 ) -> NDArray[np.float64]:
+    """A swing from a full state, so that it can be computed piece by piece.
+
+    Args:
+        model: the rig and its effects
+        mode: CLAMPED, FREE or DRIVEN
+        start: state at t[0]
+        t: (n,) increasing instants since the release, s
+        max_step: longest Runge-Kutta step, s
+        drive: as for `simulate_arm`
+
+    Returns:
+        (n, 8) states in the order of `State`; nan from where the swing is no longer finite
+
+    Raises:
+        ValueError: instants that do not increase.
+    """
     step, count = steps_between(t, max_step)
-    vector = np.zeros(SIZE) if effects is None else _vector(effects, SIZE, "effects")
     drives = np.broadcast_to(np.asarray(drive, dtype=np.float64), step.shape).copy()
-    return _swing(constants, mode, vector, state, step, count, drives)
+    return _swing(model, mode, start, np.asarray(t, dtype=np.float64), step, count, drives)
 
 
 @njit
 def _swing(
-    constants: NDArray[np.float64],
+    model: Model,
     mode: int,
-    effects: NDArray[np.float64],
-    start: NDArray[np.float64],
+    start: State,
+    t: NDArray[np.float64],
     step: NDArray[np.float64],
     count: NDArray[np.int64],
     drives: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    states = np.full((len(step), 6), np.nan)
-    state, slopes = start.copy(), np.zeros((4, 6))
+    states = np.full((len(step), 8), np.nan)
+    x = start
     for i in range(len(step)):
-        for _ in range(count[i]):
-            _runge_kutta(constants, mode, effects, drives[i - 1], step[i], state, slopes)
-        if not np.isfinite(state).all():
+        for k in range(count[i]):
+            x = stepped(t[i - 1] + k * step[i], x, step[i], model, mode, drives[i - 1])
+        finite = True
+        for value in x:
+            finite = finite and np.isfinite(value)
+        if not finite:
             break
-        states[i] = state
+        for j in range(8):
+            states[i, j] = x[j]
     return states
-
-
-@njit
-def _runge_kutta(
-    constants: NDArray[np.float64],
-    mode: int,
-    effects: NDArray[np.float64],
-    drive: float,
-    step: float,
-    state: NDArray[np.float64],
-    slopes: NDArray[np.float64],
-) -> None:
-    half = 0.5 * step
-    _slope(constants, mode, effects, drive, state, 0.0, slopes[0], slopes[0])
-    _slope(constants, mode, effects, drive, state, half, slopes[0], slopes[1])
-    _slope(constants, mode, effects, drive, state, half, slopes[1], slopes[2])
-    _slope(constants, mode, effects, drive, state, step, slopes[2], slopes[3])
-    for j in range(6):
-        state[j] += step / 6.0 * (slopes[0, j] + 2.0 * (slopes[1, j] + slopes[2, j]) + slopes[3, j])
-
-
-@njit
-def _slope(
-    constants: NDArray[np.float64],
-    mode: int,
-    effects: NDArray[np.float64],
-    drive: float,
-    state: NDArray[np.float64],
-    ahead: float,
-    along: NDArray[np.float64],
-    slope: NDArray[np.float64],
-) -> None:
-    """Derivative at state + ahead * along, into `slope`."""
-    theta0, theta1, theta2, omega0, omega1, omega2 = state + ahead * along
-    tau1, tau2 = effect_torques(theta1, theta2, omega1, omega2, effects)
-    alphas = arm_accelerations(theta0, theta1, theta2, omega0, omega1, omega2, constants, mode, drive, tau1, tau2)
-    slope[0], slope[1], slope[2] = omega0, omega1, omega2
-    slope[3], slope[4], slope[5] = alphas

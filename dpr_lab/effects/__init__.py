@@ -1,6 +1,6 @@
-"""Physical effects beyond the base model: one file each, one line in the table.
+"""Physical effects beyond the base model: one file for each concept, one line in the table.
 
-The order of `EFFECTS` fixes the flat parameter vector.
+The order of `EFFECTS` fixes the flat parameter vector. An effect is on while one of its amplitudes is not zero.
 """
 
 from collections.abc import Mapping
@@ -8,22 +8,78 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects.coulomb import COULOMB_JOINT1, COULOMB_JOINT2
+from dpr_lab.effects.air_drag import AIR_DRAG_BOTH, AIR_DRAG_OUTER
+from dpr_lab.effects.arm_compliance import ARM_COMPLIANCE
+from dpr_lab.effects.backlash import BACKLASH_JOINT2
+from dpr_lab.effects.base_tilt import BASE_TILT
+from dpr_lab.effects.base_vibration import BASE_VIBRATION
+from dpr_lab.effects.clock_rate import CLOCK_RATE
+from dpr_lab.effects.com_offset import COM_OFFSET_LINK1, COM_OFFSET_LINK2
+from dpr_lab.effects.coulomb import COULOMB
+from dpr_lab.effects.detent import DETENT_JOINT1, DETENT_JOINT2
 from dpr_lab.effects.effect import Effect
-from dpr_lab.effects.fold import fold, slices
+from dpr_lab.effects.encoder_eccentricity import ENCODER_ECCENTRICITY_JOINT1, ENCODER_ECCENTRICITY_JOINT2
+from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2
+from dpr_lab.effects.encoder_scale import ENCODER_SCALE_JOINT1, ENCODER_SCALE_JOINT2
+from dpr_lab.effects.fold import slices
+from dpr_lab.effects.friction_curve import FRICTION_CURVE
+from dpr_lab.effects.friction_drift import FRICTION_DRIFT
+from dpr_lab.effects.hysteresis import HYSTERESIS
+from dpr_lab.effects.latency import LATENCY_JOINT2
+from dpr_lab.effects.load_friction import LOAD_FRICTION
+from dpr_lab.effects.missed_counts import MISSED_COUNTS
+from dpr_lab.effects.rotor_inertia import ROTOR_INERTIA_JOINT1, ROTOR_INERTIA_JOINT2
+from dpr_lab.effects.spring import SPRING
+from dpr_lab.effects.stribeck import STRIBECK
+from dpr_lab.effects.viscous_ground import VISCOUS_GROUND
+from dpr_lab.effects.wrong_length import WRONG_LENGTH
 
-EFFECTS: dict[str, Effect] = {effect.name: effect for effect in (COULOMB_JOINT1, COULOMB_JOINT2)}
+EFFECTS: dict[str, Effect] = {
+    effect.name: effect
+    for effect in (
+        *COULOMB,
+        *STRIBECK,
+        *FRICTION_CURVE,
+        *LOAD_FRICTION,
+        *HYSTERESIS,
+        *FRICTION_DRIFT,
+        VISCOUS_GROUND,
+        AIR_DRAG_OUTER,
+        AIR_DRAG_BOTH,
+        *SPRING,
+        DETENT_JOINT1,
+        DETENT_JOINT2,
+        ROTOR_INERTIA_JOINT1,
+        ROTOR_INERTIA_JOINT2,
+        BACKLASH_JOINT2,
+        BASE_TILT,
+        COM_OFFSET_LINK1,
+        COM_OFFSET_LINK2,
+        WRONG_LENGTH,
+        ARM_COMPLIANCE,
+        BASE_VIBRATION,
+        ENCODER_OFFSET_JOINT1,
+        ENCODER_OFFSET_JOINT2,
+        ENCODER_SCALE_JOINT1,
+        ENCODER_SCALE_JOINT2,
+        ENCODER_ECCENTRICITY_JOINT1,
+        ENCODER_ECCENTRICITY_JOINT2,
+        LATENCY_JOINT2,
+        CLOCK_RATE,
+        MISSED_COUNTS,
+    )
+}
 
 SLICES = slices(EFFECTS.values())
 """Name of an effect -> its place in the flat vector."""
 
 SIZE = sum(len(effect.parameters) for effect in EFFECTS.values())
 
-effect_torques = fold(EFFECTS.values())
+_DEFAULTS = np.array([parameter.default for effect in EFFECTS.values() for parameter in effect.parameters])
 
 
 def effect_vector(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float64]:
-    """The flat vector from named coefficients; what is not named is zero, that is off.
+    """The flat vector from named coefficients; amplitudes not named are zero, shapes not named have their default.
 
     Args:
         values: effect -> parameter -> value, as in `{"coulomb_joint1": {"torque_Nm": 0.001}}`
@@ -34,13 +90,31 @@ def effect_vector(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float
     Raises:
         ValueError: an unknown effect or parameter.
     """
-    vector = np.zeros(SIZE)
+    vector = _DEFAULTS.copy()
     for name, coefficients in values.items():
         if name not in EFFECTS:
             raise ValueError(f"no effect {name!r}; there are: {', '.join(EFFECTS)}")
-        known = [parameter.name for parameter in EFFECTS[name].parameters]
         for parameter, value in coefficients.items():
-            if parameter not in known:
-                raise ValueError(f"effect {name} has no parameter {parameter!r}; it has: {', '.join(known)}")
-            vector[SLICES[name].start + known.index(parameter)] = value
+            vector[place(name, parameter)] = value
     return vector
+
+
+def place(effect: str, parameter: str) -> int:
+    """Index in the flat vector of one parameter of one effect.
+
+    Raises:
+        ValueError: the effect has no such parameter.
+    """
+    known = [p.name for p in EFFECTS[effect].parameters]
+    if parameter not in known:
+        raise ValueError(f"effect {effect} has no parameter {parameter!r}; it has: {', '.join(known)}")
+    return SLICES[effect].start + known.index(parameter)
+
+
+def effect_values(vector: NDArray[np.float64]) -> dict[str, dict[str, float]]:
+    """Named coefficients of the effects that are on; the inverse of `effect_vector`."""
+    return {
+        name: dict(zip((p.name for p in effect.parameters), vector[SLICES[name]].tolist(), strict=True))
+        for name, effect in EFFECTS.items()
+        if any(vector[place(name, p.name)] != 0.0 for p in effect.amplitudes)
+    }

@@ -30,6 +30,9 @@ from dpr_lab.estimation.segments import Segment, restart
 BLOCK_S = 0.5  # residuals further apart than half a swing are taken as independent in the covariance
 FRACTIONS = (1.0, 0.3, 0.1, 0.03, 0.01, 1e-3, 1e-4)  # of a step, until the cost falls
 SETTLED = 1e-8  # relative fall of the cost in a whole step that ends the iteration
+MISFIT = 1.5  # reduced chi-square above which the model, not the noise, decides how uncertain the result is
+HALVES = 1.1  # one linear step understates how far apart the halves' own fits end
+NORMAL_90 = 1.6449  # standard deviations in half a 90 % interval
 RIDGE = 1e-10  # keeps a parameter that the data do not reach where it is
 FRICTION = slice(3, 5)  # c1/b, c2/b cannot be negative
 UNKNOWNS = (*RATIOS, "b")
@@ -256,7 +259,7 @@ def _result(
         predicted=tuple(part.predicted for part in linear),
         start_covariances=tuple(inverse @ inverse.T for inverse in inverses),
         information=H,
-        covariance=_covariance(H, scores, _cost(linear) / dof, q > 0),
+        covariance=_covariance(H, scores, _cost(linear) / dof, _halves_disagree(segments, linear, len(q)), q > 0),
         blocks=len(scores),
         chi2=_cost(linear),
         chi2_by_segment=tuple(float(np.sum(part.residual**2)) for part in linear),
@@ -267,20 +270,40 @@ def _result(
 
 
 def _covariance(
-    H: NDArray[np.float64], scores: NDArray[np.float64], chi2_per_dof: float, free: NDArray[np.bool_]
+    H: NDArray[np.float64],
+    scores: NDArray[np.float64],
+    chi2_per_dof: float,
+    halves: NDArray[np.float64],
+    free: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
     """Covariance from the information at the noise that is there, widened to what the scatter of the blocks asks for.
 
     White residuals make both agree, and the information is the exacter of the two, because a chaotic run holds most of
-    it in few blocks; correlated residuals make the blocks scatter more.
+    it in few blocks; correlated residuals make the blocks scatter more. What a wrong model leaves changes slowly along
+    a run, so there the 90 % interval is also no narrower than what first and second halves disagree by.
     """
     bread = np.linalg.inv(H[np.ix_(free, free)])
     white = bread * chi2_per_dof
     blocks = len(scores) / max(len(scores) - len(H), 1) * bread @ scores[:, free].T @ scores[:, free] @ bread
-    widen = np.sqrt(np.maximum(np.diag(blocks) / np.diag(white), 1.0))
+    variance = np.maximum(np.diag(white), np.diag(blocks))
+    if chi2_per_dof > MISFIT:
+        variance = np.maximum(variance, (HALVES * halves[free] / 2 / NORMAL_90) ** 2)
+    widen = np.sqrt(variance / np.diag(white))
     covariance = np.zeros_like(H)
     covariance[np.ix_(free, free)] = white * np.outer(widen, widen)
     return covariance
+
+
+def _halves_disagree(segments: Sequence[Segment], linear: Sequence[_Linear], unknowns: int) -> NDArray[np.float64]:
+    """(unknowns,) how far apart one Gauss-Newton step takes the first and the second halves of the runs."""
+    middle = {run: max(s.t[-1] for s in segments if s.run == run) / 2 for run in {s.run for s in segments}}
+    steps = []
+    for second in (False, True):
+        parts = [p for s, p in zip(segments, linear, strict=True) if (s.t.mean() > middle[s.run]) == second]
+        H = sum((part.A.T @ part.A for part in parts), np.zeros((unknowns, unknowns)))
+        gradient = sum((part.A.T @ part.e for part in parts), np.zeros(unknowns))
+        steps.append(np.linalg.pinv(H, hermitian=True) @ gradient)
+    return np.abs(steps[1] - steps[0])
 
 
 def _block_scores(segment: Segment, part: _Linear) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "Simulated":
     """Start a simulated device and connect to it.
 
     Options: `bus` (pty, can, tcp) and, as `python -m sim_device --help` explains them, `rig`, `plant`, `seed`, `clock`,
-    `draw` (true), `baud`, `uid`, `drift_ppm`, `hand_error` and `fault` (NAME=VALUE, several with commas between).
+    `draw` (true), `draw_effects`, `baud`, `uid`, `drift_ppm`, `hand_error` and `fault` (NAME=VALUE, several with commas between).
 
     Raises:
         LinkError: unknown option, or the device did not start; with what it said.
@@ -173,6 +173,7 @@ _OPTIONS = {
     "bus": one_of(*LINKS),
     "fault": _word,
     "draw": one_of("true", "false"),
+    "draw_effects": _word,
     "baud": whole_number,
     "uid": _word,
     "drift_ppm": _word,

@@ -4,14 +4,25 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE, Arm, arm_accelerations, arm_constants, mass_matrix
+from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE, Arm, arm_accelerations, mass_matrix, mounted
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.equation import accelerations, energy
+from dpr_lab.effects.quantities import Motion, torques
 
 Z = np.array([0.21, 0.19, 0.11, 0.09, 0.2, 0.0011, 0.0009, 0.0014, 0.0012])
 L0, L1, G = 0.3, 0.4, 9.81
 FRAME = (L0, L1, G)
 ARM = Arm(J0=0.01, c0=0.003, k0=0.2, mode="free")
+RODS, MOUNT = mounted(Z, FRAME, ARM)
+
+
+def motion(q, w):
+    waves = np.sin(q[1]), np.cos(q[1]), np.sin(q[2]), np.cos(q[2])
+    return Motion(0.0, *q, *w, *waves, *np.zeros(6))
+
+
+def moved(q, w, mode, drive, tau1=0.0, tau2=0.0):
+    return arm_accelerations(motion(q, w), RODS, torques(tau1, tau2), MOUNT, mode, drive)
 
 
 @pytest.fixture(scope="module")
@@ -68,55 +79,51 @@ def rod_parameters():
 
 
 def test_mass_matrix_is_that_of_the_kinetic_energy(lagrangian, states):
-    constants = arm_constants(Z, FRAME, ARM)
     for q, w in zip(states[:, :3], states[:, 3:], strict=True):
         expected, _, _ = lagrangian(q, w)
-        M00, M01, M02, M12 = mass_matrix(q[1], q[2], constants)
-        M = [[M00, M01, M02], [M01, constants[0], M12], [M02, M12, constants[1]]]
+        M00, M01, M02 = mass_matrix(motion(q, w), RODS, MOUNT)
+        M12 = RODS.d * np.cos(q[1] - q[2])
+        M = [[M00, M01, M02], [M01, RODS.a, M12], [M02, M12, RODS.b]]
         np.testing.assert_allclose(M, expected, rtol=1e-12, atol=1e-15)
         assert np.linalg.eigvalsh(expected)[0] > 0
 
 
 def test_free_arm_obeys_lagrange(lagrangian, states):
-    constants = arm_constants(Z, FRAME, ARM)
     for tau0, state in enumerate(states):
         q, w = state[:3], state[3:]
         outside = np.array([0.01 * tau0, 0.02, -0.03])
         M, forces, _ = lagrangian(q, w)
         expected = np.linalg.solve(M, forces.ravel() + friction(w) + outside)
-        found = arm_accelerations(*state, constants, FREE, outside[0], outside[1], outside[2])
+        found = moved(q, w, FREE, *outside)
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
 def test_driven_arm_obeys_lagrange_of_the_rods(lagrangian, states):
-    constants = arm_constants(Z, FRAME, ARM)
     for u, state in enumerate(states):
         q, w = state[:3], state[3:]
         M, forces, _ = lagrangian(q, w)
         right = (forces.ravel() + friction(w))[1:] - M[1:, 0] * u
         expected = np.linalg.solve(M[1:, 1:], right)
-        alpha0, *found = arm_accelerations(*state, constants, DRIVEN, float(u), 0.0, 0.0)
+        alpha0, *found = moved(q, w, DRIVEN, float(u))
         assert alpha0 == u
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
 def test_clamped_arm_obeys_lagrange_and_is_equation_1(lagrangian, states):
-    constants = arm_constants(Z, FRAME, ARM)
     for state in states:
         q, w = state[:3], np.array([0.0, *state[4:]])
         M, forces, _ = lagrangian(q, w)
         expected = np.linalg.solve(M[1:, 1:], (forces.ravel() + friction(w))[1:])
         equation1 = accelerations(q[1], q[2], w[1], w[2], *rod_parameters(), 0.0, 0.0)
         np.testing.assert_allclose(equation1, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
-        assert arm_accelerations(*q, *w, constants, CLAMPED, 5.0, 0.0, 0.0) == (0.0, *equation1)
+        assert moved(q, w, CLAMPED, 5.0) == (0.0, *equation1)
 
 
 def test_driving_by_nothing_is_clamping(states):
-    constants = arm_constants(Z, FRAME, ARM)
     for state in states:
-        state = np.array([*state[:3], 0.0, *state[4:]])
-        driven = arm_accelerations(*state, constants, DRIVEN, 0.0, 0.1, 0.2)
-        np.testing.assert_allclose(driven, arm_accelerations(*state, constants, CLAMPED, 0.0, 0.1, 0.2), rtol=1e-12)
+        q, w = state[:3], np.array([0.0, *state[4:]])
+        driven = moved(q, w, DRIVEN, 0.0, 0.1, 0.2)
+        np.testing.assert_allclose(driven, moved(q, w, CLAMPED, 0.0, 0.1, 0.2), rtol=1e-12)
 
 
 def test_energy_is_kinetic_plus_potential(lagrangian, states):

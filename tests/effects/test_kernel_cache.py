@@ -60,9 +60,7 @@ def test_an_edited_effect_changes_the_answer_of_a_cached_caller(copy, tmp_path):
     assert swing() == first
     assert sorted((tmp_path / "cache").rglob("*.nbc")) == compiled
     coulomb = copy / "effects" / "coulomb.py"
-    coulomb.write_text(
-        coulomb.read_text().replace("-friction * math.tanh(omega1", "-5.0 * friction * math.tanh(omega1")
-    )
+    coulomb.write_text(coulomb.read_text().replace("-vector[at] * math.tanh", "-5.0 * vector[at] * math.tanh"))
     assert abs(swing() - first) > 1e-3
 
 

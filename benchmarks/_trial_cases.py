@@ -1,0 +1,104 @@
+"""Blind trials by the hundred: drawn and recorded in memory, diagnosed, opened and scored, on all cores."""
+
+import os
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from dpr_lab.rig import Parameter, Rig, load_rig
+from dpr_lab.run import Run
+from dpr_lab.trials.score import Outcome, score
+from dpr_lab.trials.truth import Truth, read_truth
+from sim_device.assemble import plant_of
+from sim_device.config import PlantConfig, load_plant
+from sim_device.direct import record
+from sim_device.draw import draw_plant, parse_wanted
+from sim_device.seal import truth
+
+MASSES = ("m1", "m2", "mb")
+MASS_SPREAD = 0.15
+SCALES_STD = 1e-4  # kg, of the kitchen scales that the rig's parts were weighed on
+THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One trial to run."""
+
+    group: str
+    """What it counts for in the table."""
+    draw: str
+    """Text of `sim_device.draw.parse_wanted`."""
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """One trial done."""
+
+    case: Case
+    outcome: Outcome
+    said: dict[str, Any]
+    """The diagnosis as JSON."""
+    encoders_dirty: bool
+
+
+def hidden(case: Case) -> tuple[PlantConfig, Rig]:
+    """The plant of a case, and the rig file that the lab is given: masses weighed, the rest unknown within bounds."""
+    chance = np.random.default_rng([case.seed, 7])
+    rig, base = load_rig("paper"), load_plant("paper", case.seed)
+    masses = {name: base.parameters[name] * (1 + MASS_SPREAD * chance.uniform(-1, 1)) for name in MASSES}
+    weighed = {
+        name: Parameter(
+            nominal=rig.parameters[name].nominal, measured=float(m + chance.normal(0, SCALES_STD)), std=SCALES_STD
+        )
+        for name, m in masses.items()
+    }
+    rig = rig.model_copy(update={"parameters": {**rig.parameters, **weighed}})
+    base = base.model_copy(update={"parameters": {**base.parameters, **masses}})
+    return draw_plant(parse_wanted(case.draw), base, rig), rig
+
+
+def opened(plant: PlantConfig, rig: Rig) -> Truth:
+    """The truth of a plant."""
+    return read_truth(truth(plant_of(plant, rig)))
+
+
+def run_case(case: Case) -> Scored:
+    """Draw, record, diagnose, open, score."""
+    from dpr_lab.gap.diagnose import diagnose
+
+    plant, rig = hidden(case)
+    runs = record(plant, rig)
+    begin = time.process_time()
+    said = diagnose(runs, rig).to_json()
+    seconds = time.process_time() - begin
+    kind, _, level = case.draw.partition(":")
+    found = opened(plant, rig)
+    outcome = score(
+        said, found, rig, kind=kind, level=level.partition(":")[0] or "clear", seed=case.seed, seconds=seconds
+    )
+    return Scored(case, outcome, said, kind == "dirty")
+
+
+def run_all(cases: Sequence[Case], workers: int) -> Iterator[Scored | tuple[Case, str]]:
+    """Every case as it is done, each process on one thread; a case that failed with what it said."""
+    for name in THREADS:
+        os.environ[name] = "1"
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        jobs = {pool.submit(run_case, case): case for case in cases}
+        for job in as_completed(jobs):
+            error = job.exception()
+            yield job.result() if error is None else (jobs[job], f"{type(error).__name__}: {error}")
+
+
+def warm_up(rig: Rig, runs: list[Run]) -> None:
+    """Fill the kernel cache once, so that the processes do not all compile."""
+    from dpr_lab.gap.diagnose import diagnose
+
+    diagnose(runs, rig)

@@ -1,0 +1,47 @@
+"""From the angles of the joints to those that their encoders read: timing, play and distortion."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.step import Model
+from dpr_lab.effects.folded import held, misread, plays, shifts
+from dpr_lab.kernels import njit
+
+
+@njit
+def read_at(t: float, model: Model) -> tuple[float, float]:
+    """Instants, s since the release, at which joints 1 and 2 had the angles that are read as those of device time t."""
+    shift1, shift2 = shifts(t, model.vector, model.on)
+    return t + shift1, t + shift2
+
+
+@njit
+def distort(angles: NDArray[np.float64], t: NDArray[np.float64], run: int, model: Model) -> None:
+    """Add to (n, >= 2) angles of joints 1 and 2 what their encoders misread, in place.
+
+    Args:
+        angles: joint 1 absolute, joint 2 as its encoder has it, rad
+        t: (n,) device time since the release, s
+        run: number of the release, from 0
+        model: the rig and its effects
+    """
+    for k in range(len(t)):
+        added1, added2 = misread(angles[k, 0], angles[k, 1], t[k], run, model.known, model.vector, model.on)
+        angles[k, 0] += added1
+        angles[k, 1] += added2
+
+
+@njit
+def has_play(model: Model) -> bool:
+    """Whether the encoder of joint 2 has play."""
+    return plays(model.on)
+
+
+@njit
+def held_along(angles: NDArray[np.float64], hold: float, model: Model) -> NDArray[np.float64]:
+    """(n,) angles that the encoder of joint 2 holds while its joint goes through `angles`, from `hold` on, rad."""
+    seen = np.empty(len(angles))
+    for k in range(len(angles)):
+        hold = held(angles[k], hold, model.vector)
+        seen[k] = hold
+    return seen

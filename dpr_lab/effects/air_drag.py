@@ -1,0 +1,90 @@
+r"""Quadratic resistance of the air, summed along the rods.
+
+A point of the inner rod at the distance s from joint 1 moves across its rod at s w1; one of the outer rod, s from
+joint 2, at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The force against it is k v |v| a metre.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.quantities import Known, Motion, Rods, Terms, torques
+from dpr_lab.kernels import njit
+
+_NODE = 0.5 / math.sqrt(3.0)
+
+
+@njit
+def moments(start: float, slope: float, length: float) -> tuple[float, float]:
+    """Integrals of v |v| and s v |v| over 0 <= s <= length for v = start + slope s.
+
+    Exact: v |v| is quadratic on either side of where v changes sign, and two Gauss points serve cubics.
+    """
+    split = length if slope == 0.0 else min(max(-start / slope, 0.0), length)
+    force, moment = 0.0, 0.0
+    for low, span in ((0.0, split), (split, length - split)):
+        for node in (-_NODE, _NODE):
+            s = low + (0.5 + node) * span
+            v = start + slope * s
+            share = 0.5 * span * v * abs(v)
+            force += share
+            moment += s * share
+    return force, moment
+
+
+@njit
+def outer(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
+    """Drag on the outer rod, which the inner rod feels through joint 2; k = vector[at]."""
+    lever = known.L1 * (motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2)
+    force, moment = moments(lever * motion.omega1, motion.omega2, known.L2)
+    return torques(-vector[at] * lever * force, -vector[at] * moment)
+
+
+@njit
+def both(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
+    """Drag on both rods, of the same width; k = vector[at]."""
+    carried = outer(motion, rods, known, vector, at)
+    own = vector[at] * known.L1**4 / 4.0 * motion.omega1 * abs(motion.omega1)
+    return torques(carried.torque1 - own, carried.torque2)
+
+
+_PARAMETERS = (EffectParameter("coefficient_kg_per_m2", "kg/m^2", 5e-3, "positive"),)
+_SOURCE = (
+    "Drag of a cylinder across the flow, k = rho C_d width / 2 with C_d about 1.2: Hoerner (1965), Fluid-Dynamic Drag,"
+    " ch. 3; rotation as in Mungan & Lipscombe, Eur. J. Phys. 34, 1243 (2013)."
+)
+_BENCH_CHECK = (
+    "Tape a light card to the {rod} rod and repeat: drag of that rod grows several times. Thickness and width of both"
+    " rods, measured with a calliper, give the ratio of their drags."
+)
+
+AIR_DRAG_OUTER = Effect(
+    name="air_drag_outer",
+    equation=(
+        "tau_i = -k integral along the outer rod of v |v| dv/domega_i ds, v = L1 omega1 cos(theta2 - theta1) + s omega2"
+    ),
+    parameters=_PARAMETERS,
+    site="joint torque",
+    stage="torque",
+    kernel=outer,
+    dissipative=True,
+    twins=("air_drag_both", "viscous_ground_link2"),
+    bench_check=_BENCH_CHECK.format(rod="outer"),
+    source=_SOURCE,
+)
+
+AIR_DRAG_BOTH = Effect(
+    name="air_drag_both",
+    equation="as air_drag_outer, and tau1 = -k L1^4 omega1 |omega1| / 4 for the inner rod",
+    parameters=_PARAMETERS,
+    site="joint torque",
+    stage="torque",
+    kernel=both,
+    dissipative=True,
+    twins=("air_drag_outer", "viscous_ground_link2"),
+    nested=("air_drag_outer",),
+    bench_check=_BENCH_CHECK.format(rod="inner"),
+    source=_SOURCE,
+)

@@ -1,0 +1,73 @@
+r"""A centroid off the axis of its rod: a bent rod, a screw on one side.
+
+The centroid lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot. For the outer rod, with p = m2 L1 y and the
+difference angle D = t1 - t2, the kinetic energy gains p sin(D) w1 w2 and (m2 y^2 / 2) w2^2.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.quantities import Known, Motion, Rods, Terms
+from dpr_lab.kernels import njit
+
+
+@njit
+def inner(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
+    """tau1 = m1 g y cos(theta1) and m1 y^2 more inertia; y = vector[at], m."""
+    moment = known.m1 * vector[at]
+    return Terms(moment * vector[at], 0.0, 0.0, moment * known.g * motion.cos1, 0.0)
+
+
+@njit
+def outer(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
+    """Gravity, coupling inertia and whirl of the outer rod's centroid; y = vector[at], m."""
+    moment = known.m2 * vector[at]
+    sin12 = motion.sin1 * motion.cos2 - motion.cos1 * motion.sin2
+    cos12 = motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2
+    carried = moment * known.L1
+    whirl = carried * cos12
+    return Terms(
+        0.0,
+        moment * vector[at],
+        carried * sin12,
+        whirl * motion.omega2 * motion.omega2,
+        moment * known.g * motion.cos2 - whirl * motion.omega1 * motion.omega1,
+    )
+
+
+_SOURCE = "Lagrange's equations of a rod whose centroid lies beside the line of its pivots; derived here."
+
+COM_OFFSET_LINK1 = Effect(
+    name="com_offset_link1",
+    equation="tau1 = m1 g y cos(theta1), M11 = a + m1 y^2",
+    parameters=(EffectParameter("offset_m", "m", 2e-3),),
+    site="geometry",
+    stage="torque",
+    kernel=inner,
+    twins=("detent_joint1",),
+    bench_check=(
+        "Hang the inner rod alone and compare where it rests with a plumb line. Clamp a known mass on its axis and"
+        " repeat: the moment of the centroid stays as it was, and so does a detent's; take the motor off and the detent"
+        " goes."
+    ),
+    source=_SOURCE,
+)
+
+COM_OFFSET_LINK2 = Effect(
+    name="com_offset_link2",
+    equation=(
+        "M12 = d cos(D) + p sin(D), M22 = b + m2 y^2, tau1 = p cos(D) omega2^2,"
+        " tau2 = m2 g y cos(theta2) - p cos(D) omega1^2, p = m2 L1 y, D = theta1 - theta2"
+    ),
+    parameters=(EffectParameter("offset_m", "m", 2e-3),),
+    site="geometry",
+    stage="torque",
+    kernel=outer,
+    twins=("encoder_offset_joint2",),
+    bench_check=(
+        "Take the outer rod off and turn it by 180 degrees about its long axis: a centroid off the axis changes sides,"
+        " the zero of the encoder stays."
+    ),
+    source=_SOURCE,
+)

@@ -1,0 +1,31 @@
+"""Viscous friction of the outer rod against the room instead of against the inner rod."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.quantities import Known, Motion, Rods, Terms, torques
+from dpr_lab.kernels import njit
+
+
+@njit
+def viscous_ground(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
+    """tau2 = -c omega2, N m; c = vector[at]."""
+    return torques(0.0, -vector[at] * motion.omega2)
+
+
+VISCOUS_GROUND = Effect(
+    name="viscous_ground_link2",
+    equation="tau2 = -c omega2",
+    parameters=(EffectParameter("friction_Nms", "N m s/rad", 1e-4, "positive"),),
+    site="joint torque",
+    stage="torque",
+    kernel=viscous_ground,
+    dissipative=True,
+    twins=("air_drag_outer", "air_drag_both"),
+    bench_check=(
+        "Tape a light card to the outer rod: resistance of the air grows several times, friction of a joint stays."
+        " A release from upright covers the speeds at which linear and quadratic resistance part."
+    ),
+    source="Stokes' law for slow flow; written by mistake in many models for friction of joint 2.",
+)

@@ -1,0 +1,65 @@
+"""The bare model fitted to screened runs: short segments first, their states carried on to longer ones."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import BASE, base_parameters, ratios
+from dpr_lab.effects import effect_vector
+from dpr_lab.gap.hypothesis import Hypothesis, hypothesis, slots_of
+from dpr_lab.gap.problem import Point, Problem, problem
+from dpr_lab.gap.record import Record
+from dpr_lab.gap.shooting import Fit, fit, robust_weights
+from dpr_lab.rig import Rig
+
+FIRST_S = 0.25
+"""Length from which any rig file within 20 % of the truth converges, s."""
+WORKING_S = 0.5
+"""Length at which effects are told apart: four to seven times as sensitive as 0.25 s, and still Gauss-Newton-able."""
+OUTLYING = 0.05  # Student-t weight below which a reading is left out of what follows
+
+
+def nominal_rods(rig: Rig) -> NDArray[np.float64]:
+    """(6,) ratios and b of the rig file's best known values."""
+    base = base_parameters(rig.nominal, rig.rig.L1, rig.rig.g)
+    return np.append(ratios(base), base[BASE.index("b")])
+
+
+def fit_base(records: Sequence[Record], rig: Rig, rods: NDArray[np.float64]) -> tuple[Problem, Hypothesis]:
+    """Fit the ratios, robustly at 0.25 s and then at 0.5 s.
+
+    Args:
+        records: the runs
+        rig: lengths, masses, encoders
+        rods: (6,) ratios and b to start from
+    """
+    short, starts = problem(records, rig, FIRST_S)
+    point = Point(rods, effect_vector({}), starts)
+    slots = slots_of(point, (), short)
+    rough = fit(short, point, slots)
+    robust = replace(short, weight=short.weight * np.sqrt(robust_weights(short, rough)))
+    first = fit(robust, rough.point, slots)
+    return lengthened(records, rig, short, first, WORKING_S)
+
+
+def lengthened(
+    records: Sequence[Record], rig: Rig, short: Problem, first: Fit, length: float
+) -> tuple[Problem, Hypothesis]:
+    """The bare model at another segment length, from the states that shorter segments found."""
+    longer, starts = problem(records, rig, length)
+    point = replace(first.point, starts=carried(short, first.point, longer, starts))
+    found = fit(longer, point, slots_of(point, (), longer), iterations=20)
+    return longer, hypothesis(longer, (), found)
+
+
+def carried(short: Problem, point: Point, longer: Problem, starts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Start states that another cut found, where it cut at the same instant; `starts` elsewhere."""
+    begins = {(int(r), float(short.t[i])): s for r, i, s in zip(short.run, short.offsets, point.starts, strict=False)}
+    return np.array(
+        [
+            begins.get((int(r), float(longer.t[i])), own)
+            for r, i, own in zip(longer.run, longer.offsets, starts, strict=False)
+        ]
+    )

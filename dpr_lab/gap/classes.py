@@ -1,0 +1,148 @@
+"""What cannot be told apart on these recordings, what else it could be, and how probable each is.
+
+Two effects whose signatures (what they do to the readings, ratios and start states projected out) agree to 0.999 in
+cosine are one class: no algorithm can split them on this record. The probability of a class is the softmax of the
+predictive scores of the sets in which it takes the place of the named effect, times the probability that the cause is
+in the library at all, which falls with the share of the gap that stays unexplained.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.gap.hypothesis import PRICE, Hypothesis
+from dpr_lab.gap.score import Score, Scores
+from dpr_lab.gap.select import Selection, closed
+
+Array = NDArray[np.float64]
+
+TWIN_COSINE = 0.999
+SUPERSET_COSINE = 0.9999
+RIVALS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """How scores become probabilities; learnt on blind trials, `benchmarks/calibrate_diagnosis.py`."""
+
+    temperature: float = 3.0
+    """By which differences of log predictive density are divided."""
+    half_unexplained: float = 0.07
+    """Share of the gap left at which the cause is as likely outside the library as in it."""
+    steepness: float = 2.0
+    """Power with which that probability rises with the share left."""
+    outside_when_closed: float = 0.02
+    """Probability of a cause outside the library when nothing but noise is left."""
+
+
+CALIBRATION = Calibration()
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """Another effect in the place of a named one."""
+
+    name: str
+    members: tuple[str, ...]
+    cosine: float
+    """Of its signature with that of the named effect; the part of the named one's it can imitate."""
+    cost: float
+    """As of a hypothesis; from the linear score where it was not fitted."""
+    fitted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """A named effect among its twins and rivals."""
+
+    name: str
+    members: tuple[str, ...]
+    cosines: Mapping[str, float]
+    """Of its twins."""
+    rivals: tuple[Rival, ...]
+    probability: float
+    rival_probabilities: tuple[float, ...]
+
+
+def imitation(scores: Scores, target: Score, other: Score) -> float:
+    """Cosine between what `target` does and the nearest that `other` can do, the fit's own columns projected out."""
+    active, mine, theirs = list(scores.active), list(target.columns), list(other.columns)
+    H = _projected(scores.H, active, mine + theirs)
+    amplitudes = target.step[len(active) :] / scores.scale[mine]
+    if not amplitudes.any():
+        amplitudes = np.ones(len(mine))
+    k = len(mine)
+    length = amplitudes @ H[:k, :k] @ amplitudes
+    overlap = H[k:, :k] @ amplitudes
+    reached = overlap @ np.linalg.lstsq(H[k:, k:], overlap, rcond=1e-9)[0]
+    return float(np.sqrt(min(max(reached / length, 0.0), 1.0))) if length > 0 else 0.0
+
+
+def _projected(H: Array, active: Sequence[int], chosen: Sequence[int]) -> Array:
+    inner = H[np.ix_(active, active)] + 1e-12 * np.eye(len(active))
+    across = H[np.ix_(active, chosen)]
+    return H[np.ix_(chosen, chosen)] - across.T @ np.linalg.solve(inner, across)
+
+
+def standing(
+    selection: Selection, name: str, scores: Scores, calibration: Calibration = CALIBRATION
+) -> Standing:
+    """Twins, rivals and probability of one named effect.
+
+    Args:
+        selection: the chosen set and all that were fitted
+        name: the effect
+        scores: the score test of the chosen set without it
+        calibration: of the probabilities
+    """
+    without, chosen = selection.without[name], selection.chosen
+    own = next(item for item in scores.ranking if item.effect.name == name)
+    near = {item.effect.name: imitation(scores, own, item) for item in scores.ranking if item is not own}
+    back = {item.effect.name: imitation(scores, item, own) for item in scores.ranking if item is not own}
+    twins = tuple(k for k in near if near[k] > TWIN_COSINE and back[k] > TWIN_COSINE)
+    rivals = [
+        Rival(item.effect.name, (item.effect.name,), near[item.effect.name], cost, fitted)
+        for item in scores.ranking
+        if item is not own and item.effect.name not in twins
+        for cost, fitted in [_cost(selection, without, item)]
+    ]
+    rivals = sorted(rivals, key=lambda rival: rival.cost)[:RIVALS]
+    odds = [-(rival.cost - chosen.cost) / (2 * chosen.remainder.inflation * calibration.temperature) for rival in rivals]
+    odds.append(-(without.cost - chosen.cost) / (2 * chosen.remainder.inflation * calibration.temperature))
+    weights = np.exp(np.clip([0.0, *odds], -50.0, 50.0))
+    weights *= (1 - outside(selection, calibration)) / weights.sum()
+    return Standing(
+        name=name,
+        members=(name, *twins),
+        cosines={k: near[k] for k in twins},
+        rivals=tuple(rivals),
+        probability=float(weights[0]),
+        rival_probabilities=tuple(weights[1:-1].tolist()),
+    )
+
+
+def _cost(selection: Selection, without: Hypothesis, item: Score) -> tuple[float, bool]:
+    fitted = selection.seen.get(without.key | {item.effect.name})
+    if fitted is not None:
+        return fitted.cost, True
+    price = PRICE * without.remainder.inflation * (len(item.columns) + len(item.effect.shapes))
+    return without.cost - item.gain + price, False
+
+
+def outside(selection: Selection, calibration: Calibration = CALIBRATION) -> float:
+    """Probability that the cause of the gap is not in the library."""
+    left = 1 - share_explained(selection)
+    if closed(selection.chosen):
+        return calibration.outside_when_closed
+    odds = (max(left, 1e-6) / calibration.half_unexplained) ** calibration.steepness
+    return max(odds / (1 + odds), calibration.outside_when_closed)
+
+
+def share_explained(selection: Selection) -> float:
+    """Share of the bare model's excess chi2 that the chosen effects take away, 0 to 1."""
+    before, after = selection.base.remainder, selection.chosen.remainder
+    if before.excess <= 0:
+        return 0.0
+    return float(np.clip(1 - max(after.excess, 0.0) / before.excess, 0.0, 1.0))

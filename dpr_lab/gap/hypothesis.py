@@ -1,0 +1,89 @@
+"""One explanation of the gap: a set of effects, fitted with ratios and start states, and what it leaves."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects import EFFECTS, SLICES, place
+from dpr_lab.gap.heldout import Remainder, folds, remainder, surprise
+from dpr_lab.gap.problem import Point, Problem, Slot, effect_slots, rod_slots
+from dpr_lab.gap.score import Score, Scores
+from dpr_lab.gap.shooting import Fit, fit, moved
+
+Array = NDArray[np.float64]
+
+PRICE = 9.0  # chi2 units that one more parameter has to earn: log of some 1e4 samples
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """A set of effects, fitted."""
+
+    effects: tuple[str, ...]
+    fit: Fit
+    remainder: Remainder
+    surprise: Array
+    """(folds,) how badly each release is predicted by the others, in units of chi2."""
+
+    @property
+    def cost(self) -> float:
+        """Held-out chi2 and the price of its parameters, in units of independent evidence it leaves."""
+        scanned = sum(len(EFFECTS[name].shapes) for name in self.effects)
+        return float(self.surprise.sum()) + PRICE * self.remainder.inflation * (len(self.fit.slots) + scanned)
+
+    @property
+    def key(self) -> frozenset[str]:
+        """The set of its effects."""
+        return frozenset(self.effects)
+
+
+def hypothesis(problem: Problem, effects: Iterable[str], found: Fit) -> Hypothesis:
+    """Judge a fit."""
+    left = remainder(problem, found)
+    return Hypothesis(tuple(effects), found, left, surprise(found, folds(problem), left.inflation))
+
+
+def slots_of(point: Point, effects: Iterable[str], problem: Problem) -> tuple[Slot, ...]:
+    """The ratios, and all that is free of some effects."""
+    scale_visible = any(item.run.added_mass for item in problem.records)
+    rods = rod_slots(point, scale_visible)
+    return (*rods, *(slot for name in effects for slot in effect_slots(EFFECTS[name], refined=True)))
+
+
+def added(problem: Problem, before: Hypothesis, scores: Scores, item: Score, iterations: int = 15) -> Hypothesis:
+    """Fit one effect more, from where its score puts it."""
+    vector = before.fit.point.vector.copy()
+    for at, value in item.shape:
+        vector[at] = value
+    point = replace(before.fit.point, vector=vector)
+    first = fit(problem, point, item.slots, iterations=1, first=scores.part(item))
+    effects = (*before.effects, item.effect.name)
+    found = fit(problem, first.point, slots_of(first.point, effects, problem), iterations=iterations)
+    return hypothesis(problem, effects, found)
+
+
+def dropped(problem: Problem, before: Hypothesis, effect: str, iterations: int = 15) -> Hypothesis:
+    """Fit without one of the effects, from where the linearised fit puts the others."""
+    names = tuple(name for name in before.effects if name != effect)
+    linear, point = before.fit.linear, before.fit.point
+    vector = point.vector.copy()
+    fallen = np.zeros(len(before.fit.slots))
+    for i, slot in enumerate(before.fit.slots):
+        if slot.effect == effect and EFFECTS[effect].parameters[slot.at - SLICES[effect].start].role == "amplitude":
+            fallen[i] = -slot.read(point)
+    for p in EFFECTS[effect].parameters:
+        vector[place(effect, p.name)] = p.default
+    kept = [i for i, slot in enumerate(before.fit.slots) if slot.effect != effect]
+    A = linear.A.reshape(-1, linear.A.shape[2])
+    step = fallen.copy()
+    step[kept] = np.linalg.lstsq(A[:, kept], linear.e.ravel() - A @ fallen, rcond=1e-10)[0]
+    left = linear.residual - linear.slopes @ step
+    starts = np.linalg.solve(linear.R, linear.Q.transpose(0, 2, 1) @ left[:, :, None])[:, :, 0]
+    slots = [before.fit.slots[i] for i in kept]
+    bare = replace(point, vector=vector)
+    guess = moved(bare, slots, step[kept], starts)
+    if not problem.cost(guess) < 10 * problem.cost(bare):
+        guess = bare
+    return hypothesis(problem, names, fit(problem, guess, slots_of(guess, names, problem), iterations=iterations))

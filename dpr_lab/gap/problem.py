@@ -1,0 +1,226 @@
+"""What is fitted: segments of all runs in one layout, and the readings that a point of the unknowns predicts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS, base_from_ratios
+from dpr_lab.dynamics.known import known_of
+from dpr_lab.dynamics.readings import PAD, Pieces, memories, pieces, readings, readings_batch
+from dpr_lab.effects import SLICES
+from dpr_lab.effects.effect import Effect
+from dpr_lab.effects.quantities import Known
+from dpr_lab.gap.record import Record, cuts, start_states
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+START_STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5])  # rad, rad/s
+RELATIVE_STEP = 1e-5
+OF_TYPICAL = 1e-3  # forward step of an effect's parameter, of its typical size
+
+CONTINUOUS = ("speed_rad_per_s", "length_rad", "frequency_hz", "damping_ratio")
+"""Shape parameters that are refined after their scan; orders and instants are not."""
+
+UNKNOWN_RODS = (*RATIOS, "b")
+FRICTION = (3, 4)  # c1/b, c2/b cannot be negative
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One value of everything unknown."""
+
+    rods: Array
+    """(6,) the five ratios, and b, kg m^2."""
+    vector: Array
+    """(SIZE,) parameters of all effects, SI."""
+    starts: Array
+    """(segments, 4) states at the start of each segment."""
+
+
+    @property
+    def base(self) -> Array:
+        """(6,) base parameters, SI."""
+        return self.rods[5] * base_from_ratios(self.rods[:5])
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """One unknown besides the start states."""
+
+    name: str
+    effect: str | None
+    """The effect it belongs to; none for a ratio."""
+    at: int
+    """Its place in `Point.rods` or `Point.vector`."""
+    step: float
+    """Forward step of its derivative."""
+    lower: float = -np.inf
+    size: float = 1.0
+    """How large it may be expected to be."""
+    overrides: tuple[tuple[int, float], ...] = ()
+    """Entries of the vector that hold only while this slot is moved: the shape parameters of an effect that is off."""
+
+    @property
+    def rods(self) -> bool:
+        """Whether it is a ratio."""
+        return self.effect is None
+
+    def read(self, point: Point) -> float:
+        """Its value at a point."""
+        return float((point.rods if self.rods else point.vector)[self.at])
+
+
+def rod_slots(point: Point, scale_visible: bool = False) -> tuple[Slot, ...]:
+    """The ratios; b too where a release with a known added mass makes it visible."""
+    count = len(UNKNOWN_RODS) if scale_visible else len(RATIOS)
+    return tuple(
+        Slot(
+            UNKNOWN_RODS[i],
+            None,
+            i,
+            RELATIVE_STEP * max(abs(float(point.rods[i])), 1e-2),
+            lower=0.0 if i in FRICTION else -np.inf,
+            size=max(abs(float(point.rods[i])), 1e-2),
+        )
+        for i in range(count)
+    )
+
+
+def effect_slots(
+    effect: Effect, *, refined: bool = False, overrides: tuple[tuple[int, float], ...] = ()
+) -> tuple[Slot, ...]:
+    """The amplitudes of an effect; where `refined`, also those shapes that vary continuously."""
+    slots = []
+    for at, parameter in enumerate(effect.parameters, start=SLICES[effect.name].start):
+        shape = parameter.role == "shape"
+        if shape and not (refined and parameter.name in CONTINUOUS):
+            continue
+        lower = parameter.scan[0] / 5 if shape else (0.0 if parameter.sign == "positive" else -np.inf)
+        step = OF_TYPICAL * parameter.typical
+        slots.append(Slot(parameter.name, effect.name, at, step, lower, parameter.typical, overrides))
+    return tuple(slots)
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Segments of all runs, padded to one length: row 2 k + j of a segment is its sample k of joint j + 1."""
+
+    rig: Rig
+    known: Known
+    records: tuple[Record, ...]
+    pieces: Pieces
+    measured: Array
+    """(samples, 2) encoder readings, rad."""
+    weight: Array
+    """(samples, 2) one over the standard deviation, times the root of a robust weight, 1/rad."""
+    length: float
+    """Wanted length of a segment, s."""
+
+    @property
+    def t(self) -> Array:
+        """(samples,) since the release, s."""
+        return self.pieces.t
+
+    @property
+    def offsets(self) -> NDArray[np.int64]:
+        """(segments + 1,) where the segments begin among the samples."""
+        return self.pieces.offsets
+
+    @property
+    def run(self) -> NDArray[np.int64]:
+        """(segments,) index of the run of each."""
+        return self.pieces.run
+
+    @property
+    def relative(self) -> bool:
+        """Whether the encoder of joint 2 reads theta2 - theta1."""
+        return self.known.relative2 == 1.0
+
+    @property
+    def spans(self) -> list[tuple[float, float]]:
+        """First and last instant that each segment is integrated over, s."""
+        return [(float(self.t[i] - PAD), float(self.t[j - 1])) for i, j in pairwise(self.offsets)]
+
+    @property
+    def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        sizes = np.diff(self.offsets)
+        segment = np.repeat(np.arange(len(sizes)), sizes)
+        return segment, np.arange(len(self.t)) - self.offsets[segment]
+
+    def whitened(self, values: Array) -> Array:
+        """(segments, m) or (segments, m, k) from (samples, 2) or (samples, 2, k): weighted, padded with zeros."""
+        segment, place = self._rows
+        weighted = values * self.weight.reshape(*self.weight.shape, *[1] * (values.ndim - 2))
+        padded = np.zeros((len(self.run), int(np.diff(self.offsets).max()), *values.shape[1:]))
+        padded[segment, place] = weighted
+        return padded.reshape(len(padded), -1, *values.shape[2:])
+
+    def by_sample(self, whitened: Array) -> Array:
+        """(samples, 2) from (segments, m)."""
+        segment, place = self._rows
+        return whitened.reshape(len(whitened), -1, 2)[segment, place]
+
+    def predict(self, point: Point, slots: Sequence[Slot] = ()) -> tuple[Array, Array]:
+        """Readings at a point and their derivatives by forward differences.
+
+        Returns:
+            (samples, 2), rad, and (samples, 2, slots + 4), the last four by the start state of each segment
+        """
+        count = 1 + len(slots) + 4
+        rods, vectors = np.tile(point.rods, (count, 1)), np.tile(point.vector, (count, 1))
+        starts = np.tile(point.starts, (count, 1, 1))
+        for i, slot in enumerate(slots, start=1):
+            for at, value in slot.overrides:
+                vectors[i, at] = value
+            (rods if slot.rods else vectors)[i, slot.at] += slot.step
+        for j in range(4):
+            starts[count - 4 + j, :, j] += START_STEPS[j]
+        bases = rods[:, 5:] * base_from_ratios(rods[:, :5])
+        # The effects that remember are not to feel the start of the segment before.
+        memory = np.full((count, len(self.run), 5), np.nan)
+        memory[-4:] = memories(point.base, point.vector, self.known, self.pieces, point.starts)
+        angles = readings_batch(bases, vectors, self.known, self.pieces, starts, memory)
+        steps = np.array([*(slot.step for slot in slots), *START_STEPS])
+        return angles[0], np.moveaxis(angles[1:] - angles[0], 0, -1) / steps
+
+    def costs(self, point: Point) -> Array:
+        """(segments,) sum of squared whitened residuals; inf where a segment cannot be simulated."""
+        angles = readings(point.base, point.vector, self.known, self.pieces, point.starts)
+        squares = np.sum(((self.measured - angles) * self.weight) ** 2, axis=1)
+        return np.nan_to_num(np.add.reduceat(squares, self.offsets[:-1]), nan=np.inf)
+
+    def cost(self, point: Point) -> float:
+        """Sum over all segments."""
+        return float(self.costs(point).sum())
+
+
+def problem(records: Sequence[Record], rig: Rig, length: float) -> tuple[Problem, Array]:
+    """Cut records into segments, and guess their start states from the readings.
+
+    Args:
+        records: the runs
+        rig: lengths, masses, encoders
+        length: wanted length of a segment, s
+
+    Returns:
+        the problem, and (segments, 4) start states
+    """
+    stretches = [(i, s) for i, item in enumerate(records) for s in cuts(item, length)]
+    absolute = rig.encoders.joint2 == "absolute"
+    made = Problem(
+        rig=rig,
+        known=known_of(rig),
+        records=tuple(records),
+        pieces=pieces(
+            [records[i].t[s] for i, s in stretches], [i for i, _ in stretches], [item.run.added_mass for item in records]
+        ),
+        measured=np.concatenate([records[i].joints[s] for i, s in stretches]),
+        weight=np.concatenate([1 / records[i].sigma[s] for i, s in stretches]),
+        length=length,
+    )
+    starts = [start_states(item, cuts(item, length), PAD, absolute) for item in records]
+    return made, np.concatenate(starts)

@@ -1,0 +1,139 @@
+"""Shapes worth a closer look: orders and frequencies of torques, and instants at which a reading may have stepped.
+
+Hundreds of shapes are compared on one linearised fit; the best few go on to the score test and to nonlinear fits.
+"""
+
+import math
+from itertools import product
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.step import mechanics
+from dpr_lab.effects import SLICES, effect_vector, place
+from dpr_lab.effects.effect import Effect
+from dpr_lab.effects.folded import switched
+from dpr_lab.effects.quantities import Known, Motion, Rods
+from dpr_lab.gap.problem import Problem
+from dpr_lab.gap.response import Course
+from dpr_lab.gap.shooting import Fit
+from dpr_lab.kernels import njit
+
+Array = NDArray[np.float64]
+Shape = tuple[tuple[int, float], ...]
+"""Entries of the effect vector that say how, not how much."""
+
+MANY = 24
+"""Shapes above which an effect is scanned along the swing before the score test."""
+KEPT = 2
+BLOCK = 64  # columns at a time, to stay within the cache
+STEPS_KEPT = 3
+
+
+def shapes(effect: Effect, problem: Problem, fit: Fit, along: Course) -> list[Shape]:
+    """The shapes of an effect to put to the score test; none for an arm that was seen to stand still."""
+    if effect.name == "arm_compliance" and all(item.arm_moves is False for item in problem.records):
+        return []
+    if effect.name == "missed_counts":
+        return step_shapes(problem, fit)
+    grid = [[(place(effect.name, p.name), value) for value in p.scan] for p in effect.shapes if p.scan]
+    every = [tuple(choice) for choice in product(*grid)]
+    if len(every) <= MANY or effect.stage != "torque":
+        return every
+    gains = _torque_gains(effect, every, problem, fit, along)
+    return [every[i] for i in np.argsort(-gains)[:KEPT]]
+
+
+def _torque_gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along: Course) -> Array:
+    """(shapes,) fall of chi2 that the two leading amplitudes promise, start states and fitted slots projected out."""
+    amplitudes = [place(effect.name, p.name) for p in effect.amplitudes[:2]]
+    e, Q, A = fit.linear.e, fit.linear.Q, fit.linear.A
+    known = A.reshape(-1, A.shape[2])
+    known = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
+    gains = np.zeros(len(every))
+    block = BLOCK // len(amplitudes)
+    for first in range(0, len(every), block):
+        chosen = every[first : first + block]
+        vectors = np.array([_unit(effect, at, shape) for shape in chosen for at in amplitudes])
+        columns = problem.whitened(along.readings(torques_along(problem, along, vectors)))
+        columns -= Q @ (Q.transpose(0, 2, 1) @ columns)
+        flat = columns.reshape(-1, columns.shape[2])
+        onto = known.T @ flat
+        G, b = flat.T @ flat - onto.T @ onto, flat.T @ e.ravel() - onto.T @ (known.T @ e.ravel())
+        for i in range(len(chosen)):
+            mine = slice(i * len(amplitudes), (i + 1) * len(amplitudes))
+            gains[first + i] = float(b[mine] @ np.linalg.lstsq(G[mine, mine], b[mine], rcond=1e-9)[0])
+    return gains
+
+
+def _unit(effect: Effect, at: int, shape: Shape) -> Array:
+    vector = effect_vector({})
+    vector[at] = effect.parameters[at - SLICES[effect.name].start].typical
+    for index, value in shape:
+        vector[index] = value
+    return vector
+
+
+def torques_along(problem: Problem, along: Course, vectors: Array) -> Array:
+    """(n, 2, k) generalised torques, N m, of k effect vectors (k, SIZE) along a course."""
+    a, b, d, e1, c1, c2 = along.base
+    rods = Rods(a, b, d, e1, d * problem.known.g / problem.known.L1, c1, c2)
+    on = np.array([switched(vector) for vector in vectors])
+    return _torques(along.t, along.theta, along.omega, rods, problem.known, vectors, on)
+
+
+@njit(parallel=True)
+def _torques(
+    t: Array, theta: Array, omega: Array, rods: Rods, known: Known, vectors: Array, on: NDArray[np.bool_]
+) -> Array:
+    found = np.empty((len(t), 2, len(vectors)))
+    for i in numba.prange(len(t)):
+        sin1, cos1, sin2, cos2 = math.sin(theta[i, 0]), math.cos(theta[i, 0]), math.sin(theta[i, 1]), math.cos(theta[i, 1])
+        motion = Motion(
+            t[i], 0.0, theta[i, 0], theta[i, 1], 0.0, omega[i, 0], omega[i, 1],
+            sin1, cos1, sin2, cos2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        )  # fmt: skip
+        for k in range(len(vectors)):
+            terms = mechanics(motion, rods, known, vectors[k], on[k])
+            found[i, 0, k] = terms.torque1
+            found[i, 1, k] = terms.torque2
+    return found
+
+
+def step_shapes(problem: Problem, fit: Fit) -> list[Shape]:
+    """Joint, run and instant of the steps that the residual speaks for most, the screened ones first."""
+    screened = [
+        (axis, run, at) for run, item in enumerate(problem.records) for at, axis in item.screened.breaks
+    ]
+    found = screened or [(axis, run, at) for _, axis, run, at in _step_gains(problem, fit)[:STEPS_KEPT]]
+    return [
+        (
+            (place("missed_counts", "joint"), 1.0 + axis),
+            (place("missed_counts", "run"), float(run)),
+            (place("missed_counts", "time_s"), at),
+        )
+        for axis, run, at in found
+    ]
+
+
+def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float]]:
+    """Gain, axis, run and instant of a step at the best sample of each segment, by cumulative sums from its end.
+
+    A segment wholly after the step sees a constant, which its start state nearly absorbs; the exact offset is left to
+    the nonlinear fit.
+    """
+    found = []
+    for s, (first, last) in enumerate(zip(problem.offsets[:-1], problem.offsets[1:], strict=True)):
+        count = last - first
+        for axis in range(2):
+            rows = 2 * np.arange(count) + axis
+            weight = problem.weight[first:last, axis]
+            e, Q = fit.linear.e[s, rows], fit.linear.Q[s, rows]
+            inner = np.cumsum((e * weight)[::-1])[::-1]
+            onto = np.cumsum((Q * weight[:, None])[::-1], axis=0)[::-1]
+            norm = np.cumsum((weight**2)[::-1])[::-1] - np.sum(onto**2, axis=1)
+            gain = np.where(norm > 1e-6 * weight.sum() ** 2 / count, inner**2 / np.maximum(norm, 1e-300), 0.0)
+            best = int(np.argmax(gain[1:])) + 1
+            found.append((float(gain[best]), axis, int(problem.run[s]), float(problem.t[first + best] - 1e-4)))
+    return sorted(found, reverse=True)

@@ -1,0 +1,204 @@
+"""Which effects: sets of up to four, grown, pruned and swapped, judged by how they predict releases left out.
+
+Forward alone is greedy and takes the plausible twin first. So two sets are carried forward, every effect is tried as a
+later one too, and what was found is pruned, swapped and simplified before it is believed:
+
+    grow      the score test names candidates, the best are fitted, the two best sets go on
+    prune     an effect without which the remainder hardly grows is dropped
+    simplify  an effect gives way to a simpler one that it contains and that explains as much
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from dpr_lab.effects.effect import Effect
+from dpr_lab.gap.hypothesis import Hypothesis, added, dropped
+from dpr_lab.gap.problem import Problem
+from dpr_lab.gap.score import Score, Scores, score
+
+FITTED = 4
+FITTED_WHEN_FAR = 6
+FAR = 20.0  # chi2 per degree of freedom above which the linear score is only a hint
+BEAM = 2
+BEAM_WORSE = 4.0  # a second set goes on only while its excess is within this factor of the best
+GAIN = 30.0  # fall of chi2, in units of independent evidence, below which an effect is chance: the best of some 600 shapes
+CLOSED = 4.0  # standard deviations of the remainder that count as noise
+KEEPS = 3.0  # factor by which the remainder must grow without an effect, for the effect to stay
+CONTAINED = 0.003  # share of the explained excess that a richer form of an effect must add
+TWIN_GAIN = 1e-3  # relative difference of gains within which twins are not fitted twice
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """The chosen set of effects, and what it was chosen from."""
+
+    base: Hypothesis
+    chosen: Hypothesis
+    seen: Mapping[frozenset[str], Hypothesis]
+    """Every set that was fitted."""
+    first: Scores
+    """The score test of the bare fit."""
+    last: Scores
+    """The score test of the last set that was to be improved."""
+    without: Mapping[str, Hypothesis] = field(default_factory=dict)
+    """The chosen set without each of its effects."""
+
+
+@dataclass(slots=True)
+class _Search:
+    """What the search knows so far."""
+
+    problem: Problem
+    library: Mapping[str, Effect]
+    seen: dict[frozenset[str], Hypothesis]
+    scored: dict[frozenset[str], Scores]
+    on_step: Callable[[str], None]
+
+    def scores(self, at: Hypothesis) -> Scores:
+        if at.key not in self.scored:
+            self.on_step(f"score test beside {', '.join(at.effects) or 'the bare model'}")
+            self.scored[at.key] = score(self.problem, at.fit, [e for n, e in self.library.items() if n not in at.effects])
+        return self.scored[at.key]
+
+    def with_one(self, at: Hypothesis, scores: Scores, item: Score) -> Hypothesis:
+        key = at.key | {item.effect.name}
+        if key not in self.seen:
+            self.on_step(f"fit {', '.join(sorted(key))}")
+            self.seen[key] = added(self.problem, at, scores, item)
+        return self.seen[key]
+
+    def without(self, at: Hypothesis, effect: str) -> Hypothesis:
+        key = at.key - {effect}
+        if key not in self.seen:
+            self.on_step(f"fit {', '.join(sorted(key))}")
+            self.seen[key] = dropped(self.problem, at, effect)
+        return self.seen[key]
+
+
+def select(
+    problem: Problem,
+    base: Hypothesis,
+    library: Mapping[str, Effect],
+    *,
+    max_effects: int = 4,
+    on_step: Callable[[str], None] = lambda text: None,
+) -> Selection:
+    """Find the set of effects that explains the gap.
+
+    Args:
+        problem: the segments
+        base: the bare model, fitted
+        library: effects to choose from
+        max_effects: at most so many at once
+        on_step: told what is being done
+    """
+    search = _Search(problem, library, {base.key: base}, {}, on_step)
+    grown = _grow(search, base, max_effects)
+    chosen = _simplify(search, base, _prune(search, base, grown))
+    chosen = _prune(search, base, chosen)
+    without = {name: search.without(chosen, name) for name in chosen.effects}
+    last = search.scored.get(chosen.key) or search.scores(chosen)
+    return Selection(base, chosen, search.seen, search.scored[base.key], last, without)
+
+
+def _grow(search: _Search, base: Hypothesis, max_effects: int) -> Hypothesis:
+    best, front = base, [base]
+    for _ in range(max_effects):
+        level: dict[frozenset[str], Hypothesis] = {}
+        for at in front:
+            scores = search.scores(at)
+            for item in _candidates(at, scores):
+                after = search.with_one(at, scores, item)
+                level[after.key] = after
+        if not level:
+            break
+        ranked = sorted(level.values(), key=lambda item: item.cost)
+        if best.cost - ranked[0].cost < GAIN * ranked[0].remainder.inflation:
+            break
+        best = ranked[0]
+        front = [item for item in ranked[:BEAM] if excess(item) < BEAM_WORSE * excess(best)]
+        if closed(best):
+            front = [best]
+    return best
+
+
+def _candidates(at: Hypothesis, scores: Scores) -> list[Score]:
+    """The most promising effects; of twins, which promise the same, one; with each also the simpler ones in it."""
+    chance = GAIN * min(at.remainder.inflation, max(1.0, at.remainder.chi2 / at.remainder.dof))
+    promising = [item for item in scores.ranking if item.gain > max(chance * 0.5, GAIN)]
+    count = FITTED_WHEN_FAR if at.remainder.chi2 > FAR * at.remainder.dof else FITTED
+    picked: list[Score] = []
+    for item in promising:
+        if any(_twins(item, other) for other in picked):
+            continue
+        picked.append(item)
+        if len(picked) == count:
+            break
+    names = {item.effect.name for item in picked}
+    inner = {name for item in picked for name in item.effect.nested} - names
+    return picked + [item for item in promising if item.effect.name in inner]
+
+
+def _twins(one: Score, other: Score) -> bool:
+    same = abs(one.gain - other.gain) <= TWIN_GAIN * max(one.gain, other.gain)
+    return same and len(one.columns) == len(other.columns) and other.effect.name in one.effect.twins
+
+
+def excess(item: Hypothesis) -> float:
+    """chi2 above the noise, not below what noise alone may leave."""
+    return max(item.remainder.excess, CLOSED * item.remainder.uncertainty)
+
+
+def closed(item: Hypothesis) -> bool:
+    """Whether nothing but noise is left."""
+    return item.remainder.z < CLOSED
+
+
+def _prune(search: _Search, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
+    """Drop, one by one, effects that the remainder hardly misses; the first one stays for its share of the whole."""
+    current = grown
+    while len(current.effects) > 1:
+        losses = {name: _loss(search, current, name) for name in current.effects}
+        weakest = min(losses, key=lambda name: losses[name])
+        if losses[weakest] >= KEEPS and _gain(search, current, weakest) > GAIN * current.remainder.inflation:
+            break
+        current = search.without(current, weakest)
+    return current
+
+
+def _loss(search: _Search, at: Hypothesis, effect: str) -> float:
+    """Factor by which the excess grows without an effect; for a closed gap against what noise alone may leave."""
+    less = search.without(at, effect)
+    if closed(at):
+        return KEEPS + _gain(search, at, effect) / (GAIN * at.remainder.inflation) - 1
+    return less.remainder.excess / excess(at)
+
+
+def _gain(search: _Search, at: Hypothesis, effect: str) -> float:
+    return search.without(at, effect).cost - at.cost
+
+
+def _simplify(search: _Search, base: Hypothesis, current: Hypothesis) -> Hypothesis:
+    """Replace an effect by a simpler one that it contains where that explains as much.
+
+    While something else is left, a richer form may only be making up for that, and has to add more.
+    """
+    explained = base.remainder.chi2 - current.remainder.chi2
+    for name in current.effects:
+        for simpler in search.library[name].nested:
+            if simpler not in search.library or simpler in current.effects:
+                continue
+            less = search.without(current, name)
+            item = next((s for s in search.scores(less).ranking if s.effect.name == simpler), None)
+            if item is None:
+                continue
+            other = search.with_one(less, search.scores(less), item)
+            worth = GAIN if closed(current) else max(GAIN * current.remainder.inflation, CONTAINED * explained)
+            if other.cost - current.cost < worth:
+                return _simplify(search, base, other)
+    return current
+
+
+def names(items: Sequence[Score]) -> list[str]:
+    """Names of scored effects."""
+    return [item.effect.name for item in items]

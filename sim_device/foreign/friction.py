@@ -1,0 +1,146 @@
+"""Dry, load-dependent and presliding friction, in forms that are not the library's."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_device.foreign.engine import Body, Motion, at_joint1, at_joint2, under
+from sim_device.foreign.foreign import Foreign, Size, Values
+
+DRY_JOINT1 = ("coulomb_joint1", "stribeck_joint1", "friction_curve_joint1", "hysteresis_joint1")
+DRY_JOINT2 = ("coulomb_joint2", "stribeck_joint2", "friction_curve_joint2", "hysteresis_joint2")
+
+
+def asymmetric_joint1(body: Body, values: Values) -> Motion:
+    """Dry friction that is stronger in one direction: tau1 = -F s (1 + A s), s = (2/pi) atan(omega1 / v)."""
+    force, asymmetry, speed = values["torque_Nm"], values["asymmetry"], values["speed_rad_per_s"]
+
+    def torque(angle: float, omega: float) -> float:
+        direction = 2 / math.pi * math.atan(omega / speed)
+        return -force * direction * (1 + asymmetry * direction)
+
+    return under(body, at_joint1(torque))
+
+
+def rounded_joint2(body: Body, values: Values) -> Motion:
+    """Dry friction rounded algebraically: tau2 = -F w / sqrt(w^2 + v^2), w = omega2 - omega1."""
+    force, speed = values["torque_Nm"], values["speed_rad_per_s"]
+    return under(body, at_joint2(lambda angle, omega: -force * omega / math.hypot(omega, speed)))
+
+
+def lorentzian_stribeck_joint1(body: Body, values: Values) -> Motion:
+    """Friction that falls with speed as a Lorentzian: tau1 = -F (1 + R / (1 + (w/v)^2)) tanh(w / 0.05)."""
+    force, rise, speed = values["torque_Nm"], values["rise"], values["speed_rad_per_s"]
+
+    def torque(angle: float, omega: float) -> float:
+        return -force * (1 + rise / (1 + (omega / speed) ** 2)) * math.tanh(omega / 0.05)
+
+    return under(body, at_joint1(torque))
+
+
+def root_joint2(body: Body, values: Values) -> Motion:
+    """Friction that grows with the root of speed, smooth at rest: tau2 = -K w / (w^2 + 0.05^2)^(1/4)."""
+    size = values["torque_at_1rad_per_s_Nm"]
+    return under(body, at_joint2(lambda angle, omega: -size * omega / (omega * omega + 0.0025) ** 0.25))
+
+
+def lugre_joint2(body: Body, values: Values) -> Motion:
+    """Bristles that bend and slip, after LuGre without the micro-damping.
+
+        z' = w - |w| z / (Z g(w)),    tau2 = -F z / Z,    g = 1 + R exp(-(w/v)^2),    w = omega2 - omega1
+
+    z / Z stays within +-(1 + R); over a closed cycle the bristles only take energy out.
+
+    Source: Canudas de Wit, Olsson, Astrom & Lischinsky (1995), A new model for control of systems with friction, IEEE
+    Transactions on Automatic Control 40(3), 419-425.
+    """
+    force, stroke = values["torque_Nm"], values["stroke_rad"]
+    rise, speed = values["rise"], values["speed_rad_per_s"]
+
+    def slope(t: float, x: NDArray[np.float64]) -> Sequence[float]:
+        theta1, theta2, omega1, omega2, bent = x.tolist()
+        omega = omega2 - omega1
+        tau = -force * bent
+        alphas = body.accelerations(theta1, theta2, omega1, omega2, -tau, tau)
+        grip = 1 + rise * math.exp(-((omega / speed) ** 2))
+        return omega1, omega2, *alphas, (omega - abs(omega) * bent / grip) / stroke
+
+    return Motion(slope, memory=(0.0,))
+
+
+def hertzian_joint1(body: Body, values: Values) -> Motion:
+    """Rolling friction by Hertz' contact: tau1 = -K (|F| / 1 N)^(4/3) tanh(omega1 / 0.05), F the force on joint 1.
+
+    The force follows from the accelerations without the friction, which is smaller by orders.
+    """
+    size = values["torque_at_1N_Nm"]
+    p1, p2 = body.e1 / body.g, body.e2 / body.g
+
+    def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
+        alpha1, alpha2 = body.accelerations(theta1, theta2, omega1, omega2)
+        sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
+        across = p1 * (cos1 * alpha1 - sin1 * omega1**2) + p2 * (cos2 * alpha2 - sin2 * omega2**2)
+        up = body.mass * body.g - p1 * (sin1 * alpha1 + cos1 * omega1**2) - p2 * (sin2 * alpha2 + cos2 * omega2**2)
+        return -size * math.hypot(across, up) ** (4 / 3) * math.tanh(omega1 / 0.05), 0.0
+
+    return under(body, torques)
+
+
+FRICTION = (
+    Foreign(
+        "asymmetric_friction_joint1",
+        "dry friction of joint 1, stronger in one direction",
+        Size("torque_Nm", 1e-3, 3e-3),
+        shape=(Size("asymmetry", 0.15, 0.4), Size("speed_rad_per_s", 0.05, 0.3)),
+        motion=asymmetric_joint1,
+        dissipative=True,
+        family=DRY_JOINT1,
+    ),
+    Foreign(
+        "rounded_friction_joint2",
+        "dry friction of joint 2, rounded at rest",
+        Size("torque_Nm", 3e-4, 1e-3),
+        shape=(Size("speed_rad_per_s", 0.2, 1.0),),
+        motion=rounded_joint2,
+        dissipative=True,
+        family=DRY_JOINT2,
+        held_back=True,
+    ),
+    Foreign(
+        "lorentzian_stribeck_joint1",
+        "friction of joint 1 that falls with speed",
+        Size("torque_Nm", 1e-3, 3e-3),
+        shape=(Size("rise", 0.5, 2.0), Size("speed_rad_per_s", 0.5, 2.0)),
+        motion=lorentzian_stribeck_joint1,
+        dissipative=True,
+        family=DRY_JOINT1,
+        held_back=True,
+    ),
+    Foreign(
+        "root_friction_joint2",
+        "friction of joint 2 that grows with the root of speed",
+        Size("torque_at_1rad_per_s_Nm", 3e-4, 1e-3),
+        motion=root_joint2,
+        dissipative=True,
+        family=DRY_JOINT2,
+    ),
+    Foreign(
+        "lugre_friction_joint2",
+        "bristles between the rods that bend before they slip",
+        Size("torque_Nm", 3e-4, 1e-3),
+        shape=(Size("stroke_rad", 0.02, 0.2), Size("rise", 0.1, 0.5), Size("speed_rad_per_s", 0.3, 1.0)),
+        motion=lugre_joint2,
+        family=DRY_JOINT2,
+    ),
+    Foreign(
+        "hertzian_load_friction_joint1",
+        "rolling friction of joint 1 by the 4/3 power of its load",
+        Size("torque_at_1N_Nm", 5e-5, 3e-4),
+        motion=hertzian_joint1,
+        dissipative=True,
+        family=("load_friction_joint1",),
+        held_back=True,
+    ),
+)

@@ -1,0 +1,171 @@
+"""Every effect found again in the counts of a plant that has it, with base parameters and start states unknown."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import BASE, base_parameters
+from dpr_lab.dynamics.known import known_of
+from dpr_lab.dynamics.readings import PAD, memories, pieces, readings_batch
+from dpr_lab.effects import EFFECTS, effect_vector, place
+from dpr_lab.rig import load_rig
+from sim_device.config import load_plant
+from sim_device.plant import Plant, Swing
+
+RIG = load_rig("paper")
+CONFIG = load_plant("paper")
+KNOWN = known_of(RIG)._replace(**{name: CONFIG.parameters[name] for name in ("m1", "m2", "mb")})
+TRUTH = base_parameters(CONFIG.Z, KNOWN.L1, KNOWN.g)
+RATE, SAMPLES, SEGMENTS = 200.0, 100, 6
+NOISE = np.sqrt(0.5**2 + 1 / 12) * 2 * np.pi / 16384
+STEP_AT = {"missed_counts": {"time_s": 1.2}}
+FREE = [BASE.index(name) for name in ("a", "d", "e1", "c1", "c2")]  # b sets the scale
+SWINGS = pieces(
+    [(np.arange(SAMPLES) + s * SAMPLES) / RATE for _ in RIG.poses for s in range(SEGMENTS)],
+    np.repeat(np.arange(len(RIG.poses)), SEGMENTS),
+)
+
+
+def record(effects):
+    """Encoder angles of one release from each pose (N, 2), and true states at the starts of the segments (S, 4)."""
+    plant = Plant(CONFIG.model_copy(update={"effects": effects}), RIG)
+    rng = np.random.default_rng(5)
+    angles, starts = [], []
+    for run, pose in enumerate(RIG.poses.values()):
+        t = np.arange(SAMPLES * SEGMENTS) / RATE
+        theta = plant.misread(Swing(plant, pose.theta, np.zeros(3), RATE).theta(0, len(t)), t, run)
+        counts = np.rint(RIG.positions(theta) + rng.normal(0, 0.5, theta.shape))
+        seen = RIG.theta(counts)
+        angles.append(np.column_stack([seen[:, 1], seen[:, 2] - seen[:, 1]]))
+        at = np.concatenate([[0.0], t[SAMPLES::SAMPLES] - PAD])
+        starts.append(plant.swing(pose.theta, np.zeros(3), at)[:, [1, 2, 4, 5]])
+    return np.concatenate(angles), np.concatenate(starts)
+
+
+def sensitivities(base, vector, starts, columns):
+    """Readings (N, 2), their derivatives by ratios and `columns` (N, 2, p) and by their own start state (N, 2, 4)."""
+    n = len(FREE) + len(columns)
+    bases, vectors = np.repeat(base[None], n + 1, 0), np.repeat(vector[None], n + 1, 0)
+    steps = np.concatenate([1e-5 * base[FREE], 1e-3 * np.array(list(columns.values()))])
+    for i, k in enumerate(FREE):
+        bases[1 + i, k] += steps[i]
+    for i, k in enumerate(columns):
+        vectors[1 + len(FREE) + i, k] += steps[len(FREE) + i]
+    shared = readings_batch(bases, vectors, KNOWN, SWINGS, np.repeat(starts[None], n + 1, 0))
+    memory = memories(base, vector, KNOWN, SWINGS, starts)
+    moved = np.repeat(starts[None], 4, 0) + 1e-5 * np.eye(4)[:, None, :]
+    own = readings_batch(bases[:1].repeat(4, 0), vectors[:1].repeat(4, 0), KNOWN, SWINGS, moved, memory)
+    by_shared = np.moveaxis((shared[1:] - shared[0]) / steps[:, None, None], 0, -1)
+    return shared[0], by_shared, np.moveaxis((own - shared[0]) / 1e-5, 0, -1)
+
+
+def projected(residual, by_shared, own):
+    """Residual and derivatives, whitened and free of what the start state of each segment can do."""
+    r, J = [], []
+    for s in range(len(SWINGS)):
+        part = slice(SWINGS.offsets[s], SWINGS.offsets[s + 1])
+        Q, _ = np.linalg.qr(own[part].reshape(-1, 4))
+        for values, to in ((residual[part].reshape(-1, 1), r), (by_shared[part].reshape(Q.shape[0], -1), J)):
+            to.append((values - Q @ (Q.T @ values)) / NOISE)
+    return np.concatenate(r)[:, 0], np.concatenate(J)
+
+
+def fitted(effects, columns):
+    """Values of `columns` and their standard deviations, by Gauss-Newton from no effect."""
+    measured, starts = record(effects)
+    base, vector = TRUTH.copy(), effect_vector(effects)
+    vector[list(columns)] = 0.0
+    for _ in range(5):
+        angles, by_shared, own = sensitivities(base, vector, starts, columns)
+        residual = measured - angles
+        r, J = projected(residual, by_shared, own)
+        scale = np.linalg.norm(J, axis=0)
+        move = np.linalg.lstsq(J / scale, r, rcond=1e-9)[0] / scale
+        base[FREE] += move[: len(FREE)]
+        vector[list(columns)] += move[len(FREE) :]
+        left = residual - by_shared @ move
+        for s in range(len(SWINGS)):
+            part = slice(SWINGS.offsets[s], SWINGS.offsets[s + 1])
+            starts[s] += np.linalg.lstsq(own[part].reshape(-1, 4), left[part].ravel(), rcond=None)[0]
+    covariance = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
+    return vector[list(columns)], np.sqrt(np.diag(covariance))[len(FREE) :], np.mean(r**2)
+
+
+def unit(effect):
+    return {place(effect.name, p.name): p.typical for p in effect.amplitudes}
+
+
+@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if not effect.absorbed_by])
+def test_found_again_within_its_interval(name):
+    effect = EFFECTS[name]
+    values = {name: {p.name: p.typical for p in effect.amplitudes} | STEP_AT.get(name, {})}
+    columns = unit(effect)
+    found, deviation, chi2 = fitted(values, columns)
+    truth = effect_vector(values)[list(columns)]
+    assert chi2 == pytest.approx(1.0, abs=0.1)
+    assert (np.abs(found - truth) < 4 * deviation).all()
+    assert (truth / deviation).max() > 2.5  # the record can see it
+
+
+@cache
+def signatures():
+    """Effect -> its sensitivities at no effect (n, p), free of base parameters and start states."""
+    effects = {"detent_joint1": {"order": 1.0}, **STEP_AT}
+    _, starts = record({})
+    columns = {}
+    for effect in EFFECTS.values():
+        columns |= unit(effect)
+    _, by_shared, own = sensitivities(TRUTH, effect_vector(effects), starts, columns)
+    _, J = projected(np.zeros(by_shared.shape[:2]), by_shared, own)
+    Q, _ = np.linalg.qr(J[:, : len(FREE)])
+    bare = J[:, len(FREE) :] - Q @ (Q.T @ J[:, len(FREE) :])
+    places = list(columns)
+    return J[:, len(FREE) :], bare, places
+
+
+def signature(name, parameter):
+    _, bare, places = signatures()
+    return bare[:, places.index(place(name, parameter))]
+
+
+def cosine(x, y):
+    return x @ y / np.linalg.norm(x) / np.linalg.norm(y)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (("base_tilt", "tilt_rad"), ("encoder_offset_joint1", "offset_rad")),
+        (("com_offset_link2", "offset_m"), ("encoder_offset_joint2", "offset_rad")),
+        (("clock_rate", "excess"), ("wrong_length_L1", "added_m")),
+        (("com_offset_link1", "offset_m"), ("detent_joint1", "cos1_Nm")),
+    ],
+)
+def test_exact_twins_cannot_be_told_apart(one, other):
+    assert abs(cosine(signature(*one), signature(*other))) > 0.999
+    assert other[0] in EFFECTS[one[0]].twins
+
+
+def test_what_are_no_twins_can_be_told_apart():
+    for one, other in [
+        (("coulomb_joint1", "torque_Nm"), ("coulomb_joint2", "torque_Nm")),
+        (("spring_joint1", "stiffness_Nm_per_rad"), ("spring_joint2", "stiffness_Nm_per_rad")),
+        (("encoder_offset_joint1", "offset_rad"), ("encoder_offset_joint2", "offset_rad")),
+        (("latency_joint2", "delay_s"), ("clock_rate", "excess")),
+    ]:
+        assert abs(cosine(signature(*one), signature(*other))) < 0.95
+
+
+def test_what_the_base_parameters_absorb_leaves_no_trace():
+    raw, bare, places = signatures()
+    for effect in EFFECTS.values():
+        own = [places.index(k) for k in unit(effect)]
+        share = np.linalg.norm(bare[:, own]) / np.linalg.norm(raw[:, own])
+        assert (share < 1e-3) == bool(effect.absorbed_by), effect.name
+
+
+def test_one_detent_a_turn_hides_its_sine_in_gravity():
+    raw, bare, places = signatures()
+    k = places.index(place("detent_joint1", "sin1_Nm"))
+    assert np.linalg.norm(bare[:, k]) < 1e-3 * np.linalg.norm(raw[:, k])

@@ -1,0 +1,154 @@
+"""Drawn plants: of the kind asked for, as visible as asked for, sealed, and recorded the same over the wire and not."""
+
+import hashlib
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import ConfigError
+from sim_device.assemble import plant_of
+from sim_device.chance import Stream, generator
+from sim_device.config import Encoders, load_plant
+from sim_device.direct import record
+from sim_device.draw import LEVELS, Wanted, alike, dirty, draw_plant, parse_wanted, visible_effects
+from sim_device.foreign import FOREIGN, FORMS, OUTSIDE
+from sim_device.noiseless import plant_gap
+from sim_device.seal import opened, seal
+
+
+def drawn(wanted: Wanted, seed: int, rig):
+    return draw_plant(wanted, load_plant("paper", seed), rig)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("name", ["coulomb_joint1", "latency_joint2", "missed_counts", "encoder_eccentricity_joint2"])
+def test_one_effect_opens_a_gap_of_its_level(paper, name, level):
+    plant = drawn(Wanted("single", level, (name,)), 4, paper)
+    lower, upper = LEVELS[level]
+    assert list(plant.effects) == [name]
+    assert 0.95 * lower < plant_gap(plant, paper) < 1.05 * upper
+
+
+def test_without_effects_there_is_no_gap(paper):
+    assert plant_gap(drawn(Wanted("clean"), 1, paper), paper) < 0.01
+
+
+@pytest.mark.slow
+def test_the_smaller_of_two_effects_is_a_fifth_as_visible(paper):
+    plant = drawn(Wanted("pair"), 6, paper)
+    large, small = (
+        plant_gap(plant.model_copy(update={"effects": {name: values}}), paper) for name, values in plant.effects.items()
+    )
+    assert small / large == pytest.approx(0.2, rel=0.1)
+    assert small > 1.9
+
+
+@pytest.mark.slow
+def test_three_effects_are_none_of_them_the_same(paper):
+    names = list(drawn(Wanted("triple"), 2, paper).effects)
+    assert len(names) == 3
+    assert not any(alike(one, other) for one in names for other in names if one != other)
+
+
+def test_what_a_swing_cannot_show_is_never_drawn():
+    assert "rotor_inertia_joint1" not in visible_effects()
+    assert len(visible_effects()) >= len(EFFECTS) - 1
+
+
+def test_the_seed_alone_decides(paper):
+    one, same, other = (drawn(Wanted("single"), seed, paper) for seed in (11, 11, 12))
+    assert one == same
+    assert one.parameters != other.parameters
+
+
+def test_a_drawn_plant_can_be_built_and_read_back(paper):
+    plant = drawn(Wanted("form", effects=("power_drag_outer",)), 3, paper)
+    assert type(plant).model_validate_json(plant.model_dump_json()) == plant
+
+
+def test_foreign_effects_are_drawn_from_the_half_asked_for(paper):
+    for text, held_back in (("outside:clear:held_back", True), ("outside:clear:tuning", False)):
+        (name,) = drawn(parse_wanted(text), 8, paper).foreign
+        assert FOREIGN[name].held_back == held_back
+
+
+def test_both_lists_of_foreign_effects_have_eight_and_are_halved():
+    for names in (FORMS, OUTSIDE):
+        held = sum(FOREIGN[name].held_back for name in names)
+        assert len(names) >= 8
+        assert 2 * held == len(names)
+    assert all(member in EFFECTS for name in FORMS for member in FOREIGN[name].family)
+
+
+@pytest.mark.parametrize("text", ["two", "single:big", "single:clear:gremlins"])
+def test_what_cannot_be_drawn_is_said(text):
+    with pytest.raises(ConfigError, match="draw"):
+        parse_wanted(text)
+
+
+def test_dirty_encoders_have_at_least_one_fault():
+    clean = Encoders(noise_counts=(0.5, 0.5, 0.5))
+    drawn = [dirty(generator(seed, Stream.DRAW)) for seed in range(40)]
+    assert clean not in drawn
+    assert {e.step_counts for e in drawn} == {1, 4}
+    assert all(0.01 <= e.missing_share <= 0.02 for e in drawn if e.missing_share)
+
+
+def test_the_seal_fixes_the_truth(paper):
+    plant = plant_of(drawn(Wanted("single"), 5, paper), paper)
+    told = opened(plant)
+    text = told["salt"] + json.dumps(told["truth"], sort_keys=True, separators=(",", ":"))
+    assert hashlib.sha256(text.encode()).hexdigest() == told["seal"] == seal(plant)
+    other = plant_of(plant.config.model_copy(update={"effects": {"base_tilt": {"tilt_rad": 0.001}}}), paper)
+    assert seal(other) != seal(plant)
+
+
+def test_the_child_seals_and_opens_the_same_plant(paper):
+    def child(flag: str):
+        words = [sys.executable, "-m", "sim_device", "--draw-effects", "single:clear", "--seed", "9", flag]
+        return json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+
+    told = child("--reveal")
+    assert child("--seal") == {"seal": told["seal"]}
+    assert told["truth"]["effects"] == drawn(Wanted("single"), 9, paper).effects
+
+
+def encoders(paper, **changes):
+    plant = load_plant("paper", 3)
+    update = {"encoders": plant.encoders.model_copy(update=changes)}
+    return record(plant.model_copy(update=update), paper, duration=2.0)[1]
+
+
+def test_coarse_counters_move_by_their_step(paper):
+    run = encoders(paper, noise_counts=0.0, step_counts=4)
+    assert run.counts is not None
+    assert (run.counts % 4 == 0).all()
+    assert np.diff(np.unique(run.counts[:, 1])).min() == 4
+
+
+def test_missing_samples_are_absent_and_the_others_stay_as_they_were(paper):
+    whole, holed = encoders(paper), encoders(paper, missing_share=0.02)
+    lost = len(whole.t) - len(holed.t)
+    assert 20 < lost < 60
+    assert holed.lost["tick_gap"] == lost
+    assert np.array_equal(whole.counts[np.isin(whole.t, holed.t)], holed.counts)
+
+
+def test_repeated_samples_say_what_the_one_before_said(paper):
+    whole, doubled = encoders(paper).swing, encoders(paper, repeated_share=0.01).swing
+    changed = np.flatnonzero((whole.counts != doubled.counts).any(axis=1))
+    assert 8 < len(changed) < 40
+    assert np.array_equal(doubled.counts[changed], whole.counts[changed - 1])
+
+
+def test_jitter_reads_the_swing_a_little_earlier_or_later(paper):
+    still, shaken = (encoders(paper, noise_counts=0.0, jitter_ms=ms).swing for ms in (0.0, 0.2))
+    speed = np.gradient(still.theta[:, 1], still.t)
+    fast = np.abs(speed) > 3.0
+    shift = (shaken.theta - still.theta)[fast, 1] / speed[fast]
+    assert np.std(shift) == pytest.approx(2e-4, rel=0.1)
+    assert abs(np.mean(shift)) < 3e-5
