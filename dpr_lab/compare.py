@@ -5,10 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.base import BASE
+from dpr_lab.dynamics.known import known_of
+from dpr_lab.dynamics.readings import PAD, pieces
+from dpr_lab.effects import effect_vector
 from dpr_lab.estimation.evidence import conditions, gather
 from dpr_lab.estimation.growth import free_run
-from dpr_lab.estimation.least_squares import fit_segments
+from dpr_lab.estimation.least_squares import SegmentFit, fit_segments
 from dpr_lab.estimation.segments import cut
+from dpr_lab.estimation.tracking import Simulated, track
 from dpr_lab.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -68,10 +73,12 @@ def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
     evidence = gather(run, rig)
     known = conditions([evidence], rig)
     unknowns = model.unknowns[: known.unknowns]
-    fit = fit_segments(unknowns, cut(0, evidence.run, evidence.states, SEGMENT_S), known, hold=True)
+    fit = fit_segments(unknowns, cut(0, evidence.run, evidence.states, SEGMENT_S), known, held=range(len(unknowns)))
     t, measured = evidence.run.t, evidence.run.theta[:, 1:]
     freely, horizon = free_run(fit, 0, t, known)
     tracked = np.concatenate(fit.predicted)
+    if model.effects:
+        tracked, freely = _with_effects(evidence.run, rig, model, fit)
     predictable = t <= horizon
     return Comparison(
         run=run.name,
@@ -87,6 +94,21 @@ def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
         segment_rms_rad=_rms(measured - tracked),
         free_run_rms_rad=_rms((measured - freely)[predictable]),
     )
+
+
+def _with_effects(run: Run, rig: Rig, model: Model, fit: SegmentFit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n, 2) segment by segment, and (n, 2) as one free run: what the encoders read under the model's effects, rad."""
+    base = np.array([model.base[name].value for name in BASE])
+    corrected = Simulated(base, effect_vector(model.effects), known_of(rig))
+    to_joint = np.array([[1.0, 0.0], [-corrected.known.relative2, 1.0]])
+    starts = np.array([segment.start for segment in fit.segments])
+    starts[:, :2] -= PAD * starts[:, 2:]  # a segment with effects starts a moment before its first sample
+    cut_alike = pieces([segment.t for segment in fit.segments], [0] * len(starts), [run.added_mass])
+    measured = np.concatenate([segment.theta for segment in fit.segments]) @ to_joint.T
+    starts, tracked = track(corrected, cut_alike, measured, starts)
+    freely = corrected.angles(pieces([run.t], [0], [run.added_mass]), starts[:1])
+    to_rods = np.linalg.inv(to_joint).T
+    return tracked @ to_rods, freely @ to_rods
 
 
 def _rms(error: NDArray[np.float64]) -> NDArray[np.float64]:

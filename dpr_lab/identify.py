@@ -13,10 +13,21 @@ from dpr_lab.errors import ConfigError, IdentificationError, RunError
 from dpr_lab.estimation.anchors import anchor
 from dpr_lab.estimation.evidence import Evidence, conditions, gather
 from dpr_lab.estimation.growth import free_run, grow
-from dpr_lab.estimation.least_squares import UNKNOWNS, SegmentFit, fit_segments
+from dpr_lab.estimation.least_squares import UNKNOWNS, Conditions, SegmentFit, fit_segments
+from dpr_lab.estimation.profile import profile90
 from dpr_lab.estimation.segments import cut
 from dpr_lab.identifiability import identifiability, summary
-from dpr_lab.model import Covariance, Estimate, Fit, Identifiable, Model, RigFacts, RunUsed, SearchRecord
+from dpr_lab.model import (
+    Covariance,
+    Estimate,
+    Fit,
+    Identifiable,
+    Model,
+    ParameterValue,
+    RigFacts,
+    RunUsed,
+    SearchRecord,
+)
 from dpr_lab.objectives import OBJECTIVES
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
@@ -39,6 +50,7 @@ def identify(
     search: str = "iga",
     settings: SearchSettings | None = None,
     seed: int = 0,
+    profile: bool = False,
     on_generation: Callable[[Generation, int], None] | None = None,
 ) -> Model:
     """Identify the kinetic parameters of a rig from free swings.
@@ -53,6 +65,7 @@ def identify(
         search: a name of `ALGORITHMS`
         settings: of the search; the objective's own by default
         seed: of everything random; same seed, same answer, whatever the number of threads
+        profile: also find each ratio's interval by profile likelihood; takes some seconds
         on_generation: called with each generation and the number of generations to come at most
 
     Raises:
@@ -88,7 +101,7 @@ def identify(
             for name in ("evaluations", "best_cost", "best_fitness", "population_fitness")
         },
     )
-    return _model(polish(history[-1].best, evidence, rig), evidence, rig, found)
+    return _model(polish(history[-1].best, evidence, rig), evidence, rig, found, profile)
 
 
 def polish(Z: NDArray[np.float64], evidence: Sequence[Evidence], rig: Rig) -> SegmentFit:
@@ -121,7 +134,7 @@ def _choose(table: Mapping[str, Entry], name: str, kind: str) -> Entry:
     return table[name]
 
 
-def _model(fit: SegmentFit, evidence: Sequence[Evidence], rig: Rig, found: SearchRecord) -> Model:
+def _model(fit: SegmentFit, evidence: Sequence[Evidence], rig: Rig, found: SearchRecord, profile: bool) -> Model:
     residuals = [s.theta - p for s, p in zip(fit.segments, fit.predicted, strict=True)]
     noise = np.sqrt(np.mean([np.diag(item.noise.covariance) for item in evidence], axis=0))
     rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
@@ -130,7 +143,12 @@ def _model(fit: SegmentFit, evidence: Sequence[Evidence], rig: Rig, found: Searc
     return Model(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.rig.L1, g=rig.rig.g),
         ratios={
-            name: Estimate(value=float(fit.ratios[i]), std=float(std[i]), interval90=fit.interval90(i))
+            name: Estimate(
+                value=float(fit.ratios[i]),
+                std=float(std[i]),
+                interval90=fit.interval90(i),
+                profile90=_profile(fit, i, conditions(evidence, rig)) if profile else None,
+            )
             for i, name in enumerate(RATIOS)
         },
         covariance=Covariance(order=list(UNKNOWNS[: len(fit.unknowns)]), matrix=fit.covariance.tolist()),
@@ -148,10 +166,15 @@ def _model(fit: SegmentFit, evidence: Sequence[Evidence], rig: Rig, found: Searc
         ),
         search=found,
         runs=[_used(i, evidence, fit, rig) for i in range(len(evidence))],
-        warnings=_warnings(fit),
+        warnings=_warnings(fit) + _beyond_bounds(parameters, rig),
         failures=_failures(fit),
         version=__version__,
     )
+
+
+def _profile(fit: SegmentFit, index: int, known: Conditions) -> tuple[float | None, float | None]:
+    low, high = profile90(fit, index, known)
+    return low if np.isfinite(low) else None, high if np.isfinite(high) else None
 
 
 def _identifiable(fit: SegmentFit, rig: Rig, Z: NDArray[np.float64]) -> Identifiable:
@@ -183,7 +206,22 @@ def _warnings(fit: SegmentFit) -> list[str]:
             f" {max(s.duration for s in fit.segments):.2g} s: the model misses something of this rig"
         )
     said += [f"{name} is held at zero: the data ask for less friction than none" for name in fit.at_zero]
+    said += [
+        f"{RATIOS[i]} is hardly seen in these runs: its standard deviation exceeds half its value"
+        for i in (3, 4)
+        if fit.ratios[i] > 0 and fit.covariance[i, i] ** 0.5 > fit.ratios[i] / 2
+    ]
     return said
+
+
+def _beyond_bounds(parameters: Mapping[str, ParameterValue], rig: Rig) -> list[str]:
+    lower, upper = rig.bounds
+    return [
+        f"{name} = {value.value:.4g} lies outside its bounds {lower[i]:.4g} .. {upper[i]:.4g}: the data and the"
+        " measured values ask for it, so check the bounds, the measured values, L1 and g"
+        for i, (name, value) in enumerate(parameters.items())
+        if rig.searched[i] and not 0.999 * lower[i] <= value.value <= 1.001 * upper[i]
+    ]
 
 
 def _failures(fit: SegmentFit) -> list[str]:

@@ -23,6 +23,8 @@ class Estimate(_Record):
     value: Number
     std: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     interval90: tuple[Number, Number]
+    profile90: tuple[Number | None, Number | None] | None = None
+    """90 % interval by profile likelihood, where it was asked for; None for an end without a bound."""
 
 
 class ParameterValue(_Record):
@@ -123,6 +125,8 @@ class Model(_Record):
     fit: Fit
     search: SearchRecord
     runs: list[RunUsed]
+    effects: dict[str, dict[str, Number]] = {}
+    """Effects beyond the base model that a diagnosis named: effect -> parameter -> value, SI."""
     warnings: list[str] = []
     """What the reader of the numbers should know."""
     failures: list[str] = []

@@ -28,6 +28,7 @@ def identify(
         str | None, typer.Option(help="Search settings: a TOML file, or the name of a built-in one.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Same seed, same answer.")] = 0,
+    profile: Annotated[bool, typer.Option("--profile", help="Add profile likelihood intervals of the ratios.")] = False,
     out: Annotated[Path, typer.Option(help="Where the model is written.")] = Path("model.json"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -53,6 +54,7 @@ def identify(
         search=chosen.algorithm if chosen else search,
         settings=chosen,
         seed=seed,
+        profile=profile,
     )
     model.save(out)
     if as_json:
@@ -82,6 +84,10 @@ def show(model: "Model") -> None:
 
     print(summary(model))
     table("Five ratios: all that a free swing fixes", RATIO_COLUMNS, ratio_rows(model))
+    profiled = [(name, e.profile90) for name, e in model.ratios.items() if e.profile90 is not None]
+    if profiled:
+        rows = [(name, *("none" if end is None else f"{end:.7g}" for end in ends)) for name, ends in profiled]
+        table("90 % intervals by profile likelihood", ("ratio", "from", "to"), rows)
     table("Nine parameters, and what fixed each", PARAMETER_COLUMNS, parameter_rows(model))
     for warning in model.warnings:
         say(f"warning: {warning}")

@@ -14,7 +14,7 @@ Source: multiple shooting, H. G. Bock (1983); variable projection, Golub & Perey
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -133,7 +133,7 @@ def fit_segments(
     segments: Sequence[Segment],
     known: Conditions,
     *,
-    hold: bool = False,
+    held: Sequence[int] = (),
     max_iterations: int = 40,
 ) -> SegmentFit:
     """Fit the unknowns and the start states to segments of fixed length.
@@ -142,7 +142,7 @@ def fit_segments(
         start: (5 or 6,) unknowns to start from
         segments: what to fit; their `run` indexes what is known of each run
         known: lengths, noise, added masses
-        hold: fit the start states only, as for a run that is held out
+        held: places of unknowns that stay as they are: all of them for a run that is held out, one for its profile
         max_iterations: give up (`converged` false) after as many
     """
     q, current = start, list(segments)
@@ -150,7 +150,7 @@ def fit_segments(
     cost, converged, iteration = _cost(linear), False, 0
     while iteration < max_iterations and not converged:
         iteration += 1
-        step = np.zeros(len(q)) if hold else _step(q, linear)
+        step = _step(q, linear, held)
         starts = np.array([segment.start for segment in current])
         start_steps = _start_steps(linear, step)
         converged = True
@@ -163,6 +163,13 @@ def fit_segments(
                 q, current, linear, cost = q + fraction * step, trial, trial_linear, trial_cost
                 break
     return _result(q, current, linear, iteration, converged)
+
+
+def carried(fit: SegmentFit, step: NDArray[np.float64], known: Conditions) -> list[Segment]:
+    """The segments with start states that follow a step of the unknowns, to first order."""
+    linear = _linearise(fit.unknowns, fit.segments, known)
+    moves = [np.linalg.solve(part.R, -part.Q.T @ (part.slopes @ step)) for part in linear]
+    return [replace(s, start=s.start + move) for s, move in zip(fit.segments, moves, strict=True)]
 
 
 def information(q: NDArray[np.float64], segments: Sequence[Segment], known: Conditions) -> NDArray[np.float64]:
@@ -223,19 +230,22 @@ def _cost(linear: Sequence[_Linear]) -> float:
     return float(sum(np.sum(part.residual**2) for part in linear))
 
 
-def _step(q: NDArray[np.float64], linear: Sequence[_Linear]) -> NDArray[np.float64]:
+def _step(q: NDArray[np.float64], linear: Sequence[_Linear], held: Sequence[int]) -> NDArray[np.float64]:
     """The Gauss-Newton step; friction that would turn negative stops at zero and the others are solved again."""
     H = np.sum([part.A.T @ part.A for part in linear], axis=0)
     gradient = np.sum([part.A.T @ part.e for part in linear], axis=0)
     free, step = np.ones(len(q), dtype=bool), np.zeros(len(q))
-    for _ in range(3):
+    free[list(held)] = False
+    at_zero = np.zeros(len(q), dtype=bool)
+    while free.any():
         inner = H[np.ix_(free, free)]
-        step[:] = -q * ~free
+        step[:] = -q * at_zero
         step[free] = np.linalg.solve(inner + RIDGE * np.diag(np.diag(inner)), (gradient - H @ step)[free])
         below = np.zeros(len(q), dtype=bool)
         below[FRICTION] = (q + step)[FRICTION] < 0
         if not (below & free).any():
             break
+        at_zero |= below & free
         free &= ~below
     return step
 

@@ -42,7 +42,9 @@ class Recording:
 
 
 MENU = (
-    Recording("a release of 5 degrees from hanging, recorded for 30 s until it rests", (np.pi - 0.09, np.pi - 0.09), 30.0),
+    Recording(
+        "a release of 5 degrees from hanging, recorded for 30 s until it rests", (np.pi - 0.09, np.pi - 0.09), 30.0
+    ),
     Recording("a release with both rods horizontal", (np.pi / 2, np.pi / 2), 10.0),
     Recording("its mirror image, both rods horizontal on the other side", (1.5 * np.pi, 1.5 * np.pi), 10.0),
     Recording("a release from near upright", (0.1, 0.1), 10.0),
@@ -60,7 +62,7 @@ def advise(made: Problem, chosen: Hypothesis, standings: Sequence[Standing], rig
     said: list[str] = []
     for item in standings:
         if len(item.members) > 1:
-            checks = dict.fromkeys(EFFECTS[name].bench_check for name in item.members)
+            checks = dict.fromkeys(EFFECTS[name].bench_check for name in item.members[:2])
             said.append(f"Only the bench tells {' from '.join(item.members)}: {' '.join(checks)}")
         for rival, probability in zip(item.rivals, item.rival_probabilities, strict=True):
             if probability >= OPEN:
@@ -76,9 +78,7 @@ def _recording(made: Problem, chosen: Hypothesis, name: str, rival: str, rig: Ri
     return f"To tell {name} from {rival}, record {best.text}: they differ by {strength:.0f} standard deviations there."
 
 
-def _discrimination(
-    made: Problem, chosen: Hypothesis, name: str, rival: str, rig: Rig, choice: Recording
-) -> float:
+def _discrimination(made: Problem, chosen: Hypothesis, name: str, rival: str, rig: Rig, choice: Recording) -> float:
     """Standard deviations by which the readings differ from the nearest that the rival can do."""
     trial = _simulated(made, chosen, rig, choice)
     slots = [*rod_slots(chosen.fit.point), *effect_slots(EFFECTS[rival]), *effect_slots(EFFECTS[name])]

@@ -1,7 +1,7 @@
 """What cannot be told apart on these recordings, what else it could be, and how probable each is.
 
 Two effects whose signatures (what they do to the readings, ratios and start states projected out) agree to 0.999 in
-cosine are one class: no algorithm can split them on this record. The probability of a class is the softmax of the
+cosine, and that predict the recordings equally well, are one class: no algorithm can split them on this record. The probability of a class is the softmax of the
 predictive scores of the sets in which it takes the place of the named effect, times the probability that the cause is
 in the library at all, which falls with the share of the gap that stays unexplained.
 """
@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from dpr_lab.gap.hypothesis import PRICE, Hypothesis
 from dpr_lab.gap.score import Score, Scores
-from dpr_lab.gap.select import Selection, closed
+from dpr_lab.gap.select import GAIN, Selection, closed
 
 Array = NDArray[np.float64]
 
 TWIN_COSINE = 0.999
-SUPERSET_COSINE = 0.9999
 RIVALS = 5
+LINEAR = 1e-3  # relative difference that linear scores of the same thing may have
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +86,7 @@ def _projected(H: Array, active: Sequence[int], chosen: Sequence[int]) -> Array:
     return H[np.ix_(chosen, chosen)] - across.T @ np.linalg.solve(inner, across)
 
 
-def standing(
-    selection: Selection, name: str, scores: Scores, calibration: Calibration = CALIBRATION
-) -> Standing:
+def standing(selection: Selection, name: str, scores: Scores, calibration: Calibration = CALIBRATION) -> Standing:
     """Twins, rivals and probability of one named effect.
 
     Args:
@@ -99,17 +97,21 @@ def standing(
     """
     without, chosen = selection.without[name], selection.chosen
     own = next(item for item in scores.ranking if item.effect.name == name)
+    simpler = {other.effect.name for other in scores.ranking if name in other.effect.nested} | set(own.effect.nested)
     near = {item.effect.name: imitation(scores, own, item) for item in scores.ranking if item is not own}
     back = {item.effect.name: imitation(scores, item, own) for item in scores.ranking if item is not own}
-    twins = tuple(k for k in near if near[k] > TWIN_COSINE and back[k] > TWIN_COSINE)
-    rivals = [
-        Rival(item.effect.name, (item.effect.name,), near[item.effect.name], cost, fitted)
-        for item in scores.ranking
-        if item is not own and item.effect.name not in twins
-        for cost, fitted in [_cost(selection, without, item)]
-    ]
+    costs = {item.effect.name: _cost(selection, without, item) for item in scores.ranking}
+    gains = {item.effect.name: item.gain for item in scores.ranking}
+    twins = tuple(
+        k
+        for k in near
+        if k not in simpler and min(near[k], back[k]) > TWIN_COSINE and _as_good(k, name, costs, gains, chosen)
+    )
+    rivals = [Rival(k, (k,), near[k], *costs[k]) for k in near if k not in twins]
     rivals = sorted(rivals, key=lambda rival: rival.cost)[:RIVALS]
-    odds = [-(rival.cost - chosen.cost) / (2 * chosen.remainder.inflation * calibration.temperature) for rival in rivals]
+    odds = [
+        -(rival.cost - chosen.cost) / (2 * chosen.remainder.inflation * calibration.temperature) for rival in rivals
+    ]
     odds.append(-(without.cost - chosen.cost) / (2 * chosen.remainder.inflation * calibration.temperature))
     weights = np.exp(np.clip([0.0, *odds], -50.0, 50.0))
     weights *= (1 - outside(selection, calibration)) / weights.sum()
@@ -121,6 +123,17 @@ def standing(
         probability=float(weights[0]),
         rival_probabilities=tuple(weights[1:-1].tolist()),
     )
+
+
+def _as_good(
+    one: str, other: str, costs: Mapping[str, tuple[float, bool]], gains: Mapping[str, float], chosen: Hypothesis
+) -> bool:
+    """Whether the recordings do not prefer either: by their fits where there are both, else by their linear scores."""
+    worth = GAIN * chosen.remainder.inflation
+    (first, fitted), (second, too) = costs[one], costs[other]
+    if fitted and too:
+        return first - second < worth
+    return gains[other] - gains[one] < max(worth, LINEAR * gains[other])
 
 
 def _cost(selection: Selection, without: Hypothesis, item: Score) -> tuple[float, bool]:

@@ -36,7 +36,12 @@ def closed_left_out(made: Problem, base: Hypothesis, chosen: Hypothesis, rng: np
 
 
 def closed_held_out(
-    records: Sequence[Record], rig: Rig, working: Problem, base: Hypothesis, chosen: Hypothesis, rng: np.random.Generator
+    records: Sequence[Record],
+    rig: Rig,
+    working: Problem,
+    base: Hypothesis,
+    chosen: Hypothesis,
+    rng: np.random.Generator,
 ) -> Closed:
     """Whole recordings that the diagnosis never saw; only their start states are fitted."""
     made, starts = problem(records, rig, working.length)
@@ -50,9 +55,7 @@ def _closed(
 ) -> Closed:
     noise = chosen.remainder.level * (2 * np.diff(made.offsets) - 4)
     above = np.stack([before - noise, after - noise])
-    per_run = {
-        made.records[r].run.name: _share(above[:, made.run == r]) for r in np.unique(made.run)
-    }
+    per_run = {made.records[r].run.name: _share(above[:, made.run == r]) for r in np.unique(made.run)}
     blocks = [slice(i, i + BLOCK) for i in range(0, len(made.run), BLOCK)]
     sums = np.stack([above[:, block].sum(axis=1) for block in blocks], axis=1)
     drawn = [_share(sums[:, rng.integers(0, len(blocks), len(blocks))]) for _ in range(DRAWS)]
@@ -63,17 +66,6 @@ def _closed(
 def _share(above: Array) -> float:
     before, after = np.maximum(above.sum(axis=1), 0.0)
     return float(1 - np.sqrt(after / before)) if before > 0 else 0.0
-
-
-def worse_runs(made: Problem, less: Hypothesis, more: Hypothesis, tolerance: float) -> list[str]:
-    """Runs that the larger set predicts worse from the others than the smaller one, by more than `tolerance` in chi2."""
-    fold = folds(made)
-    before, after = left_out(less.fit, fold), left_out(more.fit, fold)
-    return [
-        made.records[r].run.name
-        for r in np.unique(made.run)
-        if (after - before)[made.run == r].sum() > tolerance
-    ]
 
 
 def free_run_errors(
@@ -96,8 +88,8 @@ def free_run_errors(
         begun = fit(made, replace(point, starts=starts), (), iterations=30).point
         unseen = (item.t >= item.t[0] + settle_s) & (item.t <= item.t[0] + length_s)
         t = np.concatenate([item.t[:1], item.t[unseen]])
-        angles = readings(begun.base, begun.vector, made.known, pieces([t], [0], [item.run.added_mass]), begun.starts[:1])
+        angles = readings(
+            begun.base, begun.vector, made.known, pieces([t], [0], [item.run.added_mass]), begun.starts[:1]
+        )
         errors.append(float(np.sqrt(np.mean((item.joints[unseen] - angles[1:]) ** 2))))
     return np.array(errors)
-
-

@@ -105,6 +105,11 @@ class Diagnosis(_Record):
     sensor_findings: list[SensorFinding]
     advice: list[str]
     ratios: dict[str, Interval]
+    ratio_covariance: list[list[Number]]
+    """(5, 5) of the ratios, in their order."""
+    chi2_per_dof: Number
+    """Of the corrected model, over segments of 0.5 s."""
+    segments: int
     scale_b: Number
     """kg m^2: a free swing does not fix the common scale of torques; all are relative to this b of the rig file."""
     model_effects: dict[str, dict[str, Number]]

@@ -28,13 +28,14 @@ def stride_ratio(values: NDArray[np.float64]) -> float:
 
 
 def noise_by_speed(
-    t: NDArray[np.float64], joints: NDArray[np.float64], period: float
+    t: NDArray[np.float64], joints: NDArray[np.float64], floor: NDArray[np.float64], period: float
 ) -> tuple[float, float]:
     """Timing error s of sigma^2 = sigma_0^2 + (s omega)^2, and how many standard errors s^2 is from zero.
 
     Args:
         t: (n,) instants, s
         joints: (n, 2) angles, rad
+        floor: (2,) standard deviation at rest, below which slow stretches of a coarse encoder only seem to be, rad
         period: nominal time between samples, s; neighbourhoods with a gap are left out
 
     Returns:
@@ -46,23 +47,27 @@ def noise_by_speed(
     speed = (joints[ORDER:] - joints[:-ORDER]) / (ORDER * period)
     found, weights = [], []
     for axis in range(joints.shape[1]):
-        slope, error = _growth(speed[whole, axis] ** 2, sixth(joints[:, axis])[whole])
+        slope, error = _growth(speed[whole, axis] ** 2, sixth(joints[:, axis])[whole], floor[axis])
         found.append(slope)
-        weights.append(1 / max(error, 1e-300) ** 2)
+        weights.append(1 / error**2)
+    if not any(weights):
+        return 0.0, 0.0
     slope, error = np.average(found, weights=weights), 1 / math.sqrt(sum(weights))
     return math.sqrt(max(slope, 0.0)), float(slope / error)
 
 
-def _growth(speed2: NDArray[np.float64], residual: NDArray[np.float64]) -> tuple[float, float]:
+def _growth(speed2: NDArray[np.float64], residual: NDArray[np.float64], floor: float) -> tuple[float, float]:
     """Slope of the variance of `residual` over `speed2`, and its standard error, from medians in bins of speed."""
     if len(residual) < 40 * BINS:
         return 0.0, math.inf
     groups = np.array_split(np.argsort(speed2), BINS)
     x = np.array([speed2[group].mean() for group in groups])
-    y = np.array([spread(residual[group]) ** 2 for group in groups])
+    y = np.array([max(spread(residual[group]), floor) ** 2 for group in groups])
     # Overlapping differences of a bin count for about a quarter as many independent ones, each of relative variance 2.7.
-    error = y * np.sqrt(2.7 * 4 / (len(residual) / BINS))
-    weights = 1 / np.maximum(error, 1e-300)
+    if y.max() == 0.0:
+        return 0.0, math.inf
+    error = np.maximum(y, 0.1 * y.max()) * np.sqrt(2.7 * 4 / (len(residual) / BINS))
+    weights = 1 / error
     A = np.stack([np.ones(BINS), x], axis=1) * weights[:, None]
     covariance = np.linalg.pinv(A.T @ A)
     slope = (covariance @ A.T @ (y * weights))[1]

@@ -66,7 +66,9 @@ def where_sentence(places: tuple[Place, ...]) -> str:
         return "There is no gap to locate."
     best = places[0]
     if best.share < CONVINCING:
-        return f"No single place explains the gap: the best, {best.site} by {best.coordinate}, explains {best.share:.0%}."
+        return (
+            f"No single place explains the gap: the best, {best.site} by {best.coordinate}, explains {best.share:.0%}."
+        )
     return best.sentence
 
 
@@ -122,7 +124,9 @@ def _torque_by_speed(problem: Problem, along: Course, joint: int) -> _Columns:
 
 def _friction_by_time(problem: Problem, along: Course, joint: int) -> _Columns:
     knots = np.linspace(0, float(along.t.max()), BINS)
-    return _Columns(_torque(along, joint, -_hats(along.t, knots) * along.joint_speed[:, joint, None]), knots, "N m s/rad")
+    return _Columns(
+        _torque(along, joint, -_hats(along.t, knots) * along.joint_speed[:, joint, None]), knots, "N m s/rad"
+    )
 
 
 def _friction_by_load(problem: Problem, along: Course, joint: int) -> _Columns:
@@ -219,15 +223,15 @@ def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array,
 
 
 def _speed_shape(knots: Array, values: Array, std: Array) -> str:
+    # Viscous friction is projected out, so only what departs from a straight line is seen.
     odd, even = 0.5 * (values - values[::-1]), 0.5 * (values + values[::-1])
     weight = 1 / np.maximum(std, 1e-300) ** 2
     if np.sum(weight * even**2) > np.sum(weight * odd**2):
         return "alike in both directions"
-    fast = np.abs(knots) > 0.5 * np.abs(knots).max()
-    slow = np.abs(odd[~fast]).max() if (~fast).any() else 0.0
-    braking = float(np.sum(odd * knots)) < 0
-    kind = "at low speed already" if slow > 0.5 * np.abs(odd).max() else "at high speed"
-    return f"opposite in both directions, {kind}, {'braking' if braking else 'driving'}"
+    slowest = int(np.argmin(np.where(knots > 0, knots, np.inf)))
+    if odd[slowest] < 0:
+        return "opposite in both directions, braking most at low speed"
+    return "opposite in both directions, braking more than viscous friction at high speed"
 
 
 def _smooth(values: Array) -> bool:

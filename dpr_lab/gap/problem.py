@@ -40,7 +40,6 @@ class Point:
     starts: Array
     """(segments, 4) states at the start of each segment."""
 
-
     @property
     def base(self) -> Array:
         """(6,) base parameters, SI."""
@@ -216,7 +215,9 @@ def problem(records: Sequence[Record], rig: Rig, length: float) -> tuple[Problem
         known=known_of(rig),
         records=tuple(records),
         pieces=pieces(
-            [records[i].t[s] for i, s in stretches], [i for i, _ in stretches], [item.run.added_mass for item in records]
+            [records[i].t[s] for i, s in stretches],
+            [i for i, _ in stretches],
+            [item.run.added_mass for item in records],
         ),
         measured=np.concatenate([records[i].joints[s] for i, s in stretches]),
         weight=np.concatenate([1 / records[i].sigma[s] for i, s in stretches]),

@@ -132,9 +132,7 @@ def _accelerations(base: Array, L1: float, g: float, states: Array) -> tuple[Arr
 
 
 @njit(parallel=True)
-def _answer(
-    into: Array, out: Array, at: Array, edges: NDArray[np.int64], steps: Array, torque: Array
-) -> Array:
+def _answer(into: Array, out: Array, at: Array, edges: NDArray[np.int64], steps: Array, torque: Array) -> Array:
     """The integral by trapezoids from each segment's start, read at the samples."""
     answer = np.empty((len(at), 2, torque.shape[2]))
     for k in numba.prange(torque.shape[2]):

@@ -89,7 +89,12 @@ def _torques(
 ) -> Array:
     found = np.empty((len(t), 2, len(vectors)))
     for i in numba.prange(len(t)):
-        sin1, cos1, sin2, cos2 = math.sin(theta[i, 0]), math.cos(theta[i, 0]), math.sin(theta[i, 1]), math.cos(theta[i, 1])
+        sin1, cos1, sin2, cos2 = (
+            math.sin(theta[i, 0]),
+            math.cos(theta[i, 0]),
+            math.sin(theta[i, 1]),
+            math.cos(theta[i, 1]),
+        )
         motion = Motion(
             t[i], 0.0, theta[i, 0], theta[i, 1], 0.0, omega[i, 0], omega[i, 1],
             sin1, cos1, sin2, cos2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
@@ -103,9 +108,7 @@ def _torques(
 
 def step_shapes(problem: Problem, fit: Fit) -> list[Shape]:
     """Joint, run and instant of the steps that the residual speaks for most, the screened ones first."""
-    screened = [
-        (axis, run, at) for run, item in enumerate(problem.records) for at, axis in item.screened.breaks
-    ]
+    screened = [(axis, run, at) for run, item in enumerate(problem.records) for at, axis in item.screened.breaks]
     found = screened or [(axis, run, at) for _, axis, run, at in _step_gains(problem, fit)[:STEPS_KEPT]]
     return [
         (

@@ -89,7 +89,7 @@ def screen(run: Run, rig: Rig) -> Screened:
     period = 1.0 / run.rate_hz
     findings = [*_gaps(run), *_levels(run, rig, std)]
     keep, breaks = np.ones(joints.shape, dtype=bool), []
-    jitter, jitter_findings = _jitter(run, t, joints, period)
+    jitter, jitter_findings = _jitter(run, t, joints, std, period)
     stale = _repeated(t, joints, std, jitter, period)
     for axis in range(2):
         repeated = np.flatnonzero(stale[:, axis])
@@ -101,7 +101,9 @@ def screen(run: Run, rig: Rig) -> Screened:
         findings += _events("outlier", run, axis, t[outliers], "one reading off the polynomial through its neighbours")
         count = abs(float(rig.radians_per_count[1 + axis]))
         findings += [
-            Finding("missed_counts", run.name, AXES[axis], float(t[i]), f"the reading steps by {size / count:+.1f} counts")
+            Finding(
+                "missed_counts", run.name, AXES[axis], float(t[i]), f"the reading steps by {size / count:+.1f} counts"
+            )
             for i, size in steps
         ]
     return Screened(
@@ -239,8 +241,10 @@ def _peaks(z: NDArray[np.float64], half: int) -> list[int]:
     return peaks
 
 
-def _jitter(run: Run, t: NDArray[np.float64], joints: NDArray[np.float64], period: float) -> tuple[float, list[Finding]]:
-    jitter, significance = noise_by_speed(t, joints, period)
+def _jitter(
+    run: Run, t: NDArray[np.float64], joints: NDArray[np.float64], std: NDArray[np.float64], period: float
+) -> tuple[float, list[Finding]]:
+    jitter, significance = noise_by_speed(t, joints, std, period)
     if significance < STANDS_OUT:
         return 0.0, []
     evidence = f"noise grows with speed as sampling instants off by {1e3 * jitter:.2g} ms rms would make it"
@@ -254,6 +258,8 @@ def _colour(run: Run, joints: NDArray[np.float64], keep: NDArray[np.bool_]) -> l
     for axis, name in enumerate(AXES):
         ratio = stride_ratio(joints[keep[:, axis], axis])
         if ratio > NOISE_RATIO:
-            evidence = f"the noise of every third sample is {ratio:.2g} times that of neighbours: filtered before recording"
+            evidence = (
+                f"the noise of every third sample is {ratio:.2g} times that of neighbours: filtered before recording"
+            )
             found.append(Finding("non_white_noise", run.name, name, None, evidence))
     return found

@@ -5,11 +5,12 @@ later one too, and what was found is pruned, swapped and simplified before it is
 
     grow      the score test names candidates, the best are fitted, the two best sets go on
     prune     an effect without which the remainder hardly grows is dropped
+    withdraw  an effect that makes one release harder to predict from the others is not named
     simplify  an effect gives way to a simpler one that it contains and that explains as much
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.hypothesis import Hypothesis, added, dropped
@@ -21,9 +22,13 @@ FITTED_WHEN_FAR = 6
 FAR = 20.0  # chi2 per degree of freedom above which the linear score is only a hint
 BEAM = 2
 BEAM_WORSE = 4.0  # a second set goes on only while its excess is within this factor of the best
-GAIN = 30.0  # fall of chi2, in units of independent evidence, below which an effect is chance: the best of some 600 shapes
+GAIN = (
+    30.0  # fall of chi2, in units of independent evidence, below which an effect is chance: the best of some 600 shapes
+)
 CLOSED = 4.0  # standard deviations of the remainder that count as noise
 KEEPS = 3.0  # factor by which the remainder must grow without an effect, for the effect to stay
+KEEPS_IF_LARGE = 1.3  # the same for an effect that explains at least `LARGE` of the whole gap
+LARGE = 0.05  # above what another form of an effect named already could make up for
 CONTAINED = 0.003  # share of the explained excess that a richer form of an effect must add
 TWIN_GAIN = 1e-3  # relative difference of gains within which twins are not fitted twice
 
@@ -36,12 +41,14 @@ class Selection:
     chosen: Hypothesis
     seen: Mapping[frozenset[str], Hypothesis]
     """Every set that was fitted."""
-    first: Scores
-    """The score test of the bare fit."""
     last: Scores
-    """The score test of the last set that was to be improved."""
-    without: Mapping[str, Hypothesis] = field(default_factory=dict)
+    """The score test beside the chosen set."""
+    without: Mapping[str, Hypothesis]
     """The chosen set without each of its effects."""
+    around: Mapping[str, Scores]
+    """The score test beside each of those."""
+    path: tuple[tuple[str, Hypothesis], ...]
+    """From the bare model to the chosen set, one effect at a time, the most telling first."""
 
 
 @dataclass(slots=True)
@@ -57,7 +64,9 @@ class _Search:
     def scores(self, at: Hypothesis) -> Scores:
         if at.key not in self.scored:
             self.on_step(f"score test beside {', '.join(at.effects) or 'the bare model'}")
-            self.scored[at.key] = score(self.problem, at.fit, [e for n, e in self.library.items() if n not in at.effects])
+            self.scored[at.key] = score(
+                self.problem, at.fit, [e for n, e in self.library.items() if n not in at.effects]
+            )
         return self.scored[at.key]
 
     def with_one(self, at: Hypothesis, scores: Scores, item: Score) -> Hypothesis:
@@ -95,10 +104,29 @@ def select(
     search = _Search(problem, library, {base.key: base}, {}, on_step)
     grown = _grow(search, base, max_effects)
     chosen = _simplify(search, base, _prune(search, base, grown))
-    chosen = _prune(search, base, chosen)
+    return _selection(search, base, _withdraw(search, _prune(search, base, chosen)))
+
+
+def _withdraw(search: _Search, chosen: Hypothesis) -> Hypothesis:
+    """Without effects that make a release harder to predict from the others than it was without them."""
+    tolerance = GAIN * chosen.remainder.inflation
+    for name in chosen.effects:
+        less = search.without(chosen, name)
+        if (chosen.surprise - less.surprise > tolerance).any():
+            return _withdraw(search, less)
+    return chosen
+
+
+def _selection(search: _Search, base: Hypothesis, chosen: Hypothesis) -> Selection:
     without = {name: search.without(chosen, name) for name in chosen.effects}
-    last = search.scored.get(chosen.key) or search.scores(chosen)
-    return Selection(base, chosen, search.seen, search.scored[base.key], last, without)
+    around = {name: search.scores(item) for name, item in without.items()}
+    path, at = [], chosen
+    while at.effects:
+        less = {name: search.without(at, name) for name in at.effects}
+        weakest = min(less, key=lambda name: less[name].cost)
+        path.append((weakest, at))
+        at = less[weakest]
+    return Selection(base, chosen, search.seen, search.scores(chosen), without, around, tuple(reversed(path)))
 
 
 def _grow(search: _Search, base: Hypothesis, max_effects: int) -> Hypothesis:
@@ -158,7 +186,7 @@ def _prune(search: _Search, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
     """Drop, one by one, effects that the remainder hardly misses; the first one stays for its share of the whole."""
     current = grown
     while len(current.effects) > 1:
-        losses = {name: _loss(search, current, name) for name in current.effects}
+        losses = {name: _loss(search, base, current, name) for name in current.effects}
         weakest = min(losses, key=lambda name: losses[name])
         if losses[weakest] >= KEEPS and _gain(search, current, weakest) > GAIN * current.remainder.inflation:
             break
@@ -166,12 +194,14 @@ def _prune(search: _Search, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
     return current
 
 
-def _loss(search: _Search, at: Hypothesis, effect: str) -> float:
-    """Factor by which the excess grows without an effect; for a closed gap against what noise alone may leave."""
+def _loss(search: _Search, base: Hypothesis, at: Hypothesis, effect: str) -> float:
+    """Factor by which the excess grows without an effect, `KEEPS` being enough; for a closed gap against chance."""
     less = search.without(at, effect)
     if closed(at):
         return KEEPS + _gain(search, at, effect) / (GAIN * at.remainder.inflation) - 1
-    return less.remainder.excess / excess(at)
+    factor = less.remainder.excess / excess(at)
+    large = less.remainder.excess - excess(at) > LARGE * excess(base)
+    return factor * KEEPS / KEEPS_IF_LARGE if large else factor
 
 
 def _gain(search: _Search, at: Hypothesis, effect: str) -> float:
@@ -197,8 +227,3 @@ def _simplify(search: _Search, base: Hypothesis, current: Hypothesis) -> Hypothe
             if other.cost - current.cost < worth:
                 return _simplify(search, base, other)
     return current
-
-
-def names(items: Sequence[Score]) -> list[str]:
-    """Names of scored effects."""
-    return [item.effect.name for item in items]

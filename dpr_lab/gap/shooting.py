@@ -24,7 +24,7 @@ from dpr_lab.gap.problem import Point, Problem, Slot
 
 Array = NDArray[np.float64]
 
-SETTLED = 1e-5  # relative change of the cost that ends the iteration
+SETTLED = 1e-4  # relative change of the cost that ends the iteration
 TRIES = 10  # shorter steps, before one counts as failed
 FREEDOM = 4.0  # of the Student-t loss of a robust fit
 

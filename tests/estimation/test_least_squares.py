@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 from dpr_lab.dynamics.base import added_base, base_parameters, loaded, ratios
 from dpr_lab.estimation.growth import grow
 from dpr_lab.estimation.least_squares import Conditions, fit_segments
+from dpr_lab.estimation.profile import profile90
 from dpr_lab.estimation.segments import MIN_SAMPLES, cut
 from dpr_lab.rig import AddedMass, Rig
 from dpr_lab.run import Run
@@ -135,7 +136,7 @@ def test_friction_is_never_negative_and_says_so(paper: Rig, rng: np.random.Gener
 def test_held_ratios_stay_and_start_states_move(paper: Rig, rng: np.random.Generator) -> None:
     true = ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g))
     runs, states = record(paper, rng, duration=1.0)
-    fit = fit_segments(true, segments_of(runs, states, 0.5), known(paper), hold=True)
+    fit = fit_segments(true, segments_of(runs, states, 0.5), known(paper), held=range(5))
     assert np.array_equal(fit.ratios, true)
     assert fit.chi2_per_dof == pytest.approx(1.0, abs=0.2)
 
@@ -157,3 +158,25 @@ def test_errors_over_their_standard_deviation_have_unit_variance(paper: Rig) -> 
         deviations.append((fit.ratios - true) / np.sqrt(np.diag(fit.covariance)))
     rms = np.sqrt(np.mean(np.square(deviations)))
     assert 0.8 < rms < 1.25
+
+
+def test_the_profile_likelihood_agrees_with_the_covariance_where_the_problem_is_nearly_linear(
+    paper: Rig, rng: np.random.Generator
+) -> None:
+    true = ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g))
+    runs, states = record(paper, rng, duration=2.0)
+    fit = fit_segments(true, segments_of(runs, states, 0.5), known(paper))
+    for index in (0, 4):
+        low, high = profile90(fit, index, known(paper))
+        reach = 1.645 * fit.cramer_rao_std[index]
+        assert fit.ratios[index] - low == pytest.approx(reach, rel=0.1)
+        assert high - fit.ratios[index] == pytest.approx(reach, rel=0.1)
+
+
+def test_the_profile_of_friction_ends_at_zero(paper: Rig, rng: np.random.Generator) -> None:
+    base = base_parameters(TRUE, paper.rig.L1, paper.rig.g)
+    base[4] *= 1e-3
+    runs, states = record(paper, rng, base=base, duration=1.0)
+    fit = fit_segments(ratios(base), segments_of(runs, states, 0.5), known(paper))
+    low, _ = profile90(fit, 3, known(paper))
+    assert low == 0.0
