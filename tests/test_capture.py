@@ -183,7 +183,7 @@ def test_rods_off_the_pose_are_never_released(paper: Rig, tmp_path: Path) -> Non
     assert NUMBERS[Release] not in spy.sent
     assert run_files(tmp_path) == []
     readings = [reading for reading in seen if isinstance(reading, PoseReading)]
-    assert len(readings) >= 3
+    assert readings
     assert not any(reading.ok for reading in readings)
     assert max(readings[-1].error) == pytest.approx(0.3, abs=0.06)
 

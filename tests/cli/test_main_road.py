@@ -45,7 +45,7 @@ def test_identify_finds_the_plant_within_its_own_uncertainty(model: Path) -> Non
     assert list(found["ratios"]) == list(RATIOS)
     for name, true in plant_ratios(3).items():
         ratio = found["ratios"][name]
-        assert set(ratio) == RATIO_KEYS
+        assert set(ratio) >= RATIO_KEYS
         assert abs(ratio["value"] - true) < 4 * ratio["std"]
         assert ratio["interval90"][0] < ratio["value"] < ratio["interval90"][1]
         assert ratio["std"] < 1e-3 * ratio["value"]
