@@ -14,7 +14,8 @@ class Bar:
 
     bar: str
     target: str
-    measured: float
+    measured: float | None
+    """None where a program that it needs is not there."""
     ok: bool | None
     """None where nothing was promised."""
 
@@ -39,8 +40,14 @@ def show(title: str, bars: list[Bar], as_json: bool, **more: object) -> None:
     print(f"\n{title} ({machine})\n{'bar':<{wide}}  {'target':>12}  {'measured':>12}  ok")
     for bar in bars:
         said = "-" if bar.ok is None else "yes" if bar.ok else "NO"
-        print(f"{bar.bar:<{wide}}  {bar.target:>12}  {bar.measured:>12.4g}  {said}")
+        measured = "not measured" if bar.measured is None else f"{bar.measured:.4g}"
+        print(f"{bar.bar:<{wide}}  {bar.target:>12}  {measured:>12}  {said}")
     sys.stdout.flush()
+
+
+def missing(name: str, target: str) -> Bar:
+    """A bar that nothing here can measure."""
+    return Bar(name, target, None, None)
 
 
 def at_most(name: str, measured: float, limit: float) -> Bar:

@@ -1,194 +1,195 @@
-"""Speed of the batch evaluator beside a scalar loop, a NumPy batch, more threads and, if given, a compiled C program.
+"""Speed of the batch evaluator: beside its peers, on more threads, for more work, and what it takes to compile.
 
 One evaluation is E(Z) of equation (2): three poses of 10 s, 2000 Runge-Kutta steps each, four signals.
 
     python benchmarks/evaluator.py [--quick] [--json] [--limit path/to/rk4_limit.c]
 
-Every figure is a median over rounds in which all programs run in turn, so that other load on the machine hits all
-alike; only the efficiency of threads needs idle cores, hence the load is printed.
+A ratio is a median over rounds in which all programs run in turn on one thread, by CPU time, so that other load on
+the machine hits all alike. The C yardstick is compiled without -ffast-math; gcc then still fuses multiplications with
+additions, which the lanes do not. Its own lead over the peers is shown as well: what this processor has to give.
+Threads are compared by the clock on the wall, best of all rounds, which needs idle cores: the load is printed.
+`solve_ivp` with a tolerance of 1e-6 errs about ten times as much as the lanes with their steps of 5 ms; with 1e-8 it
+errs no more than they do.
 """
 
-import ctypes
-import math
 import os
-import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
+import llvmlite.binding as llvm
 import numba
 import numpy as np
-from _bars import Bar, options, show
-from numpy.typing import NDArray
+from _bars import Bar, at_least, at_most, missing, options, show
+from _evaluators import (
+    Evaluator,
+    Problem,
+    c_program,
+    lanes,
+    mujoco_rollout,
+    numpy_batch,
+    problem,
+    scalar_loop,
+    solve_ivp,
+)
 
-from dpr_lab.dynamics.base import base_parameters, rows
-from dpr_lab.dynamics.equation import accelerations
+LIMIT = Path(__file__).resolve().parents[2] / "shared" / "bench" / "rk4_limit.c"
+
+Program = tuple[Evaluator, int]
+"""An evaluator and how many candidates it gets in a round."""
+
+FIRST_CALL = """
+import time
+import numpy as np
 from dpr_lab.dynamics.rollout import trajectory_errors
-from dpr_lab.dynamics.simulate import simulate
-from dpr_lab.rig import load_rig
-
-STEP, SAMPLES = 0.005, 2001
-Array = NDArray[np.float64]
-Evaluator = Callable[[Array], Array]
+began = time.perf_counter()
+trajectory_errors(np.ones((1, 6)), np.ones((1, 4)), np.ones((1, 2, 4)), 1e-3)
+print(time.perf_counter() - began)
+"""
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """Candidates, poses and the trajectories to compare with."""
-
-    candidates: Array
-    poses: Array
-    reference: Array
-
-
-def problem(candidates: int) -> Problem:
-    """Random candidates within the paper rig's bounds, reference at its nominal parameters."""
-    rig = load_rig("paper")
-    L1, g = rig.rig.L1, rig.rig.g
-    poses = np.array([[*pose.theta[1:], 0.0, 0.0] for pose in rig.poses.values()])
-    t = STEP * np.arange(SAMPLES)
-    base = base_parameters(rig.nominal, L1, g)
-    reference = np.array([simulate(base, L1, g, pose, t, STEP) for pose in poses])
-    drawn = np.random.default_rng(0).uniform(*rig.bounds, size=(candidates, 9))
-    return Problem(rows(base_parameters(drawn, L1, g), L1, g), poses, reference)
-
-
-@numba.njit(error_model="numpy")
-def scalar_costs(candidates: Array, poses: Array, reference: Array) -> Array:
-    """One candidate after the other, sin and cos at every stage."""
-    costs = np.zeros((len(candidates), len(poses)))
-    h = STEP
-    for i in range(len(candidates)):
-        b, d, e1, e2, c1, c2 = candidates[i]
-        for p in range(len(poses)):
-            x, y, v, w = poses[p]
-            for k in range(1, reference.shape[1]):
-                a1, a2 = accelerations(x, y, v, w, 1.0, b, d, e1, e2, c1, c2, 0.0, 0.0)
-                v2, w2 = v + h / 2 * a1, w + h / 2 * a2
-                b1, b2 = accelerations(x + h / 2 * v, y + h / 2 * w, v2, w2, 1.0, b, d, e1, e2, c1, c2, 0.0, 0.0)
-                v3, w3 = v + h / 2 * b1, w + h / 2 * b2
-                g1, g2 = accelerations(x + h / 2 * v2, y + h / 2 * w2, v3, w3, 1.0, b, d, e1, e2, c1, c2, 0.0, 0.0)
-                v4, w4 = v + h * g1, w + h * g2
-                k1, k2 = accelerations(x + h * v3, y + h * w3, v4, w4, 1.0, b, d, e1, e2, c1, c2, 0.0, 0.0)
-                x, y = x + h / 6 * (v + 2 * (v2 + v3) + v4), y + h / 6 * (w + 2 * (w2 + w3) + w4)
-                v, w = v + h / 6 * (a1 + 2 * (b1 + g1) + k1), w + h / 6 * (a2 + 2 * (b2 + g2) + k2)
-                z = reference[p, k]
-                costs[i, p] += (x - z[0]) ** 2 + (y - z[1]) ** 2 + (v - z[2]) ** 2 + (w - z[3]) ** 2
-    return costs
-
-
-def numpy_costs(candidates: Array, poses: Array, reference: Array) -> Array:
-    """All candidates and poses as one NumPy array."""
-    b, d, e1, e2, c1, c2 = candidates.T[:, :, None]
-
-    def slope(x: Array) -> Array:
-        t1, t2, w1, w2 = x
-        coupling, whirl, drag = d * np.cos(t1 - t2), d * np.sin(t1 - t2), c2 * (w1 - w2)
-        f1 = -whirl * w2 * w2 - c1 * w1 - drag + e1 * np.sin(t1)
-        f2 = whirl * w1 * w1 + drag + e2 * np.sin(t2)
-        scale = 1.0 / (b - coupling * coupling)
-        return np.stack([w1, w2, (b * f1 - coupling * f2) * scale, (f2 - coupling * f1) * scale])
-
-    x = np.broadcast_to(poses.T[:, None, :], (4, len(candidates), len(poses)))
-    costs = np.zeros(x.shape[1:])
-    for target in reference.transpose(1, 2, 0)[1:]:
-        k1 = slope(x)
-        k2 = slope(x + STEP / 2 * k1)
-        k3 = slope(x + STEP / 2 * k2)
-        k4 = slope(x + STEP * k3)
-        x = x + STEP / 6 * (k1 + 2 * (k2 + k3) + k4)
-        costs += ((x - target[:, None, :]) ** 2).sum(axis=0)
-    return costs
-
-
-def c_evaluator(source: Path, poses: Array, reference: Array) -> Evaluator:
-    """The C yardstick, compiled here for this machine, on one thread."""
-    compiler = shutil.which("gcc")
-    if compiler is None or not source.is_file():
-        sys.exit(f"--limit needs gcc and the C source; gcc: {compiler or 'not found'}, source: {source}")
-    flags = "-O3 -march=native -ffast-math -mprefer-vector-width=512 -fopenmp -shared -fPIC -DW=32".split()
-    with tempfile.TemporaryDirectory() as folder:
-        library = Path(folder) / "limit.so"
-        subprocess.run([compiler, *flags, "-o", library, source, "-lm"], check=True)
-        evaluate = ctypes.CDLL(str(library)).evalb
-    evaluate.argtypes = [ctypes.c_void_p, ctypes.c_long, *[ctypes.c_void_p] * 3, ctypes.c_int]
-
-    def run(candidates: Array) -> Array:
-        columns, costs = np.ascontiguousarray(candidates.T), np.empty(len(candidates))
-        pointers = [array.ctypes.data for array in (reference, poses, costs)]
-        evaluate(columns.ctypes.data, len(candidates), *pointers, 1)
-        return costs
-
-    return run
-
-
-def rates(programs: dict[str, tuple[Evaluator, Array]], rounds: int) -> dict[str, list[float]]:
-    """Evaluations per second of each program, one figure a round."""
-    measured: dict[str, list[float]] = {name: [] for name in programs}
-    for i in range(rounds + 1):
-        for name, (evaluate, candidates) in programs.items():
-            begin = time.perf_counter()
-            evaluate(candidates)
-            if i:  # the first round compiles
-                measured[name].append(len(candidates) / (time.perf_counter() - begin))
-    return measured
-
-
-def with_threads(threads: int, evaluate: Evaluator) -> Evaluator:
-    """The same evaluator on a given number of threads."""
-
-    def run(candidates: Array) -> Array:
-        numba.set_num_threads(threads)
-        return evaluate(candidates)
-
-    return run
-
-
-def measure(quick: bool, limit: Path | None) -> list[Bar]:
-    """All bars of the table."""
-    task = problem(520 if quick else 1040)
-    threads = numba.get_num_threads()
-
-    def lanes(candidates: Array) -> Array:
-        return trajectory_errors(candidates, task.poses, task.reference, STEP)
-
-    programs: dict[str, tuple[Evaluator, Array]] = {
-        "lanes": (with_threads(1, lanes), task.candidates),
-        "lanes, all threads": (with_threads(threads, lanes), task.candidates),
-        "scalar": (lambda z: scalar_costs(z, task.poses, task.reference), task.candidates[:32]),
-        "numpy": (lambda z: numpy_costs(z, task.poses, task.reference), task.candidates[: 130 if quick else 520]),
+def peers(task: Problem, limit: Path, quick: bool) -> dict[str, Program]:
+    """Every program that can run here; the slow ones get fewer candidates."""
+    many, few = len(task.candidates), 2 if quick else 4
+    made: dict[str, tuple[Evaluator | None, int]] = {
+        "lanes": (lanes(task), many),
+        "C": (c_program(task, limit), many),
+        "C, -ffast-math": (c_program(task, limit, "-ffast-math"), many),
+        "C, nothing fused": (c_program(task, limit, "-ffp-contract=off"), many),
+        "scalar": (scalar_loop(task), 64),
+        "numpy": (numpy_batch(task), 512),
+        "mujoco": (mujoco_rollout(task, few), few),
+        "solve_ivp 1e-6": (solve_ivp(task, 1e-6), few // 2),
+        "solve_ivp 1e-8": (solve_ivp(task, 1e-8), 1),
     }
-    if limit is not None:
-        programs["C"] = (c_evaluator(limit, task.poses, task.reference), task.candidates)
-    measured = rates(programs, 3 if quick else 7)
+    return {name: (evaluate, n) for name, (evaluate, n) in made.items() if evaluate is not None}
 
-    def ratio(name: str, other: str) -> float:
-        return statistics.median(x / y for x, y in zip(measured[name], measured[other], strict=True))
 
-    bars = [
-        Bar("lanes, one thread, evaluations/s", "> 5000", rate := statistics.median(measured["lanes"]), rate > 5000),
-        Bar("lanes / scalar loop", "> 12", gain := ratio("lanes", "scalar"), gain > 12),
-        Bar("lanes / NumPy batch", "> 20", gain := ratio("lanes", "numpy"), gain > 20),
-    ]
-    scaling = ratio("lanes, all threads", "lanes") / threads
-    bars.append(Bar(f"efficiency on {threads} threads", "> 0.6", scaling, scaling > 0.6))
-    if limit is not None:
-        bars.append(Bar("C on one thread / lanes", "< 1.5", slower := ratio("C", "lanes"), slower < 1.5))
+def check(limit: Path) -> None:
+    """All programs must give the same costs: over 2 s, and C, which knows only 10 s, at the median of many."""
+    task = problem(8, samples=401)
+    same = {"scalar": 1e-9, "numpy": 1e-9, "mujoco": 1e-6, "solve_ivp 1e-6": 1e-3, "solve_ivp 1e-8": 1e-4}
+    programs = peers(task, limit, quick=True)
+    for name in same.keys() & programs.keys():
+        n = min(programs[name][1], 8)
+        np.testing.assert_allclose(programs[name][0](n), lanes(task)(n), rtol=same[name], err_msg=name)
+    task = problem(64)
+    if program := c_program(task, limit):
+        assert np.median(np.abs(program(64) / lanes(task)(64) - 1)) < 1e-6, "C gives other costs"
+
+
+def seconds(programs: dict[str, Program], rounds: int) -> dict[str, list[float]]:
+    """CPU seconds for one evaluation by each program, one figure a round; all run in turn."""
+    taken: dict[str, list[float]] = {name: [] for name in programs}
+    for i in range(rounds + 1):
+        for name, (evaluate, n) in programs.items():
+            began = time.process_time()
+            evaluate(n)
+            if i:  # the first round compiles
+                taken[name].append((time.process_time() - began) / n)
+    return taken
+
+
+def beside_peers(limit: Path, quick: bool) -> list[Bar]:
+    """Single thread, ratios of the same round."""
+    task = problem(512 if quick else 1024)
+    taken = seconds(peers(task, limit, quick), 3 if quick else 9)
+
+    def times(name: str, other: str) -> float:
+        return statistics.median(x / y for x, y in zip(taken[name], taken[other], strict=True))
+
+    bars = [Bar("lanes, evaluations/s", "-", 1 / statistics.median(taken["lanes"]), None)]
+    if "C" in taken:
+        bars.append(at_most("time of lanes / C, strict", times("lanes", "C"), 1.3))
+        for name in ("C, -ffast-math", "C, nothing fused"):
+            bars.append(Bar(f"time of lanes / {name}", "-", times("lanes", name), None))
+    else:
+        bars.append(missing("time of lanes / C, strict", "<= 1.3"))
+    targets = {"scalar": 20, "numpy": 50, "mujoco": 500, "solve_ivp 1e-6": 2000, "solve_ivp 1e-8": None}
+    for name, target in targets.items():
+        if name not in taken:
+            bars.append(missing(f"time of {name} / lanes", f">= {target}"))
+        elif target is None:
+            bars.append(Bar(f"time of {name} / lanes", "-", times(name, "lanes"), None))
+        else:
+            bars.append(at_least(f"time of {name} / lanes", times(name, "lanes"), target))
+    if "C" in taken:
+        bars += [Bar(f"time of {name} / C, strict", "-", times(name, "C"), None) for name in targets if name in taken]
     return bars
+
+
+def on_threads(threads: int, quick: bool) -> list[Bar]:
+    """How much of a linear gain all threads give."""
+    evaluate, n = lanes(problem(2048)), 2048
+    wall: dict[int, list[float]] = {1: [], threads: []}
+    cpu: dict[int, list[float]] = {1: [], threads: []}
+    for _ in range(5 if quick else 25):
+        for count in wall:
+            numba.set_num_threads(count)
+            began, used = time.perf_counter(), time.process_time()
+            evaluate(n)
+            wall[count].append(time.perf_counter() - began)
+            cpu[count].append(time.process_time() - used)
+    numba.set_num_threads(1)
+    name = f"{threads} threads, share of a linear gain, %"
+    gain = 100 * min(wall[1]) / min(wall[threads]) / threads
+    shared = 100 * statistics.median(cpu[1]) / statistics.median(cpu[threads])
+    return [at_least(name, gain, 85), Bar("the same by CPU time, %", "-", shared, None)]
+
+
+def growth(quick: bool) -> tuple[list[Bar], dict[str, dict[int, float]]]:
+    """Exponents of cost against candidates, samples and runs, and the curves."""
+    sizes: dict[str, tuple[Iterable[int], Callable[[int], tuple[Problem, int]]]] = {
+        "candidates": ((256, 512, 1024, 2048), lambda n: (problem(n, samples=501), n)),
+        "samples": ((251, 501, 1001, 2001), lambda n: (problem(512, samples=n), 512)),
+        "runs": ((3, 6, 12, 24), lambda n: (problem(256, samples=501, repeats=n // 3), 256)),
+    }
+    bars, curves = [], {}
+    for what, (points, task) in sizes.items():
+        tasks = {n: task(n) for n in points}
+        programs = {str(n): (lanes(made), count) for n, (made, count) in tasks.items()}
+        taken = seconds(programs, 5 if quick else 15)
+        curves[what] = {n: 1e3 * count * min(taken[str(n)]) for n, (_, count) in tasks.items()}
+        exponent = float(np.polyfit(np.log(list(curves[what])), np.log(list(curves[what].values())), 1)[0])
+        bars.append(Bar(f"cost grows as {what} to the power of", "0.9 .. 1.1", exponent, 0.9 <= exponent <= 1.1))
+    return bars, curves
+
+
+def first_calls() -> list[Bar]:
+    """Seconds of the first call in a new process, with an empty cache and with a full one."""
+    command = [sys.executable, "-c", FIRST_CALL]
+    with tempfile.TemporaryDirectory() as cache:
+        environment = os.environ | {"NUMBA_CACHE_DIR": cache}
+        cold, warm = (float(subprocess.check_output(command, env=environment, text=True)) for _ in range(2))
+    return [Bar("first call, compiling, s", "-", cold, None), Bar("first call, compiled before, s", "-", warm, None)]
+
+
+def show_curves(curves: dict[str, dict[int, float]]) -> None:
+    """The curves as text."""
+    for what, curve in curves.items():
+        print(f"{what:<10}", *(f"{n:>8}" for n in curve))
+        print(f"{'ms':<10}", *(f"{ms:>8.1f}" for ms in curve.values()))
 
 
 def main() -> None:
     """Measure and print."""
     parser = options(__doc__)
-    parser.add_argument("--limit", type=Path, metavar="RK4_LIMIT.C", help="C yardstick to compile and compare with")
+    parser.add_argument("--limit", type=Path, default=LIMIT, metavar="RK4_LIMIT.C", help="C yardstick to compile")
     chosen = parser.parse_args()
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
-    show(f"evaluator, load before the start {load:.1f}", measure(chosen.quick, chosen.limit), chosen.json)
+    load, threads = os.getloadavg()[0], numba.get_num_threads()
+    numba.set_num_threads(1)
+    check(chosen.limit)
+    bars = beside_peers(chosen.limit, chosen.quick)
+    linear, curves = growth(chosen.quick)
+    bars += [*on_threads(threads, chosen.quick), *linear, *first_calls()]
+    if not chosen.json:
+        show_curves(curves)
+    title = f"evaluator on {llvm.get_host_cpu_name()}, load {load:.1f} before and {os.getloadavg()[0]:.1f} after"
+    show(title, bars, chosen.json, milliseconds=curves)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,10 @@ import numba
 import numba.core.config as numba_config
 from platformdirs import user_cache_path
 
+# Threads that wait by spinning make a parallel kernel slower than a serial one wherever something else runs too. OpenMP
+# reads this when the first parallel kernel starts.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation/likelihood.py", "gap/response.py", "gap/scan.py")
 """Every file or folder of this package that holds a compiled function."""
 

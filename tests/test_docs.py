@@ -18,10 +18,11 @@ def blocks(language: str) -> list[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)
 def test_the_quickstart_and_the_python_example_run(tmp_path: Path) -> None:
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    (quickstart,) = blocks("sh")
-    subprocess.run(["sh", "-e", "-c", quickstart], cwd=tmp_path, env=environment, check=True, timeout=170)
+    steps = "\n".join(blocks("sh"))
+    subprocess.run(["sh", "-e", "-c", steps], cwd=tmp_path, env=environment, check=True, timeout=280)
     assert (tmp_path / "report" / "report.html").is_file()
     shutil.copy(next((tmp_path / "runs").glob("*.mcap")), tmp_path / "runs" / "first.mcap")
     (example,) = blocks("python")

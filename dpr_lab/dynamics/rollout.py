@@ -1,13 +1,16 @@
 r"""Many candidates at once: the cost of equation (2) for a whole population.
 
 Theory of operation. `LANES` candidates swing side by side in one flat workspace, a row of LANES numbers for each
-quantity. A Runge-Kutta step of all lanes is one loop whose row offsets are constants, so that the compiler can see
-that rows do not overlap and turns the loop into vector instructions. sin and cos of the angles are not evaluated but
-carried along and rotated by the small angles h * omega of each stage with a short Taylor series. The series is good
-up to about 0.2 rad; each lane therefore keeps the sum of its squared rotations of the step, and a lane beyond
-`GUARD` repeats that step from its old state with exact sines. Nothing is reassociated, no lane knows of its
-neighbours, and each (block of lanes, segment) is independent, so that a cost has the same bits for any batch size and
-any number of threads. The workspace of a block, `ROWS * LANES` numbers, stays in the first-level cache.
+quantity. Each of the four stages of a Runge-Kutta step is one loop over the lanes whose row offsets are constants, so
+that the compiler can see that rows do not overlap and turns the loop into vector instructions; a loop of one stage is
+short enough for its registers and for the processor to look ahead into the next lanes. sin and cos of the angles are
+not evaluated but carried along and turned by short Taylor series. From the start of the step they turn by h * omega
+and its half. Between the second stage and the third, and between the fourth and the end, the angle changes by no more
+than h^2 times accelerations, for which even shorter series do ("nudges"). Each lane keeps the sum of its squared turns
+of the step, and a lane beyond `GUARD` repeats that step from its old state with exact sines. Nothing is reassociated,
+no lane knows of its neighbours, and each (block of lanes, segment) is independent, so that a cost has the same bits
+for any batch size and any number of threads. The workspace of a block, `ROWS * LANES` numbers, stays in the
+first-level cache.
 """
 
 import math
@@ -16,26 +19,32 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.dynamics.equation import accelerations, coupled, solved
+from dpr_lab.dynamics.equation import accelerations, coupled
 from dpr_lab.dynamics.segments import Segments, segments
 from dpr_lab.kernels import njit
 
 LANES = 32
 """Four registers of eight doubles: enough independent work to hide the latency of a division."""
 
-GUARD = 0.1
-"""Largest sum of the eight squared rotations of a step, rad^2: a rod turning 0.2 rad in the step.
+GUARD = 0.05
+"""Largest sum of the squared turns of a step, rad^2, nudges times `NUDGE_WEIGHT`: a rod turning 0.2 rad in the step.
 
-The truncated series is then off by 3e-14, and by 3e-12 if a single rotation took up the whole sum.
+The truncated series are then off by 3e-14, and by 2e-13 if a single turn took up the whole sum.
 """
 
-# Rows of the workspace, as offsets in units of one number.
+NUDGE_WEIGHT = 100.0
+"""How much more a squared nudge counts than another squared turn: its series is shorter."""
+
+# Rows of the workspace, as offsets in units of one number. The last twelve hold what one stage leaves to the next:
+# sines and cosines, the accelerations P, Q, R of the first three stages, and the nudge to the end of the step.
 B, D, E1, E2, C1, C2 = (row * LANES for row in range(6))
 THETA1, THETA2, OMEGA1, OMEGA2 = (row * LANES for row in range(6, 10))
 SIN1, COS1, SIN2, COS2 = (row * LANES for row in range(10, 14))
 OLD_THETA1, OLD_THETA2, OLD_OMEGA1, OLD_OMEGA2 = (row * LANES for row in range(14, 18))
 TURNED, COST = (row * LANES for row in range(18, 20))
-ROWS = 20
+STAGE_SIN1, STAGE_COS1, STAGE_SIN2, STAGE_COS2 = (row * LANES for row in range(20, 24))
+P1, P2, Q1, Q2, R1, R2, NUDGE1, NUDGE2 = (row * LANES for row in range(24, 32))
+ROWS = 32
 
 
 def trajectory_errors(rows: ArrayLike, initial: ArrayLike, reference: ArrayLike, step: float) -> NDArray[np.float64]:
@@ -172,27 +181,32 @@ def _score(lanes: NDArray[np.float64], target: NDArray[np.float64], weights: NDA
 
 
 @njit
+def _sines(lanes: NDArray[np.float64], k: int, first_row: int) -> tuple[float, float, float, float]:
+    at = first_row + k
+    return lanes[at], lanes[at + LANES], lanes[at + 2 * LANES], lanes[at + 3 * LANES]
+
+
+@njit
 def _accelerated(
+    lanes: NDArray[np.float64],
+    k: int,
     sin1: float,
     cos1: float,
     sin2: float,
     cos2: float,
     omega1: float,
     omega2: float,
-    b: float,
-    d: float,
-    e1: float,
-    e2: float,
-    c1: float,
-    c2: float,
 ) -> tuple[float, float]:
+    """Accelerations of one lane, by elimination: divided by a, the mass matrix is [[1, coupling], [coupling, b]]."""
+    b, d, e1, e2, c1, c2 = lanes[B + k], lanes[D + k], lanes[E1 + k], lanes[E2 + k], lanes[C1 + k], lanes[C2 + k]
     coupling, torque1, torque2 = coupled(sin1, cos1, sin2, cos2, omega1, omega2, d, e1, e2, c1, c2)
-    return solved(1.0, b, coupling, torque1, torque2)
+    alpha2 = (torque2 - coupling * torque1) / (b - coupling * coupling)
+    return torque1 - coupling * alpha2, alpha2
 
 
 @njit
-def _rotated(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Sine and cosine after turning by a small angle, its square given."""
+def _turned(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Sine and cosine after a turn by h * omega or its half, the square of the angle given."""
     p = square * (1.0 / 362880.0) - 1.0 / 5040.0
     p = (p * square + 1.0 / 120.0) * square - 1.0 / 6.0
     turn = angle + angle * square * p
@@ -203,58 +217,102 @@ def _rotated(angle: float, square: float, sine: float, cosine: float) -> tuple[f
 
 
 @njit
-def _turned(
-    angle1: float, angle2: float, sin1: float, cos1: float, sin2: float, cos2: float
-) -> tuple[float, float, float, float, float]:
-    """Sines and cosines of both rods after turning by small angles, and the sum of the squared angles."""
-    square1, square2 = angle1 * angle1, angle2 * angle2
-    sin1, cos1 = _rotated(angle1, square1, sin1, cos1)
-    sin2, cos2 = _rotated(angle2, square2, sin2, cos2)
-    return sin1, cos1, sin2, cos2, square1 + square2
+def _nudged(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Sine and cosine after a much smaller turn."""
+    turn = angle + angle * square * (square * (1.0 / 120.0) - 1.0 / 6.0)
+    shrink = square * (square * (1.0 / 24.0) - 0.5)
+    return sine + (sine * shrink + cosine * turn), cosine + (cosine * shrink - sine * turn)
 
 
 @njit
 def _advance(lanes: NDArray[np.float64], h: float) -> None:
-    """One Runge-Kutta step of all lanes; stages have speeds omega, u, v, w and accelerations p, q, r, z."""
-    half, sixth = 0.5 * h, h / 6.0
-    for k in range(LANES):
-        b, d, e1, e2, c1, c2 = lanes[B + k], lanes[D + k], lanes[E1 + k], lanes[E2 + k], lanes[C1 + k], lanes[C2 + k]
-        theta1, theta2, omega1, omega2 = lanes[THETA1 + k], lanes[THETA2 + k], lanes[OMEGA1 + k], lanes[OMEGA2 + k]
-        sin1, cos1, sin2, cos2 = lanes[SIN1 + k], lanes[COS1 + k], lanes[SIN2 + k], lanes[COS2 + k]
-
-        p1, p2 = _accelerated(sin1, cos1, sin2, cos2, omega1, omega2, b, d, e1, e2, c1, c2)
-        s1, k1, s2, k2, squares = _turned(half * omega1, half * omega2, sin1, cos1, sin2, cos2)
-        turned = squares
-        u1, u2 = omega1 + half * p1, omega2 + half * p2
-
-        q1, q2 = _accelerated(s1, k1, s2, k2, u1, u2, b, d, e1, e2, c1, c2)
-        s1, k1, s2, k2, squares = _turned(half * u1, half * u2, sin1, cos1, sin2, cos2)
-        turned += squares
-        v1, v2 = omega1 + half * q1, omega2 + half * q2
-
-        r1, r2 = _accelerated(s1, k1, s2, k2, v1, v2, b, d, e1, e2, c1, c2)
-        s1, k1, s2, k2, squares = _turned(h * v1, h * v2, sin1, cos1, sin2, cos2)
-        turned += squares
-        w1, w2 = omega1 + h * r1, omega2 + h * r2
-
-        z1, z2 = _accelerated(s1, k1, s2, k2, w1, w2, b, d, e1, e2, c1, c2)
-        angle1 = sixth * (omega1 + 2.0 * (u1 + v1) + w1)
-        angle2 = sixth * (omega2 + 2.0 * (u2 + v2) + w2)
-        s1, k1, s2, k2, squares = _turned(angle1, angle2, sin1, cos1, sin2, cos2)
-
-        lanes[OLD_THETA1 + k], lanes[OLD_THETA2 + k] = theta1, theta2
-        lanes[OLD_OMEGA1 + k], lanes[OLD_OMEGA2 + k] = omega1, omega2
-        lanes[TURNED + k] = turned + squares
-        lanes[SIN1 + k], lanes[COS1 + k], lanes[SIN2 + k], lanes[COS2 + k] = s1, k1, s2, k2
-        lanes[THETA1 + k], lanes[THETA2 + k] = theta1 + angle1, theta2 + angle2
-        lanes[OMEGA1 + k] = omega1 + sixth * (p1 + 2.0 * (q1 + r1) + z1)
-        lanes[OMEGA2 + k] = omega2 + sixth * (p2 + 2.0 * (q2 + r2) + z2)
-
+    """One Runge-Kutta step of all lanes."""
+    _stage1(lanes, h)
+    _stage2(lanes, h)
+    _stage3(lanes, h)
     beyond = 0
     for k in range(LANES):
         beyond += lanes[TURNED + k] > GUARD
     if beyond:
+        _remember(lanes)
+    _stage4(lanes, h)
+    if beyond:
         _repeat_exactly(lanes, h)
+
+
+@njit
+def _stage1(lanes: NDArray[np.float64], h: float) -> None:
+    """Accelerations p at the start; sines turned by half a step at the start's speed."""
+    half = 0.5 * h
+    for k in range(LANES):
+        sin1, cos1, sin2, cos2 = _sines(lanes, k, SIN1)
+        omega1, omega2 = lanes[OMEGA1 + k], lanes[OMEGA2 + k]
+        lanes[P1 + k], lanes[P2 + k] = _accelerated(lanes, k, sin1, cos1, sin2, cos2, omega1, omega2)
+        turn1, turn2 = half * omega1, half * omega2
+        square1, square2 = turn1 * turn1, turn2 * turn2
+        lanes[STAGE_SIN1 + k], lanes[STAGE_COS1 + k] = _turned(turn1, square1, sin1, cos1)
+        lanes[STAGE_SIN2 + k], lanes[STAGE_COS2 + k] = _turned(turn2, square2, sin2, cos2)
+        lanes[TURNED + k] = square1 + square2
+
+
+@njit
+def _stage2(lanes: NDArray[np.float64], h: float) -> None:
+    """Accelerations q half a step on, with the speed that p gives; sines nudged to those of stage 3."""
+    half, quarter = 0.5 * h, 0.25 * h * h
+    for k in range(LANES):
+        sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)
+        p1, p2 = lanes[P1 + k], lanes[P2 + k]
+        u1, u2 = lanes[OMEGA1 + k] + half * p1, lanes[OMEGA2 + k] + half * p2
+        lanes[Q1 + k], lanes[Q2 + k] = _accelerated(lanes, k, sin1, cos1, sin2, cos2, u1, u2)
+        nudge1, nudge2 = quarter * p1, quarter * p2
+        square1, square2 = nudge1 * nudge1, nudge2 * nudge2
+        lanes[STAGE_SIN1 + k], lanes[STAGE_COS1 + k] = _nudged(nudge1, square1, sin1, cos1)
+        lanes[STAGE_SIN2 + k], lanes[STAGE_COS2 + k] = _nudged(nudge2, square2, sin2, cos2)
+        lanes[TURNED + k] += NUDGE_WEIGHT * (square1 + square2)
+
+
+@njit
+def _stage3(lanes: NDArray[np.float64], h: float) -> None:
+    """Accelerations r half a step on, with the speed that q gives; the start's sines turned by a step at that speed."""
+    half, sixth = 0.5 * h, h * h / 6.0
+    for k in range(LANES):
+        sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)
+        q1, q2 = lanes[Q1 + k], lanes[Q2 + k]
+        v1, v2 = lanes[OMEGA1 + k] + half * q1, lanes[OMEGA2 + k] + half * q2
+        r1, r2 = _accelerated(lanes, k, sin1, cos1, sin2, cos2, v1, v2)
+        turn1, turn2 = h * v1, h * v2
+        square1, square2 = turn1 * turn1, turn2 * turn2
+        lanes[STAGE_SIN1 + k], lanes[STAGE_COS1 + k] = _turned(turn1, square1, lanes[SIN1 + k], lanes[COS1 + k])
+        lanes[STAGE_SIN2 + k], lanes[STAGE_COS2 + k] = _turned(turn2, square2, lanes[SIN2 + k], lanes[COS2 + k])
+        nudge1, nudge2 = sixth * (lanes[P1 + k] - 2.0 * q1 + r1), sixth * (lanes[P2 + k] - 2.0 * q2 + r2)
+        lanes[R1 + k], lanes[R2 + k], lanes[NUDGE1 + k], lanes[NUDGE2 + k] = r1, r2, nudge1, nudge2
+        lanes[TURNED + k] += square1 + square2 + NUDGE_WEIGHT * (nudge1 * nudge1 + nudge2 * nudge2)
+
+
+@njit
+def _stage4(lanes: NDArray[np.float64], h: float) -> None:
+    """Accelerations z at the end, with the speed that r gives; then the state there."""
+    half, sixth = 0.5 * h, h / 6.0
+    for k in range(LANES):
+        sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)
+        omega1, omega2 = lanes[OMEGA1 + k], lanes[OMEGA2 + k]
+        q1, q2, r1, r2 = lanes[Q1 + k], lanes[Q2 + k], lanes[R1 + k], lanes[R2 + k]
+        nudge1, nudge2 = lanes[NUDGE1 + k], lanes[NUDGE2 + k]
+        z1, z2 = _accelerated(lanes, k, sin1, cos1, sin2, cos2, omega1 + h * r1, omega2 + h * r2)
+        lanes[SIN1 + k], lanes[COS1 + k] = _nudged(nudge1, nudge1 * nudge1, sin1, cos1)
+        lanes[SIN2 + k], lanes[COS2 + k] = _nudged(nudge2, nudge2 * nudge2, sin2, cos2)
+        lanes[THETA1 + k] += h * (omega1 + half * q1) + nudge1
+        lanes[THETA2 + k] += h * (omega2 + half * q2) + nudge2
+        lanes[OMEGA1 + k] = omega1 + sixth * (lanes[P1 + k] + 2.0 * (q1 + r1) + z1)
+        lanes[OMEGA2 + k] = omega2 + sixth * (lanes[P2 + k] + 2.0 * (q2 + r2) + z2)
+
+
+@njit
+def _remember(lanes: NDArray[np.float64]) -> None:
+    """The state at the start of the step, before it is overwritten."""
+    for k in range(LANES):
+        lanes[OLD_THETA1 + k], lanes[OLD_THETA2 + k] = lanes[THETA1 + k], lanes[THETA2 + k]
+        lanes[OLD_OMEGA1 + k], lanes[OLD_OMEGA2 + k] = lanes[OMEGA1 + k], lanes[OMEGA2 + k]
 
 
 @njit

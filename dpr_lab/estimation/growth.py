@@ -125,5 +125,5 @@ def free_run(
     states, slopes = swing_sensitivity(ratios, known.L1, known.g, fit.segments[index].start, t)
     growth = slopes[:, :2, 5:]
     variance = np.einsum("nij,jk,nik->ni", growth, fit.start_covariances[index], growth) * max(1.0, fit.chi2_per_dof)
-    lost = np.flatnonzero(~(np.sqrt(variance.max(axis=1)) < HORIZON_ERROR))
+    lost = np.flatnonzero(~(variance.max(axis=1) < HORIZON_ERROR**2))
     return states[:, :2], float(t[lost[0]] if len(lost) else t[-1])
