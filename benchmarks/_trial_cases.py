@@ -12,7 +12,7 @@ import numpy as np
 
 from dpr_lab.rig import Parameter, Rig, load_rig
 from dpr_lab.run import Run
-from dpr_lab.trials.score import Outcome, score
+from dpr_lab.trials.score import Outcome, cause_named, score
 from dpr_lab.trials.truth import Truth, read_truth
 from sim_device.assemble import plant_of
 from sim_device.config import PlantConfig, load_plant
@@ -45,7 +45,8 @@ class Scored:
     outcome: Outcome
     said: dict[str, Any]
     """The diagnosis as JSON."""
-    encoders_dirty: bool
+    true: tuple[bool, ...]
+    """Which of the effects that it puts forward are causes, whatever its verdict."""
 
 
 def hidden(case: Case) -> tuple[PlantConfig, Rig]:
@@ -83,7 +84,8 @@ def run_case(case: Case) -> Scored:
     outcome = score(
         said, found, rig, kind=kind, level=level.partition(":")[0] or "clear", seed=case.seed, seconds=seconds
     )
-    return Scored(case, outcome, said, kind == "dirty")
+    true = tuple(cause_named(effect, found) is not None for effect in said["effects"])
+    return Scored(case, outcome, said, true)
 
 
 def run_all(cases: Sequence[Case], workers: int) -> Iterator[Scored | tuple[Case, str]]:

@@ -3,25 +3,35 @@
     python benchmarks/diagnosis.py --cases 40            all groups, 40 trials each
     python benchmarks/diagnosis.py --quick               6 each
     python benchmarks/diagnosis.py --prototype FOLDER    beside the prototype of that folder (diag.py)
+    python benchmarks/diagnosis.py --real FOLDER         and recordings of real rigs
 
 Held-back foreign effects are shown apart from those that the thresholds may have been tuned on.
 """
 
 import argparse
 import json
-import math
 import os
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
+from _bars import Bar, at_least, at_most, options, show
+from _prototype import prototype_score
+from _real import real_bars
 from _trial_cases import Case, Scored, hidden, run_all, warm_up
 
 from dpr_lab.trials.score import Outcome
-from dpr_lab.trials.summary import calibration_error, confusion, share, summary
+from dpr_lab.trials.summary import confusion, share, summary
 from sim_device.direct import record
+from sim_device.draw import visible_effects
+from sim_device.foreign import FOREIGN, FORMS, OUTSIDE
+
+
+def _foreign(names: Sequence[str], held_back: bool) -> list[str]:
+    return [name for name in names if FOREIGN[name].held_back == held_back]
+
 
 GROUPS: dict[str, str] = {
     "single": "single:clear",
@@ -37,103 +47,126 @@ GROUPS: dict[str, str] = {
 }
 """Group of trials -> what is drawn."""
 
+EACH: dict[str, Sequence[str]] = {
+    "single": visible_effects(),
+    "subtle": visible_effects(),
+    "form": _foreign(FORMS, False),
+    "form, held back": _foreign(FORMS, True),
+    "outside": _foreign(OUTSIDE, False),
+    "outside, held back": _foreign(OUTSIDE, True),
+}
+"""Effects that the trials of a group go through in turn; chance decides in the other groups."""
+
 FIRST_SEED = 100_000
 """Calibration draws below, the benchmark above."""
 
+APART = 5000
+"""Seeds between one group and the next."""
 
-@dataclass(frozen=True, slots=True)
-class Bar:
-    """One measured figure beside its target."""
 
-    bar: str
-    target: str
-    measured: float
-    trials: int
-    ok: bool
+def trials_of(names: Sequence[str], count: int, seed: int) -> list[Case]:
+    """`count` trials of each of the groups named, the groups in turn."""
+    return [_case(name, seed + APART * list(GROUPS).index(name), i) for i in range(count) for name in names]
+
+
+def _case(group: str, first: int, number: int) -> Case:
+    draw = GROUPS[group]
+    if group in EACH:
+        kind, level, *_ = draw.split(":")
+        draw = f"{kind}:{level}:{EACH[group][number % len(EACH[group])]}"
+    return Case(group, draw, first + number)
 
 
 Rate = Callable[[Outcome], bool]
 
 
-def at_least(name: str, outcomes: Sequence[Outcome], holds: Rate, target: float) -> Bar:
-    """A share that should be high."""
-    measured = share(outcomes, holds)
-    return Bar(name, f">= {target:g}", measured, len(outcomes), measured >= target)
+def often(name: str, outcomes: Sequence[Outcome], holds: Rate, target: float) -> list[Bar]:
+    """A share that should be high; no bar without trials."""
+    return [at_least(f"{name} (of {len(outcomes)})", share(outcomes, holds), target)] if outcomes else []
 
 
-def at_most(name: str, outcomes: Sequence[Outcome], holds: Rate, target: float) -> Bar:
-    """A share that should be low."""
-    measured = share(outcomes, holds)
-    return Bar(name, f"<= {target:g}", measured, len(outcomes), measured <= target)
-
-
-def within(name: str, measured: float, lowest: float, highest: float, trials: int) -> Bar:
-    """A figure that should lie between two values."""
-    target = f"{lowest:g} .. {highest:g}" if math.isfinite(highest) and lowest > 0 else ""
-    target = target or (f"<= {highest:g}" if math.isfinite(highest) else f">= {lowest:g}")
-    return Bar(name, target, measured, trials, lowest <= measured <= highest)
+def seldom(name: str, outcomes: Sequence[Outcome], holds: Rate, target: float) -> list[Bar]:
+    """A share that should be low; no bar without trials."""
+    return [at_most(f"{name} (of {len(outcomes)})", share(outcomes, holds), target)] if outcomes else []
 
 
 def bars(done: Sequence[Scored]) -> list[Bar]:
     """All bars of which there are trials."""
     groups = {name: [s.outcome for s in done if s.case.group == name] for name in GROUPS}
-    dirty = groups.pop("dirty")
-    known = [o for name in ("single", "subtle", "pair", "triple") for o in groups[name]]
-    library = [*known, *groups["clean"]]
-    every = [s.outcome for s in done]
-    right, all_of_them = (lambda o: o.first), (lambda o: o.exact)
-    counted = summary(library)
-    made = [
-        at_least("single, gap >= 2 x noise: first right", groups["single"], right, 0.99),
-        at_least("single: among the first three", groups["single"], lambda o: o.top3, 0.995),
-        at_least("single, gap 0.5-1.5 x noise: first right", groups["subtle"], right, 0.95),
-        at_least("pair 1 : 0.2: exactly both", groups["pair"], all_of_them, 0.90),
-        at_least("pair: first right", groups["pair"], right, 0.98),
-        at_least("triple: first right", groups["triple"], right, 0.98),
-        at_least("triple: exactly all three", groups["triple"], all_of_them, 0.80),
-        at_most("clean: false alarms", groups["clean"], lambda o: not o.silent, 0.02),
-        at_most("dirty encoders, clean rig: false alarms", _there(dirty, False), lambda o: not o.silent, 0.02),
-        at_most("dirty encoders: a fault not named", dirty, lambda o: bool(o.faults_missed), 0.02),
-        at_least("dirty encoders, single: first right", _there(dirty, True), right, 0.96),
+    dirty_clean, dirty_single = (_there(groups["dirty"], effect) for effect in (False, True))
+    right, all_of_them, alarm = (lambda o: o.first), (lambda o: o.exact), (lambda o: not o.silent)
+    return [
+        *often("single, gap >= 2 x noise: first right", groups["single"], right, 0.99),
+        *often("single: among the first three", groups["single"], lambda o: o.top3, 0.995),
+        *often("single, gap 0.5-1.5 x noise: first right", groups["subtle"], right, 0.95),
+        *often("pair 1 : 0.2: exactly both", groups["pair"], all_of_them, 0.90),
+        *often("pair: first right", groups["pair"], right, 0.98),
+        *often("triple: first right", groups["triple"], right, 0.98),
+        *often("triple: exactly all three", groups["triple"], all_of_them, 0.80),
+        *seldom("clean: false alarms", groups["clean"], alarm, 0.02),
+        *seldom("dirty encoders, clean rig: false alarms", dirty_clean, alarm, 0.02),
+        *seldom("dirty encoders: a fault not named", groups["dirty"], lambda o: bool(o.faults_missed), 0.02),
+        *often("dirty encoders, single: first right", dirty_single, right, 0.96),
+        *(bar for name in ("form", "form, held back") for bar in form_bars(name, groups[name])),
+        *(bar for name in ("outside", "outside, held back") for bar in outside_bars(name, groups[name])),
+        *measure_bars([s.outcome for s in done]),
     ]
-    for name in ("form", "form, held back"):
-        made += [
-            at_least(f"{name}: right family first", groups[name], right, 0.95),
-            at_least(f"{name}: nothing invented", groups[name], lambda o: not o.invented, 0.85),
-        ]
-    for name in ("outside", "outside, held back"):
-        made += [
-            at_most(f"{name}: wrong name above 0.5", groups[name], lambda o: o.wrong_name, 0.03),
-            at_least(f"{name}: admitted", groups[name], lambda o: o.admitted, 0.95),
-        ]
-    made += [
-        within(
-            "expected calibration error", calibration_error([c for o in every for c in o.claims]), 0, 0.05, len(every)
-        ),
-        within("effect size, median error", counted["size_error"], 0, 0.01, len(library)),
-        within("90 % intervals that hold the truth", counted["interval_coverage"], 0.84, 0.95, len(library)),
-        within("held-out gap closed, median of named", counted["gap_closed"], 0.9, math.inf, len(library)),
-        within("seconds a case on one core, median", counted["seconds"], 0, 10, len(library)),
-        within("seconds a case on one core, longest", counted["seconds_max"], 0, 30, len(library)),
+
+
+def form_bars(name: str, outcomes: Sequence[Outcome]) -> list[Bar]:
+    """Library effects in another form."""
+    return [
+        *often(f"{name}: right family first", outcomes, lambda o: o.first, 0.95),
+        *often(f"{name}: nothing invented", outcomes, lambda o: not o.invented, 0.85),
     ]
-    return [bar for bar in made if bar.trials]
+
+
+def outside_bars(name: str, outcomes: Sequence[Outcome]) -> list[Bar]:
+    """Effects that the library does not hold."""
+    return [
+        *seldom(f"{name}: wrong name above 0.5", outcomes, lambda o: o.wrong_name, 0.03),
+        *often(f"{name}: admitted", outcomes, lambda o: o.admitted, 0.95),
+    ]
+
+
+def measure_bars(outcomes: Sequence[Outcome]) -> list[Bar]:
+    """Probabilities over all trials; sizes, gap and time over those that the library can explain."""
+    known = summary([o for o in outcomes if o.kind in ("single", "pair", "triple", "clean")])
+    coverage = known["interval_coverage"]
+    return [
+        at_most("expected calibration error", summary(outcomes)["calibration_error"], 0.05),
+        at_most("effect size, median error", known["size_error"], 0.01),
+        Bar("90 % intervals that hold the truth", "0.84 .. 0.95", coverage, 0.84 <= coverage <= 0.95),
+        at_least("held-out gap closed, median of named", known["gap_closed"], 0.9),
+        at_most("seconds a case on one core, median", known["seconds"], 10),
+        at_most("seconds a case on one core, longest", known["seconds_max"], 30),
+    ]
 
 
 def _there(outcomes: Sequence[Outcome], effect: bool) -> list[Outcome]:
     return [o for o in outcomes if bool(o.truth) == effect]
 
 
+def beside(folder: Path, cases: Sequence[Case]) -> list[Bar]:
+    """The prototype on the same recordings of those single effects that it knows; a yardstick, not a target."""
+    found = prototype_score(folder, cases)
+    return [
+        Bar(f"prototype, single: first right (of {found['trials']:g})", "-", found["first"], None),
+        Bar(f"prototype, clean: false alarms (of {found['clean']:g})", "-", found["false_alarms"], None),
+        Bar("prototype, seconds a case, median", "-", found["seconds"], None),
+    ]
+
+
 def parsed() -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=40, help="trials of each group (default: %(default)s)")
-    parser.add_argument("--quick", action="store_true", help="6 trials of each group")
     parser.add_argument("--only", action="append", choices=list(GROUPS), help="only this group, repeatable")
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first trial (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes (default: all cores)")
     parser.add_argument("--prototype", type=Path, metavar="FOLDER", help="prototype to run on the single effects")
+    parser.add_argument("--real", type=Path, metavar="FOLDER", help="recordings of real rigs to diagnose as well")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="write every trial as a line of JSON")
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     return parser.parse_args()
 
 
@@ -161,30 +194,28 @@ def _recorded(case: Case):
 
 def main() -> None:
     """Run, score, print."""
-    options = parsed()
-    count = 6 if options.quick else options.cases
-    names = options.only or list(GROUPS)
-    cases = [Case(name, GROUPS[name], options.seed + i) for i in range(count) for name in names]
-    done = campaign(cases, options.workers, options.keep)
-    failed = len(cases) - len(done)
-    made = bars(done)
-    if options.prototype is not None:
-        from _prototype import prototype_bars
-
-        made += prototype_bars(options.prototype, [case for case in cases if case.group in ("single", "clean")])
+    chosen = parsed()
+    names = chosen.only or list(GROUPS)
+    cases = trials_of(names, 6 if chosen.quick else chosen.cases, chosen.seed)
+    done = campaign(cases, chosen.workers, chosen.keep)
+    made = [at_most(f"trials that ended in an error (of {len(cases)})", len(cases) - len(done), 0), *bars(done)]
+    if chosen.prototype is not None:
+        made += beside(chosen.prototype, [case for case in cases if case.group in ("single", "clean")])
+    if chosen.real is not None:
+        made += real_bars(chosen.real)
     by_group = {name: confusion([s.outcome for s in done if s.case.group == name]) for name in names}
-    if options.json:
-        print(json.dumps({"bars": [asdict(bar) for bar in made], "failed": failed, "confusion": by_group}, indent=2))
-        return
-    print(f"{'bar':<46} {'target':>12} {'measured':>10} {'trials':>7}  ok")
-    for bar in made:
-        print(f"{bar.bar:<46} {bar.target:>12} {bar.measured:>10.4g} {bar.trials:>7}  {'yes' if bar.ok else 'NO'}")
-    print(f"{failed} of {len(cases)} trials failed with an error")
-    for name, table in by_group.items():
+    show("Diagnosis on blind trials", made, chosen.json, confusion=by_group)
+    if not chosen.json:
+        print_confusion(by_group)
+
+
+def print_confusion(by_group: dict[str, dict[str, dict[str, int]]]) -> None:
+    """What was said first instead of what was there."""
+    for group, table in by_group.items():
         for there, said in table.items():
-            wrong = {answer: times for answer, times in said.items() if answer != there}
+            wrong = [f"{answer} {times}" for answer, times in said.items() if answer != there]
             if wrong:
-                print(f"{name}: {there} -> {', '.join(f'{answer} {times}' for answer, times in wrong.items())}")
+                print(f"{group}: {there} -> {', '.join(wrong)}")
 
 
 if __name__ == "__main__":

@@ -39,10 +39,11 @@ SHARES: dict[Kind, tuple[float, ...]] = {"pair": (1.0, 0.2), "triple": (1.0, 0.4
 LARGEST = 40.0
 """Gap over the noise of the largest effect of a pair or triple, at most."""
 
-EXACT = 0.03
-"""How near a drawn size comes to the gap wanted."""
+EXACT = 0.04
+"""How near a drawn size comes to the gap wanted, as the logarithm of their ratio."""
 
-MAX_ROUNDS = 10
+MAX_ROUNDS = 9
+
 Coefficients = dict[str, float]
 
 
@@ -89,20 +90,22 @@ def draw_plant(wanted: Wanted, base: PlantConfig, rig: Rig) -> PlantConfig:
     plant = drawn(base.model_copy(update={"effects": {}, "foreign": {}}), rig)
     chance = generator(base.seed, Stream.DRAW)
     effects = wanted.effects or _chosen(wanted, chance)
+    if wanted.kind == "dirty":
+        plant = plant.model_copy(update={"encoders": dirty(chance)})
     shares = SHARES.get(wanted.kind, (1.0,))
     lower, upper = LEVELS[wanted.level]
     gap = _log_uniform(chance, lower, min(upper, LARGEST * min(shares))) / min(shares)
     for name, share in zip(effects, shares, strict=False):
         plant = _with_effect(plant, rig, name, gap * share, chance)
-    return plant.model_copy(update={"encoders": dirty(chance)}) if wanted.kind == "dirty" else plant
+    return plant
 
 
 def dirty(chance: np.random.Generator) -> Encoders:
     """Encoders with one or more of the faults that a real recording has."""
-    while True:
-        coarse, other, missing, jitter, repeats = chance.random(5) < 0.4
-        if coarse or other or missing or jitter or repeats:
-            break
+    faults = np.zeros(5, dtype=np.bool_)
+    while not faults.any():
+        faults = chance.random(5) < 0.4
+    coarse, other, missing, jitter, repeats = faults
     noise = tuple(chance.uniform(0.3, 1.5, 3).tolist()) if other else (0.5, 0.5, 0.5)
     return Encoders(
         noise_counts=(0.0, 0.0, 0.0) if coarse else noise,
@@ -137,24 +140,31 @@ def visible_effects() -> list[str]:
 
 
 def alike(name: str, other: str) -> bool:
-    """Whether two effects are twins or one is a case of the other, so that together they are not two."""
-    relatives = {*EFFECTS[name].twins, *EFFECTS[name].nested}
-    return other in relatives or name in {*EFFECTS[other].twins, *EFFECTS[other].nested}
+    """Whether two effects are twins, cases of one another or of a third, so that together they are not two."""
+    return not _relatives(name).isdisjoint(_relatives(other))
+
+
+def _relatives(name: str) -> set[str]:
+    return {name, *EFFECTS[name].twins, *EFFECTS[name].nested}
 
 
 def _with_effect(plant: PlantConfig, rig: Rig, name: str, gap: float, chance: np.random.Generator) -> PlantConfig:
     """The plant with one more effect, scaled until it alone opens the gap wanted, or as near as its swings allow."""
     table = "foreign" if name in FOREIGN else "effects"
     bare = plant.model_copy(update={"effects": {}, "foreign": {}})
-    unit = _foreign_unit(name, chance) if table == "foreign" else _library_unit(name, plant, chance)
-    scale, bounds, sized = 1.0, [0.0, math.inf], unit
+    unit = _foreign_unit(name, chance) if table == "foreign" else _library_unit(name, chance)
+    most = FOREIGN[name].most / abs(unit[FOREIGN[name].amplitude.name]) if table == "foreign" else math.inf
+    scale, bounds = 1.0, [0.0, math.inf]
+    nearest, sized = math.inf, unit
     for _ in range(MAX_ROUNDS):
-        sized = _scaled(name, unit, scale)
-        reached = plant_gap(bare.model_copy(update={table: {name: sized}}), rig)
-        if abs(reached / gap - 1) < EXACT:
+        tried = _scaled(name, unit, scale)
+        reached = max(plant_gap(bare.model_copy(update={table: {name: tried}}), rig), 1e-9)
+        if (off := abs(math.log(reached / gap))) < nearest:
+            nearest, sized = off, tried
+        if off < EXACT or (reached < gap and scale == most):
             break
         bounds[reached > gap] = scale
-        scale = _next_scale(scale * gap / max(reached, 1e-9), scale, bounds)
+        scale = min(_next_scale(scale * gap / reached, scale, bounds), most)
     return plant.model_copy(update={table: {**getattr(plant, table), name: sized}})
 
 
@@ -182,7 +192,7 @@ def _foreign_unit(name: str, chance: np.random.Generator) -> Coefficients:
     return unit
 
 
-def _library_unit(name: str, plant: PlantConfig, chance: np.random.Generator) -> Coefficients:
+def _library_unit(name: str, chance: np.random.Generator) -> Coefficients:
     """Coefficients of an effect at about its typical size: free amplitudes of either sign, shapes over their range."""
     unit: Coefficients = {}
     for parameter in EFFECTS[name].parameters:
@@ -211,8 +221,11 @@ WHOLE = ("order", "joint", "run")
 COUNTED = "counts"
 """Amplitude that is a whole number and at least one."""
 
-RISING = ("rate_Nm_per_rad",)
-"""Amplitudes drawn positive though either sign is physical: friction that falls below nothing would drive the rods."""
+RISING = ("rate_Nm_per_rad", "cubic_Nm_per_rad3")
+"""Amplitudes drawn positive though either sign is physical.
+
+Friction that falls below nothing would drive the rods, and a spring that turns round would throw them out.
+"""
 
 
 def _shape(name: str, default: float, chance: np.random.Generator) -> float:

@@ -1,5 +1,7 @@
 """What a plant's encoders would read without noise, and how big a gap its effects open in it."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,12 +20,16 @@ Array = NDArray[np.float64]
 def plant_gap(config: PlantConfig, rig: Rig) -> float:
     """Gap that the effects of a plant open over a release of 10 s from each pose, in units of the noise.
 
+    It is infinite for a plant whose swing does not stay finite.
+
     Raises:
         ConfigError: effects that the plant cannot have.
     """
     frame = (rig.rig.L1, rig.rig.g)
     truth = ratios(base_parameters(config.Z, *frame))
     readings = [noiseless(config, rig, number) for number in range(1, len(rig.poses) + 1)]
+    if not all(np.isfinite(release).all() for release in readings):
+        return math.inf
     return visible_gap(truth, frame, 1 / RATE_HZ, readings, _noise(config, rig), rig.encoders.joint2 == "relative")
 
 
@@ -33,8 +39,9 @@ def noiseless(config: PlantConfig, rig: Rig, release: int) -> Array:
     ticks = np.arange(round(DURATION * RATE_HZ))
     theta = plant.let_go(pose.theta, np.zeros(3), RATE_HZ, release).theta(0, len(ticks))
     positions = rig.positions(plant.misread(theta, ticks / RATE_HZ, release - 1))
-    whole = np.rint(positions).astype(np.int64)
-    positions += plant.counted(whole) - whole
+    if np.isfinite(positions).all():
+        whole = np.rint(positions).astype(np.int64)
+        positions += plant.counted(whole) - whole
     return (positions - rig.encoders.zero_counts)[:, 1:] * rig.radians_per_count[1:]
 
 

@@ -127,7 +127,7 @@ FAULTS = {
 }
 
 
-SHOWN_TWICE = dict.fromkeys(("pose", "release_speed", "jumps", "moved"), ["hanging_after"])
+SHOWN_TWICE = {name: ["hanging_after"] for name in ("pose", "release_speed", "jumps", "moved")}
 """Faults that shift the rest of the run, or stop a counter, also end beside hanging."""
 
 

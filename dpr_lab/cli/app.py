@@ -7,11 +7,13 @@ from dpr_lab.cli import runs
 from dpr_lab.cli.capture import capture
 from dpr_lab.cli.compare import compare
 from dpr_lab.cli.demo import demo
+from dpr_lab.cli.diagnose import diagnose
 from dpr_lab.cli.doctor import doctor
 from dpr_lab.cli.identifiability import identifiability
 from dpr_lab.cli.identify import identify
 from dpr_lab.cli.import_table import import_app
 from dpr_lab.cli.paper import paper
+from dpr_lab.cli.trials import trials
 
 HELP = """Identify a rotary double pendulum and explain why its simulation differs from the rig.
 
@@ -47,7 +49,7 @@ def _root(
     pass
 
 
-for command in (demo, capture, identify, identifiability, compare, paper, doctor):
+for command in (demo, capture, identify, identifiability, compare, diagnose, trials, paper, doctor):
     app.command()(command)
 app.add_typer(import_app, name="import")
 app.add_typer(runs.app, name="run")

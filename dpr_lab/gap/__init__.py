@@ -1,1 +1,1 @@
-"""The gap between simulation and rig: how large, where, which effect, how sure, what else, what next, how far it shrinks."""
+"""The gap between simulation and rig: how large, where, which effect, how sure, what else, how far it shrinks."""

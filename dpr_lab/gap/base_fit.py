@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import BASE, base_parameters, ratios
 from dpr_lab.effects import effect_vector
+from dpr_lab.estimation.anchors import anchor
 from dpr_lab.gap.hypothesis import Hypothesis, hypothesis, slots_of
-from dpr_lab.gap.problem import Point, Problem, problem
+from dpr_lab.gap.problem import FIRST_S, Point, Problem, carried, problem
 from dpr_lab.gap.record import Record
 from dpr_lab.gap.shooting import Fit, fit, robust_weights
 from dpr_lab.rig import Rig
 
-FIRST_S = 0.25
-"""Length from which any rig file within 20 % of the truth converges, s."""
 WORKING_S = 0.5
 """Length at which effects are told apart: four to seven times as sensitive as 0.25 s, and still Gauss-Newton-able."""
 OUTLYING = 0.05  # Student-t weight below which a reading is left out of what follows
@@ -25,6 +24,13 @@ def nominal_rods(rig: Rig) -> NDArray[np.float64]:
     """(6,) ratios and b of the rig file's best known values."""
     base = base_parameters(rig.nominal, rig.rig.L1, rig.rig.g)
     return np.append(ratios(base), base[BASE.index("b")])
+
+
+def anchored(rods: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+    """(6,) the same ratios, with the b that is most likely given what of the rig was measured and its bounds."""
+    unsure = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3]) * np.maximum(rods[:5], 1e-3)  # friction may hide anything
+    _, base = anchor(rods[:5], np.diag(unsure**2), rig)
+    return np.append(rods[:5], base["b"].value)
 
 
 def fit_base(records: Sequence[Record], rig: Rig, rods: NDArray[np.float64]) -> tuple[Problem, Hypothesis]:
@@ -41,6 +47,7 @@ def fit_base(records: Sequence[Record], rig: Rig, rods: NDArray[np.float64]) -> 
     rough = fit(short, point, slots)
     robust = replace(short, weight=short.weight * np.sqrt(robust_weights(short, rough)))
     first = fit(robust, rough.point, slots)
+    first = replace(first, point=replace(first.point, rods=anchored(first.point.rods, rig)))
     return lengthened(records, rig, short, first, WORKING_S)
 
 
@@ -52,14 +59,3 @@ def lengthened(
     point = replace(first.point, starts=carried(short, first.point, longer, starts))
     found = fit(longer, point, slots_of(point, (), longer), iterations=20)
     return longer, hypothesis(longer, (), found)
-
-
-def carried(short: Problem, point: Point, longer: Problem, starts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Start states that another cut found, where it cut at the same instant; `starts` elsewhere."""
-    begins = {(int(r), float(short.t[i])): s for r, i, s in zip(short.run, short.offsets, point.starts, strict=False)}
-    return np.array(
-        [
-            begins.get((int(r), float(longer.t[i])), own)
-            for r, i, own in zip(longer.run, longer.offsets, starts, strict=False)
-        ]
-    )

@@ -1,9 +1,11 @@
 """What cannot be told apart on these recordings, what else it could be, and how probable each is.
 
 Two effects whose signatures (what they do to the readings, ratios and start states projected out) agree to 0.999 in
-cosine, and that predict the recordings equally well, are one class: no algorithm can split them on this record. The probability of a class is the softmax of the
-predictive scores of the sets in which it takes the place of the named effect, times the probability that the cause is
-in the library at all, which falls with the share of the gap that stays unexplained.
+cosine, and that predict the recordings equally well, are one class: no algorithm can split them on this record.
+
+The probability of a class is the softmax of the predictive scores of the sets in which it takes the place of the named
+effect, times the probability that the cause is in the library at all, which falls with the share of the gap that stays
+unexplained.
 """
 
 from collections.abc import Mapping, Sequence

@@ -22,7 +22,7 @@ DRAWS = 400
 
 @dataclass(frozen=True, slots=True)
 class Closed:
-    """Share of the gap above the noise floor that closes: 1 - rms after / rms before."""
+    """Share of the gap above the noise floor that closes: 1 - rms after / rms before, not below -1."""
 
     estimate: float
     interval90: tuple[float, float]
@@ -65,7 +65,7 @@ def _closed(
 
 def _share(above: Array) -> float:
     before, after = np.maximum(above.sum(axis=1), 0.0)
-    return float(1 - np.sqrt(after / before)) if before > 0 else 0.0
+    return max(float(1 - np.sqrt(after / before)), -1.0) if before > 0 else 0.0
 
 
 def free_run_errors(

@@ -84,7 +84,7 @@ def diagnose(
     tell("which")
     selection = select(made, base, library, max_effects=max_effects, on_step=tell)
     tell("classes")
-    standings = [standing(selection, name, selection.around[name]) for name in selection.chosen.effects]
+    standings = [standing(selection, name, selection.around[name]) for name, _ in selection.path]
     kind = verdict(selection, standings)
     tell("how far")
     gap = _gap(made, records, [record(run, rig) for run in held_out], rig, selection, np.random.default_rng(seed))
@@ -108,8 +108,8 @@ def diagnose(
             for place in places[:PLACES_SHOWN]
         ],
         where_sentence=where_sentence(places),
-        effects=[_named(selection, item) for item in standings],
-        rivals=_rivals(standings),
+        effects=[_named(selection, item) for item in standings] if kind != "unexplained" else [],
+        rivals=_rivals(standings, closest=kind == "unexplained"),
         probabilities=_probabilities(selection, standings),
         detectable={name: dict(sizes) for name, sizes in detectable(selection.chosen, selection.last).items()},
         sensor_findings=[
@@ -160,7 +160,8 @@ def _gap(
             for i, item in enumerate([*records, *held_out])
         },
         waterfall=[
-            {"effect": name, "rms_rad": float(np.hypot(*gap_rad(made, item).values()))} for name, item in selection.path
+            {"effect": name, "rms_rad": float(np.linalg.norm(list(gap_rad(made, item).values())))}
+            for name, item in selection.path
         ],
     )
 
@@ -210,21 +211,22 @@ def _ratios(at: Hypothesis) -> dict[str, Interval]:
     }
 
 
-def _rivals(standings: Sequence[Standing]) -> list[RivalEffect]:
+def _rivals(standings: Sequence[Standing], closest: bool) -> list[RivalEffect]:
+    """What else could stand in a named effect's place; where nothing is named, the closest effects first."""
     found = [
-        RivalEffect.model_validate(
-            {
-                "name": rival.name,
-                "class": list(rival.members),
-                "probability": probability,
-                "cosine": rival.cosine,
-                "instead_of": item.name,
-            }
-        )
+        _rival(rival.name, rival.members, probability, rival.cosine, item.name)
         for item in standings
         for rival, probability in zip(item.rivals, item.rival_probabilities, strict=True)
     ]
-    return sorted(found, key=lambda rival: (-rival.probability, -rival.cosine))
+    found = sorted(found, key=lambda rival: (-rival.probability, -rival.cosine))
+    if closest:
+        found = [_rival(item.name, item.members, item.probability, 1.0, "") for item in standings] + found
+    return found
+
+
+def _rival(name: str, members: Sequence[str], probability: float, cosine: float, instead_of: str) -> RivalEffect:
+    fields = {"name": name, "class": list(members), "probability": probability, "cosine": cosine}
+    return RivalEffect.model_validate(fields | {"instead_of": instead_of})
 
 
 def _probabilities(selection: Selection, standings: Sequence[Standing]) -> dict[str, float]:
@@ -244,7 +246,7 @@ def _probabilities(selection: Selection, standings: Sequence[Standing]) -> dict[
 def _assumptions(records: Sequence[Record], rig: Rig, base: Hypothesis) -> list[str]:
     made = [
         f"L1 = {rig.rig.L1:g} m and g = {rig.rig.g:g} m/s^2 are as measured.",
-        f"Torques are relative to b = {base.fit.point.rods[5]:.4g} kg m^2 of the rig file: a free swing fixes no scale.",
+        f"Torques are relative to b = {base.fit.point.rods[5]:.4g} kg m^2 of the rig file: free swings fix no scale.",
         "Encoder noise is white beyond what the sensor screen found; readings were averaged over 5 ms.",
         "Start states of all segments are free; the first 30 ms after each release are left out.",
     ]

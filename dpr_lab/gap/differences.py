@@ -12,7 +12,7 @@ _MAD = 1.482602218505602
 
 
 def sixth(values: NDArray[np.float64], stride: int = 1) -> NDArray[np.float64]:
-    """Sixth differences of every `stride`-th value, at unit gain on white noise; a polynomial of degree 5 gives zero."""
+    """Sixth differences of every `stride`-th value, at unit gain on white noise; degree 5 gives zero."""
     return np.diff(values[::stride], ORDER, axis=0) / _GAIN
 
 
@@ -63,9 +63,9 @@ def _growth(speed2: NDArray[np.float64], residual: NDArray[np.float64], floor: f
     groups = np.array_split(np.argsort(speed2), BINS)
     x = np.array([speed2[group].mean() for group in groups])
     y = np.array([max(spread(residual[group]), floor) ** 2 for group in groups])
-    # Overlapping differences of a bin count for about a quarter as many independent ones, each of relative variance 2.7.
     if y.max() == 0.0:
         return 0.0, math.inf
+    # Overlapping differences count for a quarter as many independent ones, each of relative variance 2.7.
     error = np.maximum(y, 0.1 * y.max()) * np.sqrt(2.7 * 4 / (len(residual) / BINS))
     weights = 1 / error
     A = np.stack([np.ones(BINS), x], axis=1) * weights[:, None]

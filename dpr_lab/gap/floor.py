@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.gap.base_fit import carried
 from dpr_lab.gap.heldout import remainder
 from dpr_lab.gap.hypothesis import Hypothesis
-from dpr_lab.gap.problem import Point, Problem, problem
+from dpr_lab.gap.problem import Point, Problem, carried, problem
 from dpr_lab.gap.record import Record
 from dpr_lab.gap.response import course
 from dpr_lab.gap.screen import AXES
@@ -38,8 +37,8 @@ def gap_rad(made: Problem, at: Hypothesis) -> dict[str, float]:
 def gap_torque(made: Problem, at: Hypothesis) -> dict[str, float]:
     """The torque that would make up for what a fit leaves, by joint, rms, N m.
 
-    In every segment a torque in each joint, piecewise linear in time, is fitted to the residual; the variance that noise
-    alone gives to it is taken off.
+    In every segment a torque in each joint, piecewise linear in time, is fitted to the residual; the variance that
+    noise alone gives to it is taken off.
     """
     along = course(made, at.fit.point)
     torque = np.zeros((len(along.t), 2, 2 * TORQUE_HATS))
@@ -67,7 +66,7 @@ def gap_torque(made: Problem, at: Hypothesis) -> dict[str, float]:
 def by_horizon(
     records: Sequence[Record], rig: Rig, working: Problem, points: Mapping[str, Point]
 ) -> dict[str, dict[str, float]]:
-    """Gap of several models against the length of a segment with a free start state: horizon (s) -> model -> rms, rad."""
+    """Gap of several models by the length of segments with free start states: horizon (s) -> model -> rms, rad."""
     found: dict[str, dict[str, float]] = {}
     for length in HORIZONS_S:
         made, starts = problem(records, rig, length)

@@ -1,7 +1,7 @@
 """Prediction of a release that took no part in the fit, and how much independent evidence residuals hold.
 
-Normal equations add up over segments: H = sum A^T A + P and g = sum A^T e, with P the weak prior that an effect is a few
-times its typical size at most. So the fit without release r is one Gauss-Newton step away from the fit to all,
+Normal equations add up over segments: H = sum A^T A + P and g = sum A^T e, with P the weak prior that an effect is a
+few times its typical size at most. So the fit without release r is one Gauss-Newton step away from the fit to all,
 
     dp = (H - H_r)^-1 (g - g_r),    V = (H - H_r)^-1,
 
@@ -83,7 +83,7 @@ class Remainder:
     chi2: float
     dof: int
     level: float
-    """Variance of the residual's rough part, of the noise variance taken for the fit; what a remainder is measured from."""
+    """Variance of the residual's rough part, in units of the noise taken for the fit: the floor of the remainder."""
     autocorrelation: float
     """Of neighbouring residuals: the share of a remainder that is smooth."""
     excess: float
@@ -98,13 +98,13 @@ class Remainder:
 
     @property
     def inflation(self) -> float:
-        """chi2 units that one independent piece of evidence costs: variance times n / n_eff of a first-order process."""
+        """What one independent piece of evidence costs in chi2: variance times n / n_eff of a first-order process."""
         rho = min(max(self.autocorrelation, 0.0), 0.99)
         return max(self.chi2 / self.dof, 1.0) * (1 + rho) / (1 - rho)
 
     @property
     def noise_ratio(self) -> float:
-        """rms of the remainder over that of the noise."""
+        """Size of the remainder over that of the noise, both rms."""
         return float(np.sqrt(max(self.excess, 0.0) / (self.level * self.dof)))
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS, SLICES, place
 from dpr_lab.gap.heldout import Remainder, folds, remainder, surprise
-from dpr_lab.gap.problem import Point, Problem, Slot, effect_slots, rod_slots
+from dpr_lab.gap.problem import Point, Problem, Slot, carried, effect_slots, rod_slots
 from dpr_lab.gap.score import Score, Scores
 from dpr_lab.gap.shooting import Fit, fit, moved
 
@@ -52,7 +52,7 @@ def slots_of(point: Point, effects: Iterable[str], problem: Problem) -> tuple[Sl
     return (*rods, *(slot for name in effects for slot in effect_slots(EFFECTS[name], refined=True)))
 
 
-def added(problem: Problem, before: Hypothesis, scores: Scores, item: Score, iterations: int = 15) -> Hypothesis:
+def added(problem: Problem, before: Hypothesis, scores: Scores, item: Score, iterations: int) -> Hypothesis:
     """Fit one effect more, from where its score puts it."""
     vector = before.fit.point.vector.copy()
     for at, value in item.shape:
@@ -62,6 +62,25 @@ def added(problem: Problem, before: Hypothesis, scores: Scores, item: Score, ite
     effects = (*before.effects, item.effect.name)
     found = fit(problem, first.point, slots_of(first.point, effects, problem), iterations=iterations)
     return hypothesis(problem, effects, found)
+
+
+def added_from_short(problem: Problem, short: tuple[Problem, Array], before: Hypothesis, item: Score) -> Hypothesis:
+    """Fit one effect more to short segments first: slower, but it converges where the effect bends the swings far.
+
+    Args:
+        problem: the segments
+        short: shorter segments of the same runs, and start states to begin with
+        before: the fit without the effect
+        item: the effect in the shape to start from
+    """
+    vector = before.fit.point.vector.copy()
+    for at, value in item.shape:
+        vector[at] = value
+    cut, starts = short
+    near = fit(cut, Point(before.fit.point.rods, vector, starts), item.slots, iterations=20)
+    point = replace(near.point, starts=carried(cut, near.point, problem, before.fit.point.starts))
+    effects = (*before.effects, item.effect.name)
+    return hypothesis(problem, effects, fit(problem, point, slots_of(point, effects, problem), iterations=20))
 
 
 def dropped(problem: Problem, before: Hypothesis, effect: str, iterations: int = 15) -> Hypothesis:
@@ -80,7 +99,9 @@ def dropped(problem: Problem, before: Hypothesis, effect: str, iterations: int =
     step = fallen.copy()
     step[kept] = np.linalg.lstsq(A[:, kept], linear.e.ravel() - A @ fallen, rcond=1e-10)[0]
     left = linear.residual - linear.slopes @ step
-    starts = np.linalg.solve(linear.R, linear.Q.transpose(0, 2, 1) @ left[:, :, None])[:, :, 0]
+    starts = np.asarray(np.linalg.solve(linear.R, linear.Q.transpose(0, 2, 1) @ left[:, :, None]), dtype=np.float64)[
+        :, :, 0
+    ]
     slots = [before.fit.slots[i] for i in kept]
     bare = replace(point, vector=vector)
     guess = moved(bare, slots, step[kept], starts)

@@ -22,6 +22,9 @@ START_STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5])  # rad, rad/s
 RELATIVE_STEP = 1e-5
 OF_TYPICAL = 1e-3  # forward step of an effect's parameter, of its typical size
 
+FIRST_S = 0.25
+"""Length from which any rig file within 20 % of the truth converges, s."""
+
 CONTINUOUS = ("speed_rad_per_s", "length_rad", "frequency_hz", "damping_ratio")
 """Shape parameters that are refined after their scan; orders and instants are not."""
 
@@ -225,3 +228,14 @@ def problem(records: Sequence[Record], rig: Rig, length: float) -> tuple[Problem
     )
     starts = [start_states(item, cuts(item, length), PAD, absolute) for item in records]
     return made, np.concatenate(starts)
+
+
+def carried(short: Problem, point: Point, longer: Problem, starts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Start states that another cut found, where it cut at the same instant; `starts` elsewhere."""
+    begins = {(int(r), float(short.t[i])): s for r, i, s in zip(short.run, short.offsets, point.starts, strict=False)}
+    return np.array(
+        [
+            begins.get((int(r), float(longer.t[i])), own)
+            for r, i, own in zip(longer.run, longer.offsets, starts, strict=False)
+        ]
+    )

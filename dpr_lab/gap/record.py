@@ -76,7 +76,7 @@ def _blocks(
     with np.errstate(invalid="ignore", divide="ignore"):
         t = np.add.reduceat(keep * seen.t, edges) / kept
         mean = np.add.reduceat(keep[:, None] * seen.joints, edges) / kept[:, None]
-        spread = np.add.reduceat(keep * (seen.t - np.repeat(t, np.diff([*edges, len(keep)]))) ** 2, edges) / kept
+        spread = np.add.reduceat(keep * (seen.t - np.repeat(t, np.diff(edges, append=len(keep)))) ** 2, edges) / kept
     good = kept >= 0.5 * np.median(kept)
     for at, _ in seen.breaks:
         good &= number[edges] != np.floor(at * RATE_HZ + 1e-6)

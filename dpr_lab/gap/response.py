@@ -64,7 +64,7 @@ class Course:
 
     @property
     def joint_speed(self) -> Array:
-        """(n, 2) rad/s"""
+        """(n, 2) speed of joint 1 and of joint 2, rad/s."""
         return np.stack([self.omega[:, 0], self.omega[:, 1] - self.omega[:, 0]], axis=1)
 
 
@@ -101,7 +101,9 @@ def course(problem: Problem, point: Point) -> Course:
         omega=states[:, 2:],
         alpha=alpha,
         base=base,
-        into=np.linalg.solve(phi, np.concatenate([np.zeros_like(inverse), inverse], axis=1)),
+        into=np.asarray(
+            np.linalg.solve(phi, np.concatenate([np.zeros_like(inverse), inverse], axis=1)), dtype=np.float64
+        ),
         out=out,
         at=at,
         edges=swings.offsets,

@@ -9,7 +9,7 @@ Nothing is integrated again for it, and its solution is where the nonlinear fit 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,8 @@ class Scores:
     gradient: Array
     ranking: tuple[Score, ...]
     """Best first; of several shapes of an effect the best."""
+    shaped: Mapping[str, tuple[Score, ...]]
+    """All shapes of each effect, the best first."""
 
     @property
     def active(self) -> tuple[int, ...]:
@@ -77,35 +79,32 @@ class Scores:
         return x * scale, float(2 * x @ gradient - x @ H @ x)
 
 
-def score(
-    problem: Problem, found: Fit, library: Iterable[Effect], fixed: Mapping[str, Sequence[Shape]] | None = None
-) -> Scores:
+def score(problem: Problem, found: Fit, library: Iterable[Effect]) -> Scores:
     """Score every effect.
 
     Args:
         problem: what was measured
         found: the fit to improve
         library: the effects to try
-        fixed: shapes of some effects, where they need no scan
     """
     along = course(problem, found.point)
     groups: list[tuple[Effect, Shape, tuple[Slot, ...]]] = []
     for effect in library:
-        tried = fixed[effect.name] if fixed and effect.name in fixed else shapes(effect, problem, found, along)
-        groups += [(effect, shape, effect_slots(effect, overrides=shape)) for shape in tried]
+        scanned = shapes(effect, problem, found, along)
+        groups += [(effect, shape, effect_slots(effect, overrides=shape)) for shape in scanned]
     columns = (*found.slots, *(slot for _, _, slots in groups for slot in slots))
     linear = linearise(problem, found.point, columns)
     A = linear.A.reshape(-1, linear.A.shape[2])
     scale = 1 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     A = A * scale
-    scores = Scores(found, linear, columns, scale, A.T @ A, A.T @ linear.e.ravel(), ())
-    best: dict[str, Score] = {}
+    scores = Scores(found, linear, columns, scale, A.T @ A, A.T @ linear.e.ravel(), (), {})
+    tried: dict[str, list[Score]] = {}
     first = len(found.slots)
     for effect, shape, slots in groups:
         mine = tuple(range(first, first + len(slots)))
         first += len(slots)
         step, gain = scores.solve([*scores.active, *mine])
-        if effect.name not in best or gain > best[effect.name].gain:
-            best[effect.name] = Score(effect, shape, gain, mine, (*found.slots, *slots), step)
-    ranking = tuple(sorted(best.values(), key=lambda item: -item.gain))
-    return Scores(found, linear, columns, scale, scores.H, scores.gradient, ranking)
+        tried.setdefault(effect.name, []).append(Score(effect, shape, gain, mine, (*found.slots, *slots), step))
+    shaped = {name: tuple(sorted(items, key=lambda item: -item.gain)) for name, items in tried.items()}
+    ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda item: -item.gain))
+    return replace(scores, ranking=ranking, shaped=shaped)

@@ -85,9 +85,11 @@ def screen(run: Run, rig: Rig) -> Screened:
     """
     swing = run.swing
     t, joints = swing.t, joint_angles(swing.theta, rig)
-    std = noise_floor(run, rig).std_joint
     period = 1.0 / run.rate_hz
+    std = noise_floor(run, rig).std_joint
     findings = [*_gaps(run), *_levels(run, rig, std)]
+    colour, coloured = _colour(run, joints)
+    std = std * colour  # noise that was filtered shows only over wider spacings
     keep, breaks = np.ones(joints.shape, dtype=bool), []
     jitter, jitter_findings = _jitter(run, t, joints, std, period)
     stale = _repeated(t, joints, std, jitter, period)
@@ -114,7 +116,7 @@ def screen(run: Run, rig: Rig) -> Screened:
         noise=std,
         jitter_s=jitter,
         dithered=_dithered(run, rig),
-        findings=(*findings, *jitter_findings, *_colour(run, joints, keep)),
+        findings=(*findings, *jitter_findings, *coloured),
     )
 
 
@@ -251,15 +253,15 @@ def _jitter(
     return jitter, [Finding("jitter", run.name, None, None, evidence)]
 
 
-def _colour(run: Run, joints: NDArray[np.float64], keep: NDArray[np.bool_]) -> list[Finding]:
+def _colour(run: Run, joints: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[Finding]]:
+    """(2,) factor from the noise of neighbours to that of wider spacings, 1 for white noise; and what was found."""
+    factor, found = np.ones(2), []
     if run.rate_hz < 500:  # slower, and the swing itself leaks into the wider differences
-        return []
-    found = []
+        return factor, found
     for axis, name in enumerate(AXES):
-        ratio = stride_ratio(joints[keep[:, axis], axis])
+        ratio = stride_ratio(joints[:, axis])
         if ratio > NOISE_RATIO:
-            evidence = (
-                f"the noise of every third sample is {ratio:.2g} times that of neighbours: filtered before recording"
-            )
+            factor[axis] = ratio
+            evidence = f"every third sample has {ratio:.2g} times the noise of neighbours: filtered before recording"
             found.append(Finding("non_white_noise", run.name, name, None, evidence))
-    return found
+    return factor, found

@@ -12,10 +12,15 @@ later one too, and what was found is pruned, swapped and simplified before it is
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dpr_lab.effects.effect import Effect
-from dpr_lab.gap.hypothesis import Hypothesis, added, dropped
-from dpr_lab.gap.problem import Problem
+from dpr_lab.gap.corrected import EVENTS
+from dpr_lab.gap.hypothesis import Hypothesis, added, added_from_short, dropped, hypothesis
+from dpr_lab.gap.problem import FIRST_S, Problem, problem
 from dpr_lab.gap.score import Score, Scores, score
+from dpr_lab.gap.shooting import fit
 
 FITTED = 4
 FITTED_WHEN_FAR = 6
@@ -30,6 +35,10 @@ KEEPS = 3.0  # factor by which the remainder must grow without an effect, for th
 KEEPS_IF_LARGE = 1.3  # the same for an effect that explains at least `LARGE` of the whole gap
 LARGE = 0.05  # above what another form of an effect named already could make up for
 CONTAINED = 0.003  # share of the explained excess that a richer form of an effect must add
+KEPT_PROMISE = 0.5  # share of the promised fall of chi2 below which a fit is tried again from shorter segments
+ROUGH, FINE = 6, 15  # iterations of a fit, far from the noise and near it
+STARTS = 4  # shapes from which an effect with several of them is fitted
+CONTAINED_WHEN_CLOSED = 5e-4  # the same share where nothing else is left: what the integrator's steps leave in doubt
 TWIN_GAIN = 1e-3  # relative difference of gains within which twins are not fitted twice
 
 
@@ -60,6 +69,7 @@ class _Search:
     seen: dict[frozenset[str], Hypothesis]
     scored: dict[frozenset[str], Scores]
     on_step: Callable[[str], None]
+    shorter: tuple[Problem, NDArray[np.float64]] | None = None
 
     def scores(self, at: Hypothesis) -> Scores:
         if at.key not in self.scored:
@@ -73,8 +83,27 @@ class _Search:
         key = at.key | {item.effect.name}
         if key not in self.seen:
             self.on_step(f"fit {', '.join(sorted(key))}")
-            self.seen[key] = added(self.problem, at, scores, item)
+            fitted = self._best_shape(at, scores, item)
+            if at.remainder.chi2 > FAR * at.remainder.dof and at.fit.chi2 - fitted.fit.chi2 < KEPT_PROMISE * item.gain:
+                again = added_from_short(self.problem, self.short(), at, item)
+                fitted = min(fitted, again, key=lambda one: one.fit.chi2)
+            self.seen[key] = fitted
         return self.seen[key]
+
+    def short(self) -> tuple[Problem, NDArray[np.float64]]:
+        if self.shorter is None:
+            self.shorter = problem(self.problem.records, self.problem.rig, FIRST_S)
+        return self.shorter
+
+    def _best_shape(self, at: Hypothesis, scores: Scores, item: Score) -> Hypothesis:
+        """Fit from the best shape; where shapes interact, from the best few."""
+        starts = scores.shaped[item.effect.name][: STARTS if len(item.effect.shapes) > 1 else 1]
+        far = at.remainder.chi2 > FAR * at.remainder.dof
+        if item.effect.name in EVENTS or len(starts) == 1:
+            return added(self.problem, at, scores, item, iterations=ROUGH if far else FINE)
+        begun = [added(self.problem, at, scores, start, iterations=4) for start in starts]
+        best = starts[min(range(len(begun)), key=lambda i: begun[i].fit.chi2)]
+        return added(self.problem, at, scores, best, iterations=30)
 
     def without(self, at: Hypothesis, effect: str) -> Hypothesis:
         key = at.key - {effect}
@@ -85,7 +114,7 @@ class _Search:
 
 
 def select(
-    problem: Problem,
+    made: Problem,
     base: Hypothesis,
     library: Mapping[str, Effect],
     *,
@@ -95,16 +124,26 @@ def select(
     """Find the set of effects that explains the gap.
 
     Args:
-        problem: the segments
+        made: the segments
         base: the bare model, fitted
         library: effects to choose from
         max_effects: at most so many at once
         on_step: told what is being done
     """
-    search = _Search(problem, library, {base.key: base}, {}, on_step)
+    search = _Search(made, library, {base.key: base}, {}, on_step)
     grown = _grow(search, base, max_effects)
     chosen = _simplify(search, base, _prune(search, base, grown))
-    return _selection(search, base, _withdraw(search, _prune(search, base, chosen)))
+    chosen = _settled(search, _withdraw(search, _prune(search, base, chosen)))
+    return _selection(search, base, chosen)
+
+
+def _settled(search: _Search, chosen: Hypothesis) -> Hypothesis:
+    """The chosen set, fitted to the end where it was only fitted roughly."""
+    if chosen.fit.converged or not chosen.effects:
+        return chosen
+    done = fit(search.problem, chosen.fit.point, chosen.fit.slots, iterations=2 * FINE)
+    search.seen[chosen.key] = hypothesis(search.problem, chosen.effects, done)
+    return search.seen[chosen.key]
 
 
 def _withdraw(search: _Search, chosen: Hypothesis) -> Hypothesis:
@@ -144,10 +183,20 @@ def _grow(search: _Search, base: Hypothesis, max_effects: int) -> Hypothesis:
         if best.cost - ranked[0].cost < GAIN * ranked[0].remainder.inflation:
             break
         best = ranked[0]
-        front = [item for item in ranked[:BEAM] if excess(item) < BEAM_WORSE * excess(best)]
+        others = [item for item in ranked[1:] if not _contains(search, item, best)]
+        front = [best, *(item for item in others[: BEAM - 1] if excess(item) < BEAM_WORSE * excess(best))]
         if closed(best):
             front = [best]
     return best
+
+
+def _contains(search: _Search, one: Hypothesis, other: Hypothesis) -> bool:
+    """Whether two sets differ only by an effect and a simpler form of it."""
+    more, less = one.key - other.key, other.key - one.key
+    if len(more) != 1 or len(less) != 1:
+        return False
+    (first,), (second,) = more, less
+    return first in search.library[second].nested or second in search.library[first].nested
 
 
 def _candidates(at: Hypothesis, scores: Scores) -> list[Score]:
@@ -223,7 +272,8 @@ def _simplify(search: _Search, base: Hypothesis, current: Hypothesis) -> Hypothe
             if item is None:
                 continue
             other = search.with_one(less, search.scores(less), item)
-            worth = GAIN if closed(current) else max(GAIN * current.remainder.inflation, CONTAINED * explained)
+            share = CONTAINED_WHEN_CLOSED if closed(current) else CONTAINED
+            worth = max(GAIN * current.remainder.inflation, share * explained)
             if other.cost - current.cost < worth:
                 return _simplify(search, base, other)
     return current

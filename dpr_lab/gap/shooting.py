@@ -1,4 +1,4 @@
-"""Multiple shooting with effects: five ratios, the parameters of chosen effects, and free start states of every segment.
+"""Multiple shooting with effects: five ratios, parameters of chosen effects, free start states of every segment.
 
     minimise  sum over segments s, samples k  w_sk | (y_sk - readings(t_sk; p, x_s)) / sigma_sk |^2
 
@@ -71,7 +71,7 @@ class Fit:
 
     @property
     def chi2_by_segment(self) -> Array:
-        """(segments,)"""
+        """(segments,) the same by segment."""
         return np.sum(self.linear.residual**2, axis=1)
 
     @property
@@ -85,7 +85,7 @@ def linearise(problem: Problem, point: Point, slots: Sequence[Slot]) -> Linear:
     predicted, slopes = problem.predict(point, slots)
     residual = problem.whitened(problem.measured - predicted)
     J = problem.whitened(slopes)
-    bad = ~np.isfinite(J).all(axis=(1, 2)) | ~np.isfinite(residual).all(axis=1)
+    bad = np.logical_not(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     residual[bad], J[bad] = np.inf, 0.0
     Q, R = np.linalg.qr(J[:, :, -4:])
     R[bad] = np.eye(4)
@@ -140,7 +140,7 @@ def robust_weights(problem: Problem, found: Fit) -> Array:
 
 
 def bounded_solution(H: Array, gradient: Array, lower: Array) -> Array:
-    """Least-squares step x >= lower of normal equations H x = gradient: coordinates that would cross are held, in turn."""
+    """The step x >= lower of normal equations H x = gradient: coordinates that would cross their bound are held."""
     free, x = np.ones(len(gradient), dtype=bool), np.zeros(len(gradient))
     for _ in range(len(gradient) + 1):
         x = np.where(free, 0.0, lower)
@@ -175,9 +175,10 @@ def _start_steps(linear: Linear, step: Array) -> Array:
 def _search(
     problem: Problem, point: Point, slots: tuple[Slot, ...], step: Array, starts: Array, before: Array
 ) -> tuple[Point | None, float]:
-    """The first point along the step that lowers the cost; a start state that would make its segment worse goes less far.
+    """The first point along the step that lowers the cost.
 
-    One segment that passes near the upright would otherwise hold back all others.
+    A start state that would make its segment worse goes less far; one segment that passes near the upright would
+    otherwise hold back all others.
     """
     share, own = 1.0, np.ones(len(starts))
     for attempt in range(TRIES):

@@ -42,8 +42,8 @@ def response_figure(comparisons: Sequence[Comparison]) -> Figure:
     """
     with style.house_style():
         if not comparisons:
-            return _empty(NOTHING)
-        figure = _new_figure(0.5 + 1.75 * len(comparisons))
+            return empty_figure(NOTHING)
+        figure = new_figure(0.5 + 1.75 * len(comparisons))
         grid = figure.subplots(len(comparisons), 2, squeeze=False)
         for panels, comparison in zip(grid, comparisons, strict=True):
             _title(panels[0], comparison)
@@ -63,8 +63,8 @@ def error_figure(comparisons: Sequence[Comparison]) -> Figure:
     """
     with style.house_style():
         if not comparisons:
-            return _empty(NOTHING)
-        figure = _new_figure(0.5 + 2.7 * len(comparisons))
+            return empty_figure(NOTHING)
+        figure = new_figure(0.5 + 2.7 * len(comparisons))
         grid = figure.subplots(2 * len(comparisons), 2, squeeze=False)
         for row, comparison in enumerate(comparisons):
             _draw_errors(grid[2 * row : 2 * row + 2], comparison)
@@ -75,7 +75,7 @@ def error_figure(comparisons: Sequence[Comparison]) -> Figure:
 def evolution_figure(model: Model) -> Figure:
     """Cost, fitness and population fitness of the best individual over generations (Figure 4 of the paper)."""
     with style.house_style():
-        figure = _new_figure(5.0)
+        figure = new_figure(5.0)
         grid = figure.subplots(3, 1, sharex=True, height_ratios=(2, 1, 1))
         for axes, (column, label) in zip(grid, _EVOLUTION.items(), strict=True):
             values = model.search.history.get(column, [])
@@ -110,7 +110,7 @@ def save_figures(model: Model, comparisons: Sequence[Comparison], out_dir: Path)
     paths = {name: out_dir / f"{name}.png" for name in figures}
     for name, path in paths.items():
         figure = figures[name]
-        write_to(path, lambda file, figure=figure: _save(figure, file))
+        write_to(path, lambda file, figure=figure: save_figure(figure, file))
     return paths
 
 
@@ -128,7 +128,8 @@ def write_to(path: Path, write: Callable[[Path], object]) -> None:
         raise DprError(f"{path}: cannot be written: {why}; choose another folder for the report") from error
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as a small PNG."""
     canvas = FigureCanvasAgg(figure)
     with style.house_style(), warnings.catch_warnings():
         # A run named in a script the font lacks is drawn with boxes; its name stands in full in the tables.
@@ -139,14 +140,16 @@ def _save(figure: Figure, path: Path) -> None:
     picture.save(path, format="PNG", optimize=True, dpi=(style.DPI, style.DPI))
 
 
-def _new_figure(height_in: float) -> Figure:
+def new_figure(height_in: float) -> Figure:
+    """An empty figure of the house width."""
     figure = Figure(figsize=(style.WIDTH_IN, height_in))
     figure.set_layout_engine("constrained", wspace=0.03, hspace=0.02)
     return figure
 
 
-def _empty(sentence: str) -> Figure:
-    figure = _new_figure(1.2)
+def empty_figure(sentence: str) -> Figure:
+    """A figure that says why there is nothing to draw."""
+    figure = new_figure(1.2)
     figure.text(0.5, 0.5, sentence, ha="center", va="center")
     return figure
 

@@ -62,12 +62,12 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
         warnings=_warnings([*model.failures, *model.warnings]),
         L1=f"{model.rig.L1:g}",
         g=f"{model.rig.g:g}",
-        ratios=_table(tables.RATIO_COLUMNS, tables.ratio_rows(model)),
-        parameters=_table(tables.PARAMETER_COLUMNS, tables.parameter_rows(model)),
+        ratios=table_html(tables.RATIO_COLUMNS, tables.ratio_rows(model)),
+        parameters=table_html(tables.PARAMETER_COLUMNS, tables.parameter_rows(model)),
         comparisons=_comparisons(comparisons, figures),
-        search=_table(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose"),
+        search=table_html(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose"),
         evolution=_figure("evolution", figures),
-        runs=_table(tables.RUN_COLUMNS, tables.run_rows(model), style="hash"),
+        runs=table_html(tables.RUN_COLUMNS, tables.run_rows(model), style="hash"),
         rig=escape(model.rig.name),
         rig_sha256=escape(model.rig.sha256 or "not known"),
         version=escape(model.version),
@@ -82,11 +82,12 @@ def _comparisons(comparisons: Sequence[Comparison], figures: Mapping[str, Path])
         "Free run: residual of one simulation from the release to the horizon. "
         "Held out: the run took no part in the fit. ≥: predictable to the end of the record."
     )
-    table = _table(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), caption)
+    table = table_html(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), caption)
     return "\n".join([table, _figure("response", figures), _figure("error", figures)])
 
 
-def _table(columns: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", style: str = "") -> str:
+def table_html(columns: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", style: str = "") -> str:
+    """A table of text."""
     head = "".join(f'<th scope="col">{escape(column)}</th>' for column in columns)
     body = "\n".join(f"<tr>{_row(row)}</tr>" for row in rows)
     title = f"<caption>{escape(caption)}</caption>\n" if caption else ""
@@ -103,10 +104,15 @@ def _row(cells: Sequence[str]) -> str:
 
 
 def _figure(name: str, figures: Mapping[str, Path]) -> str:
-    data = base64.b64encode(figures[name].read_bytes()).decode("ascii")
+    return figure_html(name, figures[name], ALTERNATIVES[name], CAPTIONS[name])
+
+
+def figure_html(name: str, path: Path, alternative: str, caption: str) -> str:
+    """A figure that carries its picture, with a text for readers who do not see it."""
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
     return (
-        f'<figure id="{name}">\n<img alt="{escape(ALTERNATIVES[name])}" src="data:image/png;base64,{data}">\n'
-        f"<figcaption>{escape(CAPTIONS[name])}</figcaption>\n</figure>"
+        f'<figure id="{name}">\n<img alt="{escape(alternative)}" src="data:image/png;base64,{data}">\n'
+        f"<figcaption>{escape(caption)}</figcaption>\n</figure>"
     )
 
 

@@ -1,5 +1,6 @@
 """What a foreign effect is: something the lab's library does not hold, or not in this form."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -52,6 +53,8 @@ class Foreign:
     meaning: str
     amplitude: Size
     """How big it is; a draw scales it until the gap has the size wanted."""
+    most: float = math.inf
+    """Largest amplitude that still makes sense."""
     sign: Literal["positive", "any"] = "positive"
     shape: tuple[Size, ...] = ()
     motion: BuildMotion | None = None

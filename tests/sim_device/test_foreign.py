@@ -11,7 +11,7 @@ from dpr_lab.errors import ConfigError
 from sim_device.assemble import plant_of
 from sim_device.config import load_plant
 from sim_device.foreign import FOREIGN
-from sim_device.foreign.bodies import wobbling_rod
+from sim_device.foreign.bodies import AXIAL, wobbling_rod
 from sim_device.foreign.engine import Body, integrate, undisturbed
 from sim_device.foreign.foreign import Foreign, Moment
 from sim_device.foreign.torques import drag_on_outer_rod
@@ -83,7 +83,8 @@ def test_the_wobbling_rod_keeps_its_energy(body):
     states = integrate(motion, np.array([*START, *motion.memory]), T)
     t1, t2, w1, w2, phi, u = states.T
     cross = np.cos(phi) * np.cos(t1 - t2) * w2 + np.sin(phi) * np.sin(t1 - t2) * u
-    kinetic = 0.5 * free.a * w1**2 + 0.5 * free.b * (u**2 + np.cos(phi) ** 2 * w2**2) + free.d * w1 * cross
+    turning = free.b * (np.cos(phi) ** 2 + AXIAL * np.sin(phi) ** 2)
+    kinetic = 0.5 * free.a * w1**2 + 0.5 * free.b * u**2 + 0.5 * turning * w2**2 + free.d * w1 * cross
     spring = 0.5 * free.b * (4 * math.pi) ** 2 * phi**2
     total = kinetic + free.e1 * np.cos(t1) + free.e2 * np.cos(t2) * np.cos(phi) + spring
     assert np.ptp(total) < 1e-7

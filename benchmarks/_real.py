@@ -1,0 +1,101 @@
+"""The diagnosis on recordings of real rigs, where they are at hand."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from _bars import Bar, at_least, at_most
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.diagnosis import Diagnosis
+from dpr_lab.rig import PARAMETERS, Encoders, Frame, Parameter, Rig, load_rig
+from dpr_lab.run import Run
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+
+PIECES, PIECE_S = 8, 10.0
+CLAIMED = 0.5
+FIXED = 5.0  # how far, as a factor, a value that nobody measured may lie from its nominal one
+DRY = ("coulomb", "stribeck", "friction_curve", "hysteresis")
+
+
+def real_bars(folder: Path) -> list[Bar]:
+    """Bars on the two rigs whose recordings are in `folder`."""
+    return [*multiarm_bars(folder / "multiarm"), *dfki_bars(folder / "dfki_design_a")]
+
+
+def multiarm_bars(folder: Path) -> list[Bar]:
+    """A long swing with encoders, published as viscous only: every second piece of 10 s is held out."""
+    rig = load_rig("multiarm")
+    cuts = [ImportOptions(zero="hanging", start_s=PIECE_S * k, duration_s=PIECE_S) for k in range(PIECES)]
+    runs = [
+        replace(import_csv(folder / "dp_freeswing_1khz.csv", rig, cut), name=f"piece {k}") for k, cut in enumerate(cuts)
+    ]
+    found = diagnose(runs[0::2], rig, held_out=runs[1::2])
+    errors = [found.gap.free_run_rad[run.name] for run in runs[1::2]]
+    before, after = (float(np.median([error[key] for error in errors])) for key in ("before", "after"))
+    return [
+        at_least("multiarm: held-out free run, times better than viscous", before / after, 3.5),
+        at_most("multiarm: coefficients of unphysical sign", unphysical(found), 0),
+        at_least("multiarm: remainder admitted", float(found.verdict in ("partly_explained", "unexplained")), 1),
+    ]
+
+
+def dfki_bars(folder: Path) -> list[Bar]:
+    """Geared motors at zero torque: sticking joints and rotor inertia; one release is fitted, the other held out."""
+    rig = dfki_rig(json.loads((folder / "release_060143.json").read_text(encoding="utf-8")))
+    runs = [import_csv(file, rig, ImportOptions(zero="hanging")) for file in sorted(folder.glob("*.csv"))]
+    said = [diagnose([fitted], rig, held_out=[unseen]) for fitted, unseen in _each_held_out(runs)]
+    worse = [found for found in said if _claims(found) and min(found.gap.closed_held_out.held_out.values()) < 0]
+    names = {effect.name for found in said for effect in found.effects}
+    return [
+        at_least("dfki: stiction appears", float(any(name.startswith(DRY) for name in names)), 1),
+        at_least("dfki: rotor inertia appears", float("rotor_inertia_joint2" in names), 1),
+        at_most("dfki: claims that make a held-out release worse", float(len(worse)), 0),
+    ]
+
+
+def _each_held_out(runs: list[Run]) -> list[tuple[Run, Run]]:
+    return [(runs[0], runs[1]), (runs[1], runs[0])]
+
+
+def _claims(found: Diagnosis) -> bool:
+    named = found.verdict in ("named", "partly_explained")
+    return named and any(effect.probability > CLAIMED for effect in found.effects)
+
+
+def unphysical(found: Diagnosis) -> float:
+    """How many frictions and amplitudes that must be positive are not."""
+    signs = {(e.name, p.name) for e in EFFECTS.values() for p in e.amplitudes if p.sign == "positive"}
+    effects = [v.value for e in found.effects for name, v in e.parameters.items() if (e.name, name) in signs]
+    return float(sum(value < 0 for value in [*effects, *(found.ratios[name].value for name in ("c1/b", "c2/b"))]))
+
+
+def dfki_rig(told: dict[str, Any]) -> Rig:
+    """The rig as its authors identified it; only lengths count as measured."""
+    known = told["known_parameters"]
+    model = known["model_1_0"]
+    L1, L2 = known["l1_m"], known["l2_m"]
+    nominal = {
+        "l1": model["r1"],
+        "l2": model["r2"],
+        "m1": model["m1"],
+        "m2": model["m2"],
+        "mb": 0.01,
+        "c1": max(model["b1"], 1e-3),
+        "c2": max(model["b2"], 1e-3),
+        "J1": max(model["I1_pivot"] - model["m1"] * model["r1"] ** 2, 1e-3),
+        "J2": max(model["I2_pivot"] - model["m2"] * model["r2"] ** 2, 1e-3),
+    }
+    parameters = {
+        name: Parameter(nominal=nominal[name], lower=nominal[name] / FIXED, upper=nominal[name] * FIXED)
+        for name in PARAMETERS
+    }
+    counts = round(2 * np.pi / told["quantisation_step_rad"])
+    return Rig(
+        rig=Frame(name="dfki_design_a", L1=L1, L2=L2),
+        parameters=parameters,
+        encoders=Encoders(counts_per_rev=(counts, counts, counts)),
+    )

@@ -1,0 +1,116 @@
+"""Fit the constants that turn scores into probabilities: `dpr_lab.gap.classes.CALIBRATION`.
+
+Procedure: draw tuning trials of every kind (never the foreign effects that are held back, never the seeds of
+`benchmarks/diagnosis.py`), diagnose them with the constants as they are, and look at every effect that was put forward:
+its odds against each rival, the share of the gap that it leaves, and whether it was a cause. The new constants minimise
+the mean log loss of those statements. Paste what is printed, then run the benchmark.
+"""
+
+import argparse
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from _trial_cases import Scored
+from diagnosis import FIRST_SEED, GROUPS, campaign, trials_of
+from scipy.optimize import minimize
+
+from dpr_lab.gap.classes import CALIBRATION, Calibration
+from dpr_lab.trials.score import Claim
+from dpr_lab.trials.summary import calibration_error
+
+TUNING = [name for name in GROUPS if "held back" not in name]
+SMALLEST, MOST = 1e-6, 0.2
+"""Of a probability in a logarithm; of a cause outside the library when nothing is left."""
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One effect put forward."""
+
+    log_odds: tuple[float, ...]
+    """Of each rival, and of going without, against the effect; at the temperature in use."""
+    left: float
+    """Share of the gap that stays unexplained."""
+    closed: bool
+    """Whether nothing but noise is left."""
+    true: bool
+
+
+def statements(done: Sequence[Scored]) -> list[Statement]:
+    """Every effect that the diagnoses put forward."""
+    return [statement for scored in done for statement in _of(scored)]
+
+
+def _of(scored: Scored) -> list[Statement]:
+    said, true = scored.said, scored.true
+    outside = said["probabilities"]["unexplained"]
+    made: list[Statement] = []
+    for effect, is_cause in zip(said["effects"], true, strict=True):
+        rivals = [rival["probability"] for rival in said["rivals"] if rival["instead_of"] == effect["name"]]
+        without = max(0.0, 1 - outside - effect["probability"] - sum(rivals))
+        odds = tuple(math.log(max(p, 1e-12) / max(effect["probability"], 1e-12)) for p in (*rivals, without))
+        closed = outside <= CALIBRATION.outside_when_closed * (1 + 1e-9)
+        made.append(Statement(odds, 1 - said["gap"]["explained_share"], closed, is_cause))
+    return made
+
+
+def probability(statement: Statement, tried: Calibration) -> float:
+    """What a statement's probability is under other constants."""
+    colder = CALIBRATION.temperature / tried.temperature
+    within = 1 / (1 + sum(math.exp(min(odds * colder, 50.0)) for odds in statement.log_odds))
+    odds = (max(statement.left, 1e-6) / tried.half_unexplained) ** tried.steepness
+    outside = tried.outside_when_closed
+    if not statement.closed:
+        outside = max(outside, odds / (1 + odds))
+    return within * (1 - outside)
+
+
+def loss(numbers: np.ndarray, made: Sequence[Statement]) -> float:
+    """Mean log loss of all statements."""
+    tried = constants(numbers)
+    p = np.clip([probability(statement, tried) for statement in made], SMALLEST, 1 - SMALLEST)
+    return float(-np.mean(np.where([statement.true for statement in made], np.log(p), np.log1p(-p))))
+
+
+def constants(numbers: np.ndarray) -> Calibration:
+    """Calibration from four free numbers."""
+    temperature, half, steepness = np.exp(numbers[:3]).tolist()
+    return replace(
+        CALIBRATION,
+        temperature=temperature,
+        half_unexplained=half,
+        steepness=steepness,
+        outside_when_closed=MOST / (1 + math.exp(-float(numbers[3]))),
+    )
+
+
+def fitted(made: Sequence[Statement]) -> Calibration:
+    """The constants with the least loss, from those in use."""
+    now = CALIBRATION
+    share = min(now.outside_when_closed / MOST, 0.99)
+    start = [*np.log([now.temperature, now.half_unexplained, now.steepness]), math.log(share / (1 - share))]
+    return constants(minimize(loss, np.array(start), args=(made,), method="Nelder-Mead").x)
+
+
+def main() -> None:
+    """Draw, diagnose, fit, print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cases", type=int, default=30, help="trials of each kind (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="of the first trial (default: %(default)s)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes (default: all cores)")
+    options = parser.parse_args()
+    cases = trials_of(TUNING, options.cases, options.seed)
+    if max(case.seed for case in cases) >= FIRST_SEED:
+        parser.error(f"seeds from {FIRST_SEED} on belong to the benchmark")
+    made = statements(campaign(cases, options.workers, None))
+    print(f"{len(made)} effects put forward in {len(cases)} trials")
+    for name, tried in (("in use", CALIBRATION), ("fitted", fitted(made))):
+        claims = [Claim(probability(statement, tried), statement.true) for statement in made]
+        print(f"{name}: calibration error {calibration_error(claims):.3f}\n  {tried}")
+
+
+if __name__ == "__main__":
+    main()

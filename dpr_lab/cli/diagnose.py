@@ -1,0 +1,131 @@
+"""`dpr-lab diagnose`: why simulation and rig differ."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from dpr_lab.cli.console import emit, json_mode, progress, say, table
+from dpr_lab.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from dpr_lab.effects.effect import Effect
+    from dpr_lab.gap.diagnosis import Diagnosis
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
+
+
+def diagnose(
+    runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap); three releases or more tell effects apart.")],
+    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.")],
+    model: Annotated[Path | None, typer.Option(help="A model that `identify` wrote, to start from.")] = None,
+    held_out: Annotated[
+        list[Path] | None, typer.Option(help="Run that only measures how far the gap closes; may be given again.")
+    ] = None,
+    library: Annotated[str | None, typer.Option(help="Effects to choose from, by comma; all by default.")] = None,
+    without: Annotated[list[str] | None, typer.Option(help="Effect to leave out; may be given again.")] = None,
+    max_effects: Annotated[int, typer.Option(min=1, max=8, help="At most so many effects at once.")] = 4,
+    seed: Annotated[int, typer.Option(help="Same seed, same answer.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder of report, figures, corrected model and exports.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Say where simulation and rig differ, which effect causes it, how sure that is and how much of it closes.
+
+    Example: dpr-lab diagnose runs/*.mcap --rig paper --out out/diagnosis
+    """
+    json_mode(as_json)
+    from dpr_lab.model import load_model
+    from dpr_lab.rig import load_rig
+    from dpr_lab.storage.reader import load_run
+
+    described = load_rig(rig)
+    loaded = [load_run(path, rig=described) for path in runs]
+    unseen = [load_run(path, rig=described) for path in held_out or []]
+    found = diagnose_with_progress(
+        loaded,
+        described,
+        held_out=unseen,
+        library=chosen_library(library, without or []),
+        max_effects=max_effects,
+        start=load_model(model).unknowns if model else None,
+        seed=seed,
+    )
+    written = save(found, [*loaded], described, out) if out else {}
+    if as_json:
+        emit(found.to_json() | ({"files": written} if written else {}))
+        return
+    show(found)
+    for name, path in written.items():
+        say(f"{name}: {path}")
+
+
+def chosen_library(names: str | None, without: "Sequence[str]") -> "Mapping[str, Effect]":
+    """The effects to choose from.
+
+    Raises:
+        ConfigError: a name that is no effect.
+    """
+    from dpr_lab.effects import EFFECTS
+
+    wanted = [name.strip() for name in names.split(",")] if names else list(EFFECTS)
+    unknown = [name for name in (*wanted, *without) if name not in EFFECTS]
+    if unknown:
+        raise ConfigError(f"no effect named {', '.join(unknown)}; there are: {', '.join(EFFECTS)}")
+    return {name: EFFECTS[name] for name in EFFECTS if name in wanted and name not in without}
+
+
+def diagnose_with_progress(runs: "Sequence[Run]", rig: "Rig", **chosen: Any) -> "Diagnosis":
+    """`dpr_lab.gap.diagnose.diagnose` with a progress bar on a terminal."""
+    from dpr_lab.gap.diagnose import STEPS
+    from dpr_lab.gap.diagnose import diagnose as diagnose_runs
+
+    with progress("diagnose", len(STEPS)) as bar:
+        done = 0
+
+        def on_step(text: str) -> None:
+            nonlocal done
+            done += text in STEPS
+            bar(done - 1, text)
+
+        return diagnose_runs(runs, rig, on_step=on_step, **chosen)
+
+
+def save(found: "Diagnosis", runs: "Sequence[Run]", rig: "Rig", out: Path) -> dict[str, str]:
+    """Write report, figures, corrected model and its exports; their paths by name."""
+    from dpr_lab.gap.corrected import corrected_model
+    from dpr_lab.gap.export import mjcf, python_module
+    from dpr_lab.report.figures import write_to
+    from dpr_lab.report.gap_figures import save_gap_figures
+    from dpr_lab.report.gap_html import write_gap_report
+
+    figures = save_gap_figures(found, out)
+    report = write_gap_report(found, f"Double pendulum “{rig.name}”: why simulation and rig differ", out, figures)
+    corrected = corrected_model(found, runs, rig)
+    corrected.save(out / "model.json")
+    exports = {"module": (out / "corrected_model.py", python_module), "mjcf": (out / "corrected_model.xml", mjcf)}
+    for path, make in exports.values():
+        write_to(path, lambda file, text=make(corrected, rig): file.write_text(text, encoding="utf-8"))
+    return {
+        "report": str(report),
+        "model": str(out / "model.json"),
+        **{name: str(path) for name, (path, _) in exports.items()},
+    }
+
+
+def show(found: "Diagnosis") -> None:
+    """The diagnosis on stdout: the verdict first."""
+    from dpr_lab.report import gap_tables
+
+    print(found.sentence)
+    print(found.where_sentence)
+    if found.effects:
+        table("Which effects", gap_tables.EFFECT_COLUMNS, gap_tables.effect_rows(found), prose=True)
+        table("How far the gap closes", gap_tables.CLOSED_COLUMNS, gap_tables.closed_rows(found))
+    if found.rivals:
+        table("Rivals", gap_tables.RIVAL_COLUMNS, gap_tables.rival_rows(found), prose=True)
+    if found.sensor_findings:
+        table("Sensor faults", gap_tables.FINDING_COLUMNS, gap_tables.finding_rows(found), prose=True)
+    for advice in found.advice:
+        print(f"- {advice}")

@@ -1,0 +1,112 @@
+"""Figures of a diagnosis: where the gap lies, what closes it, how it grows with the horizon."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dpr_lab.gap.diagnosis import Diagnosis, Where
+from dpr_lab.report import style
+from dpr_lab.report.figures import empty_figure, new_figure, save_figure, write_to
+
+PLACES = 4
+_UNITS = {
+    "N m": ("torque (mN m)", 1e3),
+    "N m s/rad": ("friction (mN m s/rad)", 1e3),
+    "m": ("friction radius (mm)", 1e3),
+    "rad": ("encoder error (mrad)", 1e3),
+}
+_COORDINATES = {
+    "angle": "joint angle (rad)",
+    "speed": "joint speed (rad/s)",
+    "time": "time since release (s)",
+    "load": "joint force (N)",
+}
+
+
+def where_figure(places: Sequence[Where]) -> Figure:
+    """Maps of the places that explain most, with 90 % intervals."""
+    with style.house_style():
+        shown = [place for place in places[:PLACES] if place.knots]
+        if not shown:
+            return empty_figure("there is no gap to locate")
+        figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
+        grid = figure.subplots((len(shown) + 1) // 2, 2, squeeze=False)
+        for axes, place in zip(grid.flat, shown, strict=False):
+            _draw_place(axes, place)
+        for axes in grid.flat[len(shown) :]:
+            axes.set_visible(False)
+        return figure
+
+
+def _draw_place(axes: Axes, place: Where) -> None:
+    label, factor = _UNITS[place.unit]
+    knots, values = np.array(place.knots), factor * np.array(place.values)
+    reach = 1.645 * factor * np.array(place.std)
+    axes.fill_between(knots, values - reach, values + reach, alpha=0.25, color=style.RESIDUAL["color"], linewidth=0)
+    axes.plot(knots, values, marker="o", markersize=3, color=style.RESIDUAL["color"])
+    axes.axhline(0.0, color="#555555", linewidth=0.8)
+    axes.set_title(f"{place.site} by {place.coordinate}: {place.share:.0%} of the gap")
+    axes.set_xlabel(_COORDINATES[place.coordinate])
+    axes.set_ylabel(label)
+
+
+def waterfall_figure(diagnosis: Diagnosis) -> Figure:
+    """Gap left after each named effect, beside the noise floor."""
+    with style.house_style():
+        gap = diagnosis.gap
+        names = ["bare model", *(f"+ {step['effect']}" for step in gap.waterfall)]
+        before = float(np.linalg.norm(list(gap.before_rad.values())))
+        heights = 1e3 * np.array([before, *(step["rms_rad"] for step in gap.waterfall)])
+        floor = 1e3 * float(np.linalg.norm(list(gap.floor_rad.values())))
+        figure = new_figure(0.9 + 0.4 * len(names))
+        axes = figure.subplots()
+        bars = axes.barh(names, heights, color=style.RESIDUAL["color"], height=0.6)
+        axes.bar_label(bars, [f"{height:.3g}" for height in heights], padding=4)
+        axes.axvline(floor, label="noise floor", **style.HORIZON)
+        axes.invert_yaxis()
+        axes.set_xlabel("gap above the noise, both joints, segments of 0.5 s (mrad rms)")
+        axes.legend(loc="lower right")
+        return figure
+
+
+def horizon_figure(diagnosis: Diagnosis) -> Figure:
+    """Gap before and after against the length of a segment with a free start state."""
+    with style.house_style():
+        lengths = [float(length) for length in diagnosis.gap.by_horizon]
+        if not lengths:
+            return empty_figure("nothing was compared over a horizon")
+        figure = new_figure(3.2)
+        axes = figure.subplots()
+        for name, look in (("before", style.SIMULATED), ("after", style.RESIDUAL)):
+            rms = [1e3 * max(models[name], 1e-9) for models in diagnosis.gap.by_horizon.values()]
+            axes.loglog(lengths, rms, label=f"{name} the effects", marker="o", **look)
+        floor = 1e3 * float(np.mean(list(diagnosis.gap.floor_rad.values())))
+        axes.axhline(floor, label="noise of a reading", **style.HORIZON)
+        axes.set_ylim(bottom=floor / 30)
+        axes.set_xlabel("horizon (s)")
+        axes.set_ylabel("gap above the noise (mrad rms)")
+        axes.legend()
+        return figure
+
+
+def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
+    """Write the figures of a diagnosis as PNG.
+
+    Returns:
+        path of each file by the name of its figure: where, waterfall, horizon
+
+    Raises:
+        DprError: the folder or a file cannot be written.
+    """
+    figures = {
+        "where": where_figure(diagnosis.where),
+        "waterfall": waterfall_figure(diagnosis),
+        "gap_horizon": horizon_figure(diagnosis),
+    }
+    paths = {name: out_dir / f"{name}.png" for name in figures}
+    for name, path in paths.items():
+        write_to(path, lambda file, figure=figures[name]: save_figure(figure, file))
+    return paths

@@ -1,0 +1,198 @@
+"""One trial scored: what the diagnosis said, against what was there."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from dpr_lab.rig import Rig
+from dpr_lab.trials.truth import Truth
+
+NAMING = ("named", "partly_explained")
+ADMITTING = ("unexplained", "partly_explained")
+STEP = "missed_counts"
+SURE = 0.5
+"""Probability above which a wrong name counts as claimed."""
+
+Said = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class SizeError:
+    """How well one amplitude of a named effect was found."""
+
+    effect: str
+    parameter: str
+    relative: float
+    """|found - true| over the largest true amplitude of the effect in the same unit."""
+    covered: bool
+    """Whether the 90 % interval holds the truth."""
+    leads: bool
+    """Whether it is the largest amplitude of its effect."""
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A statement with a probability, and whether it was true."""
+
+    probability: float
+    true: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One trial, scored."""
+
+    kind: str
+    level: str
+    seed: int
+    truth: tuple[str, ...]
+    """Names of the effects that were there, the largest first; a foreign one by its own name."""
+    held_back: bool
+    verdict: str
+    named: tuple[str, ...]
+    """Effects that the diagnosis names, in its order."""
+    class_sizes: tuple[int, ...]
+    """How many names each of their classes holds: a class that holds everything is always right."""
+    first: bool
+    """Whether the first name is one of the causes."""
+    top3: bool
+    """Whether one of the causes is among the first three names, rivals included."""
+    exact: bool
+    """Whether the names are the causes: none missing, none invented."""
+    invented: bool
+    """Whether a name is not a cause."""
+    silent: bool
+    """Whether the diagnosis says that there is no gap."""
+    wrong_name: bool
+    """Whether a name that is not a cause has a probability above `SURE`."""
+    admitted: bool
+    """Whether the diagnosis says that something stays unexplained."""
+    explained_share: float
+    closed: float
+    """Share of the gap above the floor that closes on data not used for the fit; nan when it does not say."""
+    sizes: tuple[SizeError, ...]
+    claims: tuple[Claim, ...]
+    sensor_findings: tuple[str, ...]
+    faults_missed: tuple[str, ...]
+    """Faults of the encoders that were there and that no sensor finding names."""
+    seconds: float
+    seal: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """A plain dict, with null for what is not finite; `read_outcome` undoes it."""
+        numbers = {name: value for name in _NUMBERS if math.isfinite(value := getattr(self, name))}
+        return asdict(self) | dict.fromkeys(_NUMBERS) | numbers
+
+
+_LISTS = ("truth", "named", "class_sizes", "sensor_findings", "faults_missed")
+_NUMBERS = ("explained_share", "closed")
+
+
+def read_outcome(kept: Mapping[str, Any]) -> Outcome:
+    """The outcome that `to_json` gave."""
+    lists = {name: tuple(kept[name]) for name in _LISTS}
+    sizes, claims = (
+        tuple(make(**item) for item in kept[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
+    )
+    number = {name: _number(kept[name]) for name in _NUMBERS}
+    return Outcome(**{**kept, **lists, **number, "sizes": sizes, "claims": claims})
+
+
+def score(
+    said: Said, truth: Truth, rig: Rig, *, kind: str, level: str, seed: int, seconds: float, seal: str = ""
+) -> Outcome:
+    """Score a diagnosis.
+
+    Args:
+        said: the diagnosis as `dpr-lab diagnose --json` gives it
+        truth: the opened plant
+        rig: the rig file that the lab had
+        kind: what was drawn
+        level: how visible it was to be
+        seed: of the draw
+        seconds: what the diagnosis took
+        seal: what the plant had been sealed with
+    """
+    effects = _named(said)
+    listed = [*effects, *(rival for rival in said["rivals"] if rival not in effects)]
+    hits = [cause_named(effect, truth) for effect in effects]
+    findings = tuple(sorted({finding["name"] for finding in said["sensor_findings"]}))
+    return Outcome(
+        kind=kind,
+        level=level,
+        seed=seed,
+        truth=(*truth.effects, *([truth.foreign] if truth.foreign else [])),
+        held_back=truth.held_back,
+        verdict=said["verdict"],
+        named=tuple(effect["name"] for effect in effects),
+        class_sizes=tuple(len(effect["class"]) for effect in effects),
+        first=bool(hits) and hits[0] is not None,
+        top3=any(cause_named(effect, truth) is not None for effect in listed[:3]),
+        exact=len(hits) == len(truth.answers) and None not in hits and len(set(hits)) == len(hits),
+        invented=None in hits,
+        silent=said["verdict"] == "no_gap" and not effects,
+        wrong_name=any(hit is None and e["probability"] > SURE for hit, e in zip(hits, effects, strict=True)),
+        admitted=said["verdict"] in ADMITTING,
+        explained_share=_number(said["gap"].get("explained_share")),
+        closed=_number((said["gap"].get("closed_held_out") or {}).get("estimate")),
+        sizes=tuple(_sizes(effects, truth.sizes(rig, said["scale_b"]))),
+        claims=tuple(_claims(said, effects, hits, truth)),
+        sensor_findings=findings,
+        faults_missed=tuple(fault for fault in _faults(truth) if fault not in findings),
+        seconds=seconds,
+        seal=seal,
+    )
+
+
+def _named(said: Said) -> list[Said]:
+    """The effects that are named; a step that the sensor screen alone found is a name as well."""
+    effects: list[Said] = list(said["effects"]) if said["verdict"] in NAMING else []
+    steps = any(finding["name"] == STEP for finding in said["sensor_findings"])
+    if steps and all(effect["name"] != STEP for effect in effects):
+        effects.append({"name": STEP, "class": [STEP], "probability": 1.0, "parameters": {}})
+    return effects
+
+
+def _faults(truth: Truth) -> list[str]:
+    """Sensor findings that the encoders of the plant call for."""
+    there = {
+        "undithered_quantisation": truth.encoders["step_counts"] > 1,
+        "jitter": truth.encoders["jitter_ms"] > 0,
+        "repeated_sample": truth.encoders["repeated_share"] > 0,
+        "gap": truth.encoders["missing_share"] > 0,
+    }
+    return [name for name, is_there in there.items() if is_there]
+
+
+def cause_named(effect: Said, truth: Truth) -> int | None:
+    """Which of the true causes an effect of a diagnosis and its class mean; None when it is none of them."""
+    names = {effect["name"], *effect["class"]}
+    return next((i for i, right in enumerate(truth.answers) if names.intersection(right)), None)
+
+
+def _claims(said: Said, effects: Sequence[Said], hits: Sequence[int | None], truth: Truth) -> list[Claim]:
+    """What was said with a probability: each name, or that there is nothing, or nothing with a name."""
+    if effects:
+        return [Claim(e["probability"], hit is not None) for e, hit in zip(effects, hits, strict=True)]
+    true = {"no_gap": truth.clean, "unexplained": truth.outside}.get(said["verdict"], False)
+    return [Claim(_number(said["probabilities"].get(said["verdict"]), 1.0), true)]
+
+
+def _sizes(effects: Sequence[Said], true: Mapping[str, Mapping[str, float]]) -> list[SizeError]:
+    """Errors of the amplitudes of those effects that were named by their own name, not by a twin's."""
+    errors: list[SizeError] = []
+    for effect in effects:
+        amplitudes = true.get(effect["name"], {})
+        largest = max((abs(value) for value in amplitudes.values()), default=0.0)
+        for name, value in amplitudes.items():
+            found = effect["parameters"].get(name)
+            if found is not None and largest > 0.0:
+                low, high = found["interval90"]
+                error = abs(found["value"] - value) / largest
+                errors.append(SizeError(effect["name"], name, error, low <= value <= high, abs(value) == largest))
+    return errors
+
+
+def _number(value: Any, otherwise: float = math.nan) -> float:
+    return otherwise if value is None else float(value)

@@ -1,0 +1,99 @@
+"""What a sealed plant was in truth, as it is told once the diagnosis stands."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dpr_lab.dynamics.base import BASE, base_parameters
+from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import DprError
+from dpr_lab.rig import PARAMETERS, Rig
+
+Coefficients = Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """A plant, opened."""
+
+    effects: Coefficients
+    """Library effects and their parameters, SI; torques at the plant's own scale."""
+    foreign: str | None
+    """The effect that is not in the library, or not in this form."""
+    family: tuple[str, ...]
+    """Library effects that would be a right answer for the foreign one."""
+    held_back: bool
+    """Whether the foreign effect is kept out of all tuning."""
+    parameters: Mapping[str, float]
+    """The nine true parameters, SI."""
+    encoders: Mapping[str, Any]
+    """What encoders and board add."""
+
+    @property
+    def answers(self) -> tuple[tuple[str, ...], ...]:
+        """For each cause that there is, the names that are right for it."""
+        known = tuple((name,) for name in self.effects)
+        return (*known, self.family) if self.family else known
+
+    @property
+    def outside(self) -> bool:
+        """Whether a cause is there for which the library has no name."""
+        return self.foreign is not None and not self.family
+
+    @property
+    def clean(self) -> bool:
+        """Whether there is nothing to find."""
+        return not self.effects and self.foreign is None
+
+    def sizes(self, rig: Rig, scale_b: float) -> dict[str, dict[str, float]]:
+        """Amplitudes of the library effects at the scale at which the lab gives them.
+
+        A free swing does not show the common scale of torques and inertias: the lab's are relative to a b that it
+        holds, so that true torques and inertias are to be multiplied by scale_b / b of the plant.
+        """
+        Z = np.array([self.parameters[name] for name in PARAMETERS])
+        larger = scale_b / float(base_parameters(Z, rig.rig.L1, rig.rig.g)[BASE.index("b")])
+        return {
+            name: {
+                parameter.name: values[parameter.name] * larger ** _power(parameter.unit)
+                for parameter in EFFECTS[name].amplitudes
+                if parameter.name in values
+            }
+            for name, values in self.effects.items()
+        }
+
+
+def _power(unit: str) -> int:
+    """How a unit follows the common scale of torques and inertias."""
+    if unit.startswith("1/kg"):
+        return -1
+    return int(unit.startswith(("N m", "kg")))
+
+
+def read_truth(told: Mapping[str, Any]) -> Truth:
+    """The truth out of what the opened plant told."""
+    foreign = next(iter(told["foreign"]), None)
+    return Truth(
+        effects=told["effects"],
+        foreign=foreign,
+        family=tuple(told["family"].get(foreign, ())),
+        held_back=foreign in told["held_back"],
+        parameters=told["parameters"],
+        encoders=told["encoders"],
+    )
+
+
+def unsealed(opened: Mapping[str, Any], seal: str) -> Truth:
+    """The truth of a plant whose seal was given away before.
+
+    Raises:
+        DprError: what was told is not what had been sealed.
+    """
+    text = opened["salt"] + json.dumps(opened["truth"], sort_keys=True, separators=(",", ":"))
+    if hashlib.sha256(text.encode()).hexdigest() != seal:
+        raise DprError(f"the opened plant is not the one that was sealed as {seal[:16]}...: this trial does not count")
+    return read_truth(opened["truth"])

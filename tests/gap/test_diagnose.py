@@ -1,0 +1,182 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.diagnosis import Diagnosis
+from dpr_lab.gap.hypothesis import slots_of
+from dpr_lab.gap.problem import Problem
+from dpr_lab.rig import Rig
+from sim_device.config import load_plant
+
+NOT_SEEN = ("rotor_inertia_joint1",)
+"""The base parameter a takes it up exactly."""
+
+
+def scaled(found: Diagnosis, effect: str, parameter: str) -> float:
+    """A torque at the plant's own scale: a free swing fixes none."""
+    b = load_plant("paper", 1).parameters
+    (item,) = [item for item in found.effects if effect in item.members]
+    return item.parameters[parameter].value * (b["J2"] + b["m2"] * b["l2"] ** 2) / found.scale_b
+
+
+@pytest.mark.slow
+def test_both_of_two_effects_are_named_with_their_sizes(two_found: Diagnosis):
+    assert two_found.verdict == "named", two_found.sentence
+    assert {item.name for item in two_found.effects} == {"coulomb_joint1", "latency_joint2"}
+    assert scaled(two_found, "coulomb_joint1", "torque_Nm") == pytest.approx(1.5e-3, rel=0.03)
+    (latency,) = [item for item in two_found.effects if item.name == "latency_joint2"]
+    low, high = latency.parameters["delay_s"].interval90
+    assert low < latency.parameters["delay_s"].value < high
+    assert latency.parameters["delay_s"].value == pytest.approx(5e-4, rel=0.03)
+
+
+@pytest.mark.slow
+def test_the_gap_closes_on_releases_left_out(two_found: Diagnosis):
+    closed = two_found.gap.closed_held_out
+    assert closed.estimate > 0.9
+    assert closed.interval90[0] <= closed.estimate <= closed.interval90[1]
+    assert set(closed.per_run) == {run for run in two_found.gap.free_run_rad}
+    for lengths in two_found.gap.by_horizon.values():
+        assert lengths["after"] < 0.5 * lengths["before"]
+    assert len(two_found.gap.waterfall) == 2
+
+
+@pytest.mark.slow
+def test_the_result_has_the_keys_of_the_interface(two_found: Diagnosis):
+    said = json.loads(json.dumps(two_found.to_json()))
+    assert {
+        "verdict", "sentence", "gap", "where", "effects", "rivals", "probabilities", "detectable", "sensor_findings",
+        "advice", "ratios", "seconds",
+    } <= set(said)  # fmt: skip
+    assert {"floor_rad", "before_rad", "after_rad", "before_Nm", "explained_share", "closed_held_out"} <= set(
+        said["gap"]
+    )
+    assert {"name", "class", "probability", "parameters", "share"} <= set(said["effects"][0])
+    assert set(said["detectable"]) == set(EFFECTS) - {"arm_compliance"}  # encoder 0 saw the arm stand still
+
+
+@pytest.mark.slow
+def test_same_runs_same_answer(two_found: Diagnosis, two_runs, paper: Rig):
+    again = diagnose(two_runs, paper)
+    assert again.model_dump(exclude={"seconds"}) == two_found.model_dump(exclude={"seconds"})
+
+
+@pytest.mark.slow
+def test_a_clean_rig_has_no_gap(recorded, paper: Rig):
+    found = diagnose(recorded({}, seed=3), paper)
+    assert (found.verdict, found.effects) == ("no_gap", [])
+    assert found.probabilities["no_gap"] > 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "dirt",
+    [{"jitter_ms": 0.2}, {"repeated_share": 0.003}, {"missing_share": 0.02}, {"noise_counts": 2.0}],
+    ids=lambda dirt: next(iter(dirt)),
+)
+def test_dirty_sensors_are_no_effect(recorded, paper: Rig, dirt: dict[str, float]):
+    found = diagnose(recorded({}, seed=4, **dirt), paper)
+    assert (found.verdict, found.effects) == ("no_gap", [])
+    assert found.sensor_findings
+
+
+@pytest.mark.slow
+def test_twins_are_one_class_and_the_bench_is_asked(recorded, paper: Rig):
+    found = diagnose(recorded({"encoder_offset_joint1": {"offset_rad": 2e-3}}), paper)
+    (item,) = found.effects
+    assert set(item.members) == {"encoder_offset_joint1", "base_tilt"}
+    assert any("spirit level" in advice for advice in found.advice)
+
+
+@pytest.mark.slow
+def test_a_cause_outside_the_library_is_not_given_a_name(recorded, paper: Rig):
+    effects = {"detent_joint2": {"cos1_Nm": 2e-3, "order": 9.0}}
+    library = {name: effect for name, effect in EFFECTS.items() if not name.startswith("detent")}
+    found = diagnose(recorded(effects), paper, library=library)
+    assert found.verdict in ("unexplained", "partly_explained")
+    assert all(item.probability < 0.5 for item in found.effects)
+
+
+@pytest.mark.slow
+def test_a_run_held_out_is_scored_and_not_fitted(recorded, paper: Rig):
+    runs = recorded({"coulomb_joint2": {"torque_Nm": 5e-4}})
+    found = diagnose(runs[:2], paper, held_out=runs[2:])
+    assert found.gap.closed_held_out.held_out[runs[2].name] > 0.8
+    assert runs[2].name not in found.gap.closed_held_out.per_run
+
+
+@pytest.mark.slow
+def test_where_points_at_the_joint_and_its_speed(recorded, paper: Rig):
+    found = diagnose(recorded({"coulomb_joint2": {"torque_Nm": 1e-3}}), paper)
+    assert (found.where[0].site, found.where[0].coordinate) == ("joint2", "speed")
+    assert found.where[0].share > 0.6
+    assert "braking most at low speed" in found.where_sentence
+
+
+@pytest.mark.slow
+def test_detectable_size_is_five_standard_deviations_of_a_fit(recorded, paper: Rig):
+    from dpr_lab.gap.base_fit import fit_base, nominal_rods
+    from dpr_lab.gap.record import record
+    from dpr_lab.gap.shooting import fit
+
+    found, sizes = None, []
+    for seed in range(5, 13):
+        runs = recorded({}, seed=seed, duration=3.0)
+        if found is None:
+            found = diagnose(runs, paper).detectable["base_tilt"]["tilt_rad"]
+        made, base = fit_base([record(run, paper) for run in runs], paper, nominal_rods(paper))
+        sizes.append(_tilt(made, fit(made, base.fit.point, slots_of(base.fit.point, ("base_tilt",), made))))
+    assert found == pytest.approx(5 * np.sqrt(np.mean(np.square(sizes))), rel=0.7)
+
+
+def _tilt(made: Problem, reached) -> float:
+    return float(reached.values[-1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in EFFECTS if name not in (*NOT_SEEN, "missed_counts")])
+def test_every_effect_is_named_from_its_own_recording(recorded, paper: Rig, name: str):
+    effect = EFFECTS[name]
+    values = {p.name: (0.5 * p.typical if p.role == "amplitude" else p.default) for p in effect.parameters}
+    found = diagnose(recorded({name: values}, seed=7, duration=8.0), paper)
+    classes = [set(item.members) for item in found.effects]
+    family = {name, *effect.nested}
+    assert classes, found.sentence
+    assert classes[0] & family, (found.sentence, classes)
+
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "multiarm" / "dp_freeswing_1khz.csv"
+PIECE = 2668
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.skipif(not REAL.is_file(), reason="the real recording is not here")
+def test_a_real_rig_is_predicted_three_and_a_half_times_better_than_by_viscous_friction():
+    from dpr_lab.gap.base_fit import fit_base, nominal_rods
+    from dpr_lab.gap.closed import free_run_errors
+    from dpr_lab.gap.record import record
+    from dpr_lab.gap.select import closed, select
+    from dpr_lab.rig import load_rig
+    from dpr_lab.run import Run
+
+    rig, table = load_rig("multiarm"), np.loadtxt(REAL, delimiter=",", skiprows=1)
+    pieces = []
+    for k in range(len(table) // PIECE):
+        rows = table[k * PIECE : (k + 1) * PIECE]
+        theta = np.column_stack([np.zeros(PIECE), rows[:, 1:3] + np.pi])
+        t = rows[:, 0] - rows[0, 0] + 0.05
+        pieces.append(Run(f"piece {k}", t, theta, None, None, "multiarm", "", 1000.0))
+    seen, unseen = [[record(run, rig) for run in pieces[k::2]] for k in (0, 1)]
+    made, base = fit_base(seen, rig, nominal_rods(rig))
+    selection = select(made, base, EFFECTS, max_effects=5)
+    viscous = np.median(free_run_errors(unseen, rig, base.fit.point))
+    corrected = np.median(free_run_errors(unseen, rig, selection.chosen.fit.point))
+    assert viscous / corrected > 3.5
+    assert {"coulomb_joint1", "coulomb_joint2"} <= set(selection.chosen.effects)
+    assert (selection.chosen.fit.point.rods >= 0).all()
+    assert not closed(selection.chosen)

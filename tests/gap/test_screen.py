@@ -1,0 +1,93 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.gap.screen import screen
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+
+@pytest.fixture(scope="module")
+def clean(recorded) -> Run:
+    return recorded({}, duration=4.0)[1]
+
+
+def names(run: Run, rig: Rig) -> set[str]:
+    return {finding.name for finding in screen(run, rig).findings}
+
+
+def changed(run: Run, rig: Rig, theta: np.ndarray) -> Run:
+    counts = np.rint(rig.positions(theta)).astype(np.int64)
+    return replace(run, theta=rig.theta(counts), counts=counts)
+
+
+def test_a_healthy_run_has_no_findings(clean: Run, paper: Rig):
+    assert names(clean, paper) == set()
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_step_is_found_where_it_is_and_as_large_as_it_is(clean: Run, paper: Rig, joint: int):
+    theta, at = clean.theta.copy(), len(clean.t) // 2
+    size = 20 * abs(paper.radians_per_count[1 + joint])
+    theta[at:, 1 + joint :] += size
+    screened = screen(changed(clean, paper, theta), paper)
+    (found,) = [finding for finding in screened.findings if finding.axis == f"joint{joint + 1}"]
+    assert found.name == "missed_counts"
+    assert found.at_s == pytest.approx(clean.t[at], abs=0.002)
+    assert float(found.evidence.split()[4]) == pytest.approx(20, abs=4)
+    assert screened.breaks[0][1] == joint
+
+
+def test_an_outlier_is_masked_and_not_taken_for_a_step(clean: Run, paper: Rig):
+    theta, at = clean.theta.copy(), len(clean.t) // 2
+    theta[at, 1:] += 0.02
+    screened = screen(changed(clean, paper, theta), paper)
+    assert {finding.name for finding in screened.findings} == {"outlier"}
+    assert not screened.keep[np.argmin(np.abs(screened.t - clean.t[at])), 0]
+    assert screened.breaks == ()
+
+
+def test_repeated_samples_are_found(clean: Run, paper: Rig):
+    theta = clean.theta.copy()
+    fast = np.flatnonzero((np.abs(np.gradient(theta[:, 1], clean.t)) > 5) & (clean.t > 0.5))[50:-50:200]
+    theta[fast] = theta[fast - 1]
+    found = [f for f in screen(changed(clean, paper, theta), paper).findings if f.name == "repeated_sample"]
+    assert {f.at_s for f in found if f.axis == "joint1"} >= set(clean.t[fast].tolist())
+
+
+def test_missing_samples_are_counted(clean: Run, paper: Rig, rng: np.random.Generator):
+    keep = (rng.random(len(clean.t)) > 0.02) | (clean.t < 0)
+    keep[-1] = True
+    run = replace(clean, t=clean.t[keep], theta=clean.theta[keep], counts=clean.counts[keep])
+    (found,) = screen(run, paper).findings
+    assert found.name == "gap"
+    assert found.evidence.startswith(f"{(~keep).sum()} of")
+
+
+def test_jitter_is_measured(recorded, paper: Rig):
+    run = recorded({}, duration=4.0, jitter_ms=0.2)[1]
+    screened = screen(run, paper)
+    assert "jitter" in {finding.name for finding in screened.findings}
+    assert screened.jitter_s == pytest.approx(2e-4, rel=0.2)
+
+
+def test_counts_that_stand_still_at_rest_are_no_noise_free_measurement(clean: Run, paper: Rig):
+    coarse = paper.model_copy(update={"encoders": paper.encoders.model_copy(update={"counts_per_rev": (4096,) * 3})})
+    theta = clean.theta.copy()
+    theta[clean.t < 0] = theta[clean.t < 0].mean(axis=0)
+    screened = screen(changed(clean, coarse, theta), coarse)
+    assert {finding.name for finding in screened.findings} == {"undithered_quantisation"}
+    assert screened.noise == pytest.approx(2 * np.pi / 4096 / np.sqrt(12) * np.ones(2))
+
+
+def test_noise_unlike_the_rig_file_is_said(recorded, paper: Rig):
+    run = recorded({}, duration=2.0, noise_counts=2.0)[0]
+    found = {(finding.name, finding.axis) for finding in screen(run, paper).findings}
+    assert found == {("noise_level", "joint1"), ("noise_level", "joint2")}
+
+
+def test_filtered_noise_is_no_white_noise(clean: Run, paper: Rig, rng: np.random.Generator):
+    noise = np.convolve(rng.normal(0, 5e-3, len(clean.t) + 10), np.hanning(11) / 5, mode="valid")
+    theta = clean.theta + noise[:, None]
+    assert "non_white_noise" in names(replace(clean, theta=theta, counts=None), paper)

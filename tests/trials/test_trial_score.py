@@ -1,0 +1,171 @@
+"""Scores of made-up diagnoses of known plants."""
+
+import hashlib
+import json
+import math
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.errors import DprError
+from dpr_lab.rig import PARAMETERS, load_rig
+from dpr_lab.trials.score import Claim, Outcome, read_outcome, score
+from dpr_lab.trials.summary import brier, calibration_error, confusion, reliability, summary
+from dpr_lab.trials.truth import Truth, read_truth, unsealed
+
+CLEAN_ENCODERS = {"step_counts": 1, "jitter_ms": 0.0, "repeated_share": 0.0, "missing_share": 0.0}
+RIG = load_rig("paper")
+SCALE_B = float(base_parameters(RIG.nominal, 0.4, 9.81)[1])
+
+
+def truth_of(effects=None, foreign=None, family=(), encoders=CLEAN_ENCODERS, heavier=1.0) -> Truth:
+    Z = RIG.nominal * np.array([1, 1, *[heavier] * 7])
+    told = {
+        "effects": effects or {},
+        "foreign": {foreign: {}} if foreign else {},
+        "family": {foreign: list(family)} if foreign else {},
+        "held_back": [],
+        "parameters": dict(zip(PARAMETERS, Z.tolist(), strict=True)),
+        "encoders": encoders,
+    }
+    return read_truth(told)
+
+
+def named(name: str, probability: float = 0.9, twins=(), **values: float) -> dict:
+    parameters = {key: {"value": value, "interval90": [0.98 * value, 1.02 * value]} for key, value in values.items()}
+    return {"name": name, "class": [name, *twins], "probability": probability, "parameters": parameters}
+
+
+def said(verdict: str, *effects: dict, rivals=(), findings=()) -> dict:
+    return {
+        "verdict": verdict,
+        "effects": list(effects),
+        "rivals": list(rivals),
+        "gap": {"explained_share": 0.99, "closed_held_out": {"estimate": 0.95}},
+        "probabilities": {"no_gap": 0.97, "unexplained": 0.6},
+        "sensor_findings": [{"name": finding} for finding in findings],
+        "scale_b": SCALE_B,
+    }
+
+
+def scored(diagnosis: dict, truth: Truth) -> Outcome:
+    return score(diagnosis, truth, RIG, kind="single", level="clear", seed=1, seconds=2.0)
+
+
+COULOMB = truth_of({"coulomb_joint1": {"torque_Nm": 0.002}})
+
+
+def test_the_right_name_is_right():
+    outcome = scored(said("named", named("coulomb_joint1", torque_Nm=0.002)), COULOMB)
+    assert outcome.first
+    assert outcome.top3
+    assert outcome.exact
+    assert not outcome.invented
+    assert not outcome.wrong_name
+    assert outcome.claims == (Claim(0.9, True),)
+
+
+def test_a_twin_in_the_class_is_right_but_its_size_is_not_compared():
+    truth = truth_of({"base_tilt": {"tilt_rad": 0.004}})
+    outcome = scored(said("named", named("encoder_offset_joint1", twins=["base_tilt"], offset_rad=-0.004)), truth)
+    assert outcome.exact
+    assert outcome.sizes == ()
+
+
+def test_a_wrong_name_is_wrong_even_with_the_truth_among_its_rivals():
+    outcome = scored(said("named", named("spring_joint1", 0.7), rivals=[named("coulomb_joint1", 0.2)]), COULOMB)
+    assert not outcome.first
+    assert outcome.top3
+    assert outcome.wrong_name
+    assert outcome.invented
+
+
+def test_what_is_put_forward_under_unexplained_is_no_name():
+    outcome = scored(said("unexplained", named("spring_joint1", 0.7)), truth_of(foreign="cable_snag"))
+    assert outcome.named == ()
+    assert not outcome.wrong_name
+    assert outcome.admitted
+    assert outcome.claims == (Claim(0.6, True),)
+
+
+def test_a_foreign_form_is_answered_by_its_family():
+    truth = truth_of(foreign="power_drag_outer", family=["air_drag_outer", "air_drag_both"])
+    outcome = scored(said("partly_explained", named("air_drag_both"), named("spring_joint2", 0.4)), truth)
+    assert outcome.first
+    assert outcome.invented
+    assert not outcome.exact
+    assert outcome.admitted
+
+
+def test_two_names_for_one_cause_are_not_the_causes():
+    outcome = scored(said("named", named("coulomb_joint1"), named("coulomb_joint1")), COULOMB)
+    assert outcome.first
+    assert not outcome.exact
+
+
+def test_a_step_found_by_the_sensor_screen_is_a_name():
+    step = truth_of({"missed_counts": {"counts": 9.0, "joint": 1.0, "run": 0.0, "time_s": 4.0}})
+    assert scored(said("no_gap", findings=["missed_counts"]), step).exact
+    assert not scored(said("no_gap", findings=["missed_counts"]), truth_of()).silent
+    assert scored(said("no_gap"), truth_of()).silent
+
+
+def test_faults_of_the_encoders_are_to_be_named():
+    truth = truth_of(encoders={**CLEAN_ENCODERS, "jitter_ms": 0.2, "missing_share": 0.015})
+    assert scored(said("no_gap", findings=["gap"]), truth).faults_missed == ("jitter",)
+
+
+def test_sizes_are_compared_at_the_scale_that_the_lab_can_know():
+    """Everything twice as heavy swings the same; the lab gives half the true torque, at its own scale."""
+    heavy = truth_of({"coulomb_joint1": {"torque_Nm": 0.004}}, heavier=2.0)
+    (size,) = scored(said("named", named("coulomb_joint1", torque_Nm=0.00201)), heavy).sizes
+    assert size.relative == pytest.approx(0.005)
+    assert size.covered
+    angle = truth_of({"base_tilt": {"tilt_rad": 0.004}}, heavier=2.0)
+    (size,) = scored(said("named", named("base_tilt", tilt_rad=0.005)), angle).sizes
+    assert size.relative == pytest.approx(0.25)
+    assert not size.covered
+
+
+def test_an_outcome_can_be_kept():
+    outcome = scored(said("named", named("coulomb_joint1", torque_Nm=0.002)), COULOMB)
+    assert read_outcome(json.loads(json.dumps(outcome.to_json()))) == outcome
+    lost = scored(said("no_gap") | {"gap": {}}, COULOMB)
+    assert math.isnan(read_outcome(json.loads(json.dumps(lost.to_json(), allow_nan=False))).closed)
+
+
+def test_a_broken_seal_does_not_count():
+    told = {"effects": {}, "foreign": {}, "family": {}, "held_back": [], "parameters": {}, "encoders": {}}
+    text = "salt" + json.dumps(told, sort_keys=True, separators=(",", ":"))
+    seal = hashlib.sha256(text.encode()).hexdigest()
+    assert unsealed({"salt": "salt", "truth": told}, seal).clean
+    with pytest.raises(DprError, match="not the one that was sealed"):
+        unsealed({"salt": "salt", "truth": told | {"effects": {"base_tilt": {}}}}, seal)
+
+
+def test_calibration_of_honest_and_of_boastful_claims():
+    chance = np.random.default_rng(1)
+    stated = chance.uniform(0, 1, 20_000)
+    honest = [Claim(p, bool(u < p)) for p, u in zip(stated, chance.uniform(0, 1, 20_000), strict=True)]
+    assert calibration_error(honest) < 0.02
+    assert brier(honest) == pytest.approx(1 / 6, abs=0.01)
+    assert sum(row["claims"] for row in reliability(honest)) == 20_000
+    boastful = [Claim(0.95, bool(u < 0.6)) for u in chance.uniform(0, 1, 5000)]
+    assert calibration_error(boastful) == pytest.approx(0.35, abs=0.03)
+
+
+def test_a_summary_counts_what_was_there_and_what_was_not():
+    outcomes = [
+        scored(said("named", named("coulomb_joint1", torque_Nm=0.002)), COULOMB),
+        scored(said("named", named("spring_joint1")), COULOMB),
+        scored(said("no_gap"), truth_of()),
+        scored(said("unexplained"), truth_of()),
+    ]
+    counted = summary(outcomes)
+    assert counted["first"] == counted["exact"] == counted["false_alarms"] == 0.5
+    assert counted["size_error"] == pytest.approx(0.0)
+    assert confusion(outcomes) == {
+        "coulomb_joint1": {"coulomb_joint1": 1, "spring_joint1": 1},
+        "nothing": {"no_gap": 1, "unexplained": 1},
+    }
