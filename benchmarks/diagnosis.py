@@ -23,7 +23,7 @@ from _real import real_bars
 from _trial_cases import Case, Scored, hidden, run_all, warm_up
 
 from dpr_lab.trials.score import Outcome
-from dpr_lab.trials.summary import confusion, share, summary
+from dpr_lab.trials.summary import share, summary
 from sim_device.direct import record
 from sim_device.draw import visible_effects
 from sim_device.foreign import FOREIGN, FORMS, OUTSIDE
@@ -203,19 +203,22 @@ def main() -> None:
         made += beside(chosen.prototype, [case for case in cases if case.group in ("single", "clean")])
     if chosen.real is not None:
         made += real_bars(chosen.real)
-    by_group = {name: confusion([s.outcome for s in done if s.case.group == name]) for name in names}
-    show("Diagnosis on blind trials", made, chosen.json, confusion=by_group)
+    wrong = [astray(scored) for scored in done if is_astray(scored.outcome)]
+    show("Diagnosis on blind trials", made, chosen.json, astray=wrong)
     if not chosen.json:
-        print_confusion(by_group)
+        print("\n".join(wrong))
 
 
-def print_confusion(by_group: dict[str, dict[str, dict[str, int]]]) -> None:
-    """What was said first instead of what was there."""
-    for group, table in by_group.items():
-        for there, said in table.items():
-            wrong = [f"{answer} {times}" for answer, times in said.items() if answer != there]
-            if wrong:
-                print(f"{group}: {there} -> {', '.join(wrong)}")
+def is_astray(outcome: Outcome) -> bool:
+    """Whether something that was there has not been named, or something else has."""
+    return outcome.invented or (outcome.kind not in ("form", "outside") and not outcome.exact)
+
+
+def astray(scored: Scored) -> str:
+    """What was said of what was there, with what it takes to draw the plant again."""
+    outcome = scored.outcome
+    said, there = (" + ".join(names) or "nothing" for names in (outcome.named, outcome.truth))
+    return f"{scored.case.draw}, seed {scored.case.seed}: {there} -> {said} ({outcome.verdict})"
 
 
 if __name__ == "__main__":

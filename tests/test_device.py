@@ -255,7 +255,7 @@ def test_damage_is_counted_and_costs_no_more_than_the_frames_it_hit() -> None:
         device.connect()
         device.hold()
         device.stream(1000)
-        ticks = ticks_of(collect(device, at_least(5000)))
+        ticks = ticks_of(collect(device, at_least(2000)))
         device.stop()
         missing = ticks[-1] - ticks[0] + 1 - len(ticks)
         lost = device.losses

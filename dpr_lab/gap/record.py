@@ -108,7 +108,8 @@ def _arm_moves(run: Run) -> bool | None:
         return None
     away = swing - swing.mean()
     power = float(np.mean(away**2))
-    return power > 0.0 and float(np.mean(away[1:] * away[:-1])) > ARM_MOVES / np.sqrt(len(away)) * power
+    alike = float(np.mean(away[1:] * away[:-1]))
+    return bool(power > 0.0 and alike > ARM_MOVES / np.sqrt(len(away)) * power)
 
 
 def cuts(item: Record, length: float) -> list[slice]:

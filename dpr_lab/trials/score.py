@@ -132,7 +132,7 @@ def score(
         exact=len(hits) == len(truth.answers) and None not in hits and len(set(hits)) == len(hits),
         invented=None in hits,
         silent=said["verdict"] == "no_gap" and not effects,
-        wrong_name=any(hit is None and e["probability"] > SURE for hit, e in zip(hits, effects, strict=True)),
+        wrong_name=any(not claim.true and claim.probability > SURE for claim in _claimed(effects, hits)),
         admitted=said["verdict"] in ADMITTING,
         explained_share=_number(said["gap"].get("explained_share")),
         closed=_number((said["gap"].get("closed_held_out") or {}).get("estimate")),
@@ -146,11 +146,11 @@ def score(
 
 
 def _named(said: Said) -> list[Said]:
-    """The effects that are named; a step that the sensor screen alone found is a name as well."""
+    """The effects that are named; a step that the sensor screen alone found is a name too, without a probability."""
     effects: list[Said] = list(said["effects"]) if said["verdict"] in NAMING else []
     steps = any(finding["name"] == STEP for finding in said["sensor_findings"])
     if steps and all(effect["name"] != STEP for effect in effects):
-        effects.append({"name": STEP, "class": [STEP], "probability": 1.0, "parameters": {}})
+        effects.append({"name": STEP, "class": [STEP], "probability": None, "parameters": {}})
     return effects
 
 
@@ -173,10 +173,15 @@ def cause_named(effect: Said, truth: Truth) -> int | None:
 
 def _claims(said: Said, effects: Sequence[Said], hits: Sequence[int | None], truth: Truth) -> list[Claim]:
     """What was said with a probability: each name, or that there is nothing, or nothing with a name."""
-    if effects:
-        return [Claim(e["probability"], hit is not None) for e, hit in zip(effects, hits, strict=True)]
+    if claimed := _claimed(effects, hits):
+        return claimed
     true = {"no_gap": truth.clean, "unexplained": truth.outside}.get(said["verdict"], False)
     return [Claim(_number(said["probabilities"].get(said["verdict"]), 1.0), true)]
+
+
+def _claimed(effects: Sequence[Said], hits: Sequence[int | None]) -> list[Claim]:
+    stated = [(effect["probability"], hit is not None) for effect, hit in zip(effects, hits, strict=True)]
+    return [Claim(probability, true) for probability, true in stated if probability is not None]
 
 
 def _sizes(effects: Sequence[Said], true: Mapping[str, Mapping[str, float]]) -> list[SizeError]:

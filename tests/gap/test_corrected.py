@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.compare import compare_run
+from dpr_lab.dynamics.known import known_of
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.effects import effect_vector
 from dpr_lab.gap.corrected import corrected_model
@@ -48,7 +49,7 @@ def test_the_module_swings_as_the_lab_does(corrected: Model, paper: Rig, tmp_pat
     module = runpy.run_path(str(path))
     x0, t = [np.pi / 2, np.pi / 3, 0.0, 0.0], np.linspace(0, 1.0, 21)
     base = [model.base[name].value for name in ("a", "b", "d", "e1", "c1", "c2")]
-    expected = simulate(base, paper.rig.L1, paper.rig.g, x0, t, 1e-3, effect_vector(effects))
+    expected = simulate(base, paper.rig.L1, paper.rig.g, x0, t, 1e-3, effect_vector(effects), known_of(paper))
     assert module["simulate"](x0, t) == pytest.approx(expected, abs=2e-4)
 
 
