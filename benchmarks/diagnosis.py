@@ -211,6 +211,8 @@ def main() -> None:
 
 def is_astray(outcome: Outcome) -> bool:
     """Whether something that was there has not been named, or something else has."""
+    if not outcome.truth:
+        return not outcome.silent
     return outcome.invented or (outcome.kind not in ("form", "outside") and not outcome.exact)
 
 
