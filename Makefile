@@ -21,7 +21,8 @@ check: $(STAMP)  ## style, types, import contracts
 	$(BIN)/lint-imports
 
 bench: $(STAMP)  ## speed and reliability figures, printed beside their targets
-	for script in benchmarks/[a-z]*.py; do $(BIN)/python $$script || exit 1; done
+	for name in evaluator wall_time uncertainty identify mujoco_sysid soak; do $(BIN)/python benchmarks/$$name.py || exit 1; done
+	$(BIN)/python benchmarks/diagnosis.py --quick
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .

@@ -3,7 +3,8 @@
 Procedure: draw tuning trials of every kind (never the foreign effects that are held back, never the seeds of
 `benchmarks/diagnosis.py`), diagnose them with the constants as they are, and look at every effect that was put forward:
 its odds against each rival, the share of the gap that it leaves, and whether it was a cause. The new constants minimise
-the log loss of those statements, with a weak pull towards the constants in use so that few trials change little. Paste what is printed, then run the benchmark.
+the log loss of those statements, with a weak pull towards the constants in use so that few trials change little. Paste
+what is printed, then run the benchmark.
 """
 
 import argparse
