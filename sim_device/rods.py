@@ -16,6 +16,8 @@ Counts = NDArray[np.int64]
 
 HANGING = Pose(theta1=np.pi, theta2=np.pi)
 
+LONGEST_REPEAT = 8  # samples in a row that say what one before them says
+
 
 class Rods:
     """Where the rods are at any device time: in the hand, in the latch, or swinging.
@@ -74,11 +76,12 @@ class Rods:
 
     def swing_counts(self, first: int, count: int) -> Counts:
         """(count, 3) counts of the swing; `first` is the tick of the first since the release."""
-        before = min(first, 1)
-        counts = self._swung(first - before, count + before)
-        own, last = counts[before:], counts[np.maximum(np.arange(count) + before - 1, 0)]
-        again = dirt.repeated(self._config, self._release, first, count)
-        return self._faults.counts(np.where(again[:, None], last, own), self._at_release)
+        before = min(first, LONGEST_REPEAT)
+        again = dirt.repeated(self._config, self._release, first - before, count + before)
+        said = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
+        counts = self._swung(first - before, count + before)[said][before:]
+        since = np.arange(first, first + count) / self._rate_hz
+        return self._faults.counts(counts, self._at_release, since)
 
     def missing(self, first: int, count: int) -> NDArray[np.bool_]:
         """(count,) which samples of the swing the board never sends."""

@@ -1,6 +1,7 @@
 r"""What the encoders of a rig with effects read along segments with free start states: the model of the fits.
 
-A segment starts `PAD` before its first sample, so that a late or fast clock never reads before it. It is integrated by
+A segment starts `PAD` before its first sample, so that a late or fast clock never reads before it; the first of a run
+at the release itself, where that is near (`started`). It is integrated by
 classical Runge-Kutta steps of equal length; the angles at the instants of reading lie on the cubic through the states
 at either end of a step.
 
@@ -31,6 +32,9 @@ from dpr_lab.rig import AddedMass
 
 PAD = 0.02
 """How long before its first sample a segment starts, s: longer than any latency worth fitting."""
+
+NEAR_RELEASE = 0.04
+"""A segment that would start less than this after the release starts with it, where what remembers is fresh, s."""
 
 STEP = 2.5e-3
 """Runge-Kutta step, s. From any pose of the paper's rig it errs by less than 1e-6 rad over a segment of 0.5 s."""
@@ -128,7 +132,7 @@ def readings_batch(
         vectors: (n, SIZE) effects, SI; or (n, runs, SIZE) where they differ between runs
         known: the rig, `dpr_lab.dynamics.known.known_of`
         pieces: the segments
-        starts: (n, S, 4) theta1, theta2, omega1, omega2 at `PAD` before each segment's first sample, rad and rad/s
+        starts: (n, S, 4) theta1, theta2, omega1, omega2 where each segment starts (`started`), rad and rad/s
         memory: (S, 5) or (n, S, 5) state of the effects that remember (`MEMORY`) at each segment's start, where it is
             not nan; none: all taken over from segment to segment. A derivative by the start states alone needs it
             held still, `memories` of the point of expansion.
@@ -214,7 +218,7 @@ def _read(
         base = bases[c] + loads[r]
         rods = Rods(base[0], base[1], base[2], base[3], base[2] * known.g / known.L1, base[4], base[5])
         model = model_of(rods, heavy, _HELD, vectors[c, r])
-        before = _begins(starts[c, chains[chain]])
+        before = _begins(starts[c, chains[chain]], started(float(t[offsets[chains[chain]]])))
         for s in range(chains[chain], chains[chain + 1]):
             for i in range(5):
                 begun[c, s, i] = before[i] if np.isnan(memory[c, s, i]) else memory[c, s, i]
@@ -225,10 +229,18 @@ def _read(
 
 
 @njit
-def _begins(start: NDArray[np.float64]) -> NDArray[np.float64]:
+def started(first: float) -> float:
+    """When a segment starts whose first reading is taken `first` seconds after the release, s."""
+    start = first - PAD
+    return 0.0 if 0.0 < start and start < NEAR_RELEASE else start
+
+
+@njit
+def _begins(start: NDArray[np.float64], now: float) -> NDArray[np.float64]:
     memory = np.zeros(5)
-    memory[0] = math.tanh(start[2] / SMOOTHING)
-    memory[1] = math.tanh((start[3] - start[2]) / SMOOTHING)
+    if now > 0.0:
+        memory[0] = math.tanh(start[2] / SMOOTHING)
+        memory[1] = math.tanh((start[3] - start[2]) / SMOOTHING)
     return memory
 
 
@@ -266,12 +278,12 @@ def _segment(
 ) -> None:
     """Read one segment into `angles` (n, 3), and its memory where the next one starts into `after`."""
     n, relative2 = len(t), model.known.relative2
-    now, (last1, last2) = read_at(t[0], model)[0] - PAD, read_at(t[n - 1], model)
+    now, (last1, last2) = started(read_at(t[0], model)[0]), read_at(t[n - 1], model)
     longest = now + 2.0 * (t[n - 1] - t[0]) + 1.0
     if not (last1 < longest and last2 < longest):  # or not a number: a clock that no rig has
         angles[:], after[:] = np.nan, np.nan
         return
-    handed = min(read_at(until, model)[0] - PAD, last1)
+    handed = min(started(read_at(until, model)[0]), last1)
     x = State(memory[3], start[0], start[1], memory[4], start[2], start[3], memory[0], memory[1])
     hold = x.theta2 - relative2 * x.theta1 + memory[2]
     next1, next2 = 0, 0

@@ -1,4 +1,7 @@
-"""Friction of any form that grows with speed: a curve through fixed speeds, made of increments of one sign."""
+"""Friction of any form that grows with speed: a curve through fixed speeds, made of increments of one sign.
+
+At rest it may differ between the two directions, as a skewed seal or a preloaded bearing does.
+"""
 
 import math
 
@@ -18,9 +21,9 @@ KNOTS = (0.0, 0.3, 1.0, 3.0, 8.0)
 def curve(joint: Joint, vector: NDArray[np.float64], at: int) -> float:
     """Torque on the rod beyond the joint, N m: a step at rest, then one ramp between each two knots."""
     speed = abs(joint.speed)
-    size = vector[at]
+    size = vector[at] if joint.speed > 0.0 else vector[at + 1]
     for k in range(1, len(KNOTS)):
-        size += vector[at + k] * min(max((speed - KNOTS[k - 1]) / (KNOTS[k] - KNOTS[k - 1]), 0.0), 1.0)
+        size += vector[at + 1 + k] * min(max((speed - KNOTS[k - 1]) / (KNOTS[k] - KNOTS[k - 1]), 0.0), 1.0)
     return -size * math.tanh(joint.speed / SMOOTHING)
 
 
@@ -30,10 +33,13 @@ FRICTION_CURVE = pair(
     nested=("coulomb",),
     twins=("stribeck",),
     equation=(
-        "tau = -tanh(u / 0.02 rad/s) (rise0 + sum_k rise_k ramp_k(|u|)), each ramp_k going from 0 to 1 between two of"
-        " the speeds 0, 0.3, 1, 3, 8 rad/s of joint {j}"
+        "tau = -tanh(u / 0.02 rad/s) (F + sum_k rise_k ramp_k(|u|)), F = forward for u > 0 and backward for u < 0, each"
+        " ramp_k going from 0 to 1 between two of the speeds 0, 0.3, 1, 3, 8 rad/s of joint {j}"
     ),
-    parameters=tuple(EffectParameter(f"rise{k}_Nm", "N m", 5e-4, "positive") for k in range(len(KNOTS))),
+    parameters=tuple(
+        EffectParameter(f"{name}_Nm", "N m", 5e-4, "positive")
+        for name in ("forward", "backward", *(f"rise{k}" for k in range(1, len(KNOTS))))
+    ),
     stage="torque",
     dissipative=True,
     bench_check=(

@@ -13,6 +13,7 @@ from dpr_lab.gap.hypothesis import Hypothesis, hypothesis, slots_of
 from dpr_lab.gap.problem import FIRST_S, Point, Problem, carried, problem
 from dpr_lab.gap.record import Record
 from dpr_lab.gap.shooting import Fit, fit, robust_weights
+from dpr_lab.model import ParameterValue
 from dpr_lab.rig import Rig
 
 WORKING_S = 0.5
@@ -28,9 +29,14 @@ def nominal_rods(rig: Rig) -> NDArray[np.float64]:
 
 def anchored(rods: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
     """(6,) the same ratios, with the b that is most likely given what of the rig was measured and its bounds."""
+    return np.append(rods[:5], scale(rods, rig).value)
+
+
+def scale(rods: NDArray[np.float64], rig: Rig) -> ParameterValue:
+    """b, kg m^2, by the rig file and the ratios: the scale of all torques, which no free swing shows."""
     unsure = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3]) * np.maximum(rods[:5], 1e-3)  # friction may hide anything
     _, base = anchor(rods[:5], np.diag(unsure**2), rig)
-    return np.append(rods[:5], base["b"].value)
+    return base["b"]
 
 
 def fit_base(records: Sequence[Record], rig: Rig, rods: NDArray[np.float64]) -> tuple[Problem, Hypothesis]:

@@ -8,20 +8,23 @@ effect, times the probability that the cause is in the library at all, which fal
 unexplained.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.effects import place
+from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.hypothesis import PRICE, Hypothesis
-from dpr_lab.gap.score import Score, Scores
-from dpr_lab.gap.select import GAIN, Selection, closed
+from dpr_lab.gap.score import Score, Scores, imitation
+from dpr_lab.gap.select import GAIN, TWIN_COSINE, Selection, closed
+from dpr_lab.gap.signatures import detectable
 
 Array = NDArray[np.float64]
 
-TWIN_COSINE = 0.999
 RIVALS = 5
+HIDDEN = 0.5  # share of an effect up to which what a richer form adds to it may go unseen and still be likely
 LINEAR = 1e-3  # relative difference that linear scores of the same thing may have
 
 
@@ -68,26 +71,6 @@ class Standing:
     rival_probabilities: tuple[float, ...]
 
 
-def imitation(scores: Scores, target: Score, other: Score) -> float:
-    """Cosine between what `target` does and the nearest that `other` can do, the fit's own columns projected out."""
-    active, mine, theirs = list(scores.active), list(target.columns), list(other.columns)
-    H = _projected(scores.H, active, mine + theirs)
-    amplitudes = target.step[len(active) :] / scores.scale[mine]
-    if not amplitudes.any():
-        amplitudes = np.ones(len(mine))
-    k = len(mine)
-    length = amplitudes @ H[:k, :k] @ amplitudes
-    overlap = H[k:, :k] @ amplitudes
-    reached = overlap @ np.linalg.lstsq(H[k:, k:], overlap, rcond=1e-9)[0]
-    return float(np.sqrt(min(max(reached / length, 0.0), 1.0))) if length > 0 else 0.0
-
-
-def _projected(H: Array, active: Sequence[int], chosen: Sequence[int]) -> Array:
-    inner = H[np.ix_(active, active)] + 1e-12 * np.eye(len(active))
-    across = H[np.ix_(active, chosen)]
-    return H[np.ix_(chosen, chosen)] - across.T @ np.linalg.solve(inner, across)
-
-
 def standing(selection: Selection, name: str, scores: Scores, calibration: Calibration = CALIBRATION) -> Standing:
     """Twins, rivals and probability of one named effect.
 
@@ -109,6 +92,7 @@ def standing(selection: Selection, name: str, scores: Scores, calibration: Calib
         for k in near
         if k not in simpler and min(near[k], back[k]) > TWIN_COSINE and _as_good(k, name, costs, gains, chosen)
     )
+    twins += _hidden(selection, own.effect, near)
     rivals = [Rival(k, (k,), near[k], *costs[k]) for k in near if k not in twins]
     rivals = sorted(rivals, key=lambda rival: rival.cost)[:RIVALS]
     odds = [
@@ -124,6 +108,20 @@ def standing(selection: Selection, name: str, scores: Scores, calibration: Calib
         rivals=tuple(rivals),
         probability=float(weights[0]),
         rival_probabilities=tuple(weights[1:-1].tolist()),
+    )
+
+
+def _hidden(selection: Selection, own: Effect, near: Mapping[str, float]) -> tuple[str, ...]:
+    """Richer forms of an effect of which the recordings could not show what they add."""
+    chosen = selection.chosen
+    size = max(abs(float(chosen.fit.point.vector[place(own.name, p.name)])) for p in own.amplitudes)
+    told = detectable(chosen, selection.last)
+    return tuple(
+        item.effect.name
+        for item in selection.last.ranking
+        if own.name in item.effect.nested
+        and item.effect.name in near
+        and all(least is None or least > HIDDEN * size for least in told[item.effect.name].values())
     )
 
 

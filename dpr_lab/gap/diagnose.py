@@ -13,7 +13,7 @@ from dpr_lab.effects import EFFECTS, effect_values
 from dpr_lab.effects.effect import Effect
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advise import advise
-from dpr_lab.gap.base_fit import fit_base, nominal_rods
+from dpr_lab.gap.base_fit import fit_base, nominal_rods, scale
 from dpr_lab.gap.classes import Standing, outside, share_explained, standing
 from dpr_lab.gap.closed import closed_held_out, closed_left_out, free_run_errors
 from dpr_lab.gap.diagnosis import (
@@ -243,10 +243,20 @@ def _probabilities(selection: Selection, standings: Sequence[Standing]) -> dict[
     return found
 
 
+def _scale(records: Sequence[Record], rig: Rig, base: Hypothesis) -> str:
+    if any(item.run.added_mass for item in records):
+        return "The known added mass fixes the scale of all torques."
+    b = scale(base.fit.point.rods, rig)
+    said = f"Torques are relative to b = {b.value:.4g} kg m^2 of the rig file: free swings fix no scale."
+    if b.std is None:
+        return f"{said} Only the search bounds fix it; a release with a known added mass would."
+    return f"{said} The rig file knows it to {_Z90 * b.std / b.value:.1%} (90 %), which no interval of an effect holds."
+
+
 def _assumptions(records: Sequence[Record], rig: Rig, base: Hypothesis) -> list[str]:
     made = [
         f"L1 = {rig.rig.L1:g} m and g = {rig.rig.g:g} m/s^2 are as measured.",
-        f"Torques are relative to b = {base.fit.point.rods[5]:.4g} kg m^2 of the rig file: free swings fix no scale.",
+        _scale(records, rig, base),
         "Encoder noise is white beyond what the sensor screen found; readings were averaged over 5 ms.",
         "Start states of all segments are free; the first 30 ms after each release are left out.",
     ]

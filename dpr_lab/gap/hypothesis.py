@@ -77,10 +77,10 @@ def added_from_short(problem: Problem, short: tuple[Problem, Array], before: Hyp
     for at, value in item.shape:
         vector[at] = value
     cut, starts = short
-    near = fit(cut, Point(before.fit.point.rods, vector, starts), item.slots, iterations=20)
+    near = fit(cut, Point(before.fit.point.rods, vector, starts), item.slots, iterations=12)
     point = replace(near.point, starts=carried(cut, near.point, problem, before.fit.point.starts))
     effects = (*before.effects, item.effect.name)
-    return hypothesis(problem, effects, fit(problem, point, slots_of(point, effects, problem), iterations=20))
+    return hypothesis(problem, effects, fit(problem, point, slots_of(point, effects, problem), iterations=12))
 
 
 def dropped(problem: Problem, before: Hypothesis, effect: str, iterations: int = 15) -> Hypothesis:

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.readings import started
 from dpr_lab.errors import RunError
 from dpr_lab.gap.screen import Screened, screen
 from dpr_lab.rig import Rig
@@ -53,7 +54,7 @@ def record(run: Run, rig: Rig) -> Record:
     if (run.t >= AFTER_RELEASE).sum() < MIN_SAMPLES:
         raise RunError(f"{run.name}: fewer than {MIN_SAMPLES} samples after the release: nothing to diagnose")
     seen = screen(run, rig)
-    t, joints, sigma = _blocks(seen, run.rate_hz, np.abs(rig.radians_per_count[1:]) * (run.counts is not None))
+    t, joints, sigma = _blocks(seen, run.rate_hz)
     whole = np.isfinite(joints).all(axis=1) & (t >= AFTER_RELEASE)
     t, joints, sigma = t[whole], joints[whole], sigma[whole]
     holes = np.flatnonzero(np.diff(t) > GAP_S)
@@ -61,9 +62,7 @@ def record(run: Run, rig: Rig) -> Record:
     return Record(run, seen, t, joints, sigma, breaks, _arm_moves(run))
 
 
-def _blocks(
-    seen: Screened, rate_hz: float, count: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _blocks(seen: Screened, rate_hz: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Means over blocks of 1 / `RATE_HZ`; without dither only as many readings count as the rod passed counts."""
     if rate_hz < 1.5 * RATE_HZ:
         speed = np.gradient(seen.joints, seen.t, axis=0)
@@ -83,7 +82,7 @@ def _blocks(
     t, mean, spread, kept = t[good], mean[good], spread[good], kept[good]
     speed = np.gradient(mean, t, axis=0)
     alpha = _curvature(mean)
-    passed = 1 + np.abs(speed) / RATE_HZ / np.where(count > 0, count, np.inf)
+    passed = 1 + np.abs(speed) / RATE_HZ / np.where(seen.count > 0, seen.count, np.inf)
     independent = np.where(seen.dithered, kept[:, None], np.minimum(kept[:, None], passed))
     sigma = np.sqrt(seen.noise**2 / independent + (seen.jitter_s * speed) ** 2 / kept[:, None])
     return t, mean - 0.5 * alpha * spread[:, None], sigma
@@ -127,13 +126,12 @@ def cuts(item: Record, length: float) -> list[slice]:
     return found
 
 
-def start_states(item: Record, stretches: Sequence[slice], lead: float, absolute: bool) -> NDArray[np.float64]:
-    """States `lead` seconds before each stretch, from a local cubic through the readings.
+def start_states(item: Record, stretches: Sequence[slice], absolute: bool) -> NDArray[np.float64]:
+    """States where the segments of stretches start, from a local cubic through the readings; at the release, at rest.
 
     Args:
         item: the record
         stretches: from `cuts`
-        lead: how long before the first sample, s
         absolute: whether the encoder of joint 2 reads theta2 itself
 
     Returns:
@@ -141,7 +139,10 @@ def start_states(item: Record, stretches: Sequence[slice], lead: float, absolute
     """
     states = np.zeros((len(stretches), 4))
     for row, stretch in zip(states, stretches, strict=True):
-        at = item.t[stretch.start] - lead
+        at = started(float(item.t[stretch.start]))
+        if at == 0.0 and len(item.run.rest):
+            row[:2] = item.run.rest[:, 1:].mean(axis=0)
+            continue
         near = np.flatnonzero(np.abs(item.t - at) < 0.03)
         if len(near) < 6:
             near = np.arange(max(0, stretch.start - 4), min(len(item.t), stretch.start + 6))

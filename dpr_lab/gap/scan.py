@@ -15,7 +15,7 @@ from dpr_lab.effects import SLICES, effect_vector, place
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.folded import switched
 from dpr_lab.effects.quantities import Known, Motion, Rods
-from dpr_lab.gap.problem import Problem
+from dpr_lab.gap.problem import CONTINUOUS, Problem
 from dpr_lab.gap.response import Course
 from dpr_lab.gap.shooting import Fit
 from dpr_lab.kernels import njit
@@ -27,6 +27,7 @@ Shape = tuple[tuple[int, float], ...]
 MANY = 24
 """Shapes above which an effect is scanned along the swing before the score test."""
 KEPT = 2
+FINER = 13
 BLOCK = 64  # columns at a time, to stay within the cache
 STEPS_KEPT = 3
 
@@ -42,7 +43,22 @@ def shapes(effect: Effect, problem: Problem, fit: Fit, along: Course) -> list[Sh
     if len(every) <= MANY or effect.stage != "torque":
         return every
     gains = _torque_gains(effect, every, problem, fit, along)
-    return [every[i] for i in np.argsort(-gains)[:KEPT]]
+    kept = [every[i] for i in np.argsort(-gains)[:KEPT]]
+    return _between(effect, kept, problem, fit, along)
+
+
+def _between(effect: Effect, kept: list[Shape], problem: Problem, fit: Fit, along: Course) -> list[Shape]:
+    """The best shapes between those of the grid, where the shape varies continuously.
+
+    The peak of a frequency is as narrow as the record is long, far narrower than a nonlinear fit can find.
+    """
+    (shape,) = effect.shapes
+    if shape.name not in CONTINUOUS:
+        return kept
+    ratio = shape.scan[1] / shape.scan[0]
+    finer = [((at, value * ratio**share),) for ((at, value),) in kept for share in np.linspace(-0.75, 0.75, FINER)]
+    gains = _torque_gains(effect, finer, problem, fit, along)
+    return [finer[i] for i in np.argsort(-gains)[:KEPT]]
 
 
 def _torque_gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along: Course) -> Array:

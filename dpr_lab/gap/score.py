@@ -108,3 +108,23 @@ def score(problem: Problem, found: Fit, library: Iterable[Effect]) -> Scores:
     shaped = {name: tuple(sorted(items, key=lambda item: -item.gain)) for name, items in tried.items()}
     ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda item: -item.gain))
     return replace(scores, ranking=ranking, shaped=shaped)
+
+
+def imitation(scores: Scores, target: Score, other: Score) -> float:
+    """Cosine between what `target` does and the nearest that `other` can do, the fit's own columns projected out."""
+    active, mine, theirs = list(scores.active), list(target.columns), list(other.columns)
+    H = _projected(scores.H, active, mine + theirs)
+    amplitudes = target.step[len(active) :] / scores.scale[mine]
+    if not amplitudes.any():
+        amplitudes = np.ones(len(mine))
+    k = len(mine)
+    length = amplitudes @ H[:k, :k] @ amplitudes
+    overlap = H[k:, :k] @ amplitudes
+    reached = overlap @ np.linalg.lstsq(H[k:, k:], overlap, rcond=1e-9)[0]
+    return float(np.sqrt(min(max(reached / length, 0.0), 1.0))) if length > 0 else 0.0
+
+
+def _projected(H: Array, active: Sequence[int], chosen: Sequence[int]) -> Array:
+    inner = H[np.ix_(active, active)] + 1e-12 * np.eye(len(active))
+    across = H[np.ix_(active, chosen)]
+    return H[np.ix_(chosen, chosen)] - across.T @ np.linalg.solve(inner, across)

@@ -18,6 +18,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from dpr_lab.estimation.noise import noise_floor
 from dpr_lab.gap.differences import noise_by_speed, stride_ratio
@@ -25,11 +26,14 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 AXES = ("joint1", "joint2")
-MOVED = 6.0  # standard deviations a rod must have moved before a reading that did not is called repeated
+MOVED = 8.0  # standard deviations a rod must have moved before a reading that did not is called repeated
 STANDS_OUT = 6.0  # standard deviations; three runs hold 6e4 readings
 ABOVE_ITS_SURROUNDINGS = 4.0  # a violent stretch lifts every residual, a fault only its own
 HALF_WINDOW_S = 0.014
 DEGREE = 5  # over 28 ms a 5 Hz tumble is a polynomial of this degree to 1e-5 rad
+REACH = 3  # samples about a peak among which the fault is looked for
+LEAST_SEEN = 1e-3  # share of a step or spike that a polynomial must leave
+SMOOTH = 4  # samples on either side over which a speed is taken, so that one jittered instant does not make it
 GAP_PERIODS = 1.5
 NOISE_RATIO = 1.5
 STILL_COUNTS = 0.2
@@ -64,6 +68,8 @@ class Screened:
     """(2,) standard deviation of a reading at rest, rad."""
     jitter_s: float
     """Standard deviation of the sampling instants, s."""
+    count: NDArray[np.float64]
+    """(2,) least change of a reading, rad; zero for a table of angles."""
     dithered: NDArray[np.bool_]
     """(2,) whether rounding errors of neighbouring readings are independent."""
     findings: tuple[Finding, ...]
@@ -86,8 +92,9 @@ def screen(run: Run, rig: Rig) -> Screened:
     swing = run.swing
     t, joints = swing.t, joint_angles(swing.theta, rig)
     period = 1.0 / run.rate_hz
-    std = noise_floor(run, rig).std_joint
-    findings = [*_gaps(run), *_levels(run, rig, std)]
+    count = _count_size(run, rig)
+    std = np.maximum(noise_floor(run, rig).std_joint, count / np.sqrt(12))
+    findings = [*_gaps(run), *_levels(run, rig, std, count)]
     colour, coloured = _colour(run, joints)
     std = std * colour  # noise that was filtered shows only over wider spacings
     keep, breaks = np.ones(joints.shape, dtype=bool), []
@@ -96,15 +103,15 @@ def screen(run: Run, rig: Rig) -> Screened:
     for axis in range(2):
         repeated = np.flatnonzero(stale[:, axis])
         keep[repeated, axis] = False
-        outliers, steps = _local_faults(t, joints[:, axis], keep[:, axis], std[axis], period)
+        outliers, steps = _local_faults(t, joints[:, axis], keep[:, axis], (float(std[axis]), jitter), period)
         keep[outliers, axis] = False
         breaks += [(float(t[i]), axis) for i, _ in steps]
         findings += _events("repeated_sample", run, axis, t[repeated], "the reading stands still while the rod moves")
         findings += _events("outlier", run, axis, t[outliers], "one reading off the polynomial through its neighbours")
-        count = abs(float(rig.radians_per_count[1 + axis]))
+        told = abs(float(rig.radians_per_count[1 + axis]))
         findings += [
             Finding(
-                "missed_counts", run.name, AXES[axis], float(t[i]), f"the reading steps by {size / count:+.1f} counts"
+                "missed_counts", run.name, AXES[axis], float(t[i]), f"the reading steps by {size / told:+.1f} counts"
             )
             for i, size in steps
         ]
@@ -115,7 +122,8 @@ def screen(run: Run, rig: Rig) -> Screened:
         breaks=tuple(sorted(breaks)),
         noise=std,
         jitter_s=jitter,
-        dithered=_dithered(run, rig),
+        count=count,
+        dithered=_dithered(run, rig, count),
         findings=(*findings, *jitter_findings, *coloured),
     )
 
@@ -146,21 +154,29 @@ def _gaps(run: Run) -> list[Finding]:
     ]
 
 
-def _dithered(run: Run, rig: Rig) -> NDArray[np.bool_]:
+def _count_size(run: Run, rig: Rig) -> NDArray[np.float64]:
+    """(2,) angle by which readings move at least, rad: a coarse encoder behind a finer counter takes several counts."""
+    if run.counts is None:
+        return np.zeros(2)
+    steps = np.gcd.reduce(np.diff(run.counts[:, 1:], axis=0), axis=0)
+    return np.asarray(np.maximum(steps, 1) * np.abs(rig.radians_per_count[1:]), dtype=np.float64)
+
+
+def _dithered(run: Run, rig: Rig, count: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether noise before rounding reaches a fifth of a count, seen at rest; assumed where there was no rest."""
     rest = joint_angles(run.rest, rig)
     if run.counts is None or len(rest) < 20:
         return np.ones(2, dtype=bool)
     moved = np.std(np.diff(rest, axis=0), axis=0) / np.sqrt(2)
-    return moved > STILL_COUNTS * np.abs(rig.radians_per_count[1:])
+    return moved > STILL_COUNTS * count
 
 
-def _levels(run: Run, rig: Rig, std: NDArray[np.float64]) -> list[Finding]:
+def _levels(run: Run, rig: Rig, std: NDArray[np.float64], count: NDArray[np.float64]) -> list[Finding]:
     if run.counts is None:
         return []
     told = np.sqrt(rig.encoders.noise_counts**2 + 1 / 12)
     counts = std / np.abs(rig.radians_per_count[1:])
-    dithered = _dithered(run, rig)
+    dithered = _dithered(run, rig, count)
     found = []
     for axis, name in enumerate(AXES):
         if not dithered[axis]:
@@ -179,7 +195,7 @@ def _repeated(
 
     Jittered instants can bring one axis to a stand by chance, but hardly both.
     """
-    reach = 4
+    reach = SMOOTH
     if len(t) <= 2 * reach:
         return np.zeros(joints.shape, dtype=bool)
     across = np.abs(joints[2 * reach :] - joints[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])[:, None]
@@ -207,28 +223,65 @@ def _filters(half: int, degree: int) -> tuple[NDArray[np.float64], NDArray[np.fl
 
 
 def _local_faults(
-    t: NDArray[np.float64], angle: NDArray[np.float64], keep: NDArray[np.bool_], std: np.float64, period: float
+    t: NDArray[np.float64],
+    angle: NDArray[np.float64],
+    keep: NDArray[np.bool_],
+    noise: tuple[float, float],
+    period: float,
 ) -> tuple[NDArray[np.int64], list[tuple[int, float]]]:
-    """Indices of outliers; index and size (rad) of steps."""
+    """Indices of outliers; index and size (rad) of steps; `noise` is that of a reading (rad) and of its instant (s)."""
     half = int(np.clip(round(HALF_WINDOW_S / period), 5, 16))
     if keep.sum() < 4 * half:
         return np.zeros(0, dtype=np.int64), []
     grid = np.arange(t[0], t[-1] + 0.5 * period, period)
     even = CubicSpline(t[keep], angle[keep])(grid)
     step_filter, spike_filter = _filters(half, DEGREE)
+    smooth = np.gradient(uniform_filter1d(even, 2 * SMOOTH + 1, mode="nearest"), period)
+    std = np.hypot(noise[0], noise[1] * maximum_filter1d(np.abs(smooth), 2 * half + 1))
     step = np.convolve(even, step_filter[::-1], mode="same") / std
     spike = np.convolve(even, spike_filter[::-1], mode="same") / std
     for z in (step, spike):
         z[:half], z[-half:] = 0.0, 0.0
-    at = (np.arange(-half, half + 1) >= 0).astype(float)
     outliers, steps = [], []
     for peak in _peaks(np.maximum(np.abs(step), np.abs(spike)), half):
-        nearest = int(np.argmin(np.abs(t - grid[peak])))
-        if abs(spike[peak]) >= np.abs(step[peak - 1 : peak + 2]).max():
-            outliers.append(nearest)
+        near = np.flatnonzero(keep & (np.abs(t - grid[peak]) < (half + 0.5) * period))
+        if len(near) < half:
+            continue
+        at, size = _step_or_spike(t[near], angle[near], grid[peak], period)
+        if size is None:
+            outliers.append(int(near[at]))
         else:
-            steps.append((nearest, float(step[peak] * std / (step_filter @ at))))
+            steps.append((int(near[at]), size))
     return np.array(outliers, dtype=np.int64), steps
+
+
+def _step_or_spike(
+    t: NDArray[np.float64], angle: NDArray[np.float64], about: float, period: float
+) -> tuple[int, float | None]:
+    """What a polynomial lacks most in a few samples: one reading that is off (its index), or a step from one on.
+
+    Args:
+        t: (n,) instants, s
+        angle: (n,) readings, rad
+        about: where something is wrong, s
+        period: time between samples, s
+
+    Returns:
+        index of the sample, and the size of the step, rad; no size for a single reading
+    """
+    smooth = np.linalg.qr(np.vander((t - about) / np.ptp(t), DEGREE + 1))[0]
+    rest = angle - smooth @ (smooth.T @ angle)
+    found: list[tuple[float, int, float | None]] = []
+    for i in np.flatnonzero(np.abs(t - about) < (REACH + 0.5) * period):
+        for shape, single in ((np.arange(len(t)) == i, True), (np.arange(len(t)) >= i, False)):
+            column = shape - smooth @ (smooth.T @ shape)
+            power = float(column @ column)
+            if power > LEAST_SEEN:
+                found.append(
+                    (float(column @ rest) ** 2 / power, int(i), None if single else float(column @ rest) / power)
+                )
+    _, at, size = max(found, key=lambda one: one[0], default=(0.0, int(np.argmin(np.abs(t - about))), None))
+    return at, size
 
 
 def _peaks(z: NDArray[np.float64], half: int) -> list[int]:

@@ -4,6 +4,7 @@ Forward alone is greedy and takes the plausible twin first. So two sets are carr
 later one too, and what was found is pruned, swapped and simplified before it is believed:
 
     grow      the score test names candidates, the best are fitted, the two best sets go on
+    enrich    an effect gives way to a richer one that contains it
     prune     an effect without which the remainder hardly grows is dropped
     withdraw  an effect that makes one release harder to predict from the others is not named
     simplify  an effect gives way to a simpler one that it contains and that explains as much
@@ -15,12 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.corrected import EVENTS
 from dpr_lab.gap.hypothesis import Hypothesis, added, added_from_short, dropped, hypothesis
 from dpr_lab.gap.problem import FIRST_S, Problem, problem
-from dpr_lab.gap.score import Score, Scores, score
-from dpr_lab.gap.shooting import fit
+from dpr_lab.gap.score import Score, Scores, imitation, score
+from dpr_lab.gap.shooting import fit, unlocked
 
 FITTED = 4
 FITTED_WHEN_FAR = 6
@@ -30,6 +32,10 @@ BEAM_WORSE = 4.0  # a second set goes on only while its excess is within this fa
 GAIN = (
     30.0  # fall of chi2, in units of independent evidence, below which an effect is chance: the best of some 600 shapes
 )
+EXTRA = 90.0  # the same for one effect more where nothing but noise is left
+LEADING = 0.5  # share of the best score from which several shapes are worth a fit
+SWAPPED = 2  # candidates that are tried in the place of each effect
+SLOW = 1.3  # factor by which one effect more must at least shrink the excess, unless it is large
 CLOSED = 4.0  # standard deviations of the remainder that count as noise
 KEEPS = 3.0  # factor by which the remainder must grow without an effect, for the effect to stay
 KEEPS_IF_LARGE = 1.3  # the same for an effect that explains at least `LARGE` of the whole gap
@@ -39,6 +45,8 @@ KEPT_PROMISE = 0.5  # share of the promised fall of chi2 below which a fit is tr
 ROUGH, FINE = 6, 15  # iterations of a fit, far from the noise and near it
 STARTS = 4  # shapes from which an effect with several of them is fitted
 CONTAINED_WHEN_CLOSED = 5e-4  # the same share where nothing else is left: what the integrator's steps leave in doubt
+TWIN_COSINE = 0.999
+"""Of the signatures of two effects above which a recording hardly tells them apart."""
 TWIN_GAIN = 1e-3  # relative difference of gains within which twins are not fitted twice
 
 
@@ -96,21 +104,50 @@ class _Search:
         return self.shorter
 
     def _best_shape(self, at: Hypothesis, scores: Scores, item: Score) -> Hypothesis:
-        """Fit from the best shape; where shapes interact, from the best few."""
-        starts = scores.shaped[item.effect.name][: STARTS if len(item.effect.shapes) > 1 else 1]
+        """Fit from the best shape; where there are several, from the best few."""
+        leading = item.gain > LEADING * scores.ranking[0].gain
+        starts = scores.shaped[item.effect.name][: STARTS if leading else 1]
         far = at.remainder.chi2 > FAR * at.remainder.dof
         if item.effect.name in EVENTS or len(starts) == 1:
             return added(self.problem, at, scores, item, iterations=ROUGH if far else FINE)
-        begun = [added(self.problem, at, scores, start, iterations=4) for start in starts]
+        begun = [added(self.problem, at, scores, start, iterations=3) for start in starts]
         best = starts[min(range(len(begun)), key=lambda i: begun[i].fit.chi2)]
         return added(self.problem, at, scores, best, iterations=30)
 
+    def unlocked(self, at: Hypothesis) -> Hypothesis:
+        """The same set, tried once more where a few segments may hold it at a local minimum."""
+        if not closed(at):
+            free = unlocked(self.problem, at.fit)
+            if free is not at.fit:
+                self.seen[at.key] = hypothesis(self.problem, at.effects, free)
+        return self.seen[at.key]
+
     def without(self, at: Hypothesis, effect: str) -> Hypothesis:
+        """The better of the fits from above and, where a score test points to the set, from below."""
         key = at.key - {effect}
         if key not in self.seen:
             self.on_step(f"fit {', '.join(sorted(key))}")
-            self.seen[key] = dropped(self.problem, at, effect)
+            fallen = dropped(self.problem, at, effect)
+            parents = [self.seen[key - {name}] for name in key if key - {name} in self.scored]
+            if parents and not closed(fallen):
+                parent = min(parents, key=lambda one: one.cost)
+                (name,) = key - parent.key
+                fallen = min(fallen, self._grown(parent, name), key=lambda one: one.fit.chi2)
+            self.seen[key] = fallen
         return self.seen[key]
+
+    def _grown(self, at: Hypothesis, effect: str) -> Hypothesis:
+        scores = self.scores(at)
+        item = next(one for one in scores.ranking if one.effect.name == effect)
+        return self._best_shape(at, scores, item)
+
+    def again(self, at: Hypothesis, effect: str) -> Hypothesis:
+        """A set fitted once more, with the shape of one of its effects looked for anew."""
+        less = self.without(at, effect)
+        other = self._grown(less, effect)
+        if other.cost < self.seen[at.key].cost:
+            self.seen[at.key] = other
+        return self.seen[at.key]
 
 
 def select(
@@ -131,9 +168,10 @@ def select(
         on_step: told what is being done
     """
     search = _Search(made, library, {base.key: base}, {}, on_step)
-    grown = _grow(search, base, max_effects)
-    chosen = _simplify(search, base, _prune(search, base, grown))
-    chosen = _settled(search, _withdraw(search, _prune(search, base, chosen)))
+    grown = _leanest(search, base, _grow(search, base, max_effects))
+    chosen = _simplify(search, base, _enrich(search, _prune(search, base, grown)))
+    chosen = _prune(search, base, _exchange(search, chosen))
+    chosen = _settled(search, _withdraw(search, chosen))
     return _selection(search, base, chosen)
 
 
@@ -159,6 +197,8 @@ def _withdraw(search: _Search, chosen: Hypothesis) -> Hypothesis:
 def _selection(search: _Search, base: Hypothesis, chosen: Hypothesis) -> Selection:
     without = {name: search.without(chosen, name) for name in chosen.effects}
     around = {name: search.scores(item) for name, item in without.items()}
+    for name, scores in around.items():
+        _try_twins(search, without[name], scores, name)
     path, at = [], chosen
     while at.effects:
         less = {name: search.without(at, name) for name in at.effects}
@@ -166,6 +206,16 @@ def _selection(search: _Search, base: Hypothesis, chosen: Hypothesis) -> Selecti
         path.append((weakest, at))
         at = less[weakest]
     return Selection(base, chosen, search.seen, search.scores(chosen), without, around, tuple(reversed(path)))
+
+
+def _try_twins(search: _Search, less: Hypothesis, scores: Scores, name: str) -> None:
+    """Fit what the linear scores can hardly tell from an effect, so that twins are compared as they fit."""
+    own = next(item for item in scores.ranking if item.effect.name == name)
+    related = {name, *own.effect.nested}
+    for item in scores.ranking:
+        form = item.effect.name in related or name in item.effect.nested
+        if not form and item.gain > 0 and imitation(scores, own, item) > TWIN_COSINE:
+            search.with_one(less, scores, item)
 
 
 def _grow(search: _Search, base: Hypothesis, max_effects: int) -> Hypothesis:
@@ -180,7 +230,8 @@ def _grow(search: _Search, base: Hypothesis, max_effects: int) -> Hypothesis:
         if not level:
             break
         ranked = sorted(level.values(), key=lambda item: item.cost)
-        if best.cost - ranked[0].cost < GAIN * ranked[0].remainder.inflation:
+        ranked = sorted([*map(search.unlocked, ranked[:BEAM]), *ranked[BEAM:]], key=lambda item: item.cost)
+        if not _worth(base, best, ranked[0]):
             break
         best = ranked[0]
         others = [item for item in ranked[1:] if not _contains(search, item, best)]
@@ -188,6 +239,55 @@ def _grow(search: _Search, base: Hypothesis, max_effects: int) -> Hypothesis:
         if closed(best):
             front = [best]
     return best
+
+
+def _worth(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
+    """Whether one effect more explains more than chance, and more than a form that is not quite right leaves open."""
+    if before.cost - after.cost < _chance(base, before, after):
+        return False
+    return (
+        closed(before) or excess(before) > SLOW * excess(after) or excess(before) - excess(after) > LARGE * excess(base)
+    )
+
+
+def _chance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
+    """Fall of cost from one set to a larger one that means nothing."""
+    if not (closed(before) and before.effects):
+        return GAIN * after.remainder.inflation
+    explained = base.remainder.chi2 - after.remainder.chi2
+    return max(EXTRA * after.remainder.inflation, CONTAINED_WHEN_CLOSED * explained)
+
+
+def _leanest(search: _Search, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
+    """The smallest set that was seen to explain nearly as much: growth may have passed it by on another branch."""
+    enough = max(KEEPS * excess(grown), 0.0)
+    lean = [item for item in search.seen.values() if 0 < len(item.effects) < len(grown.effects)]
+    lean = [
+        item
+        for item in lean
+        if excess(item) < enough
+        and excess(item) - excess(grown) < LARGE * excess(base)
+        and (not closed(grown) or (closed(item) and item.cost - grown.cost < _chance(base, item, grown)))
+    ]
+    return min(lean, key=lambda item: (len(item.effects), item.cost)) if lean else grown
+
+
+def _exchange(search: _Search, current: Hypothesis) -> Hypothesis:
+    """While something is left: another in the place of each effect, or the same one in another shape."""
+    if closed(current) or not current.effects:
+        return current
+    best = current
+    for name in current.effects:
+        less = search.without(current, name)
+        scores = search.scores(less)
+        if EFFECTS[name].shapes:
+            best = min(best, search.again(current, name), key=lambda item: item.cost)
+        for item in scores.ranking[:SWAPPED]:
+            if item.effect.name != name:
+                best = min(best, search.with_one(less, scores, item), key=lambda one: one.cost)
+    if excess(current) < SLOW * excess(best):
+        return best if best.key == current.key else current
+    return _exchange(search, best)
 
 
 def _contains(search: _Search, one: Hypothesis, other: Hypothesis) -> bool:
@@ -202,7 +302,9 @@ def _contains(search: _Search, one: Hypothesis, other: Hypothesis) -> bool:
 def _candidates(at: Hypothesis, scores: Scores) -> list[Score]:
     """The most promising effects; of twins, which promise the same, one; with each also the simpler ones in it."""
     chance = GAIN * min(at.remainder.inflation, max(1.0, at.remainder.chi2 / at.remainder.dof))
-    promising = [item for item in scores.ranking if item.gain > max(chance * 0.5, GAIN)]
+    promising = [
+        item for item in scores.ranking if item.gain > max(chance * 0.5, GAIN) and not set(item.effect.nested) & at.key
+    ]
     count = FITTED_WHEN_FAR if at.remainder.chi2 > FAR * at.remainder.dof else FITTED
     picked: list[Score] = []
     for item in promising:
@@ -237,9 +339,10 @@ def _prune(search: _Search, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
     while len(current.effects) > 1:
         losses = {name: _loss(search, base, current, name) for name in current.effects}
         weakest = min(losses, key=lambda name: losses[name])
-        if losses[weakest] >= KEEPS and _gain(search, current, weakest) > GAIN * current.remainder.inflation:
+        less = search.without(current, weakest)
+        if losses[weakest] >= KEEPS and less.cost - current.cost > _chance(base, less, current):
             break
-        current = search.without(current, weakest)
+        current = less
     return current
 
 
@@ -255,6 +358,20 @@ def _loss(search: _Search, base: Hypothesis, at: Hypothesis, effect: str) -> flo
 
 def _gain(search: _Search, at: Hypothesis, effect: str) -> float:
     return search.without(at, effect).cost - at.cost
+
+
+def _enrich(search: _Search, current: Hypothesis) -> Hypothesis:
+    """Replace an effect by a richer one that contains it where the score test asks for what the richer one adds."""
+    chance = GAIN * current.remainder.inflation
+    for item in search.scores(current).ranking:
+        inner = [name for name in item.effect.nested if name in current.effects]
+        if inner and item.gain > chance:
+            both = added(search.problem, current, search.scores(current), item, iterations=FINE)
+            other = dropped(search.problem, both, inner[0])
+            search.seen[other.key] = min(other, search.seen.get(other.key, other), key=lambda one: one.cost)
+            if current.cost - other.cost > chance:
+                return other
+    return current
 
 
 def _simplify(search: _Search, base: Hypothesis, current: Hypothesis) -> Hypothesis:
@@ -274,6 +391,7 @@ def _simplify(search: _Search, base: Hypothesis, current: Hypothesis) -> Hypothe
             other = search.with_one(less, search.scores(less), item)
             share = CONTAINED_WHEN_CLOSED if closed(current) else CONTAINED
             worth = max(GAIN * current.remainder.inflation, share * explained)
-            if other.cost - current.cost < worth:
+            alike = closed(other) if closed(current) else excess(other) < KEEPS * excess(current)
+            if other.cost - current.cost < worth and alike:
                 return _simplify(search, base, other)
     return current

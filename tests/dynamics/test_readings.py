@@ -197,6 +197,15 @@ def test_memory_can_be_held_still():
     assert (readings(BASE, vector, KNOWN, CUT, moved)[200:] != whole[200:]).any()
 
 
+@pytest.mark.parametrize("name", ["hysteresis_joint1", *REMEMBERING])
+def test_a_first_sample_soon_after_the_release_still_remembers_the_release(name):
+    values = {"hysteresis_joint1": {"torque_Nm": 0.02, "length_rad": 0.2}}.get(name, REMEMBERING.get(name))
+    vector = effect_vector({name: values})
+    late = pieces([LONG[LONG > 0.03]], [0])
+    whole = readings(BASE, vector, KNOWN, pieces([LONG], [0]), [RELEASE])
+    np.testing.assert_allclose(readings(BASE, vector, KNOWN, late, [RELEASE]), whole[LONG > 0.03], atol=1e-12)
+
+
 def test_the_arm_is_held_until_the_release():
     vector = effect_vector({"arm_compliance": REMEMBERING["arm_compliance"]})
     # Without friction a swing that begins at rest runs backwards before it.

@@ -181,8 +181,11 @@ def test_load_friction_is_the_load_times_its_radius():
         ),
         (
             "friction_curve",
-            {"rise0_Nm": 1e-3, "rise2_Nm": 2e-3, "rise4_Nm": 3e-3},
-            lambda u, q, t: -np.tanh(u / 0.02) * np.interp(abs(u), [0, 0.3, 1, 3, 8], [1e-3, 1e-3, 3e-3, 3e-3, 6e-3]),
+            {"forward_Nm": 1e-3, "backward_Nm": 4e-3, "rise2_Nm": 2e-3, "rise4_Nm": 3e-3},
+            lambda u, q, t: (
+                -np.tanh(u / 0.02)
+                * np.interp(abs(u), [0, 0.3, 1, 3, 8], np.array([1e-3, 1e-3, 3e-3, 3e-3, 6e-3]) + 3e-3 * (u < 0.0))
+            ),
         ),
         ("friction_drift", {"rate_Nm_per_rad": 1e-4}, lambda u, q, t: -1e-4 * t * u),
         (

@@ -91,3 +91,18 @@ def test_filtered_noise_is_no_white_noise(clean: Run, paper: Rig, rng: np.random
     noise = np.convolve(rng.normal(0, 5e-3, len(clean.t) + 10), np.hanning(11) / 5, mode="valid")
     theta = clean.theta + noise[:, None]
     assert "non_white_noise" in names(replace(clean, theta=theta, counts=None), paper)
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        {"jitter_ms": 0.2, "repeated_share": 0.01, "missing_share": 0.02},
+        {"step_counts": 4, "noise_counts": (0.0, 0.0, 0.0), "repeated_share": 0.01, "missing_share": 0.02},
+        {"noise_counts": (0.3, 1.4, 0.9), "jitter_ms": 0.2},
+    ],
+    ids=["uneven", "coarse", "noisy"],
+)
+def test_a_dirty_encoder_that_misses_no_count_is_not_said_to(recorded, paper: Rig, faults: dict):
+    found = {name for run in recorded({}, **faults) for name in names(run, paper)}
+    assert found
+    assert "missed_counts" not in found
