@@ -4,10 +4,11 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 OUT    ?= out/demo
+FUZZ_SECONDS ?= 120
 
-.PHONY: demo test check bench format clean
+.PHONY: demo test check bench fuzz format clean
 
-demo: $(STAMP)  ## record a simulated pendulum through the real protocol, identify it, compare, draw
+demo: $(STAMP)  ## record a simulated pendulum through the real protocol, identify it, compare, draw; then a blind trial
 	$(BIN)/dpr-lab demo --out $(OUT)
 
 test: $(STAMP)  ## fast tests first, then the slow ones
@@ -23,6 +24,11 @@ check: $(STAMP)  ## style, types, import contracts
 bench: $(STAMP)  ## speed and reliability figures, printed beside their targets
 	for name in evaluator wall_time uncertainty identify mujoco_sysid soak; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 	$(BIN)/python benchmarks/diagnosis.py --quick
+
+fuzz: $(STAMP)  ## every reader of foreign bytes against inputs made to break it, FUZZ_SECONDS each
+	$(BIN)/python -m pip install --quiet --editable '.[fuzz]'
+	for target in frames slcan session run_file run_content table rig model; do \
+		$(BIN)/python fuzz/run.py $$target --seconds $(FUZZ_SECONDS) || exit 1; done
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .

@@ -8,21 +8,16 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any
 
-import numpy as np
-
-from dpr_lab.rig import Parameter, Rig, load_rig
+from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.trials.score import Outcome, cause_named, score
 from dpr_lab.trials.truth import Truth, read_truth
 from sim_device.assemble import plant_of
 from sim_device.config import PlantConfig, load_plant
 from sim_device.direct import record
-from sim_device.draw import draw_plant, parse_wanted
+from sim_device.draw import draw_plant, parse_wanted, weighed
 from sim_device.seal import truth
 
-MASSES = ("m1", "m2", "mb")
-MASS_SPREAD = 0.15
-SCALES_STD = 1e-4  # kg, of the kitchen scales that the rig's parts were weighed on
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
@@ -51,17 +46,7 @@ class Scored:
 
 def hidden(case: Case) -> tuple[PlantConfig, Rig]:
     """The plant of a case, and the rig file that the lab is given: masses weighed, the rest unknown within bounds."""
-    chance = np.random.default_rng([case.seed, 7])
-    rig, base = load_rig("paper"), load_plant("paper", case.seed)
-    masses = {name: base.parameters[name] * (1 + MASS_SPREAD * chance.uniform(-1, 1)) for name in MASSES}
-    weighed = {
-        name: Parameter(
-            nominal=rig.parameters[name].nominal, measured=float(m + chance.normal(0, SCALES_STD)), std=SCALES_STD
-        )
-        for name, m in masses.items()
-    }
-    rig = rig.model_copy(update={"parameters": {**rig.parameters, **weighed}})
-    base = base.model_copy(update={"parameters": {**base.parameters, **masses}})
+    base, rig = weighed(load_plant("paper", case.seed), load_rig("paper"))
     return draw_plant(parse_wanted(case.draw), base, rig), rig
 
 

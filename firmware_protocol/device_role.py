@@ -63,9 +63,9 @@ class DeviceSession:
 
     The owner passes in what arrived and when, sends the frames that come back, then carries out the task: `Hold` engage
     the latch, `Stream` restart the tick at 0 and sample (three `positions` first), `Release` open the latch and send
-    `event(EventKind.RELEASED, tick)`, `Stop` stop sampling, `ClearFault` try again, `Ping` send `pong`. It calls
-    `check_lease` often and, once `greeted`, sends `status` and `positions` ten times a second. Times are seconds of any
-    monotonic clock, ticks and positions are the device's own and may be any size.
+    `released(tick)`, `Stop` stop sampling, `ClearFault` try again, `Ping` send `pong`. It calls `check_lease` often
+    and, once `greeted`, sends a `report` ten times a second. Times are seconds of any monotonic clock, ticks and
+    positions are the device's own and may be any size.
     """
 
     def __init__(self, identity: DeviceInfo, node: int = DEVICE_NODE):
@@ -76,6 +76,7 @@ class DeviceSession:
         self.fault_code = Fault.NONE
         self.greeted = False
         self._heard_at = 0.0
+        self._release_tick = 0
         self._answers: dict[tuple[int, int], Frame] = {}
 
     @property
@@ -121,6 +122,11 @@ class DeviceSession:
         """An EVENT at a tick."""
         return self._frame(Event(kind, detail, tick & 0xFFFFFFFF))
 
+    def released(self, tick: int) -> Frame:
+        """The EVENT that the latch opened at a tick; every `report` repeats it while the device is RELEASED."""
+        self._release_tick = tick
+        return self.event(EventKind.RELEASED, tick)
+
     def sample(self, tick: int, positions: Sequence[int]) -> Frame:
         """A SAMPLE of the three counters, counts, latched at a tick."""
         arm, inner, outer = positions
@@ -137,6 +143,11 @@ class DeviceSession:
         """A STATUS with the counts of samples since STREAM."""
         counters = (overruns & 0xFFFF, dropped & 0xFFFF, sent & 0xFFFF)
         return self._frame(Status(self.state, self.fault_code, self.latched, *counters))
+
+    def report(self, tick: int, positions: Sequence[int], overruns: int, dropped: int, sent: int) -> tuple[Frame, ...]:
+        """What is sent ten times a second; the release is told again, so that no lost frame costs a swing."""
+        frames = (*self.positions(tick, positions), self.status(overruns, dropped, sent))
+        return (*frames, self.released(self._release_tick)) if self.state is State.RELEASED else frames
 
     def pong(self, ping: Ping, tick: int, fraction: float) -> Frame:
         """The PONG to a ping that arrived `fraction` (0 up to 1) of a tick after `tick`."""

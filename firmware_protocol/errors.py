@@ -6,6 +6,7 @@
           +-- CommandRefused    the device answered NAK
           +-- CommandUnanswered the device did not answer, however often asked
           +-- VersionMismatch   both ends speak, but not the same protocol
+          +-- DevicesCollide    two devices under one node
 
 Damaged frames are normal on a real cable: count a `RemoteProtocolError`, do not stop for it.
 """
@@ -21,6 +22,10 @@ class LocalProtocolError(ProtocolError):
 
 class RemoteProtocolError(ProtocolError):
     """The other end broke the protocol, or noise did."""
+
+
+class DevicesCollide(RemoteProtocolError):
+    """More than one device answers under the node of this host's device."""
 
 
 class CommandRefused(RemoteProtocolError):

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from firmware_protocol.errors import (
     CommandRefused,
     CommandUnanswered,
+    DevicesCollide,
     LocalProtocolError,
     RemoteProtocolError,
     VersionMismatch,
@@ -112,13 +113,16 @@ class HostSession:
 
         Raises:
             RemoteProtocolError: the frame means nothing.
+            DevicesCollide: a second device answers under the same node.
         """
         if frame.node != self.node or frame.number >= FIRST_HOST_NUMBER or frame.number not in NAMES:
             return None
         message = decode(frame)
         if isinstance(message, Status):
             self.status = message
-        elif isinstance(message, Ack | Nak | Info) and self._pending:
+        elif isinstance(message, Info):
+            self._told(message)
+        elif isinstance(message, Ack | Nak) and self._pending:
             self._answered(self._pending.command, message)
         return message
 
@@ -139,12 +143,17 @@ class HostSession:
         self._pending = replace(pending, sent_at=now, retries=pending.retries + 1)
         return [pending.frame]
 
-    def _answered(self, command: Command, message: Ack | Nak | Info) -> None:
-        if isinstance(message, Info):
-            if isinstance(command, Hello):
-                self._pages[message.page] = message
-                self._greeted()
-        elif (message.command, message.token) != (NUMBERS[type(command)], command.token):
+    def _told(self, page: Info) -> None:
+        """Take a page of INFO; one that says something else than before comes from another device."""
+        if page != self._pages.setdefault(page.page, page):
+            raise DevicesCollide(
+                f"two devices answer as node {self.node}: connect only one, or give one of them another node"
+            )
+        if isinstance(self.pending, Hello):
+            self._greeted()
+
+    def _answered(self, command: Command, message: Ack | Nak) -> None:
+        if (message.command, message.token) != (NUMBERS[type(command)], command.token):
             return
         elif isinstance(command, Hello):
             self._hello_answer = message

@@ -1,8 +1,14 @@
 """Whole ticks and positions from the low bits that SAMPLE carries."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from firmware_protocol.messages import Event, Message, Position, Sample
+
+FASTEST_TURNS_S = 20.0
+"""No joint turns faster, turns a second; a free rod of a bench rig reaches a third of it."""
+HALF_RANGE = 0x7FFF
+"""Counts or ticks by which two messages may differ and still be told apart from a turn of the low 16 bits."""
 
 
 class Row(NamedTuple):
@@ -18,11 +24,17 @@ def unwrap(low: int, near: int, bits: int) -> int:
     return near + (low - near + half) % (1 << bits) - half
 
 
+def blind_ticks(rate_hz: int, counts_per_rev: Iterable[int]) -> int:
+    """How many ticks may pass unseen before a joint could have turned by more than SAMPLE's low 16 bits can tell."""
+    return max(1, min(HALF_RANGE, int(HALF_RANGE * rate_hz / (FASTEST_TURNS_S * max(counts_per_rev)))))
+
+
 class SampleStream:
     """Follows one device's messages in the order they arrived.
 
-    Ticks are right as long as fewer than 32768 in a row are missing, positions as long as no joint turns more than
-    32767 counts between two messages that tell of it; POSITION, ten times a second, bounds that wait.
+    After a gap longer than `blind_ticks` a counter may have gone round unseen: samples are left out until POSITION, ten
+    times a second, has told every joint's whole counter again. A tick that leaps so far is believed once a second
+    sample follows it, since a damaged one would hide all that come before it.
     """
 
     def __init__(self) -> None:
@@ -33,13 +45,16 @@ class SampleStream:
         self.unanchored = 0
         """Samples left out because a joint's whole counter was not known yet."""
         self.position_slips = 0
-        """Times a POSITION showed that a gap had been too long: rows since that gap are off by whole 65536 counts."""
+        """Times a POSITION contradicted the rows by whole 65536 counts: some since the POSITION before it are wrong."""
+        self._blind = HALF_RANGE
         self._tick = -1
+        self._leap: int | None = None
         self._counts: list[int | None] = [None, None, None]
+        self._told_at = [-1, -1, -1]
 
-    def restart(self) -> None:
-        """Begin again at tick 0: call once, when STREAM is acknowledged. Positions stay known."""
-        self._tick = -1
+    def restart(self, blind_ticks: int = HALF_RANGE) -> None:
+        """Begin again at tick 0: call once, before STREAM is sent. Positions stay known."""
+        self._blind, self._tick, self._leap, self._told_at = blind_ticks, -1, None, [-1, -1, -1]
 
     def feed(self, message: Message) -> Row | None:
         """Take the next message; a SAMPLE in order gives a row, any other message None."""
@@ -58,6 +73,8 @@ class SampleStream:
         if not 0 < step < 0x8000:
             self.out_of_order += 1
             return None
+        if step > self._blind and not self._after_gap(sample.tick, self._tick + step):
+            return None
         self._tick += step
         self.lost_tick_gap += step - 1
         near0, near1, near2 = self._counts
@@ -72,9 +89,23 @@ class SampleStream:
         self._counts[:] = counts
         return Row(self._tick, counts)
 
+    def _after_gap(self, low: int, tick: int) -> bool:
+        """Whether a leap of the tick is believed; then counters that nobody told of since are forgotten."""
+        leap, self._leap = self._leap, low
+        if leap is None or not 0 < (low - leap) & 0xFFFF <= self._blind:
+            return False
+        for joint, told_at in enumerate(self._told_at):
+            if tick - max(told_at, self._tick) > self._blind:
+                self._counts[joint] = None
+        return True
+
     def _anchor(self, position: Position) -> None:
-        near = self._counts[position.joint]
-        if near is None:
+        near, at = self._counts[position.joint], unwrap(position.tick, self._tick, 16)
+        if self._tick >= 0:
+            if at < self._tick - self._blind:
+                return  # so late that the joint may have gone round since
+            self._told_at[position.joint] = at
+        if near is None or at - self._tick > self._blind:
             self._counts[position.joint] = position.position
             return
         whole = unwrap(position.position, near, 32)

@@ -8,8 +8,9 @@ import signal
 import sys
 import threading
 from dataclasses import fields
+from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import DprError
 
@@ -30,7 +31,11 @@ faults (--fault NAME=VALUE, repeatable):
 
 
 DRAW_HELP = """\
-draw the effects too, from the seed: single, pair, triple, clean, dirty, form or outside; clear or subtle"""
+draw the effects too, from the seed: single, pair, triple, clean, dirty, form, outside or any; clear or subtle"""
+
+SEAL_HELP = """\
+draw a plant, keep its truth in FOLDER, print its seal (a salted hash) and the rig file that goes with it as JSON, and
+exit; --plant FOLDER/plant.toml then is that plant"""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -38,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="sim_device: %(message)s")
     try:
-        return _tell(options) if options.reveal or options.seal else _run(options)
+        return _tell(options) if options.reveal or options.seal or options.unseal else _run(options)
     except DprError as error:
         print(error, file=sys.stderr)
         return error.exit_code
@@ -64,9 +69,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--drift-ppm", type=float, default=0.0, help="error of the device's crystal (default: %(default)s)")
     add("--hand-error", type=float, default=0.0, help="rad by which the hand misses every pose (default: %(default)s)")
     add("--fault", action="append", default=[], metavar="NAME=VALUE", help="something that goes wrong, see below")
+    add("--firmware", default="python", choices=("python", "c"), help="c: the reference firmware (default: python)")
     add("--exit-with-parent", action="store_true", help="stop when standard input closes")
-    add("--seal", action="store_true", help="print a salted hash of the plant's truth as JSON and exit")
-    add("--reveal", action="store_true", help="print the plant's truth as JSON and exit; of a drawn one with its seal")
+    add("--reveal", action="store_true", help="print the plant's truth as JSON and exit")
+    add("--seal", type=Path, metavar="FOLDER", help=SEAL_HELP)
+    add("--direct", action="store_true", help="with --seal: print the recordings too, made without device and link")
+    add("--unseal", type=Path, metavar="FOLDER", help="print the truth kept in FOLDER and its salt as JSON and exit")
     return parser
 
 
@@ -89,19 +97,27 @@ def _uid(text: str) -> int:
 def _fault_lines() -> str:
     from sim_device.faults import FAULTS
 
-    return "\n".join(f"  {name:<15}{kind.meaning}" for name, kind in FAULTS.items())
+    return "\n".join(f"  {name:<17}{kind.meaning}" for name, kind in FAULTS.items())
 
 
 def _tell(options: argparse.Namespace) -> int:
-    from sim_device.assemble import hidden_plant
-    from sim_device.seal import opened, seal
-
-    plant = hidden_plant(_chosen(options))
-    if options.reveal:
-        print(json.dumps(plant.reveal() if options.draw_effects is None else opened(plant), indent=2))
-    else:
-        print(json.dumps({"seal": seal(plant)}))
+    print(json.dumps(_told(options), indent=None if options.direct else 2))
     return 0
+
+
+def _told(options: argparse.Namespace) -> dict[str, Any]:
+    if options.unseal:
+        from sim_device.seal import opened
+
+        return opened(options.unseal)
+    if options.seal:
+        from sim_device.trial import sealed_trial
+
+        return sealed_trial(_chosen(options), options.seal, direct=options.direct)
+    from sim_device.assemble import hidden_plant
+    from sim_device.seal import truth
+
+    return truth(hidden_plant(_chosen(options)))
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -1,18 +1,21 @@
 """Put a simulated device together from names, as the command line gives them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from dpr_lab.rig import Rig, load_rig
+from firmware_protocol.identity import DeviceInfo
+from sim_device.board import Board
 from sim_device.clock import CLOCKS, Clock
 from sim_device.config import PlantConfig, drawn, load_plant
 from sim_device.device import Device, identity
 from sim_device.faults import Faults, parse_faults
 from sim_device.foreign.plant import ForeignPlant
 from sim_device.hand import PLACING_TIME
-from sim_device.links import Link, open_link
+from sim_device.links import Framing, Link, SerialCodec, open_link
 from sim_device.plant import Plant
 from sim_device.rods import HANGING, Rods
 
@@ -42,6 +45,8 @@ class Options:
     """How far the hand misses every pose, rad."""
     fault: tuple[str, ...] = ()
     """Texts such as `drop=0.01`."""
+    firmware: str = "python"
+    """`python`, or `c` for the reference firmware."""
 
 
 def hidden_plant(options: Options) -> Plant | ForeignPlant:
@@ -53,9 +58,10 @@ def hidden_plant(options: Options) -> Plant | ForeignPlant:
     rig = load_rig(options.rig)
     config = load_plant(options.plant, options.seed)
     if options.draw_effects is not None:
-        from sim_device.draw import draw_plant, parse_wanted
+        from sim_device.draw import draw_plant, parse_wanted, settled
 
-        return plant_of(draw_plant(parse_wanted(options.draw_effects), config, rig), rig)
+        wanted = parse_wanted(settled(options.draw_effects, config.seed))
+        return plant_of(draw_plant(wanted, config, rig), rig)
     return plant_of(drawn(config, rig) if options.draw else config, rig)
 
 
@@ -68,7 +74,7 @@ def plant_of(config: PlantConfig, rig: Rig) -> Plant | ForeignPlant:
     return ForeignPlant(config, rig) if config.foreign else Plant(config, rig)
 
 
-def assemble(options: Options) -> tuple[Device, Link, Faults]:
+def assemble(options: Options) -> tuple[Board, Link, Faults]:
     """A device and its open link, ready for `serve`.
 
     Raises:
@@ -81,7 +87,8 @@ def assemble(options: Options) -> tuple[Device, Link, Faults]:
     plant.let_go(HANGING.theta, np.zeros(3), 1000.0, 0).theta(0, 2)
     plant.misread(HANGING.theta[None], np.zeros(1), 0)
     pace = CLOCKS[options.clock]
-    link = open_link(options.link, options.baud, faults, lossless=bool(pace))
+    board, framing = _firmware(options.firmware)
+    link = open_link(options.link, options.baud, faults, bool(pace), framing)
     clock = Clock(pace, options.drift_ppm, link.line.fast_samples_hz)
     rods = Rods(
         plant,
@@ -91,5 +98,16 @@ def assemble(options: Options) -> tuple[Device, Link, Faults]:
         clock_rate=clock.rate,
         faults=faults,
     )
-    info = identity(rig, options.uid, link.line.rate_max_hz, clock.simulated)
-    return Device(info, rods, clock), link, faults
+    info = faults.identity(identity(rig, options.uid, link.line.rate_max_hz, clock.simulated))
+    return board(info, rods, clock, faults), link, faults
+
+
+def _firmware(name: str) -> tuple[Callable[[DeviceInfo, Rods, Clock, Faults], Board], Framing]:
+    """The board that runs a firmware, and the firmware's own framing of a serial line."""
+    if name == "python":
+        return Device, SerialCodec
+    from sim_device.c_device import CDevice
+    from sim_device.c_firmware import CFraming, load
+
+    load()  # compiles it where that was not done before
+    return CDevice, CFraming

@@ -15,9 +15,10 @@ class Stream(IntEnum):
     TRUTH = 4
     FAULTS = 5
     DRAW = 6
-    SEAL = 7
+    RIG = 7
     FOREIGN = 8
     DIRT = 9
+    KIND = 10
 
 
 def generator(seed: int, stream: Stream, *numbers: int) -> np.random.Generator:

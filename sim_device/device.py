@@ -12,7 +12,6 @@ from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import (
     NUMBERS,
     ClearFault,
-    EventKind,
     Frame,
     Hold,
     Ping,
@@ -23,6 +22,7 @@ from firmware_protocol.messages import (
     Stream,
 )
 from sim_device.clock import Clock
+from sim_device.faults import Faults
 from sim_device.rods import Rods
 
 FIRMWARE = "1.0.0"
@@ -65,7 +65,13 @@ class Counters:
     """Samples since STREAM, as STATUS reports them."""
 
     taken: int = 0
+    overruns: int = 0
     dropped: int = 0
+
+    def count(self, in_time: bool) -> None:
+        """A tick has passed, and its sample was taken in time or not."""
+        self.taken += in_time
+        self.overruns += not in_time
 
 
 class Device:
@@ -74,8 +80,8 @@ class Device:
     Wall time is what the lease is measured in; ticks are device time, which `clock` derives from it.
     """
 
-    def __init__(self, info: DeviceInfo, rods: Rods, clock: Clock) -> None:
-        self._info, self._rods, self._clock = info, rods, clock
+    def __init__(self, info: DeviceInfo, rods: Rods, clock: Clock, faults: Faults | None = None) -> None:
+        self._info, self._rods, self._clock, self._faults = info, rods, clock, faults or Faults()
         self.streamed = 0.0
         """Device time spent streaming since the first start, s."""
         self._start()
@@ -138,7 +144,7 @@ class Device:
         """The latch opens at the instant of the next sample, which so is the first of the swing."""
         self._release_tick = self._next_tick
         self._rods.let_go(float(self._ticks.times(self._release_tick, 1)[0]), self._ticks.rate_hz)
-        return [self._session.event(EventKind.RELEASED, self._release_tick)]
+        return [self._session.released(self._release_tick)]
 
     def _restart_ticks(self, rate_hz: int) -> None:
         self._ticks, self._next_tick = TickBase(self._clock.now, rate_hz), 0
@@ -147,13 +153,14 @@ class Device:
         if not count:
             return []
         frames: list[Frame] = []
-        sent = self._sent(first, count)
+        in_time = self._faults.taken(count)
+        sent = self._sent(first, count) & in_time
         for tick, counts in enumerate(self._streamed_counts(first, count).tolist(), first):
             if self._reports_due(tick):
                 frames += self._report(tick, counts)
             if sent[tick - first]:
                 frames.append(self._session.sample(tick, counts))
-        self._counters.taken += count
+            self._counters.count(bool(in_time[tick - first]))
         self.streamed += count / self._ticks.rate_hz
         return frames
 
@@ -177,6 +184,5 @@ class Device:
         return tick % max(1, self._ticks.rate_hz // REPORTS_HZ) == 0
 
     def _report(self, tick: int, counts: list[int]) -> list[Frame]:
-        taken, dropped = self._counters.taken, self._counters.dropped
-        status = self._session.status(overruns=0, dropped=dropped, sent=taken - dropped)
-        return [*self._session.positions(tick, counts), status]
+        told = self._counters
+        return [*self._session.report(tick, counts, told.overruns, told.dropped, told.taken - told.dropped)]

@@ -3,7 +3,7 @@
     single   one effect of the library            form      one of its families in another form
     pair     two, the smaller a fifth as visible   outside   one that the library does not hold
     triple   three, 1 : 0.45 : 0.2                 clean     none
-    dirty    one or none, and faulty encoders
+    dirty    one or none, and faulty encoders       any       one of these
 
 Sizes are drawn as the gap they open (`sim_device.visible`): at least twice the noise where they should be `clear`, half
 to one and a half times where they should be `subtle`.
@@ -18,7 +18,7 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import Rig
+from dpr_lab.rig import Parameter, Rig
 from sim_device.chance import Stream, generator
 from sim_device.config import Encoders, PlantConfig, drawn
 from sim_device.foreign import FOREIGN, FORMS, OUTSIDE
@@ -33,6 +33,9 @@ LEVELS: dict[Level, tuple[float, float]] = {"clear": (2.0, 20.0), "subtle": (0.5
 _KIND_NAMED: dict[str, Kind] = {kind: kind for kind in KINDS}
 _LEVEL_NAMED: dict[str, Level] = {level: level for level in LEVELS}
 
+ANY = "any"
+"""Instead of a kind: chance chooses it too."""
+
 SHARES: dict[Kind, tuple[float, ...]] = {"pair": (1.0, 0.2), "triple": (1.0, 0.45, 0.2)}
 """Gap of each effect over that of the largest, of which the smallest is to be clear."""
 
@@ -43,6 +46,12 @@ EXACT = 0.04
 """How near a drawn size comes to the gap wanted, as the logarithm of their ratio."""
 
 MAX_ROUNDS = 9
+
+MASSES = ("m1", "m2", "mb")
+MASS_SPREAD = 0.15
+"""How far a weighed part is from the plant file's value, relative."""
+SCALES_STD = 1e-4
+"""Of the scales that the parts are weighed on, kg."""
 
 Coefficients = dict[str, float]
 
@@ -59,6 +68,32 @@ class Wanted:
     """Of foreign effects only those held back from tuning, only the others, or (None) all."""
 
 
+def settled(text: str, seed: int) -> str:
+    """What is wanted, with a kind drawn from the seed where it says `any`."""
+    kind, colon, rest = text.partition(":")
+    return f"{generator(seed, Stream.KIND).choice(KINDS) if kind == ANY else kind}{colon}{rest}"
+
+
+def weighed(base: PlantConfig, rig: Rig) -> tuple[PlantConfig, Rig]:
+    """A rig of other parts, drawn from the plant's seed: its masses, and the rig file after each has been weighed.
+
+    Masses that the rig file gives as measured stay.
+    """
+    chance = generator(base.seed, Stream.RIG)
+    drawn_masses = {name: base.parameters[name] * (1 + MASS_SPREAD * chance.uniform(-1, 1)) for name in MASSES}
+    read = {name: float(mass + chance.normal(0, SCALES_STD)) for name, mass in drawn_masses.items()}
+    known = {
+        name: Parameter(nominal=rig.parameters[name].nominal, measured=read[name], std=SCALES_STD)
+        for name in MASSES
+        if rig.parameters[name].measured is None
+    }
+    masses = {name: drawn_masses[name] for name in known}
+    return (
+        base.model_copy(update={"parameters": {**base.parameters, **masses}}),
+        rig.model_copy(update={"parameters": {**rig.parameters, **known}}),
+    )
+
+
 def parse_wanted(text: str) -> Wanted:
     """`KIND`, `KIND:LEVEL`, or `KIND:LEVEL:EFFECT,EFFECT`; `tuning` or `held_back` may stand for the effects.
 
@@ -70,7 +105,8 @@ def parse_wanted(text: str) -> Wanted:
     kind, level = _KIND_NAMED.get(said), _LEVEL_NAMED.get(size or "clear")
     if kind is None or level is None:
         raise ConfigError(
-            f"draw {text!r}: write KIND:LEVEL, with a kind of {', '.join(KINDS)} and a level of {', '.join(LEVELS)}"
+            f"draw {text!r}: write KIND:LEVEL, with a kind of {', '.join(KINDS)} or {ANY}"
+            f" and a level of {', '.join(LEVELS)}"
         )
     if names in ("tuning", "held_back"):
         return Wanted(kind, level, held_back=names == "held_back")

@@ -1,7 +1,7 @@
 """Faults on request: what a bad cable, a dying board or a broken encoder does to a recording."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS
-from firmware_protocol.messages import Frame
+from firmware_protocol.identity import DeviceInfo
+from firmware_protocol.messages import NUMBERS, Event, Frame
 from sim_device.chance import Stream, generator
 
 
@@ -17,25 +18,39 @@ from sim_device.chance import Stream, generator
 class FaultKind:
     """What a fault's value means and where it strikes."""
 
-    site: Literal["frame", "byte", "encoder", "time"]
+    site: Literal["frame", "byte", "board", "encoder", "time", "identity"]
     meaning: str
     highest: float = 1.0
+    whole: bool = False
 
 
 FAULTS: dict[str, FaultKind] = {
     "drop": FaultKind("frame", "probability that a frame is lost, either way"),
     "duplicate": FaultKind("frame", "probability that a frame arrives twice, either way"),
-    "flip": FaultKind("byte", "probability that a byte to the host has one bit flipped"),
+    "reorder": FaultKind("frame", "probability that a frame changes places with the next, either way"),
+    "lose_events": FaultKind("frame", "how many of the first EVENT frames are lost", np.inf, whole=True),
+    "flip": FaultKind("byte", "probability that a byte has one bit flipped, either way"),
     "garbage": FaultKind("byte", "probability that a write to the host is preceded by stray bytes"),
+    "truncate": FaultKind("byte", "probability that a frame to the host loses its end"),
+    "overrun": FaultKind("board", "probability that the board comes too late to take a sample"),
     "stuck_encoder": FaultKind(
-        "encoder", "joint (0, 1, 2) whose counter stays where it was at the release", JOINTS - 1
+        "encoder", "joint (0, 1, 2) whose counter stays where it was at the release", JOINTS - 1, whole=True
     ),
+    "missed_counts": FaultKind(
+        "encoder", "counts that encoder 2 misses at once, a quarter of a second into the swing", 32767, whole=True
+    ),
+    "stall_ms": FaultKind("time", "ms for which nothing passes the link, again and again while streaming", 60_000),
+    "bus_off_after_s": FaultKind("time", "device seconds of streaming after which the link falls silent", np.inf),
     "cut_after_s": FaultKind("time", "device seconds of streaming after which the link is cut", np.inf),
+    "cut_at_release": FaultKind("time", "1: the link is cut as soon as the device has let go", whole=True),
     "reset_after_s": FaultKind("time", "device seconds of streaming after which the device restarts", np.inf),
+    "major": FaultKind("identity", "major version of the protocol that the device claims", 255, whole=True),
+    "schema": FaultKind("identity", "schema hash that the device claims", 0xFFFFFFFF, whole=True),
 }
 """Name on the command line -> kind. Everything here can be given several times and combined."""
 
 STRAY_BYTES = 24
+MISSED_AFTER_S = 0.25
 
 
 class Faults:
@@ -44,6 +59,7 @@ class Faults:
     def __init__(self, values: dict[str, float] | None = None, seed: int = 0) -> None:
         self._values = values or {}
         self._chance = generator(seed, Stream.FAULTS, 1)
+        self._events_to_lose = self._values.get("lose_events", 0.0)
 
     def value(self, name: str) -> float | None:
         """The value of a fault; None when it was not asked for."""
@@ -55,32 +71,73 @@ class Faults:
 
     def frames(self, frames: list[Frame]) -> list[Frame]:
         """The frames that arrive."""
-        drop, twice = self._values.get("drop", 0.0), self._values.get("duplicate", 0.0)
-        if not frames or drop == twice == 0.0:
+        drop, twice, swap = (self._values.get(name, 0.0) for name in ("drop", "duplicate", "reorder"))
+        frames = self._without_events(frames) if self._events_to_lose else frames
+        if not frames or drop == twice == swap == 0.0:
             return frames
         kept = [frame for frame, u in zip(frames, self._chance.random(len(frames)), strict=True) if u >= drop]
         copies = 1 + (self._chance.random(len(kept)) < twice)
-        return [frame for frame, n in zip(kept, copies, strict=True) for _ in range(n)]
+        arrived = [frame for frame, n in zip(kept, copies, strict=True) for _ in range(n)]
+        for at in np.flatnonzero(self._chance.random(max(0, len(arrived) - 1)) < swap):
+            arrived[at], arrived[at + 1] = arrived[at + 1], arrived[at]
+        return arrived
 
-    def bytes(self, data: bytes) -> bytes:
-        """The bytes that arrive."""
-        flip, garbage = self._values.get("flip", 0.0), self._values.get("garbage", 0.0)
-        if not data or flip == garbage == 0.0:
+    def _without_events(self, frames: list[Frame]) -> list[Frame]:
+        events = [at for at, frame in enumerate(frames) if frame.number == NUMBERS[Event]][: int(self._events_to_lose)]
+        self._events_to_lose -= len(events)
+        return [frame for at, frame in enumerate(frames) if at not in events]
+
+    def framed(self, data: bytes) -> bytes:
+        """What a frame's bytes are when they leave."""
+        share = self._values.get("truncate", 0.0)
+        if not share or len(data) < 2 or self._chance.random() >= share:
+            return data
+        return data[: self._chance.integers(1, len(data))]
+
+    def taken(self, count: int) -> NDArray[np.bool_]:
+        """(count,) which samples the board is in time to take."""
+        late = self._values.get("overrun", 0.0)
+        return self._chance.random(count) >= late if late else np.ones(count, dtype=np.bool_)
+
+    def identity(self, info: DeviceInfo) -> DeviceInfo:
+        """What the device says it is."""
+        major, schema = self._values.get("major", info.major), self._values.get("schema", info.schema_hash)
+        return replace(info, major=int(major), schema_hash=int(schema))
+
+    def to_host(self, data: bytes) -> bytes:
+        """The bytes that arrive at the host."""
+        garbage = self._values.get("garbage", 0.0)
+        stray = self._chance.bytes(STRAY_BYTES) if data and garbage and self._chance.random() < garbage else b""
+        return stray + self.flipped(data)
+
+    def flipped(self, data: bytes) -> bytes:
+        """Bytes after a noisy cable."""
+        flip = self._values.get("flip", 0.0)
+        if not data or not flip:
             return data
         octets = np.frombuffer(data, dtype=np.uint8)
         bits = np.uint8(1) << self._chance.integers(0, 8, len(octets), dtype=np.uint8)
         struck = np.where(self._chance.random(len(octets)) < flip, octets ^ bits, octets)
-        stray = self._chance.bytes(STRAY_BYTES) if self._chance.random() < garbage else b""
-        return stray + struck.tobytes()
+        return struck.tobytes()
 
-    def counts(self, counts: NDArray[np.int64], released_at: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(n, 3) counts of a swing as the encoders give them; `released_at` (3,) are those at the release."""
-        joint = self._values.get("stuck_encoder")
-        if joint is None:
+    def counts(
+        self, counts: NDArray[np.int64], released_at: NDArray[np.int64], since: NDArray[np.float64]
+    ) -> NDArray[np.int64]:
+        """(n, 3) counts of a swing as the encoders give them.
+
+        Args:
+            counts: (n, 3) as they should be
+            released_at: (3,) those at the release
+            since: (n,) time since the release, s
+        """
+        joint, missed = self._values.get("stuck_encoder"), self._values.get("missed_counts", 0.0)
+        if joint is None and not missed:
             return counts
-        stuck = counts.copy()
-        stuck[:, int(joint)] = released_at[int(joint)]
-        return stuck
+        given = counts.copy()
+        given[:, 2] -= np.where(since >= MISSED_AFTER_S, int(missed), 0)
+        if joint is not None:
+            given[:, int(joint)] = released_at[int(joint)]
+        return given
 
 
 def parse_faults(texts: Iterable[str], seed: int = 0) -> Faults:
@@ -98,7 +155,7 @@ def _parsed(text: str) -> tuple[str, float]:
         raise ConfigError(f"fault {text!r}: there is no fault {name!r} (there are: {', '.join(FAULTS)})")
     kind = FAULTS[name]
     number = _number(value)
-    if number is None or not 0 <= number <= kind.highest or (kind.site == "encoder" and number != int(number)):
+    if number is None or not 0 <= number <= kind.highest or (kind.whole and number != int(number)):
         raise ConfigError(f"fault {text!r}: write {name}=VALUE with the {kind.meaning}, 0 to {kind.highest:g}")
     return name, number
 

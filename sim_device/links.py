@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from dpr_lab.errors import LinkError
 from firmware_protocol.framing import FrameDecoder, encode_frame
@@ -24,6 +24,7 @@ USED_SHARE = 0.8
 
 SERIAL_SAMPLE_BITS = 14 * 10  # 14 bytes, each with start and stop bit
 CAN_SAMPLE_BITS = 135  # 8 data bytes with the most stuff bits there can be
+CAN_ERR_BUSOFF = 0x40
 
 FAST_SAMPLES_HZ = 60_000.0
 """Samples in a wall second under the fast clock, at most: about what a host in Python keeps up with."""
@@ -70,6 +71,10 @@ class Link(Protocol):
         """Return when something can be done, or after `timeout` seconds."""
         ...
 
+    def bus_off(self) -> None:
+        """Say what a controller says that leaves its bus after too many errors; nothing passes from then on."""
+        ...
+
     def close(self) -> None:
         """Cut the link."""
         ...
@@ -85,6 +90,10 @@ class Codec(Protocol):
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
         """Frames in the host's bytes, and bytes to answer at once."""
         ...
+
+
+Framing: TypeAlias = Callable[[], Codec]
+"""Makes a codec, one for every host that connects."""
 
 
 class SerialCodec:
@@ -127,7 +136,7 @@ class ByteLink:
             self._queue.clear()
             self._codec = self._new_codec()
         self._was_connected = connected
-        frames, answer = self._codec.decode(self._port.read())
+        frames, answer = self._codec.decode(self._faults.flipped(self._port.read()))
         self._queue += answer
         return self._faults.frames(frames)
 
@@ -135,12 +144,12 @@ class ByteLink:
         """Queue frames and write what the port takes."""
         dropped, fresh = list[Frame](), bytearray()
         for frame in self._faults.frames(frames):
-            data = self._codec.encode(frame)
+            data = self._faults.framed(self._codec.encode(frame))
             if len(self._queue) + len(fresh) + len(data) > self._queue_bytes:
                 dropped.append(frame)
             else:
                 fresh += data
-        self._queue += self._faults.bytes(bytes(fresh))
+        self._queue += self._faults.to_host(bytes(fresh))
         if self._queue:
             del self._queue[: self._port.write(self._queue)]
         return dropped
@@ -148,6 +157,9 @@ class ByteLink:
     def wait(self, timeout: float) -> None:
         """Wait for the host."""
         self._port.wait(timeout, to_write=bool(self._queue))
+
+    def bus_off(self) -> None:
+        """Nothing is said: a line of bytes just falls silent."""
 
     def close(self) -> None:
         """Cut the link."""
@@ -184,12 +196,24 @@ class CanLink:
         if message is not None:
             self._arrived.append(message)
 
+    def bus_off(self) -> None:
+        """An error frame of the class that SocketCAN gives for it."""
+        import can
+
+        self._bus.send(can.Message(arbitration_id=CAN_ERR_BUSOFF, is_error_frame=True, dlc=8, data=bytes(8)))
+
     def close(self) -> None:
         """Leave the bus."""
         self._bus.shutdown()
 
 
-def open_link(name: str, baud: int | None = None, faults: Faults | None = None, lossless: bool = False) -> Link:
+def open_link(
+    name: str,
+    baud: int | None = None,
+    faults: Faults | None = None,
+    lossless: bool = False,
+    framing: Framing = SerialCodec,
+) -> Link:
     """Open a link by its name on the command line.
 
     Args:
@@ -197,6 +221,7 @@ def open_link(name: str, baud: int | None = None, faults: Faults | None = None, 
         baud: bits per second of the serial port or the bus; None takes the usual 921600 and 1000000
         faults: what goes wrong on the way
         lossless: keep everything that does not go out at once, for a device that waits while the link is blocked
+        framing: makes what turns frames into the bytes of a serial line and back
 
     Raises:
         LinkError: no such link, or it cannot be opened.
@@ -204,23 +229,23 @@ def open_link(name: str, baud: int | None = None, faults: Faults | None = None, 
     kind, _, address = name.partition(":")
     if kind not in LINKS:
         raise LinkError(f"{name}: there is no link {kind!r} (there are: pty, slcan, tcp:PORT, virtual:CHANNEL)")
-    return LINKS[kind](address, baud, faults or Faults(), math.inf if lossless else QUEUE_BYTES)
+    return LINKS[kind](address, baud, faults or Faults(), math.inf if lossless else QUEUE_BYTES, framing)
 
 
-def _pty(address: str, baud: int | None, faults: Faults, queue_bytes: float) -> Link:
+def _pty(address: str, baud: int | None, faults: Faults, queue_bytes: float, framing: Framing) -> Link:
     baud = baud or 921_600
     port = PtyPort(baud)
     line = Line(f"serial://{port.path}?baud={baud}", _carried_hz(baud, SERIAL_SAMPLE_BITS))
-    return ByteLink(line, port, SerialCodec, faults, queue_bytes)
+    return ByteLink(line, port, framing, faults, queue_bytes)
 
 
-def _tcp(address: str, baud: int | None, faults: Faults, queue_bytes: float) -> Link:
+def _tcp(address: str, baud: int | None, faults: Faults, queue_bytes: float, framing: Framing) -> Link:
     port = TcpPort(address)
     line = Line(f"socket://127.0.0.1:{port.number}", RATE_MAX_HZ)
-    return ByteLink(line, port, SerialCodec, faults, queue_bytes)
+    return ByteLink(line, port, framing, faults, queue_bytes)
 
 
-def _slcan(address: str, baud: int | None, faults: Faults, queue_bytes: float) -> Link:
+def _slcan(address: str, baud: int | None, faults: Faults, queue_bytes: float, framing: Framing) -> Link:
     bitrate = _can_bitrate(baud)
     _refuse_byte_faults(faults)
     port = PtyPort(None)
@@ -229,7 +254,7 @@ def _slcan(address: str, baud: int | None, faults: Faults, queue_bytes: float) -
     return ByteLink(line, port, lambda: SlcanCodec(bitrate), faults, queue_bytes)
 
 
-def _virtual(address: str, baud: int | None, faults: Faults, queue_bytes: float) -> Link:
+def _virtual(address: str, baud: int | None, faults: Faults, queue_bytes: float, framing: Framing) -> Link:
     import can
 
     bitrate = _can_bitrate(baud)
@@ -239,7 +264,7 @@ def _virtual(address: str, baud: int | None, faults: Faults, queue_bytes: float)
     return CanLink(line, can.Bus(channel, interface="virtual"), faults)
 
 
-LINKS: dict[str, Callable[[str, int | None, Faults, float], Link]] = {
+LINKS: dict[str, Callable[[str, int | None, Faults, float, Framing], Link]] = {
     "pty": _pty,
     "slcan": _slcan,
     "tcp": _tcp,
@@ -262,5 +287,5 @@ def _can_bitrate(baud: int | None) -> int:
 def _refuse_byte_faults(faults: Faults) -> None:
     if faults.strikes_bytes():
         raise LinkError(
-            "flip and garbage damage bytes, which a CAN controller never passes on: use pty or tcp, or drop"
+            "flip, garbage and truncate damage bytes, which a CAN controller never passes on: use pty or tcp, or drop"
         )

@@ -1,32 +1,35 @@
-"""The seal of a drawn plant: a salted hash, given away before anything is recorded, that fixes the truth."""
+"""The seal of a drawn plant: a salted hash, given away before anything is recorded, that fixes the truth.
+
+The truth lies in a folder of the device's own until it is asked for. The salt is fresh chance, not the seed's: whoever
+knows or guesses the seed can draw the plant again, but cannot tell from the seal whether it is the one.
+"""
 
 import hashlib
 import json
-from typing import Any
+import secrets
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from sim_device.chance import Stream, generator
-from sim_device.foreign import FOREIGN
-from sim_device.foreign.plant import ForeignPlant
-from sim_device.plant import Plant
+from dpr_lab.errors import ConfigError
+
+if TYPE_CHECKING:
+    from sim_device.foreign.plant import ForeignPlant
+    from sim_device.plant import Plant
+
+PLANT = "plant.toml"
+TRUTH = "truth.json"
 
 
-def seal(plant: Plant | ForeignPlant) -> str:
+def seal(truth: dict[str, Any], salt: str) -> str:
     """Hex SHA-256 of the salt and the truth as compact JSON with sorted keys."""
-    return hashlib.sha256((salt(plant) + _text(truth(plant))).encode()).hexdigest()
+    text = salt + json.dumps(truth, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
-def salt(plant: Plant | ForeignPlant) -> str:
-    """32 hex digits that keep the truth from being found by hashing guesses of it."""
-    return generator(plant.config.seed, Stream.SEAL).bytes(16).hex()
-
-
-def opened(plant: Plant | ForeignPlant) -> dict[str, Any]:
-    """The truth with what anybody needs to check the seal."""
-    return {"seal": seal(plant), "salt": salt(plant), "truth": truth(plant)}
-
-
-def truth(plant: Plant | ForeignPlant) -> dict[str, Any]:
+def truth(plant: "Plant | ForeignPlant") -> dict[str, Any]:
     """Parameters, ratios and effects; of a foreign effect the library's effects that would be a right answer."""
+    from sim_device.foreign import FOREIGN
+
     config = plant.config
     return plant.reveal() | {
         "foreign": {name: dict(values) for name, values in config.foreign.items()},
@@ -36,5 +39,38 @@ def truth(plant: Plant | ForeignPlant) -> dict[str, Any]:
     }
 
 
-def _text(truth: dict[str, Any]) -> str:
-    return json.dumps(truth, sort_keys=True, separators=(",", ":"))
+def keep(plant: "Plant | ForeignPlant", drawn: dict[str, Any], folder: Path) -> str:
+    """Keep a plant and its truth in a folder; its seal.
+
+    Args:
+        plant: what is sealed
+        drawn: what was asked for, sealed with it
+        folder: made here, for the device alone
+
+    Raises:
+        ConfigError: the folder is there already, or cannot be written.
+    """
+    from sim_device.toml import toml_text
+
+    salt, told = secrets.token_hex(16), truth(plant) | {"drawn": drawn}
+    try:
+        folder.mkdir(mode=0o700, parents=True)
+        (folder / PLANT).write_text(toml_text(plant.config.model_dump(mode="json")), encoding="utf-8")
+        (folder / TRUTH).write_text(json.dumps({"salt": salt, "truth": told}), encoding="utf-8")
+    except FileExistsError as error:
+        raise ConfigError(f"{folder}: is there already; a sealed plant is never replaced") from error
+    except OSError as error:
+        raise ConfigError(f"{folder}: the sealed plant cannot be kept there: {error.strerror}") from error
+    return seal(told, salt)
+
+
+def opened(folder: Path) -> dict[str, Any]:
+    """The truth kept in a folder, with the salt that anybody needs to check its seal.
+
+    Raises:
+        ConfigError: no sealed plant is there.
+    """
+    try:
+        return json.loads((folder / TRUTH).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{folder}: holds no sealed plant: {error}") from error

@@ -4,7 +4,8 @@ import logging
 import time
 from collections.abc import Callable
 
-from sim_device.device import Device
+from firmware_protocol.messages import NUMBERS, Event, EventKind, Frame
+from sim_device.board import Board
 from sim_device.faults import Faults
 from sim_device.links import Link
 
@@ -15,23 +16,75 @@ STREAMING_PAUSE = 0.002
 
 IDLE_PAUSE = 0.02
 
+STALL_EVERY_S = 1.0
+
 
 def serve(
-    device: Device, link: Link, faults: Faults, stopped: Callable[[], bool], wall: Callable[[], float] = time.monotonic
+    device: Board, link: Link, faults: Faults, stopped: Callable[[], bool], wall: Callable[[], float] = time.monotonic
 ) -> None:
     """Run until `stopped()`, or until the link is cut on request; closes the link."""
-    cut_after, reset_after = faults.value("cut_after_s"), faults.value("reset_after_s")
+    reset_after = faults.value("reset_after_s")
+    line = _Line(link, faults)
     while not stopped():
         # Read before looking at the lease: keepalives that waited while this process slept were sent in time.
-        frames = [answer for frame in link.receive() for answer in device.receive(frame, wall())]
+        frames = [answer for frame in line.receive(device, wall()) for answer in device.receive(frame, wall())]
+        if faults.value("cut_at_release") and any(map(_tells_release, frames)):
+            log.info("the link is cut at the release, as asked for")
+            break
         frames += device.service(wall(), link.blocked)
-        device.note_dropped(link.send(frames))
-        if cut_after is not None and device.streamed >= cut_after:
+        device.note_dropped(line.send(frames))
+        if _reached(device, faults.value("cut_after_s")):
             log.info("the link is cut, as asked for")
             break
-        if reset_after is not None and device.streamed >= reset_after:
+        if _reached(device, reset_after):
             log.info("the device restarts, as asked for")
             device.reset()
             reset_after = None
         link.wait(STREAMING_PAUSE if device.streams else IDLE_PAUSE)
     link.close()
+
+
+def _tells_release(frame: Frame) -> bool:
+    return frame.number == NUMBERS[Event] and frame.data[0] == EventKind.RELEASED
+
+
+def _reached(device: Board, seconds: float | None) -> bool:
+    return seconds is not None and device.streamed >= seconds
+
+
+class _Line:
+    """A link that stalls or falls silent on request."""
+
+    def __init__(self, link: Link, faults: Faults) -> None:
+        self._link = link
+        self._stall = (faults.value("stall_ms") or 0.0) / 1000
+        self._bus_off_after = faults.value("bus_off_after_s")
+        self._stalls_from: float | None = None
+        self._open = self._on_bus = True
+        self._held: list[Frame] = []
+
+    def receive(self, device: Board, now: float) -> list[Frame]:
+        """The frames that have arrived, none while the line is stalled or silent."""
+        if self._on_bus and _reached(device, self._bus_off_after):
+            log.info("the link falls silent, as asked for")
+            self._link.bus_off()
+            self._on_bus = False
+        self._open = not (device.streams and self._stalled(now))
+        return self._link.receive() if self._open and self._on_bus else []
+
+    def send(self, frames: list[Frame]) -> list[Frame]:
+        """Send frames, or keep them until the stall is over; returns those that found no room."""
+        if not self._on_bus:
+            return []
+        self._held += frames
+        if not self._open:
+            return []
+        waiting, self._held = self._held, []
+        return self._link.send(waiting)
+
+    def _stalled(self, now: float) -> bool:
+        if not self._stall:
+            return False
+        if self._stalls_from is None or now >= self._stalls_from + self._stall:
+            self._stalls_from = now + STALL_EVERY_S
+        return now >= self._stalls_from

@@ -3,7 +3,7 @@
 import typer
 
 from dpr_lab import __version__
-from dpr_lab.cli import runs
+from dpr_lab.cli import runs, trials
 from dpr_lab.cli.capture import capture
 from dpr_lab.cli.compare import compare
 from dpr_lab.cli.demo import demo
@@ -13,7 +13,7 @@ from dpr_lab.cli.identifiability import identifiability
 from dpr_lab.cli.identify import identify
 from dpr_lab.cli.import_table import import_app
 from dpr_lab.cli.paper import paper
-from dpr_lab.cli.trials import trials
+from dpr_lab.cli.tui import tui
 
 HELP = """Identify a rotary double pendulum and explain why its simulation differs from the rig.
 
@@ -49,7 +49,8 @@ def _root(
     pass
 
 
-for command in (demo, capture, identify, identifiability, compare, diagnose, trials, paper, doctor):
+for command in (demo, tui, capture, identify, identifiability, compare, diagnose, paper, doctor):
     app.command()(command)
 app.add_typer(import_app, name="import")
 app.add_typer(runs.app, name="run")
+app.add_typer(trials.app, name="trials")

@@ -91,10 +91,13 @@ def _release(device: "Device", rig: "Rig", pose: str, options: "CaptureOptions",
 
 
 def _listener(bar: Bar) -> "OnProgress":
-    from dpr_lab.capture import PoseReading, Recorded, Released, RestReading
+    from dpr_lab.capture import HangReading, PoseReading, Recorded, Released, RestReading
 
     def on_progress(event: "Progress") -> None:
         match event:
+            case HangReading(ok=False):
+                off = " and ".join(f"{math.degrees(error):+.1f} deg" for error in event.error)
+                say(f"the rods hang {off} off straight down: counts were lost, or the rig file's zero is wrong")
             case PoseReading():
                 away = " and ".join(f"{math.degrees(error):+.1f} deg" for error in event.error)
                 bar(0, f"{away} from the pose (within {math.degrees(event.tolerance):.1f} deg)")

@@ -1,7 +1,7 @@
 """`dpr-lab compare`: measured and simulated curves side by side."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -21,36 +21,15 @@ def compare(
     json_mode(as_json)
     from dpr_lab.compare import compare_run
     from dpr_lab.model import load_model
-    from dpr_lab.report.figures import save_figures
-    from dpr_lab.report.html import write_report
+    from dpr_lab.report.saving import save_comparison
     from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows
     from dpr_lab.storage.reader import load_run, stored_rig
 
     identified = load_model(model)
     comparisons = [compare_run(load_run(path), stored_rig(path), identified) for path in runs]
-    figures = save_figures(identified, comparisons, out)
-    report = write_report(identified, comparisons, out, figures)
+    saved = save_comparison(identified, comparisons, out)
     if as_json:
-        emit(
-            {
-                "report": str(report),
-                "figures": {name: str(path) for name, path in figures.items()},
-                "runs": [_record(comparison) for comparison in comparisons],
-            }
-        )
+        emit(saved)
         return
     table("Measured against simulated", COMPARISON_COLUMNS, comparison_rows(comparisons))
-    print(f"report: {report}")
-
-
-def _record(comparison: Any) -> dict[str, Any]:
-    axes = ("theta1", "theta2")
-    by_axis = ("segment_rms_rad", "free_run_rms_rad", "noise_rad")
-    return {
-        "run": comparison.run,
-        "pose": comparison.pose,
-        "held_out": comparison.held_out,
-        "horizon_s": comparison.horizon_s,
-        "segments": comparison.segments,
-        **{name: dict(zip(axes, getattr(comparison, name).tolist(), strict=True)) for name in by_axis},
-    }
+    print(f"report: {saved['report']}")

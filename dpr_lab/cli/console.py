@@ -1,11 +1,11 @@
 """What the commands print: one JSON object or readable tables on stdout, everything else on stderr."""
 
-import json
-import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol
+
+from dpr_lab.report.plain import as_json
 
 _state = {"json": False}
 
@@ -18,17 +18,7 @@ def json_mode(on: bool) -> bool:
 
 def emit(result: dict[str, Any]) -> None:
     """One JSON object on stdout; numbers that are not finite become null."""
-    print(json.dumps(_finite(result), indent=1, default=str))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return value
+    print(as_json(result))
 
 
 def complain(message: str, exit_code: int) -> None:

@@ -6,15 +6,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dpr_lab.cli.console import emit, json_mode, progress, say, table
-from dpr_lab.errors import ConfigError
+from dpr_lab.errors import ConfigError, RunError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from dpr_lab.effects.effect import Effect
     from dpr_lab.gap.diagnosis import Diagnosis
+    from dpr_lab.model import Model
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
+
+
+def complete_effect(incomplete: str) -> list[str]:
+    """Effects that an option's last name, after any comma, can become."""
+    from dpr_lab.effects import EFFECTS
+
+    before, comma, begun = incomplete.rpartition(",")
+    return [f"{before}{comma}{name}" for name in EFFECTS if name.startswith(begun)]
 
 
 def diagnose(
@@ -24,8 +36,14 @@ def diagnose(
     held_out: Annotated[
         list[Path] | None, typer.Option(help="Run that only measures how far the gap closes; may be given again.")
     ] = None,
-    library: Annotated[str | None, typer.Option(help="Effects to choose from, by comma; all by default.")] = None,
-    without: Annotated[list[str] | None, typer.Option(help="Effect to leave out; may be given again.")] = None,
+    library: Annotated[
+        str | None,
+        typer.Option(help="Effects to choose from, by comma; all by default.", autocompletion=complete_effect),
+    ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(help="Effect to leave out; may be given again.", autocompletion=complete_effect),
+    ] = None,
     max_effects: Annotated[int, typer.Option(min=1, max=8, help="At most so many effects at once.")] = 4,
     seed: Annotated[int, typer.Option(help="Same seed, same answer.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder of report, figures, corrected model and exports.")] = None,
@@ -37,22 +55,24 @@ def diagnose(
     """
     json_mode(as_json)
     from dpr_lab.model import load_model
+    from dpr_lab.report.saving import save_diagnosis
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.reader import load_run
 
     described = load_rig(rig)
     loaded = [load_run(path, rig=described) for path in runs]
     unseen = [load_run(path, rig=described) for path in held_out or []]
+    refuse_repeated([*loaded, *unseen])
     found = diagnose_with_progress(
         loaded,
         described,
         held_out=unseen,
         library=chosen_library(library, without or []),
         max_effects=max_effects,
-        start=load_model(model).unknowns if model else None,
+        start=starting_point(load_model(model), described) if model else None,
         seed=seed,
     )
-    written = save(found, [*loaded], described, out) if out else {}
+    written = save_diagnosis(found, [*loaded], described, out) if out else {}
     if as_json:
         emit(found.to_json() | ({"files": written} if written else {}))
         return
@@ -61,19 +81,49 @@ def diagnose(
         say(f"{name}: {path}")
 
 
+def refuse_repeated(runs: "Sequence[Run]") -> None:
+    """Make sure that no recording counts twice, or is held out from a fit that it takes part in.
+
+    Raises:
+        RunError: two runs hold the same recording.
+    """
+    seen: dict[str, Run] = {}
+    for run in runs:
+        if run.sha256 in seen:
+            raise RunError(f"{run.file}: the same recording as {seen[run.sha256].file}: give each run once")
+        seen[run.sha256] = run
+
+
+def starting_point(model: "Model", rig: "Rig") -> "NDArray[np.float64]":
+    """(6,) ratios and b of a model.
+
+    Raises:
+        RunError: it is a model of another rig.
+    """
+    if (model.rig.name, model.rig.L1) != (rig.name, rig.rig.L1):
+        raise RunError(
+            f"the model is of rig {model.rig.name}, L1 = {model.rig.L1:g} m, not of {rig.name}, L1 = {rig.rig.L1:g} m:"
+            " give this rig's model, or leave --model out"
+        )
+    return model.unknowns
+
+
 def chosen_library(names: str | None, without: "Sequence[str]") -> "Mapping[str, Effect]":
     """The effects to choose from.
 
     Raises:
-        ConfigError: a name that is no effect.
+        ConfigError: a name that is no effect, or none left.
     """
     from dpr_lab.effects import EFFECTS
 
-    wanted = [name.strip() for name in names.split(",")] if names else list(EFFECTS)
+    wanted = list(EFFECTS) if names is None else [name.strip() for name in names.split(",") if name.strip()]
     unknown = [name for name in (*wanted, *without) if name not in EFFECTS]
     if unknown:
         raise ConfigError(f"no effect named {', '.join(unknown)}; there are: {', '.join(EFFECTS)}")
-    return {name: EFFECTS[name] for name in EFFECTS if name in wanted and name not in without}
+    library = {name: EFFECTS[name] for name in EFFECTS if name in wanted and name not in without}
+    if not library:
+        raise ConfigError(f"--library and --without leave no effect to choose from; there are: {', '.join(EFFECTS)}")
+    return library
 
 
 def diagnose_with_progress(runs: "Sequence[Run]", rig: "Rig", **chosen: Any) -> "Diagnosis":
@@ -90,28 +140,6 @@ def diagnose_with_progress(runs: "Sequence[Run]", rig: "Rig", **chosen: Any) -> 
             bar(done - 1, text)
 
         return diagnose_runs(runs, rig, on_step=on_step, **chosen)
-
-
-def save(found: "Diagnosis", runs: "Sequence[Run]", rig: "Rig", out: Path) -> dict[str, str]:
-    """Write report, figures, corrected model and its exports; their paths by name."""
-    from dpr_lab.gap.corrected import corrected_model
-    from dpr_lab.gap.export import mjcf, python_module
-    from dpr_lab.report.figures import write_to
-    from dpr_lab.report.gap_figures import save_gap_figures
-    from dpr_lab.report.gap_html import write_gap_report
-
-    figures = save_gap_figures(found, out)
-    report = write_gap_report(found, f"Double pendulum “{rig.name}”: why simulation and rig differ", out, figures)
-    corrected = corrected_model(found, runs, rig)
-    corrected.save(out / "model.json")
-    exports = {"module": (out / "corrected_model.py", python_module), "mjcf": (out / "corrected_model.xml", mjcf)}
-    for path, make in exports.values():
-        write_to(path, lambda file, text=make(corrected, rig): file.write_text(text, encoding="utf-8"))
-    return {
-        "report": str(report),
-        "model": str(out / "model.json"),
-        **{name: str(path) for name, (path, _) in exports.items()},
-    }
 
 
 def show(found: "Diagnosis") -> None:

@@ -119,7 +119,7 @@ def _device(url: str, rig: str | None) -> str:
     from dpr_lab.transports import open_transport
 
     described = load_rig(rig) if rig is not None else None
-    with Device(open_transport(url, rig_file=described.path if described else None)) as device:
+    with Device(open_transport(url, rig_file=described.path if described else None), read_only=True) as device:
         info = device.connect()
         rate_hz = described.link.rate_hz if described else info.rate_default_hz
         device.check_rate(rate_hz)

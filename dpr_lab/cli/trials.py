@@ -1,145 +1,240 @@
-"""`dpr-lab trials`: plants with withheld effects, sealed, recorded, diagnosed, opened and scored."""
+"""`dpr-lab trials draw|run|open|campaign`: the diagnosis tried on plants whose effects are withheld."""
 
-import json
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.console import emit, json_mode, progress, say, table
+from dpr_lab.cli.console import Bar, emit, json_mode, progress, say, table
+from dpr_lab.trials.sealing import DRAWN, Kind, Level
 
 if TYPE_CHECKING:
-    from dpr_lab.rig import Rig
-    from dpr_lab.run import Run
-    from dpr_lab.trials.protocol import Draw
+    from collections.abc import Callable
+
+    from dpr_lab.gap.diagnosis import Diagnosis
+    from dpr_lab.trials.campaign import Campaign, Failure, Tried
+    from dpr_lab.trials.protocol import Opened, Trial
     from dpr_lab.trials.score import Outcome
 
-RESULTS = "trials.jsonl"
+HELP = """Try the diagnosis on plants whose effects are withheld.
 
-Kind = Literal["single", "pair", "triple", "clean", "form", "outside", "dirty"]
-Level = Literal["clear", "subtle"]
+The simulated device draws a plant and gives away a salted hash of it, the seal. The plant is recorded through the
+protocol and diagnosed; only then is it opened, held against the seal, and scored.
+
+\b
+Example:
+  dpr-lab trials draw --out trial
+  dpr-lab trials run trial
+  dpr-lab trials open trial
+"""
+
+app = typer.Typer(help=HELP, no_args_is_help=True, rich_markup_mode=None)
+
+HIDDEN = (
+    "one effect of the library, two (pair) or three (triple); none (clean); one of the library in another form; one"
+    " outside the library; none or one, with faulty encoders (dirty)"
+)
+
+RigName = Annotated[str, typer.Option(help="Rig file, or the name of a built-in one, that the rig is drawn around.")]
+PlantName = Annotated[str, typer.Option(help="Plant file that the plant is drawn around; never read here.")]
+Size = Annotated[Level, typer.Option(help="How visible: a gap of at least twice the noise, or of about it.")]
+Folder = Annotated[Path, typer.Argument(help="Folder that `trials draw` wrote.")]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 
 
-def trials(
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.")] = "paper",
-    n: Annotated[int, typer.Option(min=1, help="How many.")] = 5,
-    kind: Annotated[
-        Kind,
-        typer.Option(
-            help="What is hidden: one effect of the library, two or three; none; one of the library in another form;"
-            " one outside the library; none or one, with faulty encoders."
-        ),
-    ] = "single",
-    level: Annotated[
-        Level, typer.Option(help="How visible: a gap of at least twice the noise, or of about the noise.")
-    ] = "clear",
-    plant: Annotated[str, typer.Option(help="Plant file that the plants are drawn around; never read here.")] = "paper",
-    seed: Annotated[int, typer.Option(help="Of the first trial; the next takes the next number.")] = 1,
-    out: Annotated[
-        Path, typer.Option(help="Folder of runs and results; trials that it holds already are kept.")
-    ] = Path("out/trials"),
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+@app.command()
+def draw(
+    out: Annotated[Path, typer.Option(help="Folder of the trial, new.")],
+    kind: Annotated[Kind, typer.Option(help=f"What is hidden: {HIDDEN}. Any: that is withheld too.")] = Kind.ANY,
+    level: Size = Level.CLEAR,
+    rig: RigName = "paper",
+    plant: PlantName = "paper",
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Draws the same plant again; fresh chance when left out.")
+    ] = None,
+    as_json: Json = False,
 ) -> None:
-    """Try the diagnosis on plants that nobody chose.
+    """Have a plant drawn, sealed and recorded.
 
-    The device draws a plant and gives away a salted hash of it, the seal. It is recorded through the protocol and
-    diagnosed; only then is it opened, held against the seal, and scored.
-
-    Example: dpr-lab trials --rig paper --kind single --n 10 --out out/trials
+    Example: dpr-lab trials draw --kind pair --out trial
     """
     json_mode(as_json)
-    from dpr_lab.rig import load_rig
-    from dpr_lab.trials.protocol import Draw
+    from dpr_lab.trials.protocol import draw as draw_trial
+    from dpr_lab.trials.sealing import Wanted
+
+    trial = draw_trial(Wanted(kind, level, seed, rig, plant), out, say)
+    if as_json:
+        emit({"trial": str(out), "seal": trial.seal, "asked": trial.asked, "runs": [str(run) for run in trial.runs]})
+        return
+    print(f"seal: {trial.seal}")
+    print(f"next: dpr-lab trials run {out}")
+
+
+@app.command()
+def run(folder: Folder, as_json: Json = False) -> None:
+    """Diagnose a sealed trial.
+
+    Example: dpr-lab trials run trial
+    """
+    json_mode(as_json)
+    from dpr_lab.cli.diagnose import show
+    from dpr_lab.trials.protocol import read_trial
+
+    trial = read_trial(folder)
+    found, files = diagnosed(trial)
+    if as_json:
+        emit(found.to_json() | {"files": files})
+        return
+    show(found)
+    print(f"report: {files['report']}")
+    print(f"next: dpr-lab trials open {folder}")
+
+
+def diagnosed(trial: "Trial", **chosen: Any) -> "tuple[Diagnosis, dict[str, str]]":
+    """Diagnose a trial and write the diagnosis down; also the paths of its files by name."""
+    from dpr_lab.cli.diagnose import diagnose_with_progress
+    from dpr_lab.report.saving import save_diagnosis
+    from dpr_lab.trials.protocol import keep_diagnosis, recordings, refuse_opened
+
+    refuse_opened(trial)
+    runs, rig = recordings(trial), trial.rig
+    found = diagnose_with_progress(runs, rig, **chosen)
+    files = save_diagnosis(found, runs, rig, trial.folder / "diagnosis")
+    keep_diagnosis(trial, found.to_json())
+    return found, files | {"diagnosis": str(trial.diagnosis)}
+
+
+@app.command("open")
+def open_(folder: Folder, as_json: Json = False) -> None:
+    """Open a diagnosed trial: check the seal, show truth and diagnosis side by side, score.
+
+    Example: dpr-lab trials open trial
+    """
+    json_mode(as_json)
+    from dpr_lab.trials.protocol import open_trial, read_trial
+
+    trial = read_trial(folder)
+    opened = open_trial(trial)
+    if as_json:
+        emit(opening(opened))
+    else:
+        show_opened(opened, trial)
+
+
+def opening(opened: "Opened") -> dict[str, Any]:
+    """An opened trial as JSON."""
+    truth, outcome = opened.truth, opened.outcome
+    return {
+        "seal": outcome.seal,
+        "drawn": dict(truth.drawn),
+        "truth": {"effects": truth.effects, "foreign": truth.foreign, "family": truth.family},
+        "diagnosis": {"verdict": outcome.verdict, "named": outcome.named},
+        "grade": outcome.grade,
+        "score": outcome.to_json(),
+    }
+
+
+def show_opened(opened: "Opened", trial: "Trial") -> None:
+    """The truth beside the diagnosis, on stdout."""
+    from dpr_lab.trials.beside import COLUMNS, beside
+
+    outcome = opened.outcome
+    drawn = "{kind}:{level}, seed {seed}".format(**opened.truth.drawn)
+    print(f"the seal holds: {outcome.seal} ({drawn})")
+    if rows := beside(opened, trial.rig):
+        table("Truth and diagnosis", COLUMNS, rows, prose=True)
+    print(f"there was {_listed(outcome.truth)}; the diagnosis said {_said(outcome)}: {outcome.grade}")
+
+
+def _said(outcome: "Outcome") -> str:
+    return f"{outcome.verdict}: {_listed(outcome.named)}" if outcome.named else outcome.verdict
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return " and ".join(names) or "nothing"
+
+
+@app.command()
+def campaign(
+    out: Annotated[Path, typer.Option(help="Folder of results; a campaign that it holds goes on where it was.")],
+    n: Annotated[int, typer.Option(min=1, help="How many trials.")] = 500,
+    kind: Annotated[
+        list[Kind] | None,
+        typer.Option(help=f"What is hidden, may be given again: {HIDDEN}. All these in turn when left out."),
+    ] = None,
+    level: Size = Level.CLEAR,
+    rig: RigName = "paper",
+    plant: PlantName = "paper",
+    seed: Annotated[int, typer.Option(min=0, help="Of the first trial; the next takes the next number.")] = 1,
+    jobs: Annotated[int, typer.Option(min=0, help="Trials side by side on this machine; 0: one on each core.")] = 0,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Run on the workers of this dask scheduler instead, e.g. tcp://127.0.0.1:8786.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Many trials, recorded without link and waiting; scores, confusion, calibration, sizes and time on one page.
+
+    Example: dpr-lab trials campaign --n 500 --kind single --kind clean --out out/campaign
+    """
+    json_mode(as_json)
+    import os
+
+    from dpr_lab.report.trials_html import sentence
+    from dpr_lab.report.trials_tables import KIND_COLUMNS, SCORE_COLUMNS, kind_rows, score_rows
+    from dpr_lab.trials.campaign import Campaign, run_campaign
+
+    tried_on = Campaign(tuple(kind or DRAWN), level, seed, rig, plant)
+    with progress("trials", n) as bar:
+        tried = run_campaign(
+            tried_on, n, out, jobs=jobs or os.cpu_count() or 1, scheduler=scheduler, on_trial=_teller(bar, n)
+        )
+    counted, files = _saved(tried, tried_on, out)
+    if as_json:
+        emit(counted | {"failures": [failure.error for failure in tried.failures], "files": files})
+    else:
+        table("Scores", SCORE_COLUMNS, score_rows(counted))
+        table("By what was hidden", KIND_COLUMNS, kind_rows(counted))
+        print(sentence(counted))
+        print(f"page: {files['page']}")
+    if tried.failures:
+        say(f"{len(tried.failures)} trials ended in an error; run it again to repeat them")
+        raise typer.Exit(1)
+
+
+def _teller(bar: Bar, n: int) -> "Callable[[int, Outcome | Failure | None], None]":
+    """Progress: a bar on a terminal, a line for each trial elsewhere; what failed is told on both."""
+
+    def on_trial(done: int, last: "Outcome | Failure | None") -> None:
+        from dpr_lab.trials.campaign import Failure
+
+        bar(done, f"{done} of {n}")
+        if isinstance(last, Failure):
+            say(f"trial {last.number}: {last.error}")
+        elif sys.stderr.isatty():
+            return
+        elif last is not None:
+            say(f"{done} of {n}: there was {_listed(last.truth)}; said {_said(last)} ({last.grade})")
+        elif done:
+            say(f"{done} of {n} trials are there already")
+
+    return on_trial
+
+
+def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """Write summary, figures and page; the summary, and the paths by name."""
+    from dpr_lab.report.saving import write_json
+    from dpr_lab.report.trials_figures import save_trial_figures
+    from dpr_lab.report.trials_html import write_trials_report
     from dpr_lab.trials.summary import summary
 
-    described = load_rig(rig)
-    out.mkdir(parents=True, exist_ok=True)
-    done = {(o.kind, o.level, o.seed): o for o in _kept(out / RESULTS)}
-    outcomes: list[Outcome] = []
-    with progress("trials", n) as bar:
-        for number in range(seed, seed + n):
-            bar(len(outcomes), f"trial {number}")
-            outcome = done.get((kind, level, number)) or _try(Draw(kind, level, number, plant), described, out)
-            say(f"trial {number}: {_sentence(outcome)}")
-            outcomes.append(outcome)
-    counted = summary(outcomes)
-    if as_json:
-        emit({"summary": counted, "trials": [outcome.to_json() for outcome in outcomes], "file": str(out / RESULTS)})
-        return
-    _show(outcomes, counted)
-    print(f"results: {out / RESULTS}")
-
-
-def _try(draw: "Draw", rig: "Rig", out: Path) -> "Outcome":
-    from dpr_lab.trials.protocol import trial
-
-    outcome = trial(draw, rig, out / "runs", _diagnosis, lambda text: say(f"trial {draw.seed}: {text}"))
-    with (out / RESULTS).open("a", encoding="utf-8") as file:
-        file.write(json.dumps(outcome.to_json()) + "\n")
-    return outcome
-
-
-def _diagnosis(runs: "list[Run]", rig: "Rig") -> dict[str, Any]:
-    from dpr_lab.gap.diagnose import diagnose
-
-    return diagnose(runs, rig).to_json()
-
-
-def _kept(file: Path) -> "list[Outcome]":
-    from dpr_lab.trials.score import read_outcome
-
-    if not file.is_file():
-        return []
-    return [read_outcome(json.loads(line)) for line in file.read_text(encoding="utf-8").splitlines()]
-
-
-def _sentence(outcome: "Outcome") -> str:
-    there = " and ".join(outcome.truth) or "nothing"
-    said = f"{outcome.verdict}: {' and '.join(outcome.named)}" if outcome.named else outcome.verdict
-    return f"there was {there}; the diagnosis said {said} ({'right' if _right(outcome) else 'wrong'})"
-
-
-def _right(outcome: "Outcome") -> bool:
-    if not outcome.truth:
-        return outcome.silent
-    return outcome.exact or (outcome.first and not outcome.invented) or (outcome.admitted and not outcome.wrong_name)
-
-
-def _show(outcomes: "list[Outcome]", counted: dict[str, Any]) -> None:
-    table(
-        "Trials",
-        ("trial", "there was", "the diagnosis said", "verdict", "explained", "gap closed", "s"),
-        [
-            (
-                outcome.seed,
-                ", ".join(outcome.truth) or "-",
-                ", ".join(outcome.named) or "-",
-                outcome.verdict,
-                f"{outcome.explained_share:.3f}",
-                f"{outcome.closed:.3f}",
-                f"{outcome.seconds:.1f}",
-            )
-            for outcome in outcomes
-        ],
-        prose=True,
+    counted = summary(tried.outcomes)
+    figures = save_trial_figures(counted, out)
+    setting = (
+        f"Hidden in turn: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig “{campaign.rig}” and"
+        f" plant “{campaign.plant}”, seeds from {campaign.seed} on."
     )
-    table("Score", ("what", "value"), [(SCORES[name], f"{counted[name]:.3g}") for name in SCORES])
-
-
-SCORES = {
-    "trials": "trials",
-    "first": "first name right",
-    "top3": "a right name among the first three",
-    "exact": "exactly the causes named",
-    "invented": "a cause invented",
-    "wrong_name": "wrong name above probability 0.5",
-    "admitted": "something admitted as unexplained",
-    "false_alarms": "false alarms",
-    "calibration_error": "expected calibration error",
-    "brier": "Brier score",
-    "size_error": "size error, median",
-    "interval_coverage": "90 % intervals that hold the truth",
-    "gap_closed": "gap closed, median",
-    "seconds": "seconds a diagnosis, median",
-}
-"""Key of the summary -> words of the table."""
+    failures = [f"trial {failure.number}: {failure.error}" for failure in tried.failures]
+    page = write_trials_report(counted, setting, failures, out, figures)
+    write_json(counted, out / "summary.json")
+    return counted, {"page": str(page), "summary": str(out / "summary.json"), "trials": str(out / "trials.jsonl")}

@@ -4,37 +4,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 POINTS = 2400
-"""Points drawn of one line; about four for each pixel column of a panel."""
+"""Points drawn of one line of a figure; about four for each pixel column of a panel."""
 
 GAP_STEPS = 10
 """A pause longer than this many median sample steps is drawn as a gap."""
 
 
-def trace(t: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def trace(
+    t: NDArray[np.float64], y: NDArray[np.float64], points: int = POINTS
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A record as it is drawn: short ones untouched, long ones by their extremes, gaps as NaN.
 
-    The record is cut into `POINTS` / 2 stretches of equally many samples, and each gives its smallest and largest
+    The record is cut into `points` / 2 stretches of equally many samples, and each gives its smallest and largest
     sample at the instant it was taken, so that no peak is lost and no value is invented.
 
     Args:
         t: (n,) increasing instants, s
         y: (n,) values; NaN where there is none
+        points: about how many to draw at most
 
     Returns:
-        instants and values to draw; equal to the input when n <= `POINTS` and nothing is missing
+        instants and values to draw; equal to the input when n <= `points` and nothing is missing
     """
-    kept = _extremes(y)
+    kept = _extremes(y, points)
     breaks = _gaps(t)
     middle = (t[breaks] + t[breaks + 1]) / 2
     where = np.searchsorted(kept, breaks, side="right")
     return np.insert(t[kept], where, middle), np.insert(y[kept], where, np.nan)
 
 
-def _extremes(y: NDArray[np.float64]) -> NDArray[np.intp]:
+def _extremes(y: NDArray[np.float64], points: int) -> NDArray[np.intp]:
     n = len(y)
-    if n <= POINTS:
+    if n <= points:
         return np.arange(n)
-    width = -(-n // (POINTS // 2))
+    width = -(-n // (points // 2))
     padded = np.pad(y, (0, -n % width), constant_values=np.nan).reshape(-1, width)
     first = np.arange(len(padded)) * width
     missing = np.isnan(padded)

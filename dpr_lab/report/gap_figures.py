@@ -10,20 +10,9 @@ from matplotlib.figure import Figure
 from dpr_lab.gap.diagnosis import Diagnosis, Where
 from dpr_lab.report import style
 from dpr_lab.report.figures import empty_figure, new_figure, save_figure, write_to
+from dpr_lab.report.gap_tables import COORDINATES, QUANTITIES
 
 PLACES = 4
-_UNITS = {
-    "N m": ("torque (mN m)", 1e3),
-    "N m s/rad": ("friction (mN m s/rad)", 1e3),
-    "m": ("friction radius (mm)", 1e3),
-    "rad": ("encoder error (mrad)", 1e3),
-}
-_COORDINATES = {
-    "angle": "joint angle (rad)",
-    "speed": "joint speed (rad/s)",
-    "time": "time since release (s)",
-    "load": "joint force (N)",
-}
 
 
 def where_figure(places: Sequence[Where]) -> Figure:
@@ -42,14 +31,14 @@ def where_figure(places: Sequence[Where]) -> Figure:
 
 
 def _draw_place(axes: Axes, place: Where) -> None:
-    label, factor = _UNITS[place.unit]
+    label, factor = QUANTITIES[place.unit]
     knots, values = np.array(place.knots), factor * np.array(place.values)
     reach = 1.645 * factor * np.array(place.std)
     axes.fill_between(knots, values - reach, values + reach, alpha=0.25, color=style.RESIDUAL["color"], linewidth=0)
     axes.plot(knots, values, marker="o", markersize=3, color=style.RESIDUAL["color"])
     axes.axhline(0.0, color="#555555", linewidth=0.8)
     axes.set_title(f"{place.site} by {place.coordinate}: {place.share:.0%} of the gap")
-    axes.set_xlabel(_COORDINATES[place.coordinate])
+    axes.set_xlabel(COORDINATES[place.coordinate])
     axes.set_ylabel(label)
 
 

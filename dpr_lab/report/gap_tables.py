@@ -10,6 +10,21 @@ CLOSED_COLUMNS = ("run", "gap closed", "free run before (mrad)", "after (mrad)")
 DETECTABLE_COLUMNS = ("effect", "least detectable size")
 FINDING_COLUMNS = ("finding", "run", "axis", "at (s)", "evidence")
 
+QUANTITIES = {
+    "N m": ("torque (mN m)", 1e3),
+    "N m s/rad": ("friction (mN m s/rad)", 1e3),
+    "m": ("friction radius (mm)", 1e3),
+    "rad": ("encoder error (mrad)", 1e3),
+}
+"""What a place's values are by their unit: label, and factor to the unit shown."""
+
+COORDINATES = {
+    "angle": "joint angle (rad)",
+    "speed": "joint speed (rad/s)",
+    "time": "time since release (s)",
+    "load": "joint force (N)",
+}
+
 
 def effect_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """One row for each named effect."""

@@ -1,18 +1,16 @@
-"""A CAN bus (python-can): `can://socketcan/can0?bitrate=1000000`, `can://slcan/dev/ttyACM0?bitrate=1000000`.
+"""A CAN bus (python-can): `can://socketcan/can0?bitrate=1000000`, or any other of its backends; slcan is our own.
 
 Frames are received in a loop of our own: python-can's Notifier thread dies on a bus error and stays dead.
 """
 
-import os
-import sys
 import time
 from pathlib import Path
-from typing import IO, Any
 
 import can
 from can.interfaces import BACKENDS
 
 from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.transports.slcan import DEFAULT_TTY_BAUD, SlcanBus
 from dpr_lab.transports.transport import Capacity, Received
 from dpr_lab.transports.url import LinkUrl, seconds, whole_number
 from firmware_protocol.framing import encode_frame
@@ -23,10 +21,11 @@ SAMPLE_BITS = 135  # an 8-byte frame with an 11-bit identifier and the worst bit
 SLCAN_SAMPLE_BITS = 220  # the same frame as the 22 characters of an slcan line, 10 bits each
 SLCAN_SETTLE_S = 2.0  # an adapter that resets when its port opens ignores the bit rate until it has booted
 SEND_TIMEOUT_S = 1.0
+CAN_ERR_BUSOFF = 0x40  # class bit in the identifier of an error frame, linux/can/error.h
 READ_AT_MOST_S = 0.02  # a read ends here even on a bus that never falls silent: keepalives go out between reads
 
 
-def open_can(url: LinkUrl, rig_file: Path | None) -> "CanBus":
+def open_can(url: LinkUrl, rig_file: Path | None) -> "CanBus | SlcanBus":
     """Open a CAN bus.
 
     Options: `bitrate`; for slcan adapters also `tty_baud` (those behind a real UART) and `settle_s`.
@@ -42,32 +41,23 @@ def open_can(url: LinkUrl, rig_file: Path | None) -> "CanBus":
         raise LinkError(f"{url.text}: names no channel; write for example can://socketcan/can0?bitrate=1000000")
     bitrate = options.get("bitrate", DEFAULT_BITRATE)
     capacities = [Capacity(f"a {bitrate} bit/s bus", bitrate, SAMPLE_BITS, "a faster bus")]
-    extra: dict[str, Any] = {}
-    if backend == "slcan":
-        # A pseudo-terminal has nothing to boot.
-        settle = 0.0 if channel.startswith("/dev/pts/") else SLCAN_SETTLE_S
-        extra["sleep_after_open"] = options.get("settle_s", settle)
-        if tty_baud := options.get("tty_baud"):
-            extra["tty_baudrate"] = tty_baud
-            capacities.append(Capacity(f"{tty_baud} baud", tty_baud, SLCAN_SAMPLE_BITS, "a faster tty_baud"))
-    lock = _lock_port(url.text, channel) if backend == "slcan" else None
-    try:
-        bus = _open_bus(url.text, backend, channel, bitrate, extra)
-    except LinkError:
-        _close(lock)
-        raise
-    return CanBus(url.text, bus, tuple(capacities), lock)
+    if backend != "slcan":
+        return CanBus(url.text, _open_bus(url.text, backend, channel, bitrate), tuple(capacities))
+    if tty_baud := options.get("tty_baud"):
+        capacities.append(Capacity(f"{tty_baud} baud", tty_baud, SLCAN_SAMPLE_BITS, "a faster tty_baud"))
+    # A pseudo-terminal has nothing to boot.
+    settle = options.get("settle_s", 0.0 if channel.startswith("/dev/pts/") else SLCAN_SETTLE_S)
+    return SlcanBus(url.text, channel, bitrate, tty_baud or DEFAULT_TTY_BAUD, settle, tuple(capacities))
 
 
 class CanBus:
     """A `Transport` over one python-can bus."""
 
-    def __init__(self, url: str, bus: can.BusABC, capacities: tuple[Capacity, ...], lock: IO[bytes] | None) -> None:
+    def __init__(self, url: str, bus: can.BusABC, capacities: tuple[Capacity, ...]) -> None:
         self.url = url
         self.errors = {"crc": 0, "framing": 0}
         self.capacities = capacities
         self._bus = bus
-        self._lock = lock
         self._open = True
 
     def send(self, frame: Frame) -> None:
@@ -85,11 +75,9 @@ class CanBus:
         until = time.monotonic() + READ_AT_MOST_S
         while message is not None:
             if message.is_error_frame:
-                self.errors["framing"] += 1
+                self._note_error(message.arbitration_id)
             elif message.is_extended_id or message.is_remote_frame or message.is_fd:
                 pass  # someone else's traffic on the same bus
-            elif message.dlc != len(message.data):  # an slcan line that lost characters
-                self.errors["framing"] += 1
             else:
                 frames.append(Frame(message.arbitration_id, bytes(message.data)))
             message = self._next(0.0) if time.monotonic() < until else None
@@ -104,53 +92,27 @@ class CanBus:
             self._bus.shutdown()
         except (can.CanError, OSError, ValueError, TypeError):
             pass  # the adapter is already gone, and so is all there was to close
-        _close(self._lock)
+
+    def _note_error(self, error_class: int) -> None:
+        self.errors["framing"] += 1
+        if error_class & CAN_ERR_BUSOFF:
+            raise DeviceLost(
+                f"{self.url}: the adapter has left the bus after too many errors (bus-off): check bit rate, termination"
+                " and wiring, then connect again"
+            )
 
     def _next(self, timeout: float) -> can.Message | None:
         try:
             return self._bus.recv(timeout)
-        except (ValueError, IndexError):  # an slcan line damaged on its way from the adapter
-            self.errors["framing"] += 1
-        except (can.CanError, OSError, TypeError) as error:
-            if not isinstance(error.__cause__, UnicodeDecodeError):
-                raise self._lost(error) from error
-            self.errors["framing"] += 1
-            # python-can's slcan keeps the undecodable line and would raise for ever.
-            getattr(self._bus, "flush", lambda: None)()
-        return None
+        except (can.CanError, OSError, TypeError, ValueError) as error:
+            raise self._lost(error) from error
 
     def _lost(self, error: BaseException) -> DeviceLost:
         return DeviceLost(f"{self.url}: the bus is gone ({error}): check adapter, wiring and power, then connect again")
 
 
-def _open_bus(url: str, backend: str, channel: str, bitrate: int, extra: dict[str, Any]) -> can.BusABC:
+def _open_bus(url: str, backend: str, channel: str, bitrate: int) -> can.BusABC:
     try:
-        return can.Bus(interface=backend, channel=channel, bitrate=bitrate, ignore_config=True, **extra)
+        return can.Bus(interface=backend, channel=channel, bitrate=bitrate, ignore_config=True)
     except (can.CanError, OSError, ValueError, ImportError) as error:
         raise LinkError(f"{url}: {backend} cannot open {channel} at {bitrate} bit/s: {error}") from error
-
-
-def _lock_port(url: str, port: str) -> IO[bytes] | None:
-    """Keep others off an slcan port, which python-can opens shared: two hosts would steal each other's frames.
-
-    The lock is the one that pyserial's exclusive mode takes; Windows ports are exclusive by themselves.
-    """
-    if sys.platform == "win32":
-        return None
-    import fcntl
-
-    try:
-        file = open(port, "rb", buffering=0, opener=lambda path, _: os.open(path, os.O_NOCTTY | os.O_NONBLOCK))
-    except OSError:
-        return None  # python-can says better what is wrong with the port
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        file.close()
-        raise LinkError(f"{url}: the port is in use by another program: close it there") from error
-    return file
-
-
-def _close(lock: IO[bytes] | None) -> None:
-    if lock is not None:
-        lock.close()

@@ -1,15 +1,18 @@
 """A serial port (pyserial): `serial:///dev/ttyUSB0?baud=921600`, `serial://COM3`."""
 
 import errno
+import glob
+import re
 import time
 from pathlib import Path
 
 import serial
 
 from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.transports import by_uid
 from dpr_lab.transports.bytes_link import BytesLink
 from dpr_lab.transports.discover import JOIN_GROUP, serial_ports
-from dpr_lab.transports.transport import Capacity
+from dpr_lab.transports.transport import Capacity, Transport
 from dpr_lab.transports.url import LinkUrl, whole_number
 
 DEFAULT_BAUD = 921_600
@@ -23,16 +26,32 @@ WRITE_TIMEOUT_S = 1.0
 _GONE = (serial.SerialException, OSError, TypeError)
 
 
-def open_serial(url: LinkUrl, rig_file: Path | None) -> BytesLink:
+def open_serial(url: LinkUrl, rig_file: Path | None) -> Transport:
     """Open a serial port for this process alone.
 
+    With the option `uid`, the UID of a device or its last digits, the device is looked for: on all ports, or on those
+    that a name with `*` stands for, as in `serial:///dev/ttyACM*?uid=51d000000001`.
+
     Raises:
-        LinkError: no such port, no permission, busy, or not a baud rate it can do.
+        LinkError: no such port or device, no permission, busy, or not a baud rate it can do.
     """
-    baud = url.options({"baud": whole_number}).get("baud", DEFAULT_BAUD)
-    name = url.host + url.path
+    options = url.options({"baud": whole_number, "uid": _uid})
+    baud, name = options.get("baud", DEFAULT_BAUD), url.host + url.path
+    if "uid" in options:
+        ports = sorted(glob.glob(name)) if name else [port.device for port in serial_ports() if not port.problem]
+        return by_uid.find(url.text, options["uid"], ports, lambda port: _open_port(url, port, baud))
     if not name:
         raise LinkError(f"{url.text}: names no port; {_ports_found()}")
+    return _open_port(url, name, baud)
+
+
+def _uid(text: str) -> str:
+    if not re.fullmatch("[0-9A-Fa-f]{4,16}", text):
+        raise ValueError("is not the UID of a device, or its last digits: 4 to 16 hexadecimal digits")
+    return text
+
+
+def _open_port(url: LinkUrl, name: str, baud: int) -> BytesLink:
     remedy = f"{DEFAULT_BAUD} baud" if baud < DEFAULT_BAUD else "a faster link"
     capacity = Capacity(f"{baud} baud", baud, SAMPLE_BYTES * BITS_PER_BYTE, remedy)
     return BytesLink(url.text, SerialPort(url.text, name, baud), (capacity,))
@@ -75,7 +94,8 @@ class SerialPort:
         self._serial.close()
 
     def _lost(self, error: BaseException) -> DeviceLost:
-        return DeviceLost(f"{self._url}: the port is gone ({error}): check cable and power, then connect again")
+        why = error.strerror if isinstance(error, OSError) and error.strerror else "unplugged"
+        return DeviceLost(f"{self._url}: the port is gone ({why}): check cable and power, then connect again")
 
 
 def _why_not_opened(name: str, baud: int, error: Exception) -> str:

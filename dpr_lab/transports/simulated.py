@@ -30,8 +30,8 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "Simulated":
     """Start a simulated device and connect to it.
 
     Options: `bus` (pty, can, tcp) and, as `python -m sim_device --help` explains them, `rig`, `plant`, `seed`, `clock`,
-    `draw` (true), `draw_effects`, `baud`, `uid`, `drift_ppm`, `hand_error` and `fault` (NAME=VALUE, several with
-    commas between).
+    `firmware` (python, c), `draw` (true), `draw_effects`, `baud`, `uid`, `drift_ppm`, `hand_error` and `fault`
+    (NAME=VALUE, several with commas between).
 
     Raises:
         LinkError: unknown option, or the device did not start; with what it said.
@@ -172,6 +172,7 @@ _OPTIONS = {
     "seed": _seed,
     "clock": one_of("realtime", "fast"),
     "bus": one_of(*LINKS),
+    "firmware": one_of("python", "c"),
     "fault": _word,
     "draw": one_of("true", "false"),
     "draw_effects": _word,

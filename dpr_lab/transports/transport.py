@@ -30,19 +30,22 @@ class Capacity:
         """The fastest sample rate that leaves the reserve, Hz."""
         return int(USABLE_SHARE * self.bits_per_s / self.bits_per_sample)
 
+    def load(self, rate_hz: int) -> str:
+        """What a sample rate takes of the link, with the arithmetic."""
+        needed = rate_hz * self.bits_per_sample
+        return (
+            f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"
+            f" (at most {100 * USABLE_SHARE:.0f} % may be used)"
+        )
+
     def check(self, rate_hz: int) -> None:
         """Refuse a sample rate the link cannot carry.
 
         Raises:
             LinkError: with the arithmetic and what to choose instead.
         """
-        if rate_hz <= self.max_rate_hz:
-            return
-        needed = rate_hz * self.bits_per_sample
-        raise LinkError(
-            f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"
-            f" (at most {100 * USABLE_SHARE:.0f} % may be used): choose at most {self.max_rate_hz} Hz or {self.remedy}"
-        )
+        if rate_hz > self.max_rate_hz:
+            raise LinkError(f"{self.load(rate_hz)}: choose at most {self.max_rate_hz} Hz or {self.remedy}")
 
 
 @dataclass(frozen=True, slots=True)

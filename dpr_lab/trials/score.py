@@ -1,7 +1,7 @@
 """One trial scored: what the diagnosis said, against what was there."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -15,6 +15,17 @@ SURE = 0.5
 """Probability above which a wrong name counts as claimed."""
 
 Said = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """One effect that was there."""
+
+    name: str
+    over_limit: float | None
+    """Its size over the least that the diagnosis says it could see; None where that is not known."""
+    named: bool
+    """Whether the diagnosis names it, or its class."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +89,20 @@ class Outcome:
     """Faults of the encoders that were there and that no sensor finding names."""
     seconds: float
     seal: str = ""
+    causes: tuple[Cause, ...] = ()
+    """As `truth`."""
+
+    @property
+    def grade(self) -> str:
+        """The trial in a word: right, right in part, not named, or wrong."""
+        if not self.truth or self.kind == "outside":
+            right = self.admitted and not self.wrong_name if self.truth else self.silent
+            return "right" if right else "wrong"
+        if self.exact:
+            return "right"
+        if self.first and not self.wrong_name:
+            return "right in part"
+        return "wrong" if self.named else "not named"
 
     def to_json(self) -> dict[str, Any]:
         """A plain dict, with null for what is not finite; `read_outcome` undoes it."""
@@ -95,8 +120,9 @@ def read_outcome(kept: Mapping[str, Any]) -> Outcome:
     sizes, claims = (
         tuple(make(**item) for item in kept[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
     )
+    causes = tuple(Cause(**item) for item in kept["causes"])
     number = {name: _number(kept[name]) for name in _NUMBERS}
-    return Outcome(**{**kept, **lists, **number, "sizes": sizes, "claims": claims})
+    return Outcome(**{**kept, **lists, **number, "sizes": sizes, "claims": claims, "causes": causes})
 
 
 def score(
@@ -117,6 +143,7 @@ def score(
     effects = _named(said)
     listed = [*effects, *(rival for rival in said["rivals"] if rival not in effects)]
     hits = [cause_named(effect, truth) for effect in effects]
+    true_sizes = truth.sizes(rig, said["scale_b"])
     findings = tuple(sorted({finding["name"] for finding in said["sensor_findings"]}))
     return Outcome(
         kind=kind,
@@ -136,12 +163,13 @@ def score(
         admitted=said["verdict"] in ADMITTING,
         explained_share=_number(said["gap"].get("explained_share")),
         closed=_number((said["gap"].get("closed_held_out") or {}).get("estimate")),
-        sizes=tuple(_sizes(effects, truth.sizes(rig, said["scale_b"]))),
+        sizes=tuple(_sizes(effects, true_sizes)),
         claims=tuple(_claims(said, effects, hits, truth)),
         sensor_findings=findings,
         faults_missed=tuple(fault for fault in _faults(truth) if fault not in findings),
         seconds=seconds,
         seal=seal,
+        causes=tuple(_causes(said, hits, truth, true_sizes)),
     )
 
 
@@ -152,6 +180,21 @@ def _named(said: Said) -> list[Said]:
     if steps and all(effect["name"] != STEP for effect in effects):
         effects.append({"name": STEP, "class": [STEP], "probability": None, "parameters": {}})
     return effects
+
+
+def _causes(
+    said: Said, hits: Sequence[int | None], truth: Truth, sizes: Mapping[str, Mapping[str, float]]
+) -> Iterator[Cause]:
+    for number, name in enumerate(truth.effects):
+        yield Cause(name, over_limit(sizes[name], said["detectable"].get(name, {})), number in hits)
+    if truth.foreign is not None:
+        yield Cause(truth.foreign, None, len(truth.effects) in hits)
+
+
+def over_limit(sizes: Mapping[str, float], least: Mapping[str, float | None]) -> float | None:
+    """How many times the least detectable size an effect has, in its most visible amplitude."""
+    seen = ((abs(size), least.get(name)) for name, size in sizes.items())
+    return max((size / limit for size, limit in seen if limit), default=None)
 
 
 def _faults(truth: Truth) -> list[str]:

@@ -1,15 +1,21 @@
 """Many trials: how often the diagnosis is right, how honest its probabilities are, how well it measures."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
-from dpr_lab.trials.score import Claim, Outcome
+from dpr_lab.trials.score import Cause, Claim, Outcome, SizeError
 
 BINS = 10
 """Of equal width, in the reliability table."""
+
+LIMITS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+"""Where the ranges of an effect's size over the least detectable one begin."""
 
 
 def share(outcomes: Sequence[Outcome], holds: Callable[[Outcome], bool]) -> float:
@@ -18,14 +24,18 @@ def share(outcomes: Sequence[Outcome], holds: Callable[[Outcome], bool]) -> floa
 
 
 def reliability(claims: Sequence[Claim]) -> list[dict[str, float]]:
-    """Of each bin of stated probability that is not empty: how many claims, their mean probability, how many held."""
+    """Of each bin of stated probability that is not empty: how many claims, their mean probability, how many held.
+
+    `low` and `high` are the 90 % interval of the share that held.
+    """
     table: list[dict[str, float]] = []
     place = np.minimum((np.array([claim.probability for claim in claims]) * BINS).astype(int), BINS - 1)
     for number in range(BINS):
         inside = [claim for claim, bin_number in zip(claims, place, strict=True) if bin_number == number]
         if inside:
             stated, true = (float(np.mean(v)) for v in zip(*((c.probability, c.true) for c in inside), strict=True))
-            table.append({"claims": len(inside), "stated": stated, "true": true})
+            low, high = wilson90(sum(claim.true for claim in inside), len(inside))
+            table.append({"claims": len(inside), "stated": stated, "true": true, "low": low, "high": high})
     return table
 
 
@@ -44,37 +54,141 @@ def brier(claims: Sequence[Claim]) -> float:
     return float(np.mean([(claim.probability - claim.true) ** 2 for claim in claims])) if claims else float("nan")
 
 
+def wilson90(held: int, of: int) -> tuple[float, float]:
+    """90 % interval of a share, by Wilson's score."""
+    interval = binomtest(held, of).proportion_ci(0.9, method="wilson")
+    return float(interval.low), float(interval.high)
+
+
 def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Everything that is scored, over all trials given; shares of none are nan."""
-    found = [o for o in outcomes if o.truth]
-    nothing = [o for o in outcomes if not o.truth]
+    """Everything that is scored, over all trials given; shares of none are nan.
+
+    Names count where the library holds the right one; what it does not hold is to be admitted as unexplained.
+    """
     sizes = [size for o in outcomes for size in o.sizes]
-    leading = [size.relative for size in sizes if size.leads]
     claims = [claim for o in outcomes for claim in o.claims]
-    closed = [o.closed for o in outcomes if o.named and np.isfinite(o.closed)]
+    seconds = [o.seconds for o in outcomes]
+    shares = {name: (_among(outcomes, whom), holds) for name, (whom, holds) in SHARES.items()}
     return {
         "trials": len(outcomes),
-        "first": share(found, lambda o: o.first),
-        "top3": share(found, lambda o: o.top3),
-        "exact": share(found, lambda o: o.exact),
-        "invented": share(found, lambda o: o.invented),
-        "wrong_name": share(outcomes, lambda o: o.wrong_name),
-        "admitted": share(found, lambda o: o.admitted),
-        "false_alarms": share(nothing, lambda o: not o.silent),
-        "faults_missed": share(outcomes, lambda o: bool(o.faults_missed)),
-        "explained_share": _median([o.explained_share for o in found]),
-        "size_error": _median(leading),
-        "size_error_p90": float(np.quantile(leading, 0.9)) if leading else float("nan"),
-        "interval_coverage": float(np.mean([size.covered for size in sizes])) if sizes else float("nan"),
-        "gap_closed": _median(closed),
+        **{name: share(some, holds) for name, (some, holds) in shares.items()},
+        "of": {name: len(some) for name, (some, _) in shares.items()},
+        "interval90": {
+            name: wilson90(sum(map(holds, some)), len(some)) if some else None for name, (some, holds) in shares.items()
+        },
+        "explained_share": _median([o.explained_share for o in outcomes if o.truth]),
+        **size_errors(sizes),
+        "gap_closed": _median([o.closed for o in outcomes if o.named]),
         "calibration_error": calibration_error(claims),
         "brier": brier(claims),
         "reliability": reliability(claims),
         "class_size": _median([float(size) for o in outcomes for size in o.class_sizes]),
-        "seconds": _median([o.seconds for o in outcomes]),
-        "seconds_max": max((o.seconds for o in outcomes), default=float("nan")),
+        "seconds": _median(seconds),
+        "seconds_p90": _quantile(seconds, 0.9),
+        "seconds_max": max(seconds, default=float("nan")),
         "confusion": confusion(outcomes),
+        "by_kind": by_kind(outcomes),
+        "by_effect": by_effect(outcomes),
+        "by_size": by_size(outcomes),
+        "astray": [astray(o) for o in outcomes if o.grade != "right"],
     }
+
+
+SHARES: dict[str, tuple[str, Callable[[Outcome], bool]]] = {
+    "first": ("nameable", lambda o: o.first),
+    "top3": ("nameable", lambda o: o.top3),
+    "exact": ("nameable", lambda o: o.exact),
+    "invented": ("nameable", lambda o: o.invented),
+    "false_alarms": ("clean", lambda o: not o.silent),
+    "unexplained_recall": ("outside", lambda o: o.admitted),
+    "wrong_name": ("all", lambda o: o.wrong_name),
+    "faults_missed": ("all", lambda o: bool(o.faults_missed)),
+}
+"""Key of the summary -> the trials it is about, and what is to hold."""
+
+
+def _among(outcomes: Sequence[Outcome], whom: str) -> list[Outcome]:
+    kept: dict[str, Callable[[Outcome], bool]] = {
+        "all": lambda o: True,
+        "clean": lambda o: not o.truth,
+        "outside": lambda o: o.kind == "outside",
+        "nameable": lambda o: bool(o.truth) and o.kind != "outside",
+    }
+    return [o for o in outcomes if kept[whom](o)]
+
+
+def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
+    """How well amplitudes were found: of the leading ones median and 90th percentile, of all how many are covered."""
+    leading = [size.relative for size in sizes if size.leads]
+    return {
+        "size_error": _median(leading),
+        "size_error_p90": _quantile(leading, 0.9),
+        "interval_coverage": float(np.mean([size.covered for size in sizes])) if sizes else float("nan"),
+    }
+
+
+def by_kind(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+    """One row for each kind and level that was drawn."""
+    groups: dict[tuple[str, str], list[Outcome]] = {}
+    for o in outcomes:
+        groups.setdefault((o.kind, o.level), []).append(o)
+    return [
+        {"kind": kind, "level": level, "trials": len(some)}
+        | {name: share(_among(some, whom), holds) for name, (whom, holds) in SHARES.items()}
+        for (kind, level), some in sorted(groups.items())
+    ]
+
+
+def by_effect(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+    """One row for each effect that was there: how often it was named, and in trials that it leads, how well."""
+    rows: list[dict[str, Any]] = []
+    for name in sorted({cause.name for o in outcomes for cause in o.causes}):
+        there = [o for o in outcomes if name in o.truth]
+        leads = [o for o in there if o.truth[0] == name]
+        rows.append(
+            {
+                "effect": name,
+                "trials": len(there),
+                "named": float(np.mean([cause.named for o in there for cause in o.causes if cause.name == name])),
+                "first": share(leads, lambda o: o.first),
+                "exact": share(leads, lambda o: o.exact),
+                **size_errors([size for o in there for size in o.sizes if size.effect == name]),
+            }
+        )
+    return rows
+
+
+def by_size(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+    """One row for each range of an effect's size over the least detectable one; `to` is None in the last.
+
+    `named` counts every effect there; `first` and `exact` the trials that an effect of this size leads.
+    """
+    rows: list[dict[str, Any]] = []
+    for low, high in pairwise([*LIMITS, math.inf]):
+        inside = [c for o in outcomes for c in o.causes if _within(c, low, high)]
+        leads = [o for o in outcomes if o.causes and _within(o.causes[0], low, high)]
+        if inside:
+            rows.append(
+                {
+                    "from": low,
+                    "to": None if math.isinf(high) else high,
+                    "effects": len(inside),
+                    "named": float(np.mean([cause.named for cause in inside])),
+                    "first": share(leads, lambda o: o.first),
+                    "exact": share(leads, lambda o: o.exact),
+                }
+            )
+    return rows
+
+
+def astray(outcome: Outcome) -> dict[str, Any]:
+    """A trial that went wrong, with what it takes to draw it again."""
+    told = ("kind", "level", "seed", "truth", "named", "verdict", "grade")
+    return {name: getattr(outcome, name) for name in told}
+
+
+def _within(cause: Cause, low: float, high: float) -> bool:
+    return cause.over_limit is not None and low <= cause.over_limit < high
 
 
 def confusion(outcomes: Sequence[Outcome]) -> dict[str, dict[str, int]]:
@@ -86,5 +200,9 @@ def confusion(outcomes: Sequence[Outcome]) -> dict[str, dict[str, int]]:
 
 
 def _median(values: Sequence[float]) -> float:
+    return _quantile(values, 0.5)
+
+
+def _quantile(values: Sequence[float], share: float) -> float:
     finite = [value for value in values if np.isfinite(value)]
-    return float(np.median(finite)) if finite else float("nan")
+    return float(np.quantile(finite, share)) if finite else float("nan")

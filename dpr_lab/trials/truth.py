@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,8 @@ class Truth:
     """The nine true parameters, SI."""
     encoders: Mapping[str, Any]
     """What encoders and board add."""
+    drawn: Mapping[str, Any] = field(default_factory=dict)
+    """What was asked of the draw: kind, level, seed; empty for a plant that was not sealed."""
 
     @property
     def answers(self) -> tuple[tuple[str, ...], ...]:
@@ -84,6 +86,7 @@ def read_truth(told: Mapping[str, Any]) -> Truth:
         held_back=foreign in told["held_back"],
         parameters=told["parameters"],
         encoders=told["encoders"],
+        drawn=told.get("drawn", {}),
     )
 
 

@@ -1,4 +1,4 @@
-"""`dpr-lab trials`: a plant that nobody chose goes the whole way, sealed before and opened after."""
+"""`dpr-lab trials` and the demo: plants that nobody chose go the whole way, sealed before and opened after."""
 
 import json
 import re
@@ -10,24 +10,116 @@ from dpr_lab.trials.score import read_outcome
 
 
 @pytest.mark.slow
-def test_a_trial_is_sealed_recorded_diagnosed_opened_and_scored(tmp_path: Path, cli) -> None:
-    words = ("trials", "--rig", "paper", "--n", 1, "--kind", "single", "--seed", 5, "--out", tmp_path, "--json")
-    done = cli(*words)
+@pytest.mark.timeout(400)
+def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Path, cli) -> None:
+    folder = tmp_path / "my trial"
+    drawn = cli("trials", "draw", "--kind", "single", "--seed", 5, "--out", folder, "--json")
+    assert drawn.code == 0, drawn.err
+    assert re.fullmatch("[0-9a-f]{64}", drawn.json["seal"])
+    assert drawn.err.index(f"sealed as {drawn.json['seal']}") < drawn.err.index("X1: ")
+    assert len(drawn.json["runs"]) == len(list((folder / "runs").glob("*.mcap"))) == 3
+
+    early = cli("trials", "open", folder, "--json")
+    assert early.code == early.json["exit_code"] == 3
+    assert f"dpr-lab trials run {folder}" in early.err
+    assert not (folder / "opened.json").exists()
+
+    said = cli("trials", "run", folder, "--json")
+    assert said.code == 0, said.err
+    assert json.loads((folder / "diagnosis.json").read_text())["verdict"] == said.json["verdict"]
+    assert Path(said.json["files"]["report"]).is_file()
+    assert "wrong_length_L1" in [effect["name"] for effect in said.json["effects"]]
+
+    told = cli("trials", "open", folder, "--json")
+    assert told.code == 0, told.err
+    assert told.json["seal"] == drawn.json["seal"]
+    assert told.json["drawn"] == {"kind": "single", "level": "clear", "seed": 5}
+    assert list(told.json["truth"]["effects"]) == ["wrong_length_L1"]
+    assert read_outcome(told.json["score"]).first
+    shown = cli("trials", "open", folder)
+    assert shown.code == 0, shown.err
+    assert "the seal holds" in shown.out
+    assert "there was wrong_length_L1; the diagnosis said" in shown.out
+
+    late = cli("trials", "run", folder)
+    assert late.code == 3
+    assert "opened already" in late.err
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_a_campaign_ends_with_scores_and_a_page(tmp_path: Path, cli) -> None:
+    words = ("trials", "campaign", "--n", 2, "--kind", "clean", "--kind", "single", "--jobs", 1, "--out", tmp_path)
+    done = cli(*words, "--json")
     assert done.code == 0, done.err
-    assert re.search(r"trial 5: sealed as [0-9a-f]{64}", done.err)
-    assert len(list((tmp_path / "runs").glob("*.mcap"))) == 3
-    (line,) = (tmp_path / "trials.jsonl").read_text().splitlines()
-    outcome = read_outcome(json.loads(line))
-    assert outcome.truth == ("wrong_length_L1",)
-    assert outcome.first
-    assert done.json["summary"]["trials"] == 1
+    assert done.json["trials"] == 2
+    assert [row["kind"] for row in done.json["by_kind"]] == ["clean", "single"]
+    assert json.loads((tmp_path / "summary.json").read_text())["trials"] == 2
     again = cli(*words)
     assert again.code == 0, again.err
-    assert again.json["trials"] == done.json["trials"]
-    assert len(list((tmp_path / "runs").glob("*.mcap"))) == 3
+    assert "2 of 2 trials are there already" in again.err
+    assert "first name right" in again.out
+    assert str(tmp_path / "trials.html") in again.out
+    other = cli(*words, "--seed", 77)
+    assert other.code == 3
+    assert "another campaign" in other.err
 
 
-def test_a_kind_there_is_not_is_refused(tmp_path: Path, cli) -> None:
-    done = cli("trials", "--rig", "paper", "--kind", "mystery", "--out", tmp_path)
-    assert done.code == 2
-    assert "mystery" in done.err
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_a_trial_that_fails_is_told_and_the_others_stand(tmp_path: Path, cli) -> None:
+    done = cli("trials", "campaign", "--n", 1, "--kind", "clean", "--plant", "none", "--jobs", 1, "--out", tmp_path)
+    assert done.code == 1
+    assert "trial 0: the simulated device says: none: no such file" in done.err
+    assert "run it again" in done.err
+    assert "no such file" in (tmp_path / "trials.html").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_the_demo_ends_with_a_withheld_effect_opened_and_scored(tmp_path: Path, cli) -> None:
+    done = cli("demo", "--seed", 5, "--out", tmp_path)
+    assert done.code == 0, done.err
+    (seal,) = re.findall("sealed as ([0-9a-f]{64})", done.err)
+    assert f"the seal holds: {seal}" in done.out
+    assert "there was wrong_length_L1; the diagnosis said" in done.out
+    reports = [Path(line.removeprefix("report: ")) for line in done.out.splitlines() if line.startswith("report: ")]
+    assert [report.name for report in reports] == ["report.html", "diagnosis.html"]
+    assert all(report.is_file() for report in reports)
+
+
+def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:
+    for words in (
+        ("draw", "--kind", "mystery", "--out", tmp_path / "t"),
+        ("draw", "--level", "huge", "--out", tmp_path / "t"),
+        ("draw", "--kind", "single"),
+        ("campaign", "--kind", "mystery", "--out", tmp_path / "t"),
+        ("campaign", "--n", 0, "--out", tmp_path / "t"),
+    ):
+        assert cli("trials", *words).code == 2
+    assert not (tmp_path / "t").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (("draw", "--rig", "nonesuch", "--out", "t"), 3, "no built-in name of rigs"),
+        (("draw", "--plant", "nonesuch", "--out", "t"), 3, "no built-in name of plants"),
+        (("run", "nowhere"), 3, "holds no finished trial"),
+        (("open", "nowhere"), 3, "holds no finished trial"),
+        (("campaign", "--rig", "nonesuch", "--out", "t"), 3, "no built-in name of rigs"),
+        (("campaign", "--n", "1", "--scheduler", "localhost", "--out", "t"), 4, "tcp://127.0.0.1:8786"),
+    ],
+)
+def test_bad_input_is_answered_with_a_sentence(tmp_path: Path, cli, words, code: int, said: str) -> None:
+    done = cli("trials", *words, cwd=tmp_path)
+    assert done.code == code
+    assert said in done.err
+    assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize("command", [(), ("draw",), ("run",), ("open",), ("campaign",)], ids=" ".join)
+def test_every_help_has_an_example(cli, command: tuple[str, ...]) -> None:
+    done = cli("trials", *command, "--help")
+    assert done.code == 0
+    assert "Example:" in done.out

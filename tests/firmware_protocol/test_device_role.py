@@ -301,6 +301,20 @@ def test_any_good_frame_renews_the_lease(message: Message):
     assert driver.session.check_lease(now=0.9, tick=0).task == Stop()
 
 
+def test_the_release_is_told_again_with_every_report_while_the_rods_swing():
+    driver = reach(State.STREAMING)
+    session = driver.session
+    assert [type(m) for m in map(decode, session.report(3, (1, 2, 3), 0, 0, 9))] == [*[Position] * 3, Status]
+    driver.command("release")
+    told = session.released((1 << 32) + 7)
+    for _ in range(2):
+        *others, again = session.report(12, (1, 2, 3), 4, 5, 6)
+        assert again == told
+        assert decode(others[3]) == Status(State.RELEASED, Fault.NONE, False, 4, 5, 6)
+    driver.command("stop")
+    assert len(session.report(13, (1, 2, 3), 0, 0, 0)) == 4
+
+
 def test_counters_are_cut_to_what_the_wire_carries():
     session = Driver().session
     assert decode(session.sample(65537, (-1, 65536, 1 << 40))) == Sample(1, 65535, 0, 0)

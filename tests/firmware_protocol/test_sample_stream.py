@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from firmware_protocol.device_role import DeviceSession
 from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import Ack, Event, EventKind, Frame, Position, Sample, decode
-from firmware_protocol.stream import Row, SampleStream, unwrap
+from firmware_protocol.stream import Row, SampleStream, blind_ticks, unwrap
 
 SESSION = DeviceSession(DeviceInfo("0.1.0", "1", (16384, 16384, 16384), 4000, 100))
 
@@ -94,6 +94,56 @@ def test_a_turn_missed_in_a_gap_is_put_right_and_told():
     stream.feed(Position(0, 1000, moved))
     assert stream.feed(Sample(1001, moved, 0, 0)) == Row(1001, (moved, 0, 0))
     assert stream.position_slips == 1
+
+
+def test_blind_ticks_follow_from_the_counters():
+    assert blind_ticks(1000, (16384, 16384, 16384)) == 99
+    assert blind_ticks(4000, (4096, 65536, 4096)) == 99
+    assert blind_ticks(10, (1 << 20, 4, 4)) == 1
+    assert blind_ticks(4000, (4, 4, 4)) == 0x7FFF
+
+
+def test_after_a_gap_in_which_a_joint_may_have_gone_round_samples_wait_for_the_whole_counters():
+    stream = anchored()
+    stream.restart(blind_ticks=99)
+    assert stream.feed(Sample(0, 0, 0, 0)) == Row(0, (0, 0, 0))
+    moved = 50_000
+    assert stream.feed(Sample(1000, moved, 0, 0)) is None  # a leap, not believed before the next
+    assert stream.feed(Sample(1001, moved, 0, 0)) is None  # 50000 or -15536: nobody knows
+    stream.feed(Position(0, 1002, moved))
+    stream.feed(Position(1, 1002, 0))
+    assert stream.feed(Sample(1002, moved, 0, 0)) is None
+    stream.feed(Position(2, 1002, 0))
+    assert stream.feed(Sample(1003, moved, 0, 0)) == Row(1003, (moved, 0, 0))
+    assert (stream.lost_tick_gap, stream.unanchored, stream.position_slips) == (1000, 2, 0)
+
+
+def test_whole_counters_told_at_the_end_of_a_gap_are_kept():
+    stream = anchored()
+    stream.restart(blind_ticks=99)
+    stream.feed(Sample(0, 0, 0, 0))
+    for joint, position in enumerate((50_000, -50_000, 7)):
+        stream.feed(Position(joint, 1000, position))
+    stream.feed(Sample(1000, 50_000, -50_000 & 0xFFFF, 7))
+    assert stream.feed(Sample(1001, 50_000, -50_000 & 0xFFFF, 7)) == Row(1001, (50_000, -50_000, 7))
+
+
+def test_a_damaged_tick_hides_no_samples():
+    stream = anchored()
+    stream.restart(blind_ticks=99)
+    rows = [stream.feed(Sample(tick, 0, 0, 0)) for tick in (0, 1, 20_000, 2, 3)]
+    assert [row.tick for row in rows if row] == [0, 1, 2, 3]
+    assert stream.lost_tick_gap == 0
+
+
+def test_a_position_that_comes_far_too_late_is_not_believed():
+    stream = anchored()
+    stream.restart(blind_ticks=99)
+    for tick in range(0, 400, 50):
+        stream.feed(Sample(tick, tick * 400 & 0xFFFF, 0, 0))
+    stream.feed(Position(0, 0, 0))
+    assert stream.feed(Sample(351, 140_400 & 0xFFFF, 0, 0)) == Row(351, (140_400, 0, 0))
+    assert stream.position_slips == 0
 
 
 def test_the_32_bit_counter_wraps_too():

@@ -258,16 +258,16 @@ def test_faults_strike_as_often_as_asked():
     assert len(Faults({"drop": 0.1}, 1).frames(frames)) == pytest.approx(18_000, abs=200)
     assert len(Faults({"duplicate": 0.1}, 1).frames(frames)) == pytest.approx(22_000, abs=200)
     sent = bytes(20_000)
-    struck = np.frombuffer(Faults({"flip": 0.1}, 1).bytes(sent), dtype=np.uint8)
+    struck = np.frombuffer(Faults({"flip": 0.1}, 1).flipped(sent), dtype=np.uint8)
     assert np.count_nonzero(struck) == pytest.approx(2000, abs=200)
     assert set(struck.tolist()) == {0, 1, 2, 4, 8, 16, 32, 64, 128}
     assert Faults().frames(frames) is frames
-    assert Faults().bytes(sent) is sent
+    assert Faults().to_host(sent) is sent
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_without_a_good_value_is_refused_with_its_meaning(name):
-    for value in ("", "much", "-1", "nan", *([] if FAULTS[name].highest == np.inf else ["7"])):
+    for value in ("", "much", "-1", "nan", *([] if FAULTS[name].highest == np.inf else [f"{FAULTS[name].highest * 2 + 1:.0f}"])):
         with pytest.raises(ConfigError, match=f"write {name}=VALUE"):
             parse_faults([f"{name}={value}"])
     assert parse_faults([f"{name}=1"]).value(name) == 1.0

@@ -1,23 +1,28 @@
-"""Drawn plants: of the kind asked for, as visible as asked for, sealed, and recorded the same over the wire and not."""
-
-import hashlib
-import json
-import subprocess
-import sys
+"""Drawn plants: of the kind asked for, as visible as asked for, and recorded the same over the wire and not."""
 
 import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
-from sim_device.assemble import plant_of
+from dpr_lab.rig import Parameter
 from sim_device.chance import Stream, generator
 from sim_device.config import Encoders, load_plant
 from sim_device.direct import record
-from sim_device.draw import LEVELS, Wanted, alike, dirty, draw_plant, parse_wanted, visible_effects
+from sim_device.draw import (
+    KINDS,
+    LEVELS,
+    Wanted,
+    alike,
+    dirty,
+    draw_plant,
+    parse_wanted,
+    settled,
+    visible_effects,
+    weighed,
+)
 from sim_device.foreign import FOREIGN, FORMS, OUTSIDE
 from sim_device.noiseless import plant_gap
-from sim_device.seal import opened, seal
 
 
 def drawn(wanted: Wanted, seed: int, rig):
@@ -98,23 +103,29 @@ def test_dirty_encoders_have_at_least_one_fault():
     assert all(0.01 <= e.missing_share <= 0.02 for e in drawn if e.missing_share)
 
 
-def test_the_seal_fixes_the_truth(paper):
-    plant = plant_of(drawn(Wanted("single"), 5, paper), paper)
-    told = opened(plant)
-    text = told["salt"] + json.dumps(told["truth"], sort_keys=True, separators=(",", ":"))
-    assert hashlib.sha256(text.encode()).hexdigest() == told["seal"] == seal(plant)
-    other = plant_of(plant.config.model_copy(update={"effects": {"base_tilt": {"tilt_rad": 0.001}}}), paper)
-    assert seal(other) != seal(plant)
+def test_any_kind_is_drawn_from_the_seed_and_the_level_stays():
+    texts = {settled("any:subtle", seed) for seed in range(60)}
+    assert texts == {f"{kind}:subtle" for kind in KINDS}
+    assert settled("any", 3) == settled("any", 3)
+    assert settled("pair:clear", 3) == "pair:clear"
 
 
-def test_the_child_seals_and_opens_the_same_plant(paper):
-    def child(flag: str):
-        words = [sys.executable, "-m", "sim_device", "--draw-effects", "single:clear", "--seed", "9", flag]
-        return json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+def test_a_weighed_rig_knows_its_masses_as_well_as_scales_do(paper):
+    for seed in range(20):
+        plant, rig = weighed(load_plant("paper", seed), paper)
+        for name in ("m1", "m2", "mb"):
+            known = rig.parameters[name]
+            assert abs(known.measured - plant.parameters[name]) < 5 * known.std
+        assert [name for name, p in rig.parameters.items() if p.measured is not None] == ["m1", "m2", "mb"]
+    assert plant.parameters["m1"] != load_plant("paper").parameters["m1"]
 
-    told = child("--reveal")
-    assert child("--seal") == {"seal": told["seal"]}
-    assert told["truth"]["effects"] == drawn(Wanted("single"), 9, paper).effects
+
+def test_what_a_rig_file_has_measured_stays_measured(paper):
+    m1 = Parameter(nominal=0.1, measured=0.104, std=1e-3)
+    measured = paper.model_copy(update={"parameters": {**paper.parameters, "m1": m1}})
+    plant, rig = weighed(load_plant("paper", 1), measured)
+    assert rig.parameters["m1"] == m1
+    assert plant.parameters["m1"] == load_plant("paper").parameters["m1"]
 
 
 def encoders(paper, **changes):

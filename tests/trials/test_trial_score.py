@@ -10,7 +10,7 @@ import pytest
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.errors import DprError
 from dpr_lab.rig import PARAMETERS, load_rig
-from dpr_lab.trials.score import Claim, Outcome, read_outcome, score
+from dpr_lab.trials.score import Cause, Claim, Outcome, over_limit, read_outcome, score
 from dpr_lab.trials.summary import brier, calibration_error, confusion, reliability, summary
 from dpr_lab.trials.truth import Truth, read_truth, unsealed
 
@@ -45,6 +45,7 @@ def said(verdict: str, *effects: dict, rivals=(), findings=()) -> dict:
         "gap": {"explained_share": 0.99, "closed_held_out": {"estimate": 0.95}},
         "probabilities": {"no_gap": 0.97, "unexplained": 0.6},
         "sensor_findings": [{"name": finding} for finding in findings],
+        "detectable": {"coulomb_joint1": {"torque_Nm": 0.0004}},
         "scale_b": SCALE_B,
     }
 
@@ -144,6 +145,38 @@ def test_a_broken_seal_does_not_count():
         unsealed({"salt": "salt", "truth": told | {"effects": {"base_tilt": {}}}}, seal)
 
 
+def test_a_cause_is_measured_by_what_could_just_be_seen():
+    (cause,) = scored(said("named", named("coulomb_joint1")), COULOMB).causes
+    assert cause == Cause("coulomb_joint1", pytest.approx(5.0), True)
+    assert over_limit({"a": -3.0, "b": 1.0}, {"a": 1.0, "b": 0.2, "c": 1e-9}) == pytest.approx(5.0)
+    assert over_limit({"a": 1.0}, {"a": None}) is None
+    (foreign,) = scored(said("unexplained"), truth_of(foreign="cable_snag")).causes
+    assert foreign == Cause("cable_snag", None, False)
+
+
+@pytest.mark.parametrize(
+    ("diagnosis", "truth", "kind", "grade"),
+    [
+        (said("named", named("coulomb_joint1")), COULOMB, "single", "right"),
+        (
+            said("partly_explained", named("coulomb_joint1"), named("base_tilt", 0.3)),
+            COULOMB,
+            "single",
+            "right in part",
+        ),
+        (said("named", named("coulomb_joint1"), named("base_tilt", 0.9)), COULOMB, "single", "wrong"),
+        (said("unexplained"), COULOMB, "single", "not named"),
+        (said("named", named("base_tilt")), COULOMB, "single", "wrong"),
+        (said("no_gap"), truth_of(), "clean", "right"),
+        (said("named", named("base_tilt")), truth_of(), "clean", "wrong"),
+        (said("unexplained"), truth_of(foreign="cable_snag"), "outside", "right"),
+        (said("partly_explained", named("base_tilt", 0.9)), truth_of(foreign="cable_snag"), "outside", "wrong"),
+    ],
+)
+def test_a_trial_gets_a_word(diagnosis, truth, kind, grade):
+    assert score(diagnosis, truth, RIG, kind=kind, level="clear", seed=1, seconds=2.0).grade == grade
+
+
 def test_calibration_of_honest_and_of_boastful_claims():
     chance = np.random.default_rng(1)
     stated = chance.uniform(0, 1, 20_000)
@@ -165,6 +198,14 @@ def test_a_summary_counts_what_was_there_and_what_was_not():
     counted = summary(outcomes)
     assert counted["first"] == counted["exact"] == counted["false_alarms"] == 0.5
     assert counted["size_error"] == pytest.approx(0.0)
+    assert counted["of"]["first"] == counted["of"]["false_alarms"] == 2
+    low, high = counted["interval90"]["first"]
+    assert low < 0.5 < high
+    assert [row["grade"] for row in counted["astray"]] == ["wrong", "wrong"]
+    (row,) = counted["by_effect"]
+    assert (row["effect"], row["trials"], row["named"], row["first"]) == ("coulomb_joint1", 2, 0.5, 0.5)
+    (row,) = counted["by_size"]
+    assert (row["from"], row["to"], row["effects"], row["named"]) == (3.0, 10.0, 2, 0.5)
     assert confusion(outcomes) == {
         "coulomb_joint1": {"coulomb_joint1": 1, "spring_joint1": 1},
         "nothing": {"no_gap": 1, "unexplained": 1},

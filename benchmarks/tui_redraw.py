@@ -1,0 +1,128 @@
+"""The bench screen while it records at 1 kHz: frames drawn, core used, samples lost.
+
+    python benchmarks/tui_redraw.py [--seconds 30] [--width 160] [--height 48] [--quick] [--json]
+
+The real app in a process of its own, on a pseudo terminal that is read like a terminal, with its recorder and a
+simulated device beside it in real time.
+"""
+
+import fcntl
+import json
+import os
+import pty
+import struct
+import subprocess
+import sys
+import tempfile
+import termios
+import threading
+from pathlib import Path
+
+from _bars import Bar, at_most, options, show
+
+from dpr_lab.tui import FRAMES_PER_S
+
+MAX_FRAMES_PER_S = 15
+MAX_CORES = 0.5
+
+
+def operate(folder: str, seconds: float) -> None:
+    """The app with a pilot that releases once and writes down what it saw; runs on the pseudo terminal."""
+    import time
+
+    from textual.pilot import Pilot
+
+    from dpr_lab.capture import CaptureOptions
+    from dpr_lab.tui.app import DprApp
+    from dpr_lab.tui.attempt import Phase
+    from dpr_lab.tui.bench import Bench
+    from dpr_lab.tui.capture import CaptureStep
+
+    class Counted(DprApp):
+        frames = 0
+
+        def _display(self, *arguments: object) -> None:
+            Counted.frames += 1
+            super()._display(*arguments)  # pyright: ignore[reportArgumentType]
+
+    async def pilot_it(pilot: Pilot[None]) -> None:
+        step = app.query_one(CaptureStep)
+        await app.connect()
+        await reach(pilot, lambda: app.line.connected is not None)
+        await pilot.press("3")
+        step.options = CaptureOptions(duration=seconds, pose_timeout=60.0, rest_timeout=60.0)
+        await pilot.press("s")
+        await reach(pilot, lambda: step.attempt is not None and step.attempt.phase is Phase.READY)
+        await pilot.press("r")
+        await reach(pilot, lambda: step.attempt is not None and step.attempt.phase is Phase.RECORDING)
+        frames, used, began = Counted.frames, time.process_time(), time.monotonic()
+        await reach(pilot, lambda: step.attempt is not None and step.attempt.phase is Phase.JUDGED, 0.5)
+        took = time.monotonic() - began
+        captured = step.attempt.captured if step.attempt is not None else None
+        assert captured is not None
+        seen = {
+            "frames_per_s": (Counted.frames - frames) / took,
+            "cores": (time.process_time() - used) / took,
+            "lost": sum(captured.lost.values()),
+            "ok": captured.verdict.ok,
+        }
+        (Path(folder) / "seen.json").write_text(json.dumps(seen))
+        app.exit()
+
+    async def reach(pilot: Pilot[None], condition: object, pause_s: float = 0.05) -> None:
+        assert callable(condition)
+        while not condition():
+            await pilot.pause(pause_s)
+
+    app = Counted(Bench(link="sim://?seed=1", out=Path(folder) / "bench"), Path(folder) / "state")
+    app.run(auto_pilot=pilot_it)
+
+
+def watch(folder: str, seconds: float, width: int, height: int) -> dict[str, float]:
+    """Run the app on a terminal of that size; what it saw, and how many bytes it drew."""
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", height, width, 0, 0))
+    drawn = [0]
+
+    def read() -> None:
+        try:
+            while chunk := os.read(master, 65536):
+                drawn[0] += len(chunk)
+        except OSError:
+            return
+
+    threading.Thread(target=read, daemon=True).start()
+    drawing = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "TEXTUAL_FPS": str(FRAMES_PER_S)}
+    command = [sys.executable, __file__, "--operate", folder, "--seconds", str(seconds)]
+    subprocess.run(command, stdin=slave, stdout=slave, stderr=slave, env=os.environ | drawing, check=True)
+    os.close(slave)
+    return json.loads((Path(folder) / "seen.json").read_text()) | {"kbyte_per_s": drawn[0] / 1e3 / seconds}
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = options(__doc__)
+    parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--width", type=int, default=160, help="columns")
+    parser.add_argument("--height", type=int, default=48, help="rows")
+    parser.add_argument("--operate", metavar="FOLDER", help="be the app; for this program's own use")
+    chosen = parser.parse_args()
+    if chosen.operate:
+        operate(chosen.operate, chosen.seconds)
+        return
+    seconds = min(chosen.seconds, 10.0) if chosen.quick else chosen.seconds
+    with tempfile.TemporaryDirectory() as folder:
+        seen = watch(folder, seconds, chosen.width, chosen.height)
+    bars = [
+        at_most("frames drawn per s while recording at 1 kHz", seen["frames_per_s"], MAX_FRAMES_PER_S),
+        at_most("cores used by the screen", seen["cores"], MAX_CORES),
+        at_most("samples lost", seen["lost"], 0),
+        Bar("recording passes the gate", "yes", float(seen["ok"]), bool(seen["ok"])),
+    ]
+    size = f"{chosen.width} x {chosen.height}, {seconds:g} s"
+    show(f"bench screen, {size}", bars, chosen.json, seen=seen)
+    sys.exit(0 if all(bar.ok for bar in bars) else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,21 @@
+"""Results as JSON text, on stdout or in a file: numbers that are not finite become null."""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+
+def as_json(result: Mapping[str, Any]) -> str:
+    """One JSON object, indented."""
+    return json.dumps(_finite(result), indent=1, default=str)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return value

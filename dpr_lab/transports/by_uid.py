@@ -1,0 +1,63 @@
+"""Find a device by its UID, whichever port it was plugged into: `serial://?uid=51d000000001`."""
+
+import time
+from collections.abc import Callable, Iterable
+
+from dpr_lab.errors import LinkError
+from dpr_lab.transports.transport import Transport
+from firmware_protocol.errors import RemoteProtocolError
+from firmware_protocol.host_role import HostSession
+
+ANSWER_S = 0.7  # a greeting is repeated every 0.1 s
+READ_S = 0.02
+
+
+def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Transport]) -> Transport:
+    """The open link to the device whose UID ends as given.
+
+    Args:
+        url: as the operator wrote it
+        uid: the UID or its last digits, hexadecimal
+        ports: where to look; every one is greeted
+        open_port: opens a port by its name
+
+    Raises:
+        LinkError: it is on none of them; says what is.
+    """
+    met: list[str] = []
+    for name in ports:
+        try:
+            link = open_port(name)
+        except LinkError as error:
+            met.append(f"{name} ({str(error).removeprefix(f'{url}: ')})")
+            continue
+        try:
+            found = uid_at(link)
+        except LinkError:
+            found = ""
+        if found.endswith(uid.lower()) and found:
+            return link
+        link.close()
+        met.append(f"{name} ({f'device {found}' if found else 'no DPR device'})")
+    looked = f"looked at {', '.join(met)}" if met else "there is no port to look at"
+    raise LinkError(f"{url}: no device whose UID ends in {uid}; {looked}: check cable and power")
+
+
+def uid_at(link: Transport, timeout: float = ANSWER_S) -> str:
+    """The UID of the device on an open link; empty when none answers within `timeout` s, or not in our protocol.
+
+    Raises:
+        DeviceLost: the link is gone.
+    """
+    session = HostSession()
+    deadline = time.monotonic() + timeout
+    link.send(session.hello(time.monotonic()))
+    while session.outcome is None and time.monotonic() < deadline:
+        for frame in link.receive(READ_S).frames:
+            try:
+                session.receive(frame)
+            except RemoteProtocolError:
+                continue
+        for frame in session.due(time.monotonic()):
+            link.send(frame)
+    return session.info.uid if session.info is not None else ""

@@ -1,0 +1,74 @@
+"""One trial of a campaign, in whichever process: a case comes in as JSON, its outcome goes out as JSON.
+
+The device records its plant directly, without link and waiting: the same counts, so that hundreds are affordable.
+"""
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dpr_lab import __version__
+from dpr_lab.errors import DprError
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
+from dpr_lab.storage.reader import full_turns
+from dpr_lab.trials.score import score
+from dpr_lab.trials.sealing import Kind, Level, Wanted, seal, unseal
+from dpr_lab.trials.truth import unsealed
+
+
+def run_case(case: dict[str, Any]) -> dict[str, Any]:
+    """Seal, record, diagnose, open and score one plant.
+
+    Args:
+        case: `kind`, `level`, `seed`; `rig`, the text of a rig file; `plant`, a name or file that this machine has;
+            `version`, of the program that asks
+
+    Returns:
+        `outcome`, as `Outcome.to_json` gives it
+
+    Raises:
+        DprError: the device, the diagnosis or the seal failed, or another version is installed here.
+    """
+    import numba
+
+    from dpr_lab.gap.diagnose import diagnose
+
+    if case["version"] != __version__:
+        raise DprError(f"this worker has dpr-lab {__version__}, the campaign is of {case['version']}: install the same")
+    numba.set_num_threads(1)
+    with tempfile.TemporaryDirectory(prefix="dpr-lab-trial-") as name:
+        folder = Path(name)
+        rig_file = folder / "rig.toml"
+        rig_file.write_text(case["rig"], encoding="utf-8")
+        wanted = Wanted(Kind(case["kind"]), Level(case["level"]), case["seed"], str(rig_file), case["plant"])
+        told = seal(wanted, folder / "device", direct=True)
+        rig_file.write_text(told["rig"], encoding="utf-8")
+        rig = load_rig(rig_file)
+        runs = [_run(recording, rig) for recording in told["runs"]]
+        began = time.process_time()
+        said = diagnose(runs, rig).to_json()
+        seconds = time.process_time() - began
+        truth = unsealed(unseal(folder / "device"), told["seal"])
+    return {"outcome": score(said, truth, rig, **truth.drawn, seconds=seconds, seal=told["seal"]).to_json()}
+
+
+def _run(recording: dict[str, Any], rig: Rig) -> Run:
+    """The run that a run file of this recording would be read as."""
+    t, counts, pose = np.array(recording["t"]), np.array(recording["counts"], dtype=np.int64), recording["pose"]
+    theta = rig.theta(counts)
+    return Run(
+        name=pose,
+        t=t,
+        theta=theta - full_turns(rig, pose, t, theta),
+        counts=counts,
+        pose=pose,
+        rig_name=rig.name,
+        rig_sha256=rig.sha256,
+        rate_hz=recording["rate_hz"],
+        added_mass=rig.added_mass,
+        lost=recording["lost"],
+    )

@@ -1,0 +1,46 @@
+/* The frames a device sends, packed by the code generated from dpr.dbc. */
+#ifndef DPR_MESSAGES_H
+#define DPR_MESSAGES_H
+
+#include "generated/dpr.h"
+#include "generated/dpr_schema.h"
+#include "hal.h"
+
+#define DPR_INFO_PAGES 8u
+
+enum {
+    DPR_IDLE = DPR_STATUS_STATE_IDLE_CHOICE,
+    DPR_HOLDING = DPR_STATUS_STATE_HOLDING_CHOICE,
+    DPR_STREAMING = DPR_STATUS_STATE_STREAMING_CHOICE,
+    DPR_RELEASED = DPR_STATUS_STATE_RELEASED_CHOICE,
+    DPR_FAULT = DPR_STATUS_STATE_FAULT_CHOICE
+};
+
+/* What a device is, as INFO tells it, and the node it answers as. */
+typedef struct {
+    uint64_t uid;
+    uint32_t counts_per_rev[DPR_JOINTS];
+    uint16_t rate_max_hz;
+    uint16_t rate_default_hz; /* of the tick while not streaming */
+    uint8_t firmware[3];      /* major, minor, patch */
+    uint8_t node;
+    bool simulated_time;
+} dpr_identity_t;
+
+/* Samples since STREAM. */
+typedef struct {
+    uint16_t overruns; /* ticks without a reading */
+    uint16_t dropped;  /* samples without room to send */
+    uint16_t sent;
+} dpr_counters_t;
+
+dpr_frame_t dpr_event(uint8_t node, uint8_t kind, uint8_t detail, uint32_t tick);
+dpr_frame_t dpr_sample(uint8_t node, const dpr_reading_t *reading);
+dpr_frame_t dpr_position(uint8_t node, const dpr_reading_t *reading, uint8_t joint);
+dpr_frame_t dpr_status(uint8_t node, uint8_t state, uint8_t fault, bool latched, const dpr_counters_t *counters);
+dpr_frame_t dpr_pong(uint8_t node, uint16_t token, uint32_t tick, uint16_t fraction);
+dpr_frame_t dpr_ack(uint8_t node, uint8_t command, uint8_t token);
+dpr_frame_t dpr_nak(uint8_t node, uint8_t command, uint8_t token, uint8_t code);
+dpr_frame_t dpr_info(const dpr_identity_t *identity, uint8_t page);
+
+#endif

@@ -1,0 +1,155 @@
+#include "host.h"
+
+#include <string.h>
+
+uint32_t hal_millis(void *port)
+{
+    return ((const dpr_host_t *)port)->millis;
+}
+
+void hal_hold(void *port, uint8_t pose)
+{
+    dpr_deeds_t *deeds = &((dpr_host_t *)port)->deeds;
+    deeds->hold = true;
+    deeds->pose = pose;
+}
+
+uint32_t hal_release(void *port)
+{
+    dpr_host_t *host = port;
+    host->deeds.release = true;
+    host->deeds.release_tick = host->device.next_tick;
+    return host->deeds.release_tick;
+}
+
+void hal_start_ticks(void *port, uint16_t rate_hz)
+{
+    dpr_host_t *host = port;
+    host->waiting = 0;
+    host->deeds.start_ticks = true;
+    host->deeds.rate_hz = rate_hz;
+}
+
+bool hal_next_reading(void *port, dpr_reading_t *reading)
+{
+    dpr_host_t *host = port;
+    if (host->waiting == 0) {
+        return false;
+    }
+    *reading = *host->readings++;
+    host->waiting--;
+    return true;
+}
+
+void hal_time(void *port, uint32_t *tick, uint16_t *fraction)
+{
+    const dpr_host_t *host = port;
+    *tick = host->tick;
+    *fraction = host->fraction;
+}
+
+bool hal_send(void *port, const dpr_frame_t *frame)
+{
+    dpr_host_t *host = port;
+    if (host->count == DPR_HOST_FRAMES) {
+        return false;
+    }
+    host->frames[host->count++] = *frame;
+    return true;
+}
+
+uint8_t hal_fault(void *port)
+{
+    return ((const dpr_host_t *)port)->fault;
+}
+
+size_t dpr_host_size(void)
+{
+    return sizeof(dpr_host_t);
+}
+
+size_t dpr_host_decoder_size(void)
+{
+    return sizeof(dpr_decoder_t);
+}
+
+void dpr_host_start(dpr_host_t *host, const dpr_identity_t *identity)
+{
+    memset(host, 0, sizeof *host);
+    host->identity = *identity;
+    dpr_device_start(&host->device, &host->identity, host);
+}
+
+void dpr_host_receive(
+    dpr_host_t *host, const dpr_frame_t *frame, uint32_t millis, uint32_t tick, uint16_t fraction)
+{
+    host->millis = millis;
+    host->tick = tick;
+    host->fraction = fraction;
+    dpr_device_receive(&host->device, frame);
+}
+
+void dpr_host_poll(dpr_host_t *host, uint32_t millis, const dpr_reading_t *readings, size_t count)
+{
+    host->millis = millis;
+    host->readings = readings;
+    host->waiting = count;
+    dpr_device_poll(&host->device);
+}
+
+void dpr_host_set_fault(dpr_host_t *host, uint8_t fault)
+{
+    host->fault = fault;
+}
+
+void dpr_host_note_dropped(dpr_host_t *host, uint16_t samples)
+{
+    dpr_device_note_dropped(&host->device, samples);
+}
+
+size_t dpr_host_take(dpr_host_t *host, dpr_frame_t *frames)
+{
+    size_t count = host->count;
+    memcpy(frames, host->frames, count * sizeof *frames);
+    host->count = 0;
+    return count;
+}
+
+dpr_deeds_t dpr_host_deeds(dpr_host_t *host)
+{
+    dpr_deeds_t deeds = host->deeds;
+    memset(&host->deeds, 0, sizeof host->deeds);
+    return deeds;
+}
+
+uint8_t dpr_host_state(const dpr_host_t *host)
+{
+    return host->device.session.state;
+}
+
+bool dpr_host_latched(const dpr_host_t *host)
+{
+    return host->device.session.latched;
+}
+
+uint32_t dpr_host_next_tick(const dpr_host_t *host)
+{
+    return host->device.next_tick;
+}
+
+size_t dpr_host_decode(dpr_decoder_t *decoder, const uint8_t *data, size_t length, dpr_frame_t *frames)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < length; i++) {
+        if (dpr_decoder_push(decoder, data[i], &frames[count])) {
+            count++;
+        }
+    }
+    return count;
+}
+
+void dpr_host_errors(const dpr_decoder_t *decoder, uint32_t *crc, uint32_t *framing)
+{
+    *crc = decoder->crc_errors;
+    *framing = decoder->framing_errors;
+}

@@ -1,0 +1,59 @@
+/* The rules a device keeps, without its hardware: frames and the time go in, frames and a task come out.
+ *
+ * The same rules as firmware_protocol/session.py and device_role.py; traces.json holds both to them.
+ */
+#ifndef DPR_SESSION_H
+#define DPR_SESSION_H
+
+#include "messages.h"
+
+#define DPR_LEASE_MS 500u /* a device that hears nothing from its host for this long stops streaming */
+#define DPR_REMEMBERED 16u /* answers kept to repeat; a host has one command under way */
+
+/* What the owner of a session has to carry out. */
+typedef enum {
+    DPR_DO_NOTHING,
+    DPR_DO_HOLD,    /* engage the latch for `pose` */
+    DPR_DO_STREAM,  /* restart the tick at 0, at `rate_hz` */
+    DPR_DO_RELEASE, /* open the latch and send EVENT RELEASED */
+    DPR_DO_STOP,    /* go back to the default rate */
+    DPR_DO_PONG     /* tell the time, with `ping` */
+} dpr_task_t;
+
+typedef struct {
+    dpr_frame_t frames[1u + DPR_INFO_PAGES];
+    uint8_t count;
+    dpr_task_t task;
+    uint8_t pose;
+    uint16_t rate_hz;
+    uint16_t ping;
+} dpr_answer_t;
+
+typedef struct {
+    uint8_t command, token;
+    uint8_t refusal; /* a NAK code, 0 for ACK */
+} dpr_verdict_t;
+
+typedef struct {
+    const dpr_identity_t *identity;
+    uint8_t state, fault;
+    bool latched, greeted;
+    uint32_t heard_ms;
+    dpr_verdict_t verdicts[DPR_REMEMBERED];
+    uint8_t remembered, oldest;
+} dpr_session_t;
+
+void dpr_session_start(dpr_session_t *session, const dpr_identity_t *identity);
+
+bool dpr_session_streams(const dpr_session_t *session);
+
+/* Takes a frame off the link; frames for other nodes and damaged ones do nothing. */
+void dpr_session_receive(dpr_session_t *session, const dpr_frame_t *frame, uint32_t now_ms, dpr_answer_t *answer);
+
+/* Stops streaming when the host was silent for DPR_LEASE_MS; the latch stays as it is. */
+void dpr_session_check_lease(dpr_session_t *session, uint32_t now_ms, uint32_t tick, dpr_answer_t *answer);
+
+/* Stops on a fault; the latch stays as it is. */
+void dpr_session_fault(dpr_session_t *session, uint8_t fault, uint32_t tick, dpr_answer_t *answer);
+
+#endif

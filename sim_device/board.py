@@ -1,0 +1,34 @@
+"""What `serve` asks of a board, whichever firmware it runs."""
+
+from collections.abc import Iterable
+from typing import Protocol
+
+from firmware_protocol.messages import Frame
+
+
+class Board(Protocol):
+    """A board on a link: frames in, frames out, wall time as an argument."""
+
+    streamed: float
+    """Device time spent streaming since the first start, s."""
+
+    @property
+    def streams(self) -> bool:
+        """Whether samples are being sent."""
+        ...
+
+    def service(self, wall: float, blocked: bool = False) -> list[Frame]:
+        """What the board has to send by the wall time `wall`, s; `blocked` when the link does not take more."""
+        ...
+
+    def receive(self, frame: Frame, wall: float) -> list[Frame]:
+        """Obey one frame that arrived at the wall time `wall`, s; returns the answers."""
+        ...
+
+    def note_dropped(self, frames: Iterable[Frame]) -> None:
+        """Count the samples among frames for which the link had no room."""
+        ...
+
+    def reset(self) -> None:
+        """Restart the board, as after a power dip."""
+        ...

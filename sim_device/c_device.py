@@ -1,0 +1,103 @@
+"""The simulated board with the reference firmware in C: `Device` in all but who keeps the rules."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.identity import DeviceInfo
+from firmware_protocol.messages import NUMBERS, Frame, Sample, State
+from firmware_protocol.session import STREAMS
+from sim_device.c_firmware import Firmware
+from sim_device.clock import Clock
+from sim_device.device import TickBase
+from sim_device.faults import Faults
+from sim_device.rods import Rods
+
+
+class CDevice:
+    """The hardware of a board on a link, around its firmware: latch, timer, encoders; wall time as an argument."""
+
+    def __init__(self, info: DeviceInfo, rods: Rods, clock: Clock, faults: Faults | None = None) -> None:
+        self._info, self._rods, self._clock, self._faults = info, rods, clock, faults or Faults()
+        self.streamed = 0.0
+        """Device time spent streaming since the first start, s."""
+        self._start()
+
+    def _start(self) -> None:
+        self._firmware = Firmware(self._info)
+        self._release_tick = 0
+        self._act(self._clock.now)
+
+    def reset(self) -> None:
+        """Restart the board, as after a power dip: the latch opens unless it was open, and nothing is remembered."""
+        if self._firmware.latched:
+            self._rods.let_go(self._clock.now, self._info.rate_default_hz)
+        self._start()
+
+    @property
+    def streams(self) -> bool:
+        """Whether samples are being sent."""
+        return self._firmware.state in STREAMS
+
+    def service(self, wall: float, blocked: bool = False) -> list[Frame]:
+        """What the board has to send by the wall time `wall`, s; `blocked` when the link does not take more."""
+        now = self._clock.advance(wall, self._firmware.state, self._ticks.rate_hz, blocked)
+        frames = self._firmware.poll(_millis(wall))
+        self._act(now)
+        first, self._next_tick = self._next_tick, max(self._next_tick, int(self._ticks.at(now)) + 1)
+        count = self._next_tick - first
+        if not count:
+            return frames
+        if not self.streams:
+            return frames + self._firmware.poll(_millis(wall), self._idle_reading(now))
+        return frames + self._samples(wall, first, count)
+
+    def receive(self, frame: Frame, wall: float) -> list[Frame]:
+        """Obey one frame that arrived at the wall time `wall`, s; returns the answers."""
+        now = self._clock.advance(wall, self._firmware.state, self._ticks.rate_hz)
+        frames = self._firmware.receive(frame, _millis(wall), self._ticks.at(now))
+        self._act(now)
+        return frames
+
+    def note_dropped(self, frames: Iterable[Frame]) -> None:
+        """Count the samples among frames for which the link had no room."""
+        self._firmware.note_dropped(sum(map(_is_sample, frames)))
+
+    def _act(self, now: float) -> None:
+        deeds = self._firmware.deeds()
+        if deeds.hold:
+            self._rods.place(deeds.pose, now)
+        if deeds.release:
+            self._release_tick = deeds.release_tick
+            self._rods.let_go(float(self._ticks.times(self._release_tick, 1)[0]), self._ticks.rate_hz)
+        if deeds.start_ticks:
+            self._ticks, self._next_tick = TickBase(now, deeds.rate_hz), 0
+
+    def _idle_reading(self, now: float) -> NDArray[np.int64]:
+        """(1, 4) only the newest: what else was latched while nothing is streamed goes nowhere."""
+        tick = self._next_tick - 1
+        return np.concatenate([[tick], self._rods.idle_counts(now, tick)])[None]
+
+    def _samples(self, wall: float, first: int, count: int) -> list[Frame]:
+        ticks, in_time = np.arange(first, first + count), self._faults.taken(count)
+        counts, missing = self._streamed(first, count)
+        frames = self._firmware.poll(_millis(wall), np.column_stack([ticks, counts])[in_time])
+        self.streamed += count / self._ticks.rate_hz
+        gone = iter(missing[in_time].tolist())
+        return [frame for frame in frames if not (_is_sample(frame) and next(gone))]
+
+    def _streamed(self, first: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """(count, 3) counts at ticks, and (count,) which samples go astray inside the board."""
+        if self._firmware.state is State.RELEASED:
+            since = first - self._release_tick
+            return self._rods.swing_counts(since, count), self._rods.missing(since, count)
+        return self._rods.held_counts(self._ticks.times(first, count), first), np.zeros(count, np.bool_)
+
+
+def _is_sample(frame: Frame) -> bool:
+    return frame.number == NUMBERS[Sample]
+
+
+def _millis(wall: float) -> int:
+    return int(wall * 1000)

@@ -1,0 +1,78 @@
+"""The reference firmware as a shared library: built by `make -C firmware_protocol/c`, or compiled on first use."""
+
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from platformdirs import user_cache_path
+
+import firmware_protocol
+from dpr_lab.errors import ConfigError
+
+FOLDER = Path(firmware_protocol.__file__).parent / "c"
+BUILT = FOLDER / "build" / "libdpr.so"
+"""Where the Makefile puts it."""
+
+CHOSEN = "DPR_FIRMWARE_LIBRARY"
+"""Environment variable that names another build, such as one with sanitizers."""
+
+FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared")
+COMPILERS = ("cc", "gcc", "clang")
+
+
+def library_path() -> Path:
+    """The library of the sources as they are now.
+
+    Raises:
+        ConfigError: it has to be compiled and there is no C compiler, or the compiler refused.
+    """
+    if chosen := os.environ.get(CHOSEN):
+        return Path(chosen)
+    if BUILT.is_file() and BUILT.stat().st_mtime >= max(path.stat().st_mtime for path in _sources(".[ch]")):
+        return BUILT
+    cached = user_cache_path("dpr-lab") / "firmware" / f"libdpr-{_source_hash()}.so"
+    if not cached.is_file():
+        compile_to(cached)
+    return cached
+
+
+def compile_to(target: Path, *flags: str) -> None:
+    """Compile core and host port; the file appears whole or not at all.
+
+    Raises:
+        ConfigError: there is no C compiler, or it refused.
+    """
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+        fresh = Path(folder) / target.name
+        done = subprocess.run(
+            [_compiler(), *FLAGS, *flags, "-o", fresh, *_sources(".c")], capture_output=True, text=True, check=False
+        )
+        if done.returncode:
+            raise ConfigError(f"{FOLDER}: the firmware did not compile:\n{done.stderr.strip()}")
+        os.replace(fresh, target)
+
+
+def _compiler() -> str:
+    for name in (os.environ.get("CC", ""), *COMPILERS):
+        if found := shutil.which(name):
+            return found
+    raise ConfigError(
+        "the firmware in C needs a C compiler and none was found (cc, gcc, clang): install one (Debian: apt install"
+        " gcc), or take the firmware in Python"
+    )
+
+
+def _sources(ending: str) -> list[Path]:
+    folders = (FOLDER, FOLDER / "generated", FOLDER / "ports" / "host")
+    return [path for folder in folders for path in sorted(folder.glob(f"*{ending}"))]
+
+
+def _source_hash() -> str:
+    digest = hashlib.sha256(" ".join(FLAGS).encode())
+    for path in _sources(".[ch]"):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]

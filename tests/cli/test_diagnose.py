@@ -1,0 +1,188 @@
+"""`dpr-lab diagnose` end to end: a worn rig recorded through the protocol, told apart from the model, on a page."""
+
+import json
+import os
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects import EFFECTS
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
+
+KEYS = {
+    "verdict", "sentence", "gap", "where", "effects", "rivals", "probabilities", "detectable", "sensor_findings",
+    "advice", "ratios", "seconds",
+}  # fmt: skip
+GAP_KEYS = {"floor_rad", "before_rad", "after_rad", "before_Nm", "explained_share", "closed_held_out"}
+VERDICTS = {"no_gap", "named", "partly_explained", "unexplained"}
+
+
+@pytest.fixture(scope="module")
+def worn(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
+    """Three releases of a rig whose bearings have dry friction besides the viscous."""
+    out = tmp_path_factory.mktemp("worn")
+    words = ("--rig", "paper", "--link", "sim://?plant=dry&clock=fast&seed=4", "--out", out, "--json")
+    done = cli("capture", *words)
+    assert done.code == 0, done.err
+    return [Path(run["file"]) for run in done.json["runs"]]
+
+
+@pytest.fixture(scope="module")
+def told(worn: list[Path], tmp_path_factory: pytest.TempPathFactory, cli) -> dict[str, Any]:
+    out = tmp_path_factory.mktemp("page")
+    done = cli("diagnose", *worn, "--rig", "paper", "--out", out, "--json")
+    assert done.code == 0, done.err
+    return done.json
+
+
+def is_interval(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 2 and value[0] <= value[1]
+
+
+def test_the_keys_that_other_tools_rely_on(told: dict[str, Any], worn: list[Path]) -> None:
+    assert set(told) >= KEYS
+    assert told["verdict"] in VERDICTS
+    assert set(told["gap"]) >= GAP_KEYS
+    for name in ("floor_rad", "before_rad", "after_rad", "before_Nm"):
+        assert set(told["gap"][name]) == {"joint1", "joint2"}
+    closed = told["gap"]["closed_held_out"]
+    assert set(closed) >= {"estimate", "interval90", "per_run"}
+    assert closed["interval90"][0] <= closed["estimate"] <= closed["interval90"][1]
+    assert set(closed["per_run"]) == {run.stem for run in worn}
+    for place in told["where"]:
+        assert set(place) >= {"site", "coordinate", "share", "sentence"}
+    for effect in told["effects"]:
+        assert set(effect) >= {"name", "class", "probability", "parameters", "share"}
+        assert effect["name"] in effect["class"]
+        assert set(effect["class"]) <= set(EFFECTS)
+        assert all(is_interval(found["interval90"]) and "value" in found for found in effect["parameters"].values())
+    for rival in told["rivals"]:
+        assert set(rival) >= {"name", "class", "probability", "cosine"}
+    assert {"no_gap", "unexplained"} <= set(told["probabilities"])
+    assert all(0 <= p <= 1 for p in told["probabilities"].values())
+    assert set(told["detectable"]) <= set(EFFECTS)
+    assert list(told["ratios"]) == list(RATIOS)
+    assert all(is_interval(ratio["interval90"]) for ratio in told["ratios"].values())
+    assert told["seconds"] > 0
+
+
+def test_dry_friction_is_named_with_its_size(told: dict[str, Any]) -> None:
+    """Torques are told at the scale of the rig file's b, which the true plant does not quite have."""
+    assert told["verdict"] == "named"
+    found = {effect["name"]: effect for effect in told["effects"]}
+    assert set(found) == {"coulomb_joint1", "coulomb_joint2"}
+    assert found["coulomb_joint1"]["parameters"]["torque_Nm"]["value"] == pytest.approx(0.0023, rel=0.2)
+    assert found["coulomb_joint2"]["parameters"]["torque_Nm"]["value"] == pytest.approx(0.0008, rel=0.2)
+    assert told["gap"]["closed_held_out"]["estimate"] > 0.9
+
+
+def test_the_page_and_the_exports_are_written(told: dict[str, Any]) -> None:
+    assert set(told["files"]) >= {"report", "model", "module", "mjcf"}
+    assert all(Path(file).is_file() for file in told["files"].values())
+    page = Path(told["files"]["report"]).read_text(encoding="utf-8")
+    HTMLParser().feed(page)
+    assert told["sentence"] in page
+    assert "http://" not in page
+    assert "https://" not in page
+    assert json.loads(Path(told["files"]["model"]).read_text())
+
+
+def test_same_seed_same_answer(worn: list[Path], cli) -> None:
+    words = ("diagnose", *worn, "--rig", "paper", "--library", "coulomb_joint1,coulomb_joint2", "--seed", 3, "--json")
+    once, again = cli(*words).json, cli(*words).json
+    assert without_times(once) == without_times(again)
+
+
+def without_times(diagnosis: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in diagnosis.items() if name not in ("seconds", "files")}
+
+
+def test_the_readable_form_starts_with_the_verdict(worn: list[Path], cli) -> None:
+    done = cli("diagnose", *worn, "--rig", "paper", "--library", "coulomb_joint1, coulomb_joint2")
+    assert done.code == 0, done.err
+    assert done.out.startswith("The gap is explained by ")
+    assert "90 % interval" in done.out
+
+
+def test_a_run_held_out_only_measures(worn: list[Path], cli) -> None:
+    words = ("--held-out", worn[2], "--library", "coulomb_joint1,coulomb_joint2,detent_joint1", "--json")
+    closed = cli("diagnose", *worn[:2], "--rig", "paper", *words).json["gap"]["closed_held_out"]
+    assert set(closed["per_run"]) == {run.stem for run in worn[:2]}
+    assert set(closed["held_out"]) == {worn[2].stem}
+    assert closed["held_out"][worn[2].stem] > 0.9
+
+
+def test_the_library_bounds_what_can_be_named(worn: list[Path], cli) -> None:
+    words = ("--library", "coulomb_joint1,coulomb_joint2,detent_joint1", "--without", "coulomb_joint2")
+    told = cli("diagnose", *worn, "--rig", "paper", *words, "--max-effects", 1, "--json").json
+    assert set(told["detectable"]) <= {"coulomb_joint1", "detent_joint1"}
+    assert len(told["effects"]) <= 1
+    assert {effect["name"] for effect in told["effects"]} <= {"coulomb_joint1", "detent_joint1"}
+
+
+def test_an_identified_model_is_a_start(worn: list[Path], model: Path, cli) -> None:
+    words = ("--model", model, "--library", "coulomb_joint1,coulomb_joint2", "--json")
+    told = cli("diagnose", *worn, "--rig", "paper", *words).json
+    assert {effect["name"] for effect in told["effects"]} == {"coulomb_joint1", "coulomb_joint2"}
+
+
+def test_a_rig_without_a_gap_has_none(runs: list[Path], cli) -> None:
+    told = cli("diagnose", *runs, "--rig", "paper", "--json").json
+    assert told["verdict"] == "no_gap"
+    assert told["effects"] == []
+    assert told["probabilities"]["no_gap"] > 0.9
+
+
+def test_bad_input_is_answered_with_a_sentence_and_a_code(worn: list[Path], model: Path, tmp_path: Path, cli) -> None:
+    rig = tmp_path / "rig.toml"
+    paper = Path(__file__).parents[2] / "configs" / "rigs" / "paper.toml"
+    rig.write_text(paper.read_text().replace('name = "paper"', 'name = "other"', 1))
+    no_run, no_model = tmp_path / "run.mcap", tmp_path / "model.json"
+    no_run.write_text("hello")
+    no_model.write_text("{}")
+    cases: list[tuple[tuple[object, ...], int, str]] = [
+        ((*worn, "--rig", "paper", "--library", "gremlins"), 3, "no effect named gremlins; there are: coulomb_joint1"),
+        ((*worn, "--rig", "paper", "--without", "gremlins"), 3, "no effect named gremlins"),
+        ((*worn, "--rig", "paper", "--library", ""), 3, "leave no effect"),
+        ((*worn, "--rig", "paper", "--held-out", worn[0]), 3, "the same recording"),
+        ((*worn, worn[1], "--rig", "paper"), 3, "give each run once"),
+        ((*worn, "--rig", rig), 3, "run of another rig"),
+        ((*worn, "--rig", "nonesuch"), 3, "no built-in name of rigs"),
+        ((*worn, "--rig", "paper", "--model", no_model), 3, str(no_model)),
+        ((*worn, "--rig", "paper", "--model", tmp_path / "none.json"), 3, "none.json"),
+        ((no_run, "--rig", "paper"), 3, str(no_run)),
+        ((tmp_path / "none.mcap", "--rig", "paper"), 3, "cannot be read"),
+        ((*worn, "--rig", "paper", "--max-effects", 0), 2, "--max-effects"),
+        (("--rig", "paper"), 2, "runs"),
+        ((*worn,), 2, "--rig"),
+    ]
+    for words, code, said in cases:
+        done = cli("diagnose", *words)
+        assert (done.code, said in done.err, "Traceback" in done.err) == (code, True, False), (words, done.err)
+
+
+def test_a_model_of_another_rig_is_refused(worn: list[Path], model: Path, tmp_path: Path, cli) -> None:
+    other = json.loads(model.read_text())
+    other["rig"]["name"] = "other"
+    (tmp_path / "other.json").write_text(json.dumps(other))
+    done = cli("diagnose", *worn, "--rig", "paper", "--model", tmp_path / "other.json")
+    assert done.code == 3
+    assert "the model is of rig other" in done.err
+
+
+def test_names_of_effects_complete_after_a_comma() -> None:
+    words = "dpr-lab diagnose --library coulomb_joint1,detent_j"
+    environment = {**os.environ, "_DPR_LAB_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": "3"}
+    program = Path(sys.executable).with_name("dpr-lab")
+    done = subprocess.run([program], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.stdout.split() == ["coulomb_joint1,detent_joint1", "coulomb_joint1,detent_joint2"]
+
+
+def test_help_has_an_example(cli) -> None:
+    assert "Example: dpr-lab diagnose" in cli("diagnose", "--help").out

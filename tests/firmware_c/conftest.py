@@ -1,0 +1,326 @@
+"""One device behind three implementations: the Python role, the C core on this machine, the C core on a Cortex-M.
+
+Each is a `Role`: what it is sent and what happens to it go in, its messages come out.
+"""
+
+import ctypes
+import select
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import pytest
+import serial
+
+import firmware_protocol
+from dpr_lab.errors import ConfigError
+from firmware_protocol.device_role import Answer, DeviceSession
+from firmware_protocol.framing import FrameDecoder, encode_frame
+from firmware_protocol.identity import DeviceInfo
+from firmware_protocol.messages import (
+    MESSAGES,
+    Event,
+    EventKind,
+    Fault,
+    Frame,
+    KeepAlive,
+    Message,
+    Ping,
+    Pong,
+    Position,
+    Release,
+    Sample,
+    State,
+    Status,
+    decode,
+    encode,
+)
+from sim_device.c_firmware import Firmware, load
+
+SOURCES = Path(firmware_protocol.__file__).parent / "c"
+INFO = DeviceInfo("1.0.0", "00a385000000dead", (16384, 16384, 16384), rate_max_hz=4000, rate_default_hz=1000)
+
+PATIENCE_S = 30.0
+"""For something that is sure to come."""
+
+
+class Role(Protocol):
+    """A device that has just been switched on."""
+
+    def send(self, frame: Frame) -> list[Message]: ...
+
+    def fall_silent(self, seconds: float, answers: int) -> list[Message]: ...
+
+    def set_fault(self, fault: int, answers: int) -> list[Message]: ...
+
+    def status(self) -> Status: ...
+
+
+class PythonRole:
+    def __init__(self) -> None:
+        self.session, self.now = DeviceSession(INFO), 0.0
+
+    def send(self, frame: Frame) -> list[Message]:
+        return self._carry_out(self.session.receive(frame, self.now))
+
+    def fall_silent(self, seconds: float, answers: int) -> list[Message]:
+        self.now += seconds
+        return self._carry_out(self.session.check_lease(self.now, 7))
+
+    def set_fault(self, fault: int, answers: int) -> list[Message]:
+        return self._carry_out(self.session.fault(Fault(fault), 7)) if fault else []
+
+    def status(self) -> Status:
+        status = decode(self.session.status(0, 0, 0))
+        assert isinstance(status, Status)
+        return status
+
+    def _carry_out(self, answer: Answer) -> list[Message]:
+        frames = list(answer.frames)
+        if isinstance(answer.task, Release):
+            frames.append(self.session.released(9))
+        if isinstance(answer.task, Ping):
+            frames.append(self.session.pong(answer.task, 9, 0.5))
+        return [decode(frame) for frame in frames]
+
+
+class CRole:
+    def __init__(self, library: ctypes.PyDLL) -> None:
+        self.firmware, self.millis = Firmware(INFO, library=library), 0
+
+    def send(self, frame: Frame) -> list[Message]:
+        return [decode(answer) for answer in self.firmware.receive(frame, self.millis, 9.5)]
+
+    def fall_silent(self, seconds: float, answers: int) -> list[Message]:
+        self.millis += round(1000 * seconds)
+        return [decode(frame) for frame in self.firmware.poll(self.millis)]
+
+    def set_fault(self, fault: int, answers: int) -> list[Message]:
+        self.firmware.set_fault(fault)
+        return [decode(frame) for frame in self.firmware.poll(self.millis)]
+
+    def status(self) -> Status:
+        """From the report that a reading a second later is due for."""
+        late = np.array([[self.firmware.next_tick + 1000, 0, 0, 0]])
+        messages = [decode(frame) for frame in self.firmware.poll(self.millis, late)]
+        return next(message for message in messages if isinstance(message, Status))
+
+
+class QemuBoard:
+    """The image of the Cortex-M port in QEMU: the link is a pseudo terminal, stdin and stdout are the bench."""
+
+    def __init__(self, image: Path) -> None:
+        flags = "-machine mps2-an385 -icount shift=3 -display none -monitor none -serial pty -serial stdio".split()
+        self.process = subprocess.Popen(
+            ["qemu-system-arm", *flags, "-kernel", image], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+        )
+        self.path = self._bench_until(b"(label serial0)").split()[-3].decode()
+        self._bench_until(b"started\n")
+
+    @property
+    def url(self) -> str:
+        return f"serial://{self.path}?baud=921600"
+
+    def reset(self) -> None:
+        self._tell_bench(b"0")
+        self._bench_until(b"0")
+        self._tell_bench(b"r")
+        self._bench_until(b"started\n")
+
+    def set_fault(self, fault: int) -> None:
+        self._tell_bench(b"%d" % fault)
+        self._bench_until(b"%d" % fault)
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+    def _tell_bench(self, data: bytes) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(data)
+
+    def _bench_until(self, end: bytes) -> bytes:
+        assert self.process.stdout is not None
+        said, deadline = b"", time.monotonic() + PATIENCE_S
+        while not said.endswith(end):
+            assert select.select([self.process.stdout], [], [], max(0.0, deadline - time.monotonic()))[0], said
+            fresh = self.process.stdout.read(1)
+            assert fresh, f"QEMU ended: {said!r}"
+            said += fresh
+        return said
+
+
+class QemuRole:
+    """Answers are told apart by a PING behind what was asked, since a device works in the order of what it hears."""
+
+    def __init__(self, board: QemuBoard, port: serial.Serial) -> None:
+        self.board, self.port, self.token = board, port, 0
+        self.switch_on()
+
+    def switch_on(self) -> None:
+        """Off and on again; what was said before is forgotten."""
+        self.board.reset()
+        self.port.reset_input_buffer()
+        self.decoder, self.heard = FrameDecoder(), list[Message]()
+        self.released: Event | None = None
+        self._barrier()
+
+    def send(self, frame: Frame) -> list[Message]:
+        self.port.write(encode_frame(frame))
+        return self._answers(self._barrier())
+
+    def fall_silent(self, seconds: float, answers: int) -> list[Message]:
+        """Until the device has said as much as it should, for it counts its own time; else as long as it takes."""
+        begun, before = time.monotonic(), len(self._answers(self.heard))
+        while len(self._answers(self.heard)) < before + answers if answers else time.monotonic() < begun + seconds:
+            assert time.monotonic() < begun + PATIENCE_S, "the device said nothing"
+            self._read()
+        return self._answers(self._barrier())
+
+    def set_fault(self, fault: int, answers: int) -> list[Message]:
+        self.board.set_fault(fault)
+        return self._answers(self._barrier())
+
+    def status(self) -> Status:
+        self._barrier()
+        self.heard.clear()
+        self._wait(lambda: any(isinstance(message, Status) for message in self.heard))
+        return next(message for message in self.heard if isinstance(message, Status))
+
+    def _barrier(self) -> list[Message]:
+        """All that was said until now."""
+        self.token = self.token % 255 + 1
+        mark = Ping(0xBA00 + self.token)
+        self._wait(lambda: any(isinstance(m, Pong) and m.token == mark.token for m in self.heard), mark)
+        said, self.heard = self.heard, []
+        return said
+
+    def _wait(self, done: Callable[[], bool], mark: Ping | None = None) -> None:
+        """Read until `done`; a mark is sent again now and then, for nobody hears what is said to an unplugged port."""
+        deadline, again = time.monotonic() + PATIENCE_S, 0.0
+        while not done():
+            now = time.monotonic()
+            assert now < deadline, "the device said nothing"
+            if now >= again:
+                self.port.write(encode_frame(encode(mark or KeepAlive())))
+                again = now + 0.1
+            self._read()
+
+    def _read(self) -> None:
+        self.heard += map(decode, self.decoder.feed(self.port.read(self.port.in_waiting or 1)))
+        assert self.decoder.crc_errors + self.decoder.framing_errors == 0
+
+    def _answers(self, said: list[Message]) -> list[Message]:
+        """What is neither report nor sample nor mark; of a release repeated with every report only the first."""
+        answers: list[Message] = []
+        for message in said:
+            if isinstance(message, Sample | Position | Status) or (
+                isinstance(message, Pong) and message.token & 0xFF00 == 0xBA00
+            ):
+                continue
+            if isinstance(message, Event) and message.kind is EventKind.RELEASED:
+                if message == self.released:
+                    continue
+                self.released = message
+            answers.append(message)
+        return answers
+
+
+def message_of(name: str, fields: dict[str, int]) -> Message:
+    """A message of a trace; fields not given are those of this version of dpr.dbc."""
+    return MESSAGES[name](**fields)
+
+
+@pytest.fixture(scope="session")
+def run_trace() -> Callable[[Role, list[dict]], None]:
+    return _run_trace
+
+
+def _run_trace(role: Role, steps: list[dict]) -> None:
+    for number, step in enumerate(steps):
+        expected = step["answers"]
+        answers = _take_step(role, step, len(expected))
+        assert [type(answer) for answer in answers] == [MESSAGES[name] for name, _ in expected], (number, step, answers)
+        for answer, (_, fields) in zip(answers, expected, strict=True):
+            told = {name: getattr(answer, name) for name in fields}
+            assert told == fields, (number, step, answers)
+        if "then" in step:
+            state, latched, fault = step["then"]
+            status = role.status()
+            found = (status.state, status.latched, status.fault)
+            assert found == (State[state], latched, Fault[fault]), (number, step)
+
+
+def _take_step(role: Role, step: dict, answers: int) -> list[Message]:
+    if "silent_s" in step:
+        return role.fall_silent(step["silent_s"], answers)
+    if "fault" in step:
+        return role.set_fault(step["fault"], answers)
+    if "frame" in step:
+        identifier, data = step["frame"]
+        return role.send(Frame(identifier, bytes.fromhex(data)))
+    return role.send(encode(message_of(*step["send"])))
+
+
+@pytest.fixture(scope="session")
+def library() -> ctypes.PyDLL:
+    """The C core on this machine."""
+    try:
+        return load()
+    except ConfigError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def make(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Runs a target of the firmware's Makefile in a fresh folder; skips where a tool for it is missing."""
+
+    def run(target: str, *tools: str) -> Path:
+        for tool in ("make", *tools):
+            if shutil.which(tool) is None:
+                pytest.skip(f"{tool} is not installed")
+        build = tmp_path_factory.mktemp("firmware")
+        command = ["make", "--no-print-directory", "-C", SOURCES, target, f"BUILD={build}"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "warning" not in done.stderr
+        return build
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def image(make) -> Path:
+    """The Cortex-M image."""
+    return make("firmware", "arm-none-eabi-gcc") / "mps2_an385.elf"
+
+
+@pytest.fixture
+def board(image: Path) -> Iterator[QemuBoard]:
+    if shutil.which("qemu-system-arm") is None:
+        pytest.skip("qemu-system-arm is not installed")
+    board = QemuBoard(image)
+    try:
+        yield board
+    finally:
+        board.close()
+
+
+@pytest.fixture
+def python_role() -> Role:
+    return PythonRole()
+
+
+@pytest.fixture
+def c_role(library: ctypes.PyDLL) -> Role:
+    return CRole(library)
+
+
+@pytest.fixture
+def qemu_role(board: QemuBoard) -> Iterator[QemuRole]:
+    with serial.Serial(board.path, 921_600, timeout=0.02, exclusive=True) as port:
+        yield QemuRole(board, port)

@@ -1,0 +1,95 @@
+"""The C core on a Cortex-M in QEMU, with the real driver at the other end of a pseudo terminal."""
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import firmware_protocol
+from dpr_lab.capture import CaptureOptions, capture
+from dpr_lab.device import Device
+from dpr_lab.errors import LinkTimeout
+from dpr_lab.storage.reader import load_run
+from dpr_lab.transports import open_transport
+from firmware_protocol.messages import State, Status
+
+pytestmark = pytest.mark.slow
+
+PORT = Path(firmware_protocol.__file__).parent / "c" / "ports" / "mps2_an385"
+
+
+class Rods(ctypes.Structure):
+    _fields_ = (("theta", ctypes.c_float * 2), ("omega", ctypes.c_float * 2), ("held", ctypes.c_bool))
+
+
+@pytest.fixture(scope="module")
+def swing(tmp_path_factory) -> Callable[[int, int, int], np.ndarray]:
+    """What the port's rods read at each tick from the release on, computed on this machine from the same source."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("cc is not installed")
+    target = tmp_path_factory.mktemp("rods") / "librods.so"
+    flags = ["-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared"]
+    subprocess.run([compiler, *flags, "-o", target, PORT / "rods.c"], check=True, timeout=60)
+    library = ctypes.CDLL(str(target))
+    library.rods_step.argtypes = (ctypes.c_void_p, ctypes.c_float)
+
+    def counts(pose: int, rate_hz: int, samples: int) -> np.ndarray:
+        rods, read = Rods(), (ctypes.c_int32 * 3)()
+        library.rods_place(ctypes.byref(rods), ctypes.c_uint8(pose))
+        library.rods_let_go(ctypes.byref(rods))
+        rows = []
+        for _ in range(samples):
+            library.rods_read(ctypes.byref(rods), read)
+            rows.append(list(read))
+            library.rods_step(ctypes.byref(rods), ctypes.c_float(np.float32(1) / np.float32(rate_hz)))
+        return np.array(rows)
+
+    return counts
+
+
+@pytest.fixture
+def device(board) -> Iterator[Device]:
+    with connected(board.url) as device:
+        yield device
+
+
+def connected(url: str) -> Device:
+    """QEMU looks only once a second whether somebody has opened its terminal."""
+    device = Device(open_transport(url))
+    try:
+        device.connect(timeout=20.0)
+    except LinkTimeout:
+        device.close()
+        raise
+    return device
+
+
+@pytest.mark.parametrize(("pose", "rate_hz"), [("X1", 1000), ("X2", 1000), ("X3", 4000)])
+def test_a_capture_has_every_count_as_it_was_read(pose, rate_hz, device, swing, paper, tmp_path):
+    options = CaptureOptions(rate_hz=rate_hz, duration=2.0, rest_timeout=60.0)
+    captured = capture(device, paper, pose, options, tmp_path, confirm=lambda: True)
+    assert captured.verdict.ok, captured.verdict.sentence
+    assert sum(captured.lost.values()) == 0
+    counts = load_run(captured.run_file).swing.counts
+    assert counts is not None
+    assert len(counts) == 2 * rate_hz + 1
+    assert np.array_equal(counts, swing(1 + list(paper.poses).index(pose), rate_hz, len(counts)))
+    assert device.info.uid == "00a385000000dead"
+
+
+def test_a_driver_that_goes_away_leaves_the_rods_held(board, device):
+    device.hold(1)
+    device.stream(1000)
+    device.close()
+    with connected(board.url) as again:
+        status = None
+        while status is None or status.state is State.STREAMING:
+            told = [m for batch in again.poll(5.0) for m in batch.messages if isinstance(m, Status)]
+            assert told, "the device said nothing"
+            status = told[-1]
+        assert (status.state, status.latched) == (State.HOLDING, True)

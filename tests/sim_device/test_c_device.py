@@ -1,0 +1,158 @@
+"""The board with the firmware in C is the board with the firmware in Python: frame by frame, and through the lab."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dpr_lab.capture import CaptureOptions, capture
+from dpr_lab.device import Device
+from dpr_lab.errors import ConfigError
+from dpr_lab.storage.reader import load_run
+from dpr_lab.transports import open_transport
+from firmware_protocol.messages import (
+    NUMBERS,
+    ClearFault,
+    Frame,
+    Hello,
+    Hold,
+    KeepAlive,
+    Ping,
+    Release,
+    Sample,
+    Status,
+    Stop,
+    Stream,
+    encode,
+)
+from sim_device.assemble import Options, assemble
+from sim_device.c_firmware import load
+
+STEP_S = 1 / 64
+"""Exact in seconds and, times 32, in milliseconds, so that both firmwares see the same lease."""
+
+
+@pytest.fixture(autouse=True)
+def _compiled() -> None:
+    try:
+        load()
+    except ConfigError as error:
+        pytest.skip(str(error))
+
+
+STREAMS = [Stream(rate_hz=rate_hz) for rate_hz in (7, 1000, 4000, 4001)]
+COMMANDS = (Hold(pose=2), *STREAMS, Release(), Stop(), ClearFault())
+happenings = st.one_of(
+    st.tuples(st.sampled_from(COMMANDS), st.integers(0, 255)),
+    st.sampled_from([Hello(1), Hello(2, major=9), Hello(3, schema_hash=1), KeepAlive(), Ping(5), "again"]),
+    st.integers(1, 40),
+    st.builds(Frame, st.integers(60, 130), st.binary(max_size=8)),
+)
+usual = [Hello(1), (Hold(pose=1), 2), 3, (Stream(rate_hz=1000), 3), 5, (Release(), 4), 20]
+
+
+def both():
+    """Two boards that differ in nothing but the firmware."""
+    devices = []
+    for firmware in ("python", "c"):
+        device, link, _ = assemble(Options(link="tcp:0", seed=3, firmware=firmware))
+        link.close()
+        devices.append(device)
+    return devices
+
+
+def frame_of(happening, last: Frame) -> Frame:
+    if happening == "again":
+        return last
+    if isinstance(happening, tuple):
+        command, token = happening
+        return encode(replace(command, token=token))
+    return happening if isinstance(happening, Frame) else encode(happening)
+
+
+@settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
+@given(st.booleans(), st.lists(happenings, max_size=25))
+def test_both_firmwares_say_the_same_at_every_step(begun: bool, sequence: list):
+    python, c = both()
+    steps, last = 0, encode(KeepAlive())
+    for happening in (usual if begun else []) + sequence:
+        if isinstance(happening, int):
+            steps += happening
+        else:
+            last = frame_of(happening, last)
+            assert c.receive(last, 100 + steps * STEP_S) == python.receive(last, 100 + steps * STEP_S)
+        steps += 1
+        assert c.service(100 + steps * STEP_S) == python.service(100 + steps * STEP_S)
+        assert c.streams == python.streams
+
+
+def test_two_swings_are_the_same_frame_by_frame(bench):
+    said = []
+    for firmware in ("python", "c"):
+        host = bench.direct(seed=7, firmware=firmware, plant="dry")
+        host.release(pose=2, swing=12_000)
+        said.append(host.messages.copy())
+        host.release(pose=3, rate_hz=300, swing=300)
+        said[-1] += host.messages
+    assert said[0] == said[1]
+
+
+def test_a_restart_is_the_same(bench):
+    python, c = both()
+    for device in (python, c):
+        for command in (Hello(1), Hold(2, pose=1), Stream(3, 1000)):
+            device.receive(encode(command), 100.0)
+        device.service(100.1)
+        device.reset()
+    assert c.service(100.2) == python.service(100.2) == []
+    assert c.receive(encode(Hold(4)), 100.3) == python.receive(encode(Hold(4)), 100.3)
+
+
+def test_ticks_missed_and_samples_without_room_are_counted_the_same(bench):
+    told = []
+    for firmware in ("python", "c"):
+        host = bench.direct(seed=7, firmware=firmware, fault=("overrun=0.02",))
+        device = host.end.device
+        for command in (Hello(1), Hold(2, pose=1), Stream(3, 1000)):
+            device.receive(encode(command), host.end.wall)
+        frames = device.service(host.end.wall + 0.25)
+        device.note_dropped([frame for frame in frames if frame.number == NUMBERS[Sample]][:10])
+        host.messages.clear()
+        host.session.hello(host.now())
+        host.run_for(0.3)
+        last = host.of(Status)[-1]
+        told.append((last.dropped, last.sent, [sample.tick for sample in host.of(Sample)]))
+        assert last.overruns > 0
+    assert told[0] == told[1]
+    assert told[0][0] == 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bus", ["pty", "can"])
+def test_a_capture_with_the_real_driver_gives_the_same_counts(bus, paper, tmp_path):
+    swings = []
+    for firmware in ("python", "c"):
+        with Device(open_transport(f"sim://?seed=5&clock=fast&bus={bus}&firmware={firmware}")) as device:
+            device.connect()
+            options = CaptureOptions(duration=2.0)
+            captured = capture(device, paper, "X2", options, tmp_path / firmware, confirm=lambda: True)
+        assert captured.verdict.ok, captured.verdict.sentence
+        assert sum(captured.lost.values()) == 0
+        swings.append(load_run(captured.run_file).swing.counts)
+    assert len(swings[0]) == 2001
+    assert np.array_equal(*swings)
+
+
+@pytest.mark.parametrize("link", ["pty", "slcan", "tcp:0", "virtual:c-firmware"])
+def test_it_serves_every_link(bench, link):
+    host = bench.host(link=link, clock="fast", seed=7, firmware="c")
+    tick = host.release(pose=2, rest=150, swing=500)
+    assert (np.diff(host.counts()[:, 0]) == 1).all()
+    assert tick >= 150
+
+
+def test_another_version_of_the_protocol_is_not_its_to_claim():
+    with pytest.raises(ConfigError, match="take the firmware in Python"):
+        assemble(Options(firmware="c", fault=("major=9",)))

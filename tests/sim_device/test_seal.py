@@ -1,0 +1,122 @@
+"""Sealed plants: fixed by the seal, not to be guessed from the seed, kept by the device until it is asked."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import load_rig
+from sim_device.assemble import Options
+from sim_device.config import load_plant
+from sim_device.draw import draw_plant, parse_wanted, weighed
+from sim_device.seal import opened, seal
+from sim_device.toml import toml_text
+from sim_device.trial import sealed_trial
+
+WANTED = Options(draw_effects="single:clear:coulomb_joint1", seed=9)
+
+
+def child(*words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "sim_device", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_the_seal_is_a_hash_that_anybody_can_check(tmp_path: Path) -> None:
+    told = sealed_trial(WANTED, tmp_path / "device")
+    kept = opened(tmp_path / "device")
+    text = kept["salt"] + json.dumps(kept["truth"], sort_keys=True, separators=(",", ":"))
+    assert told["seal"] == hashlib.sha256(text.encode()).hexdigest() == seal(kept["truth"], kept["salt"])
+    assert seal(kept["truth"] | {"effects": {}}, kept["salt"]) != told["seal"]
+    assert kept["truth"]["drawn"] == {"kind": "single", "level": "clear", "seed": 9}
+
+
+def test_who_knows_the_seed_cannot_tell_the_seal(tmp_path: Path) -> None:
+    """The salt used to come from the seed, so that a handful of guesses opened every seal."""
+    seals = [sealed_trial(WANTED, tmp_path / str(number))["seal"] for number in range(3)]
+    assert len(set(seals)) == 3
+    truths = [opened(tmp_path / str(number)) for number in range(3)]
+    assert truths[0]["truth"] == truths[1]["truth"] == truths[2]["truth"]
+    assert len({kept["salt"] for kept in truths}) == 3
+
+
+def test_a_seed_that_nobody_gave_is_drawn_afresh(tmp_path: Path) -> None:
+    for number in range(2):
+        sealed_trial(Options(draw_effects="clean"), tmp_path / str(number))
+    one, other = (opened(tmp_path / str(number))["truth"] for number in range(2))
+    assert one["drawn"]["seed"] != other["drawn"]["seed"]
+    assert one["parameters"] != other["parameters"]
+
+
+def test_the_kept_plant_is_the_one_that_was_drawn(tmp_path: Path) -> None:
+    told = sealed_trial(WANTED, tmp_path / "device")
+    base, rig = weighed(load_plant("paper", 9), load_rig("paper"))
+    drawn = draw_plant(parse_wanted("single:clear:coulomb_joint1"), base, rig)
+    assert load_plant(tmp_path / "device" / "plant.toml") == drawn
+    assert opened(tmp_path / "device")["truth"]["effects"] == drawn.effects
+    (tmp_path / "rig.toml").write_text(told["rig"])
+    assert load_rig(tmp_path / "rig.toml").model_dump() == rig.model_dump()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="other systems have no mode bits")
+def test_the_folder_is_the_devices_alone(tmp_path: Path) -> None:
+    sealed_trial(WANTED, tmp_path / "device")
+    assert (tmp_path / "device").stat().st_mode & 0o077 == 0
+
+
+def test_a_sealed_plant_is_never_replaced(tmp_path: Path) -> None:
+    sealed_trial(WANTED, tmp_path / "device")
+    before = (tmp_path / "device" / "truth.json").read_bytes()
+    with pytest.raises(ConfigError, match="never replaced"):
+        sealed_trial(WANTED, tmp_path / "device")
+    assert (tmp_path / "device" / "truth.json").read_bytes() == before
+
+
+def test_the_program_seals_and_unseals(tmp_path: Path) -> None:
+    sealed = child("--draw-effects", "clean", "--seal", tmp_path / "device", "--direct")
+    assert sealed.returncode == 0, sealed.stderr
+    told = json.loads(sealed.stdout)
+    kept = json.loads(child("--unseal", tmp_path / "device").stdout)
+    assert seal(kept["truth"], kept["salt"]) == told["seal"]
+    assert [run["pose"] for run in told["runs"]] == ["X1", "X2", "X3"]
+    assert all(len(run["t"]) == len(run["counts"]) > 10_000 for run in told["runs"])
+    assert str(kept["truth"]["drawn"]["seed"]) not in sealed.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--unseal", "nowhere"), "holds no sealed plant"),
+        (("--draw-effects", "gremlins", "--seal", "device"), "draw 'gremlins'"),
+        (("--draw-effects", "clean", "--seal", "a_file/device"), "cannot be kept there"),
+    ],
+)
+def test_what_cannot_be_sealed_or_opened_is_said(words, said, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a_file").touch()
+    done = child(*words)
+    assert done.returncode == 3
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+KEYS = st.text(st.characters(codec="utf-8"), min_size=1)
+VALUES = st.one_of(
+    st.booleans(),
+    st.integers(-(2**53), 2**53),
+    st.floats(allow_nan=False, allow_infinity=False),
+    KEYS,
+    st.lists(st.floats(allow_nan=False, allow_infinity=False)),
+)
+
+
+@given(st.dictionaries(KEYS, st.one_of(VALUES, st.dictionaries(KEYS, st.dictionaries(KEYS, VALUES)))))
+def test_toml_comes_back_as_it_was(table) -> None:
+    assert tomllib.loads(toml_text(table)) == table

@@ -1,0 +1,23 @@
+"""One real trial of a plant without any effect, diagnosed; tests work on copies of its folder."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.trials.protocol import Trial, draw, keep_diagnosis, read_trial, recordings
+from dpr_lab.trials.sealing import Kind, Wanted
+
+
+@pytest.fixture(scope="session")
+def diagnosed_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("trials") / "clean & sealed"
+    trial = draw(Wanted(Kind.CLEAN, seed=3), folder)
+    keep_diagnosis(trial, diagnose(recordings(trial), trial.rig).to_json())
+    return folder
+
+
+@pytest.fixture
+def diagnosed(diagnosed_once: Path, tmp_path: Path) -> Trial:
+    return read_trial(Path(shutil.copytree(diagnosed_once, tmp_path / "trial")))

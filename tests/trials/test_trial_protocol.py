@@ -1,0 +1,115 @@
+"""One trial in its folder: sealed before it is recorded, opened after it is diagnosed, never the other way round."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import DprError, RunError
+from dpr_lab.trials.case import run_case
+from dpr_lab.trials.protocol import Trial, draw, keep_diagnosis, open_trial, read_trial, recordings, refuse_opened
+from dpr_lab.trials.sealing import Kind, Wanted, seal
+
+pytestmark = pytest.mark.slow
+
+
+def test_a_clean_plant_is_found_clean_and_the_seal_holds(diagnosed: Trial) -> None:
+    opened = open_trial(diagnosed)
+    assert opened.truth.clean
+    assert opened.truth.drawn == {"kind": "clean", "level": "clear", "seed": 3}
+    assert opened.outcome.grade == "right"
+    assert opened.outcome.seal == diagnosed.seal
+    kept = json.loads(diagnosed.opened.read_text())
+    assert kept["score"] == json.loads(json.dumps(opened.outcome.to_json()))
+    assert open_trial(diagnosed).outcome == opened.outcome
+
+
+def test_what_the_lab_is_given_does_not_tell_the_truth(diagnosed: Trial) -> None:
+    folder, device = diagnosed.folder, diagnosed.folder / "device"
+    salt = json.loads((device / "truth.json").read_text())["salt"]
+    parameter = str(json.loads((device / "truth.json").read_text())["truth"]["parameters"]["l1"])
+    for file in folder.rglob("*"):
+        if file.is_file() and device not in file.parents:
+            assert salt.encode() not in file.read_bytes()
+            assert parameter.encode() not in file.read_bytes()
+
+
+def test_drawing_and_diagnosing_work_while_the_device_folder_is_out_of_reach(diagnosed: Trial) -> None:
+    """The lab needs nothing of the truth until it asks for it."""
+    os.replace(diagnosed.folder / "device", diagnosed.folder.parent / "elsewhere")
+    assert len(recordings(diagnosed)) == 3
+    with pytest.raises(DprError, match="holds no sealed plant"):
+        open_trial(diagnosed)
+
+
+def test_nothing_is_opened_before_a_diagnosis(diagnosed: Trial) -> None:
+    diagnosed.diagnosis.unlink()
+    with pytest.raises(RunError, match="not diagnosed yet"):
+        open_trial(diagnosed)
+    assert not diagnosed.opened.exists()
+
+
+def test_nothing_is_diagnosed_after_opening(diagnosed: Trial) -> None:
+    before = diagnosed.diagnosis.read_bytes()
+    said = open_trial(diagnosed).said
+    with pytest.raises(RunError, match="opened already"):
+        refuse_opened(diagnosed)
+    with pytest.raises(RunError, match="opened already"):
+        keep_diagnosis(diagnosed, said)
+    assert diagnosed.diagnosis.read_bytes() == before
+
+
+@pytest.mark.parametrize("part", ["truth", "salt", "seal"])
+def test_a_truth_that_is_not_the_sealed_one_does_not_count(diagnosed: Trial, part: str) -> None:
+    file = diagnosed.folder / ("trial.json" if part == "seal" else "device/truth.json")
+    kept = json.loads(file.read_text())
+    if part == "truth":
+        kept["truth"]["parameters"]["l1"] += 1e-9
+    else:
+        kept[part] = "0" * len(kept[part])
+    file.write_text(json.dumps(kept))
+    with pytest.raises(DprError, match="not the one that was sealed"):
+        open_trial(read_trial(diagnosed.folder))
+    assert not diagnosed.opened.exists()
+
+
+def test_a_folder_that_is_taken_is_refused(diagnosed: Trial) -> None:
+    before = sorted(diagnosed.folder.rglob("*"))
+    with pytest.raises(RunError, match="is not empty"):
+        draw(Wanted(Kind.CLEAN), diagnosed.folder)
+    assert sorted(diagnosed.folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize("content", [None, "", "[]", "{}", '{"seal": "x", "asked": "y", "runs": 3}'])
+def test_a_folder_without_a_trial_is_refused(tmp_path: Path, content: str | None) -> None:
+    if content is not None:
+        (tmp_path / "trial.json").write_text(content)
+    with pytest.raises(RunError, match=r"finished trial|trial\.json"):
+        read_trial(tmp_path)
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"verdict": "no_gap"}'])
+def test_a_diagnosis_that_is_none_is_refused(diagnosed: Trial, content: str) -> None:
+    diagnosed.diagnosis.write_text(content)
+    with pytest.raises(RunError, match=r"diagnosis\.json"):
+        open_trial(diagnosed)
+
+
+def test_direct_recordings_are_those_of_the_protocol(diagnosed: Trial, tmp_path: Path) -> None:
+    told = seal(Wanted(Kind.CLEAN, seed=3), tmp_path / "device", direct=True)
+    assert told["rig"] == (diagnosed.folder / "rig.toml").read_text()
+    for run, direct in zip(recordings(diagnosed), told["runs"], strict=True):
+        swing = np.array(direct["counts"])[np.array(direct["t"]) >= 0]
+        assert run.pose == direct["pose"]
+        counts = run.swing.counts
+        assert counts is not None
+        both = min(len(counts), len(swing))
+        assert both >= 10_000
+        assert np.array_equal(counts[:both], swing[:both])
+
+
+def test_a_worker_of_another_version_refuses() -> None:
+    with pytest.raises(DprError, match="install the same"):
+        run_case({"version": "0.0.0"})
