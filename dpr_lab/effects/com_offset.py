@@ -65,9 +65,6 @@ COM_OFFSET_LINK2 = Effect(
     stage="torque",
     kernel=outer,
     twins=("encoder_offset_joint2",),
-    bench_check=(
-        "Take the outer rod off and turn it by 180 degrees about its long axis: a centroid off the axis changes sides,"
-        " the zero of the encoder stays."
-    ),
+    bench_check=("Lay the outer rod on a knife edge along its axis: a centroid off the axis tips it to that side."),
     source=_SOURCE,
 )

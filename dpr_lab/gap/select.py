@@ -37,7 +37,7 @@ LEADING = 0.5  # share of the best score from which several shapes are worth a f
 SWAPPED = 2  # candidates that are tried in the place of each effect
 SLOW = 1.3  # factor by which one effect more must at least shrink the excess, unless it is large
 CLOSED = 4.0  # standard deviations of the remainder that count as noise
-KEEPS = 3.0  # factor by which the remainder must grow without an effect, for the effect to stay
+KEEPS = 1.8  # factor by which the remainder must grow without an effect, for the effect to stay
 KEEPS_IF_LARGE = 1.3  # the same for an effect that explains at least `LARGE` of the whole gap
 LARGE = 0.05  # above what another form of an effect named already could make up for
 CONTAINED = 0.003  # share of the explained excess that a richer form of an effect must add
@@ -391,7 +391,7 @@ def _simplify(search: _Search, base: Hypothesis, current: Hypothesis) -> Hypothe
             other = search.with_one(less, search.scores(less), item)
             share = CONTAINED_WHEN_CLOSED if closed(current) else CONTAINED
             worth = max(GAIN * current.remainder.inflation, share * explained)
-            alike = closed(other) if closed(current) else excess(other) < KEEPS * excess(current)
+            alike = closed(other) if closed(current) else excess(other) < SLOW * excess(current)
             if other.cost - current.cost < worth and alike:
                 return _simplify(search, base, other)
     return current
