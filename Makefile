@@ -22,8 +22,9 @@ check: $(STAMP)  ## style, types, import contracts
 	$(BIN)/lint-imports
 
 bench: $(STAMP)  ## speed and reliability figures, printed beside their targets
-	for name in evaluator wall_time uncertainty identify mujoco_sysid soak; do $(BIN)/python benchmarks/$$name.py || exit 1; done
+	for name in evaluator wall_time uncertainty identify mujoco_sysid; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 	$(BIN)/python benchmarks/diagnosis.py --quick
+	$(BIN)/python benchmarks/soak.py --minutes 10
 
 fuzz: $(STAMP)  ## every reader of foreign bytes against inputs made to break it, FUZZ_SECONDS each
 	$(BIN)/python -m pip install --quiet --editable '.[fuzz]'

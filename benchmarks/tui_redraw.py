@@ -16,7 +16,9 @@ import sys
 import tempfile
 import termios
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from _bars import Bar, at_most, options, show
 
@@ -30,7 +32,9 @@ def operate(folder: str, seconds: float) -> None:
     """The app with a pilot that releases once and writes down what it saw; runs on the pseudo terminal."""
     import time
 
+    from rich.console import RenderableType
     from textual.pilot import Pilot
+    from textual.screen import Screen
 
     from dpr_lab.capture import CaptureOptions
     from dpr_lab.tui.app import DprApp
@@ -41,11 +45,11 @@ def operate(folder: str, seconds: float) -> None:
     class Counted(DprApp):
         frames = 0
 
-        def _display(self, *arguments: object) -> None:
+        def _display(self, screen: Screen[Any], renderable: RenderableType | None) -> None:
             Counted.frames += 1
-            super()._display(*arguments)  # pyright: ignore[reportArgumentType]
+            super()._display(screen, renderable)
 
-    async def pilot_it(pilot: Pilot[None]) -> None:
+    async def pilot_it(pilot: Pilot[object]) -> None:
         step = app.query_one(CaptureStep)
         await app.connect()
         await reach(pilot, lambda: app.line.connected is not None)
@@ -69,8 +73,7 @@ def operate(folder: str, seconds: float) -> None:
         (Path(folder) / "seen.json").write_text(json.dumps(seen))
         app.exit()
 
-    async def reach(pilot: Pilot[None], condition: object, pause_s: float = 0.05) -> None:
-        assert callable(condition)
+    async def reach(pilot: Pilot[object], condition: Callable[[], bool], pause_s: float = 0.05) -> None:
         while not condition():
             await pilot.pause(pause_s)
 

@@ -11,7 +11,7 @@ import asyncio
 import re
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from textual.pilot import Pilot
@@ -33,7 +33,7 @@ async def until(pilot: Pilot[None], condition: Callable[[], object]) -> None:
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
         if time.monotonic() > deadline:
-            raise TimeoutError(f"the {pilot.app.bench.step} step did not get there")  # pyright: ignore
+            raise TimeoutError("a step did not get there")
         await pilot.pause(0.1)
 
 
@@ -48,7 +48,7 @@ async def take(app: DprApp, pilot: Pilot[None], out: Path) -> None:
     print(out / f"{name}.svg")
 
 
-async def release(pilot: Pilot[None], step: CaptureStep, mid_swing: Callable[[], object]) -> None:
+async def release(pilot: Pilot[None], step: CaptureStep, mid_swing: Callable[[], Awaitable[object]]) -> None:
     """One guided release, kept; `mid_swing` is awaited on the way."""
     await pilot.press("s")
     await until(pilot, lambda: step.attempt is not None and step.attempt.phase is Phase.READY)

@@ -1,6 +1,7 @@
 """Capture: from the pose through the release to a judged run file. Headless; progress is events, nothing is printed.
 
-    hold -> guide to the pose -> stream -> wait for rest -> go-ahead -> release -> record -> stop -> gate
+    look at the hanging rods -> hold -> guide to the pose -> stream -> wait for rest -> go-ahead -> release -> record
+    -> stop -> gate
 
 The rods are let go by one command alone, RELEASE, and it is sent only after pose, rest and the caller's explicit
 go-ahead. Whatever ends a capture before that leaves them held.
@@ -25,17 +26,20 @@ from dpr_lab.holding import (
     POLL_S,
     PROGRESS_S,
     Confirm,
+    HangReading,
     Held,
     PoseReading,
     RestReading,
     RestWindow,
     guide,
+    look_at_hanging,
     raise_faults,
 )
 from dpr_lab.recording import Recording
 from dpr_lab.rig import Pose, Rig
 from dpr_lab.storage.layout import SUFFIX
 from dpr_lab.storage.metadata import RunMetadata
+from dpr_lab.storage.room import check_room
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.messages import State, Status
 
@@ -81,9 +85,11 @@ class Recorded:
     theta: tuple[float, float, float]
     """Newest absolute angles, rad."""
     samples: int
+    fresh: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """Time since the release (n,), s, and absolute angles (n, 3), rad, of what came since the last report."""
 
 
-Progress: TypeAlias = PoseReading | RestReading | Released | Recorded
+Progress: TypeAlias = HangReading | PoseReading | RestReading | Released | Recorded
 OnProgress: TypeAlias = Callable[[Progress], None]
 
 
@@ -135,17 +141,19 @@ def capture(
         ConfigError: no such pose, or a device that does not fit the rig.
         LinkError, DeviceFault: see `Device`.
         SafetyStop: a check before the release did not pass or no go-ahead was given; the rods stay held.
-        RunError: the disk failed; what was recorded is kept.
+        RunError: no room for the file, before anything moves; or the disk failed, and what was recorded is kept.
         DeviceLost: the device went away; the message names the partial file if there is one.
-        KeyboardInterrupt: passed on after the file was finished as incomplete and the device was stopped.
+        KeyboardInterrupt: passed on, naming the file, after that was finished as incomplete and the device was stopped.
     """
     pose, rate_hz = _pose(rig, pose_name), options.rate_hz or rig.link.rate_hz
     _check_encoders(device, rig)
     device.check_rate(rate_hz)
+    check_room(out_dir, (options.max_duration if options.until_rest else options.duration) * rate_hz)
     metadata = _metadata(device, rig, pose_name, rate_hz, options.note)
     try:
         device.stop()  # whatever an earlier program left running; the latch stays as it is
         device.poll(0)
+        hanging = look_at_hanging(device, rig, on_progress)
         device.hold(1 + list(rig.poses).index(pose_name))
         guide(device, rig, pose, options.pose_timeout, on_progress)
         device.stream(rate_hz)
@@ -153,7 +161,7 @@ def capture(
         held.await_rest(options.rest_timeout)
         held.await_go_ahead(confirm)
         path = new_path(out_dir, pose_name, device.info.uid)
-        return _record(device, path, metadata, held.window, options, on_progress)
+        return _record(device, path, metadata, held.window, hanging, options, on_progress)
     except BaseException:
         with suppress(DprError):
             device.stop()
@@ -162,12 +170,17 @@ def capture(
 
 def new_path(out_dir: Path, pose_name: str, uid: str) -> Path:
     """A file name that is not taken: `<utc>_<pose>_<uid8>.mcap`."""
-    stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}_{re.sub(r'[^A-Za-z0-9.-]', '-', pose_name)}_{uid[-8:]}"
+    stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}_{in_file_name(pose_name)}_{uid[-8:]}"
     path, number = out_dir / f"{stem}{SUFFIX}", 1
     while path.exists():
         number += 1
         path = out_dir / f"{stem}-{number}{SUFFIX}"
     return path
+
+
+def in_file_name(pose_name: str) -> str:
+    """A pose's name as it stands in the name of a run file."""
+    return re.sub(r"[^A-Za-z0-9.-]", "-", pose_name)
 
 
 def _pose(rig: Rig, name: str) -> Pose:
@@ -207,15 +220,15 @@ def _record(
     path: Path,
     metadata: RunMetadata,
     rest: RestWindow,
+    hanging: tuple[float, float] | None,
     options: CaptureOptions,
     on_progress: OnProgress,
 ) -> Captured:
     longest = options.max_duration if options.until_rest else options.duration
-    with RunWriter(path, metadata) as writer:
-        recording = Recording(writer, device.losses, longest)
+    with RunWriter(path, metadata) as writer, Recording(writer, rest.lost_before, longest, hanging) as recording:
         try:
             recording.add(rest.batches)
-            device.release()
+            _release(device)
             _await_release(device, recording)
             on_progress(Released(recording.release_tick or 0, path))
             _follow(device, recording, options.until_rest, on_progress)
@@ -224,11 +237,23 @@ def _record(
         except BaseException as error:
             recording.count_losses(device.losses)
             with suppress(RunError):
+                recording.note_clock(device.clock_fit())
                 recording.abort(f"{type(error).__name__}: {error}".rstrip(": "))
+            kept = f"what was recorded until then is kept in {path}"
+            if isinstance(error, KeyboardInterrupt):
+                raise KeyboardInterrupt(f"stopped by the operator; {kept}") from error
             if isinstance(error, DprError) and not isinstance(error, RunError):  # which names the file already
-                raise type(error)(f"{error}; what was recorded until then is kept in {path}") from error
+                raise type(error)(f"{error}; {kept}") from error
             raise
-    return Captured(path, verdict, recording.release_tick or 0, recording.t, recording.lost, recording.pose_measured)
+        tick, measured = recording.release_tick or 0, recording.pose_measured
+        return Captured(path, verdict, tick, recording.t, recording.lost, measured)
+
+
+def _release(device: Device) -> None:
+    try:
+        device.release()
+    except LinkError as error:
+        raise type(error)(f"{error}; RELEASE was sent, so the rods may be free: look before you reach in") from error
 
 
 def _take(device: Device, recording: Recording) -> list[Batch]:
@@ -249,6 +274,7 @@ def _await_release(device: Device, recording: Recording) -> None:
 def _follow(device: Device, recording: Recording, until_rest: bool, on_progress: OnProgress) -> None:
     """Record for as long as asked, or until the rods have come to rest."""
     next_look = heard_at = time.monotonic()
+    reported = 0
     while not recording.full:
         batches = _take(device, recording)
         now = time.monotonic()
@@ -259,9 +285,12 @@ def _follow(device: Device, recording: Recording, until_rest: bool, on_progress:
         if now < next_look:
             continue
         next_look = now + PROGRESS_S
+        if recording.clock_due:
+            recording.note_clock(device.clock_fit())
         t, theta = recording.tail(REST_AFTER_S)
         theta0, theta1, theta2 = theta[-1].tolist()
-        on_progress(Recorded(recording.t, (theta0, theta1, theta2), len(recording.samples)))
+        on_progress(Recorded(recording.t, (theta0, theta1, theta2), len(recording.samples), recording.since(reported)))
+        reported = len(recording.samples)
         if until_rest and recording.t >= REST_AFTER_S and _came_to_rest(recording.rig, t, theta):
             recording.end_here()
 

@@ -51,6 +51,8 @@ def read_config(path: Path, model: type[Model]) -> Model:
         raise ConfigError(f"{path}: is not text in UTF-8, byte {error.start}") from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: is not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise ConfigError(f"{path}: is nested too deeply") from error
     try:
         return model.model_validate(table)
     except ValidationError as error:

@@ -15,11 +15,18 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, LinkTimeout, MismatchError
+from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, LinkTimeout, MismatchError, SafetyStop
+from dpr_lab.interrupts import unbroken
 from dpr_lab.rig import JOINTS
 from dpr_lab.transports.transport import Received, Transport
 from firmware_protocol.clock import FEWEST, ClockFit, Exchange, Pinger, fit_clock
-from firmware_protocol.errors import CommandRefused, CommandUnanswered, RemoteProtocolError, VersionMismatch
+from firmware_protocol.errors import (
+    CommandRefused,
+    CommandUnanswered,
+    DevicesCollide,
+    RemoteProtocolError,
+    VersionMismatch,
+)
 from firmware_protocol.host_role import HostSession
 from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import (
@@ -28,6 +35,7 @@ from firmware_protocol.messages import (
     Ack,
     ClearFault,
     Command,
+    Hello,
     Hold,
     Message,
     NakCode,
@@ -40,7 +48,7 @@ from firmware_protocol.messages import (
     encode,
     explain,
 )
-from firmware_protocol.stream import Row, SampleStream
+from firmware_protocol.stream import Row, SampleStream, blind_ticks
 
 CONNECT_TIMEOUT_S = 2.0
 READ_S = 0.02  # how long a read may wait, and so how late a keepalive or a retry can be
@@ -76,10 +84,16 @@ class Device:
 
     Commands and `poll` belong to one thread. Every method can raise DeviceLost once the link is gone or the
     device has fallen silent.
+
+    Args:
+        transport: the open link
+        node: which device on it
+        read_only: only look: greet it and ask for its time, but neither command it nor keep a stream of it alive
     """
 
-    def __init__(self, transport: Transport, node: int = DEVICE_NODE) -> None:
+    def __init__(self, transport: Transport, node: int = DEVICE_NODE, *, read_only: bool = False) -> None:
         self._transport = transport
+        self._read_only = read_only
         self._session = HostSession(node)
         self._stream = SampleStream()
         self._pinger = Pinger()
@@ -93,7 +107,8 @@ class Device:
         self._ping_at = self._heard_at = time.monotonic()
         self._failure: Exception | None = None
         self._closing = threading.Event()
-        self._changed = threading.Condition()
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
         self._reader = threading.Thread(target=self._read, name=f"reader of {transport.url}", daemon=True)
         self._reader.start()
 
@@ -136,7 +151,7 @@ class Device:
         deadline = time.monotonic() + timeout
         while True:
             try:
-                with self._changed:
+                with unbroken(), self._lock:
                     self._raise_failure()
                     self._transport.send(self._session.hello(time.monotonic()))
                     self._await_outcome()
@@ -168,8 +183,8 @@ class Device:
             LinkError, DeviceFault: see `check_rate`; or refused by the device.
         """
         self.check_rate(rate_hz)
-        with self._changed:
-            self._stream.restart()
+        with self._lock:
+            self._stream.restart(blind_ticks(rate_hz, self.info.counts_per_rev))
             self._rate_hz = rate_hz
         self._command(Stream(rate_hz=rate_hz))
 
@@ -191,7 +206,7 @@ class Device:
         Nothing is thrown away in between, so call it now and then while the device streams. What arrived before the
         link was lost is given first; the call after that raises.
         """
-        with self._changed:
+        with unbroken(), self._lock:
             self._changed.wait_for(lambda: self._batches or self._failure, timeout)
             batches = list(self._batches)
             self._batches.clear()
@@ -205,7 +220,7 @@ class Device:
 
         `tick_gap` counts every missing tick, also one whose frame is counted as damaged.
         """
-        with self._changed:
+        with self._lock:
             errors = self._transport.errors
             return {
                 "device_overrun": self._overruns.total + self._dropped.total,
@@ -221,7 +236,7 @@ class Device:
         """
         if self.info.simulated_time:
             return None
-        with self._changed:
+        with self._lock:
             exchanges = list(self._exchanges)
         try:
             return fit_clock(exchanges, self._rate_hz) if len(exchanges) >= FEWEST else None
@@ -235,7 +250,9 @@ class Device:
         self._transport.close()
 
     def _command(self, command: Command) -> None:
-        with self._changed:
+        if self._read_only:
+            raise SafetyStop(f"{self.url}: {type(command).__name__} from a view that may only look: nothing was sent")
+        with unbroken(), self._lock:
             self._raise_failure()
             self._transport.send(self._session.command(command, time.monotonic()))
             self._await_outcome()
@@ -272,12 +289,12 @@ class Device:
         try:
             while not self._closing.is_set():
                 received = self._transport.receive(READ_S)
-                with self._changed:
+                with self._lock:
                     self._take(received)
                     self._send_due(time.monotonic())
                     self._changed.notify_all()
         except Exception as error:  # whatever it is, it must reach the caller and not end with the thread
-            with self._changed:
+            with self._lock:
                 self._failure = error
                 self._changed.notify_all()
 
@@ -289,6 +306,8 @@ class Device:
         for frame in received.frames:
             try:
                 message = self._session.receive(frame)
+            except DevicesCollide as error:
+                raise LinkError(f"{self.url}: {error}") from error
             except RemoteProtocolError:
                 self._meaningless += 1
                 continue
@@ -330,7 +349,8 @@ class Device:
 
     def _send_due(self, now: float) -> None:
         for frame in self._session.due(now):
-            self._transport.send(frame)
+            if not self._read_only or frame.number == NUMBERS[Hello]:
+                self._transport.send(frame)
         if self._session.info is not None and now >= self._ping_at:
             self._transport.send(encode(self._pinger.ping(now), self._session.node))
             self._ping_at = now + (QUICK_PING_S if self._quick_pings else PING_S)

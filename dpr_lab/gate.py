@@ -78,21 +78,24 @@ class Evidence:
     pose: Pose | None
     duration: float
     """How long the recording was asked to be, s."""
+    hanging: tuple[float, float] | None = None
+    """How far the rods hung off straight down before they were raised, rad."""
 
 
-def judge(run: Run, rig: Rig, duration: float = 0.0) -> Verdict:
+def judge(run: Run, rig: Rig, duration: float = 0.0, hanging: tuple[float, float] | None = None) -> Verdict:
     """Put a recording through every check that applies to it.
 
     Args:
         run: the recording; its time starts at the release
         rig: the rig it was recorded on, for the pose, the noise and the fastest speed possible
         duration: how long it was asked to be, s; 0 when that was open
+        hanging: how far the rods hung off straight down before they were raised, rad; None when that was not seen
 
     Returns:
         The verdict. A check without data to judge, such as the rest of an imported table, is left out.
     """
     pose = rig.poses.get(run.pose) if run.pose is not None else None
-    evidence = Evidence(run, rig, pose, duration)
+    evidence = Evidence(run, rig, pose, duration, hanging)
     return Verdict(tuple(check for question in CHECKS if (check := question(evidence)) is not None))
 
 
@@ -147,6 +150,19 @@ def _rest(evidence: Evidence) -> tuple[NDArray[np.float64], NDArray[np.float64]]
     run = evidence.run
     window = (run.t < 0) & (run.t >= -REST_WINDOW_S)
     return (run.t[window], run.theta[window]) if np.count_nonzero(window) >= MIN_RELEASE_SAMPLES else None
+
+
+def _hanging_before(evidence: Evidence) -> Check | None:
+    """Where the rods hung before they were raised: a wrong zero, or counts lost before, show there."""
+    if evidence.hanging is None:
+        return None
+    error = np.abs(evidence.hanging)
+    rod, worst = RODS[int(error.argmax())], float(error.max())
+    sentence = (
+        f"before it was raised the {rod} hung {worst:.3f} rad off straight down (limit {MAX_HANG_ERROR}):"
+        " lost counts, or a wrong zero in the rig file"
+    )
+    return Check("hanging_before", worst <= MAX_HANG_ERROR, worst, MAX_HANG_ERROR, "rad", sentence)
 
 
 def _rest_speed(evidence: Evidence) -> Check | None:
@@ -273,6 +289,7 @@ def _complete(evidence: Evidence) -> Check | None:
 
 
 CHECKS: tuple[Callable[[Evidence], Check | None], ...] = (
+    _hanging_before,
     _rest_speed,
     _rest_spread,
     _pose,

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -11,13 +11,25 @@ from numpy.typing import NDArray
 
 from dpr_lab.device import Batch, Device, arrays
 from dpr_lab.errors import DeviceFault, LinkError, SafetyStop
-from dpr_lab.gate import MAX_REST_SPEED, REST_WINDOW_S, RODS, pose_error, rest_motion, rest_spread_limit
+from dpr_lab.gate import (
+    MAX_HANG_ERROR,
+    MAX_REST_SPEED,
+    REST_WINDOW_S,
+    RODS,
+    pose_error,
+    rest_motion,
+    rest_spread_limit,
+)
 from dpr_lab.rig import JOINTS, Pose, Rig
 from firmware_protocol.messages import Event, EventKind, Fault, Message, Position, State, Status, explain
 
 POLL_S = 0.04  # the run file wants a call every 50 ms
 PROGRESS_S = 0.1
 STEADY_READINGS = 3
+HANG_TIMEOUT_S = 2.0
+HANG_READINGS = 3
+HANG_NEAR = 0.35  # rad; a rod further off hangs from a hand
+HANGING = Pose(theta1=np.pi, theta2=np.pi)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,16 +46,34 @@ class PoseReading:
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """How still the held rods are."""
+    """Where the held rods are and how still they are."""
 
+    theta: tuple[float, float, float]
+    """Newest absolute angles, rad."""
+    error: tuple[float, float]
+    """Signed error of inner and outer rod, whole turns aside, rad."""
+    tolerance: float
     speed: float
     """Fastest drift, rad/s."""
     spread: float
     """Widest shaking, rad rms."""
     ok: bool
+    """Whether they are at rest."""
+    restless: str
+    """Why they may not be let go; empty when they may."""
 
 
-OnReading: TypeAlias = Callable[["PoseReading | RestReading"], None]
+@dataclass(frozen=True, slots=True)
+class HangReading:
+    """How the rods hang before they are raised."""
+
+    error: tuple[float, float]
+    """Signed distance of inner and outer rod from straight down, rad."""
+    ok: bool
+    """Whether it is within `gate.MAX_HANG_ERROR`; if not, counts were lost or the rig file's zero is wrong."""
+
+
+OnReading: TypeAlias = Callable[["PoseReading | RestReading | HangReading"], None]
 Confirm: TypeAlias = Callable[[], bool | None]
 
 
@@ -52,15 +82,24 @@ class RestWindow:
 
     def __init__(self, rate_hz: int) -> None:
         self.batches: deque[Batch] = deque()
+        self._lost: deque[Mapping[str, int]] = deque()
         self._rate_hz = rate_hz
         self._ticks = round(REST_WINDOW_S * rate_hz)
 
-    def add(self, batches: Iterable[Batch]) -> None:
-        """Take new batches in and let go of those older than the window."""
-        self.batches.extend(batches)
+    @property
+    def lost_before(self) -> Mapping[str, int]:
+        """The device's losses when the oldest batch had arrived; empty for an empty window."""
+        return self._lost[0] if self._lost else {}
+
+    def add(self, batches: Iterable[Batch], lost: Mapping[str, int]) -> None:
+        """Take in new batches, and the device's losses so far, and let go of what is older than the window."""
+        for batch in batches:
+            self.batches.append(batch)
+            self._lost.append(lost)
         newest = next((batch.rows[-1].tick for batch in reversed(self.batches) if batch.rows), 0)
         while len(self.batches) > 1 and _last_tick(self.batches[0]) < newest - self._ticks:
             self.batches.popleft()
+            self._lost.popleft()
 
     def motion(self, rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Time (n,), s, and angles (n, 3), rad, of the window; None until it is full."""
@@ -90,29 +129,57 @@ def _raise_for(url: str, message: Message) -> None:
         raise DeviceFault(f"{url}: {' '.join(explain(message.fault))}")
 
 
-def guide(device: Device, rig: Rig, pose: Pose, timeout: float, on_reading: OnReading) -> None:
-    """Report the rods' error to the pose until it is, a few times in a row, within the tolerance."""
+def look_at_hanging(device: Device, rig: Rig, on_reading: OnReading) -> tuple[float, float] | None:
+    """How far the rods hang off straight down, rad; None unless they are seen to hang still with the latch open."""
+    readings: list[NDArray[np.float64]] = []
+    deadline = time.monotonic() + HANG_TIMEOUT_S
+    spread = np.sqrt(12) * rest_spread_limit(rig)
+    for theta in _positions(device, rig, deadline):
+        if device.status is None:
+            continue
+        readings.append(pose_error(theta, HANGING))
+        if device.status.latched or np.abs(readings[-1]).max() > HANG_NEAR or np.ptp(readings, axis=0).max() > spread:
+            return None
+        if len(readings) == HANG_READINGS:
+            inner, outer = np.mean(readings, axis=0).tolist()
+            on_reading(HangReading((inner, outer), max(abs(inner), abs(outer)) <= MAX_HANG_ERROR))
+            return inner, outer
+    return None
+
+
+def _positions(device: Device, rig: Rig, deadline: float) -> Iterator[NDArray[np.float64]]:
+    """(3,) angles as POSITION tells them, until the deadline, rad."""
     counts: dict[int, int] = {}
-    reading, steady = None, 0
-    deadline = time.monotonic() + timeout
-    while steady < STEADY_READINGS:
-        if time.monotonic() > deadline:
-            raise SafetyStop(_not_placed(pose, reading, timeout))
+    while time.monotonic() < deadline:
         batches = device.poll(POLL_S)
         raise_faults(device.url, batches)
         for position in (m for batch in batches for m in batch.messages if isinstance(m, Position)):
             counts[position.joint] = position.position
             if len(counts) == JOINTS and position.joint == JOINTS - 1:
-                reading = _pose_reading(rig.theta([counts[joint] for joint in range(JOINTS)]), pose)
-                steady = steady + 1 if reading.ok else 0
-                on_reading(reading)
+                yield rig.theta([counts[joint] for joint in range(JOINTS)])
+
+
+def guide(device: Device, rig: Rig, pose: Pose, timeout: float, on_reading: OnReading) -> None:
+    """Report the rods' error to the pose until it is, a few times in a row, within the tolerance."""
+    reading, steady = None, 0
+    for theta in _positions(device, rig, time.monotonic() + timeout):
+        reading = _pose_reading(theta, pose)
+        steady = steady + 1 if reading.ok else 0
+        on_reading(reading)
+        if steady == STEADY_READINGS:
+            return
+    raise SafetyStop(_not_placed(pose, reading, timeout))
 
 
 def _pose_reading(theta: NDArray[np.float64], pose: Pose) -> PoseReading:
+    angles, error = _placed(theta, pose)
+    return PoseReading(angles, error, pose.tolerance, max(map(abs, error)) <= pose.tolerance)
+
+
+def _placed(theta: NDArray[np.float64], pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float]]:
     theta0, theta1, theta2 = theta.tolist()
     error1, error2 = pose_error(theta, pose).tolist()
-    ok = max(abs(error1), abs(error2)) <= pose.tolerance
-    return PoseReading((theta0, theta1, theta2), (error1, error2), pose.tolerance, ok)
+    return (theta0, theta1, theta2), (error1, error2)
 
 
 def _not_placed(pose: Pose, reading: PoseReading | None, timeout: float) -> str:
@@ -154,18 +221,25 @@ class Held:
         """Take in what is new; why the rods may not be let go, or nothing."""
         batches = self._device.poll(timeout)
         raise_faults(self._device.url, batches)
-        self.window.add(batches)
+        self.window.add(batches, self._device.losses)
         motion = self.window.motion(self._rig)
         if motion is None:
             return "the device had not streamed a full second of samples"
-        speed, spread = rest_motion(*motion)
-        limit = rest_spread_limit(self._rig)
-        still = speed <= MAX_REST_SPEED and spread <= limit
+        reading = self._reading(*motion)
         if time.monotonic() >= self._report_at:
             self._report_at = time.monotonic() + PROGRESS_S
-            self._on_reading(RestReading(speed, spread, still))
+            self._on_reading(reading)
+        return reading.restless
+
+    def _reading(self, t: NDArray[np.float64], theta: NDArray[np.float64]) -> RestReading:
+        speed, spread = rest_motion(t, theta)
+        limit = rest_spread_limit(self._rig)
+        still = speed <= MAX_REST_SPEED and spread <= limit
+        worst = float(np.abs(pose_error(theta, self._pose)).mean(axis=0).max())
+        restless = ""
         if not still:
             limits = f"limits {MAX_REST_SPEED} rad/s and {limit:.5f} rad"
-            return f"the rods still moved, by {speed:.3f} rad/s and {spread:.5f} rad rms ({limits})"
-        worst = float(np.abs(pose_error(motion[1], self._pose)).mean(axis=0).max())
-        return f"the rods were {worst:.3f} rad off the pose" if worst > self._pose.tolerance else ""
+            restless = f"the rods still moved, by {speed:.3f} rad/s and {spread:.5f} rad rms ({limits})"
+        elif worst > self._pose.tolerance:
+            restless = f"the rods were {worst:.3f} rad off the pose"
+        return RestReading(*_placed(theta[-1], self._pose), self._pose.tolerance, speed, spread, still, restless)

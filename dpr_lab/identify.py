@@ -52,6 +52,8 @@ def identify(
     seed: int = 0,
     profile: bool = False,
     on_generation: Callable[[Generation, int], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+    on_polish: Callable[[], None] | None = None,
 ) -> Model:
     """Identify the kinetic parameters of a rig from free swings.
 
@@ -67,6 +69,8 @@ def identify(
         seed: of everything random; same seed, same answer, whatever the number of threads
         profile: also find each ratio's interval by profile likelihood; takes some seconds
         on_generation: called with each generation and the number of generations to come at most
+        stop: asked after each generation; once true the search ends there, and its best so far goes on to the polish
+        on_polish: called when the search is over and the local fit begins
 
     Raises:
         ConfigError: no such objective or search.
@@ -85,6 +89,8 @@ def identify(
         history.append(generation)
         if on_generation:
             on_generation(generation, settings.generations)
+        if stop and stop():
+            break
     if not np.isfinite(history[0].best_cost):
         raise IdentificationError("no candidate inside the bounds could be simulated: check the rig file's bounds")
     found = SearchRecord(
@@ -101,6 +107,8 @@ def identify(
             for name in ("evaluations", "best_cost", "best_fitness", "population_fitness")
         },
     )
+    if on_polish:
+        on_polish()
     return _model(polish(history[-1].best, evidence, rig), evidence, rig, found, profile)
 
 

@@ -148,9 +148,11 @@ class Model(_Record):
         return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
 
     def save(self, path: Path) -> None:
-        """Write `model.json`."""
+        """Write `model.json`, whole or not at all."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        fresh = path.with_name(f"{path.name}.new")
+        fresh.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        fresh.replace(path)
 
 
 def load_model(path: Path) -> Model:
@@ -163,7 +165,7 @@ def load_model(path: Path) -> Model:
         return Model.model_validate(json.loads(path.read_text(encoding="utf-8")))
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise RunError(f"{path}: is not a model file (JSON): {error}") from error
     except ValidationError as error:
         first = error.errors()[0]

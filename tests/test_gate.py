@@ -35,7 +35,7 @@ def _failed(verdict: Verdict) -> list[str]:
 
 
 def test_good_run_passes_every_check(good: Run, rig: Rig) -> None:
-    verdict = judge(good, rig, duration=5.0)
+    verdict = judge(good, rig, duration=5.0, hanging=(0.001, -0.002))
     assert len(verdict.checks) == len(CHECKS)
     assert verdict.ok
     assert verdict.sentence == "ok"
@@ -141,6 +141,12 @@ def test_each_check_fails_on_its_own_fault(name: str, good: Run, rig: Rig) -> No
 
 def test_every_check_has_a_fault_that_fails_it(good: Run, rig: Rig) -> None:
     assert [check.name for check in judge(good, rig, duration=5.0).checks] == list(FAULTS)
+
+
+def test_rods_that_hung_askew_before_they_were_raised_degrade_the_run(good: Run, rig: Rig) -> None:
+    verdict = judge(good, rig, duration=5.0, hanging=(0.001, -0.03))
+    assert _failed(verdict) == ["hanging_before"]
+    assert "the outer rod hung 0.030 rad off straight down" in verdict.sentence
 
 
 def test_a_table_without_rest_is_judged_on_what_it_has(good: Run, rig: Rig) -> None:

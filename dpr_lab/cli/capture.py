@@ -77,7 +77,11 @@ def record(
     with Device(open_transport(url, rig_file=rig.path)) as device:
         info = device.connect()
         say(f"{device.url}: device {info.uid}, firmware {info.firmware}")
-        return [_release(device, rig, pose, options, out, ask) for pose in poses], asdict(info)
+        try:
+            return [_release(device, rig, pose, options, out, ask) for pose in poses], asdict(info)
+        except KeyboardInterrupt as stopped:
+            say(str(stopped) or "stopped by the operator; nothing was released, the rods are as they were")
+            raise
 
 
 def _release(device: "Device", rig: "Rig", pose: str, options: "CaptureOptions", out: Path, ask: bool) -> "Captured":

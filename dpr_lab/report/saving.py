@@ -63,12 +63,14 @@ def save_diagnosis(found: Diagnosis, runs: Sequence[Run], rig: Rig, out: Path) -
 
 
 def write_json(result: dict[str, Any], path: Path) -> None:
-    """Write the JSON that a command prints.
+    """Write the JSON that a command prints, whole or not at all.
 
     Raises:
         DprError: the file cannot be written.
     """
-    write_to(path, lambda file: file.write_text(as_json(result) + "\n", encoding="utf-8"))
+    fresh = path.with_name(f"{path.name}.new")
+    write_to(fresh, lambda file: file.write_text(as_json(result) + "\n", encoding="utf-8"))
+    fresh.replace(path)
 
 
 def _record(comparison: Comparison) -> dict[str, Any]:

@@ -160,7 +160,7 @@ def recover(path: Path | str, out: Path | str) -> int:
 
 
 def _summary(found: Scan, samples: Samples) -> RunSummary:
-    summary = found.summary or RunSummary(lost=lost_by_gaps(found, samples))
+    summary = found.summary or RunSummary(lost=lost_by_gaps(found, samples), clock=found.newest_clock)
     return replace(summary, release_tick=found.release_tick)
 
 

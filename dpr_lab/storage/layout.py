@@ -25,6 +25,8 @@ SAMPLES, RAW, EVENTS, STATUS, CLOCK = "/samples", "/raw", "/events", "/status", 
 
 CHUNK_BYTES = 1 << 20
 MAX_RECORD_BYTES = 16 << 20  # far above any chunk the writer makes; a damaged or hostile length stops here
+MAX_EXPANSION, SMALL_CHUNK_BYTES = 100, 1 << 16  # rods at rest compress fifteenfold; all chunks together stay bounded
+MOST_TICKS = 1 << 53  # seventy thousand years at 4 kHz, and exact as a float
 
 UNIT_TABLE = {
     "tick": "sample periods since the stream started; row number in an imported table",

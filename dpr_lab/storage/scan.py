@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import zstandard
@@ -25,13 +26,17 @@ from numpy.typing import NDArray
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
 from dpr_lab.storage.layout import (
+    CLOCK,
     END,
     EVENTS,
+    MAX_EXPANSION,
     MAX_RECORD_BYTES,
+    MOST_TICKS,
     PROVENANCE,
     RELEASED,
     RIG_ATTACHMENT,
     SAMPLES,
+    SMALL_CHUNK_BYTES,
     Stored,
     unsealed,
 )
@@ -88,11 +93,34 @@ class Scan:
 
     @property
     def release_tick(self) -> int | None:
-        """Tick of the release: from the end record, or from the event when the file has lost its end."""
+        """Tick of the release: from the end record, or from the event when the file has lost its end.
+
+        Raises:
+            RunError: an event that is not in the layout of a run.
+        """
         if self.summary is not None and self.summary.release_tick is not None:
             return self.summary.release_tick
-        events = (json.loads(m.data) for m in self.messages if m.topic == EVENTS)
-        return next((event["tick"] for event in events if event["kind"] == RELEASED and "tick" in event), None)
+        events = (self._object(m) for m in self.messages if m.topic == EVENTS)
+        ticks = (event.get("tick") for event in events if event.get("kind") == RELEASED)
+        return next((tick for tick in ticks if isinstance(tick, int) and 0 <= tick < MOST_TICKS), None)
+
+    @property
+    def newest_clock(self) -> dict[str, Any]:
+        """The last clock fit written while recording; empty when there is none.
+
+        Raises:
+            RunError: it is not in the layout of a run.
+        """
+        return next((self._object(m) for m in reversed(self.messages) if m.topic == CLOCK), {})
+
+    def _object(self, message: Stored) -> dict[str, Any]:
+        try:
+            read = json.loads(message.data)
+        except (ValueError, RecursionError) as error:
+            raise RunError(f"{self.path}: {message.topic} is not in the layout of a run: {error}") from error
+        if not isinstance(read, dict):
+            raise RunError(f"{self.path}: {message.topic} is not in the layout of a run")
+        return read
 
     def samples(self) -> Samples:
         """Decode the samples.
@@ -104,19 +132,31 @@ class Scan:
             rows = json.loads(b"[" + b",".join(m.data for m in self.messages if m.topic == SAMPLES) + b"]")
             counted = bool(rows) and "counts" in rows[0]
             samples = Samples(
-                ticks=np.array([row["tick"] for row in rows], dtype=np.int64),
-                t=np.array([row["t"] for row in rows], dtype=np.float64),
-                theta=np.array([row["theta"] for row in rows], dtype=np.float64).reshape(-1, JOINTS),
-                counts=np.array([row["counts"] for row in rows], dtype=np.int64).reshape(-1, JOINTS)
-                if counted
-                else None,
+                ticks=_whole([row["tick"] for row in rows], (len(rows),)),
+                t=_finite([row["t"] for row in rows], (len(rows),)),
+                theta=_finite([row["theta"] for row in rows], (len(rows), JOINTS)),
+                counts=_whole([row["counts"] for row in rows], (len(rows), JOINTS)) if counted else None,
             )
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             raise RunError(f"{self.path}: its samples are not in the layout of a run: {error}") from error
         backwards = np.flatnonzero(np.diff(samples.ticks) <= 0)
         if len(backwards):
             raise RunError(f"{self.path}: sample {backwards[0] + 1} does not come after the one before it")
         return samples
+
+
+def _whole(values: list[Any], shape: tuple[int, ...]) -> NDArray[np.int64]:
+    read = np.array(values if values else np.zeros(shape, dtype=np.int64))
+    if read.shape != shape or read.dtype != np.int64:
+        raise ValueError(f"a value that is not a whole number of 64 bits, or not {shape[1:] or 'one'} of them")
+    return read
+
+
+def _finite(values: list[Any], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    read = np.array(values if values else np.zeros(shape), dtype=np.float64)
+    if read.shape != shape or not np.isfinite(read).all():
+        raise ValueError(f"a value that is not a finite number, or not {shape[1:] or 'one'} of them")
+    return read
 
 
 @dataclass(slots=True)
@@ -144,7 +184,7 @@ def scan(path: Path) -> Scan:
             )
         damage = _collect(file, found)
     metadata, rig_sha256 = _description(path, found, damage)
-    end = found.records.get(END)
+    summary, stopped, samples = _ending(path, found)
     return Scan(
         path=path,
         size_bytes=size,
@@ -152,12 +192,23 @@ def scan(path: Path) -> Scan:
         metadata=metadata,
         rig_sha256=rig_sha256,
         messages=found.messages,
-        summary=RunSummary.from_record(end) if end else None,
-        stopped=end["stopped"] if end else "",
-        samples_announced=int(end["samples"]) if end else None,
+        summary=summary,
+        stopped=stopped,
+        samples_announced=samples,
         samples_counted=_counted(found),
         damage=damage,
     )
+
+
+def _ending(path: Path, found: _Collected) -> tuple[RunSummary | None, str, int | None]:
+    """How the run ended, why early if it did, and how many samples it announced."""
+    end = found.records.get(END)
+    if end is None:
+        return None, "", None
+    try:
+        return RunSummary.from_record(end), end["stopped"], int(end["samples"])
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise RunError(f"{path}: its end record cannot be read: {error}") from error
 
 
 @contextmanager
@@ -210,8 +261,9 @@ def _messages(chunk: Chunk, topics: dict[int, str]) -> list[Stored]:
         expanded = max(expanded, zstandard.frame_content_size(chunk.data))
     elif chunk.compression:
         raise McapError(f"a chunk compressed with {chunk.compression[:20]!r}, which no run uses")
-    if expanded > MAX_RECORD_BYTES:
-        raise McapError(f"a chunk that would expand to {expanded} bytes, {MAX_RECORD_BYTES} is the most")
+    most = min(MAX_RECORD_BYTES, MAX_EXPANSION * len(chunk.data) + SMALL_CHUNK_BYTES)
+    if expanded > most:
+        raise McapError(f"a chunk of {len(chunk.data)} bytes that would expand to {expanded}, {most} is the most")
     if not chunk.uncompressed_crc:
         raise McapError("a chunk without a CRC")
     records = breakup_chunk(chunk, validate_crc=True)
@@ -230,7 +282,7 @@ def _description(path: Path, found: _Collected, damage: str) -> tuple[RunMetadat
         raise RunError(f"{path}: {damage}, before the rig it was recorded on: nothing can be read from it")
     try:
         return RunMetadata.from_record(record, found.attachments[RIG_ATTACHMENT]), record["rig_sha256"]
-    except (KeyError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise RunError(f"{path}: its description cannot be read: {error}") from error
     except RunError as error:
         raise RunError(f"{path}: {error}") from error

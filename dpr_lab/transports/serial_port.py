@@ -94,8 +94,16 @@ class SerialPort:
         self._serial.close()
 
     def _lost(self, error: BaseException) -> DeviceLost:
-        why = error.strerror if isinstance(error, OSError) and error.strerror else "unplugged"
-        return DeviceLost(f"{self._url}: the port is gone ({why}): check cable and power, then connect again")
+        return DeviceLost(
+            f"{self._url}: the port is gone ({_why_lost(error)}): check cable and power, then connect again"
+        )
+
+
+def _why_lost(error: BaseException) -> str:
+    if isinstance(error, serial.SerialTimeoutException):
+        return "it takes no more bytes"
+    code = error.errno if isinstance(error, OSError) else None
+    return "unplugged" if code in (None, errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF) else str(error)
 
 
 def _why_not_opened(name: str, baud: int, error: Exception) -> str:

@@ -4,7 +4,7 @@ import pytest
 
 from firmware_protocol.definition import PROTOCOL_VERSION, SCHEMA_HASH
 from firmware_protocol.device_role import DeviceSession
-from firmware_protocol.errors import VersionMismatch
+from firmware_protocol.errors import DevicesCollide, VersionMismatch
 from firmware_protocol.host_role import HostSession, Outcome
 from firmware_protocol.identity import DeviceInfo, assemble, info_pages
 from firmware_protocol.messages import Ack, Hello, Info, Message, Nak, NakCode, decode, encode
@@ -42,6 +42,16 @@ def test_an_identity_with_a_page_missing_is_none(missing: int):
 
 def test_a_page_of_a_newer_minor_version_is_no_matter():
     assert assemble([*info_pages(DEVICE), Info(9, {})]) == DEVICE
+
+
+@pytest.mark.parametrize("late", [0, 9], ids=["at once", "after the greeting"])
+def test_a_second_device_under_the_same_node_is_told(late: int):
+    host = HostSession()
+    hello = host.hello(now=0.0)
+    first, second = (DeviceSession(replace(DEVICE, uid=uid)).receive(hello, 0.0).frames for uid in ("1", "2"))
+    frames = [*first[:late], *second] if late else [frame for pair in zip(first, second, strict=True) for frame in pair]
+    with pytest.raises(DevicesCollide, match="two devices answer as node 1"):
+        list(map(host.receive, frames))
 
 
 def test_greeting_tells_who_is_there():

@@ -267,7 +267,13 @@ def test_faults_strike_as_often_as_asked():
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_without_a_good_value_is_refused_with_its_meaning(name):
-    for value in ("", "much", "-1", "nan", *([] if FAULTS[name].highest == np.inf else [f"{FAULTS[name].highest * 2 + 1:.0f}"])):
+    for value in (
+        "",
+        "much",
+        "-1",
+        "nan",
+        *([] if FAULTS[name].highest == np.inf else [f"{FAULTS[name].highest * 2 + 1:.0f}"]),
+    ):
         with pytest.raises(ConfigError, match=f"write {name}=VALUE"):
             parse_faults([f"{name}={value}"])
     assert parse_faults([f"{name}=1"]).value(name) == 1.0

@@ -225,21 +225,35 @@ def test_missing_file_and_folder_are_named(tmp_path):
         verify(tmp_path / "no.mcap")
 
 
+def header_of_second_chunk(content):
+    second = content.index(b"zstd", content.index(b"zstd") + 4)
+    return second - 4 - 4 - 8 - 8 - 8 - 9  # opcode and length, three u64, crc u32, length of "zstd" u32
+
+
+def chunk_of(whole, data):
+    """A chunk with the head of a run's second one and other compressed data."""
+    content = whole.read_bytes()
+    header = header_of_second_chunk(content)
+    length = 8 + 8 + 8 + 4 + 4 + 4 + 8 + len(data)
+    head = content[header + 9 : header + 9 + 8 + 8 + 8 + 4 + 4 + 4]
+    return b"\x06" + length.to_bytes(8, "little") + head + len(data).to_bytes(8, "little") + data
+
+
+def test_many_small_chunks_do_not_add_up_to_a_bomb(tmp_path, whole):
+    bomb = chunk_of(whole, zstandard.compress(bytes(MAX_RECORD_BYTES - 1)))
+    content = whole.read_bytes()
+    path = tmp_path / "bombs.mcap"
+    path.write_bytes(content[: header_of_second_chunk(content)] + 1000 * bomb)
+    about = info(path)
+    assert "would expand" in about.damage
+    assert about.samples == 100
+
+
 def test_a_chunk_that_would_expand_beyond_reason_is_not_expanded(tmp_path, whole, monkeypatch):
     content = whole.read_bytes()
     bomb = zstandard.compress(bytes(4 * MAX_RECORD_BYTES))
-    second = content.index(b"zstd", content.index(b"zstd") + 4)
-    header = second - 4 - 4 - 8 - 8 - 8 - 9  # opcode and length, three u64, crc u32, length of "zstd" u32
-    length = 8 + 8 + 8 + 4 + 4 + 4 + 8 + len(bomb)
-    chunk = (
-        b"\x06"
-        + length.to_bytes(8, "little")
-        + content[header + 9 : second + 4]
-        + len(bomb).to_bytes(8, "little")
-        + bomb
-    )
     path = tmp_path / "bomb.mcap"
-    path.write_bytes(content[:header] + chunk)
+    path.write_bytes(content[: header_of_second_chunk(content)] + chunk_of(whole, bomb))
     expanded = []
     real = zstandard.decompress
     monkeypatch.setattr(zstandard, "decompress", lambda data, size=0: expanded.append(len(data)) or real(data, size))

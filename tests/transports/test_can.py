@@ -110,7 +110,7 @@ def test_pulled_slcan_adapter_is_device_lost(adapter: tuple[int, str]) -> None:
     device, path = adapter
     link = open_transport(f"can://slcan{path}")
     os.close(device)
-    with pytest.raises(DeviceLost, match="the bus is gone"):
+    with pytest.raises(DeviceLost, match="the port is gone"):
         link.receive(0.5)
     with pytest.raises(DeviceLost):
         link.send(SAMPLE)
@@ -122,7 +122,7 @@ def test_pulled_slcan_adapter_is_device_lost(adapter: tuple[int, str]) -> None:
     [
         ("can://carrier-pigeon/x", "unknown CAN backend 'carrier-pigeon'; python-can has:.*slcan.*virtual"),
         ("can://virtual", "names no channel"),
-        ("can://slcan/dev/nothing?settle_s=0", "slcan cannot open /dev/nothing at 1000000 bit/s"),
+        ("can://slcan/dev/nothing?settle_s=0", "there is no port /dev/nothing"),
         ("can://socketcan/can7", "socketcan cannot open can7"),
     ],
 )
@@ -132,7 +132,7 @@ def test_bus_that_cannot_be_opened_says_why(url: str, sentence: str) -> None:
 
 
 def test_slcan_refuses_a_bit_rate_it_has_no_letter_for(adapter: tuple[int, str]) -> None:
-    with pytest.raises(LinkError, match="Invalid bitrate, choose one of"):
+    with pytest.raises(LinkError, match="does not run at 123456 bit/s: choose one of 10000"):
         open_transport(f"can://slcan{adapter[1]}?bitrate=123456")
 
 

@@ -1,0 +1,89 @@
+"""Samples of a recording under way, kept in a file without a name so that memory stays flat however long it lasts."""
+
+from pathlib import Path
+from tempfile import TemporaryFile
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import JOINTS
+
+_ROW = np.dtype((np.int64, (1 + JOINTS,)))
+
+
+class Spool:
+    """Ticks and counts in the order they came; a context manager that forgets them at its end.
+
+    Args:
+        folder: where there is room for 32 bytes a sample
+
+    Raises:
+        RunError: there is none, here or in `extend`.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._used = 0
+        self._first_tick = self._last_tick = -1
+        try:
+            self._file = TemporaryFile(dir=folder, buffering=0)
+        except OSError as error:
+            raise self._full(error) from error
+
+    def __enter__(self) -> "Spool":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def __len__(self) -> int:
+        return self._used
+
+    @property
+    def first_tick(self) -> int:
+        """The first sample's tick, -1 before there is one."""
+        return self._first_tick
+
+    @property
+    def last_tick(self) -> int:
+        """The newest sample's tick, -1 before there is one."""
+        return self._last_tick
+
+    @property
+    def missing(self) -> int:
+        """Ticks between the first and the last that have no sample."""
+        return self._last_tick - self._first_tick + 1 - self._used if self._used else 0
+
+    def extend(self, ticks: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+        """Take in newer samples: ticks (n,) and position counters (n, 3)."""
+        rows = np.column_stack([ticks, counts]).astype(np.int64, copy=False).tobytes()
+        try:
+            self._file.seek(self._used * _ROW.itemsize)
+            if self._file.write(rows) != len(rows):
+                raise OSError(28, "No space left on device")
+        except OSError as error:
+            raise self._full(error) from error
+        if not self._used:
+            self._first_tick = int(ticks[0])
+        self._last_tick = int(ticks[-1])
+        self._used += len(ticks)
+
+    def newest(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Ticks (n,) and counts (n, 3) of the last `count` samples, or of all there are."""
+        return self._read(max(0, self._used - count), self._used)
+
+    def oldest(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Ticks (n,) and counts (n, 3) of the first `count` samples, or of all there are."""
+        return self._read(0, min(count, self._used))
+
+    def _read(self, start: int, stop: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        self._file.seek(start * _ROW.itemsize)
+        rows = np.frombuffer(self._file.read((stop - start) * _ROW.itemsize), dtype=np.int64).reshape(-1, 1 + JOINTS)
+        return rows[:, 0], rows[:, 1:]
+
+    def _full(self, error: OSError) -> RunError:
+        return RunError(f"{self._folder}: cannot be written: {error.strerror}; the file is kept: make room there")

@@ -1,0 +1,100 @@
+"""Which key does what: the defaults stand with the actions, a file of the operator's replaces them.
+
+[capture]
+release = "space"
+
+[app]
+next = "n,ctrl+right"
+"""
+
+import os
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+from textual.binding import Binding
+from textual.dom import DOMNode
+from textual.keys import Keys
+
+from dpr_lab.errors import ConfigError
+
+MODIFIERS = ("ctrl", "shift", "alt", "super", "meta", "hyper")
+
+Keymap = dict[str, str]
+"""Id of an action -> keys, with commas between."""
+
+
+def keys_file() -> Path:
+    """Where the operator's keys are; the environment variable DPR_LAB_CONFIG overrides the user's own folder."""
+    return Path(os.environ.get("DPR_LAB_CONFIG") or platformdirs.user_config_dir("dpr-lab")) / "keys.toml"
+
+
+def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOMNode]]) -> Keymap:
+    """The operator's keys.
+
+    Args:
+        path: the file; none there means no changes
+        everywhere: whose actions work in every place: the app
+        places: whose actions work only while they are shown: the steps, charts, ...
+
+    Raises:
+        ConfigError: not TOML, no such action, no such key, or one key for two actions of one place.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be used: {error}") from error
+    keymap = dict(_flat(path, table))
+    common, local = actions(everywhere), [actions(place) for place in places]
+    known = common | {name: keys for place in local for name, keys in place.items()}
+    for name, keys in keymap.items():
+        if name not in known:
+            raise ConfigError(f"{path}: {name}: no such action (there are: {', '.join(sorted(known))})")
+        for key in keys.split(","):
+            _check_key(path, name, key)
+    for defaults in local or [{}]:
+        _check_clashes(path, keymap, common | defaults)
+    return keymap
+
+
+def actions(owner: type[DOMNode]) -> dict[str, str]:
+    """Ids and default keys of a class's own actions."""
+    bindings = owner.__dict__.get("BINDINGS", ())
+    return {binding.id: binding.key for binding in bindings if isinstance(binding, Binding) and binding.id}
+
+
+def _flat(path: Path, table: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    for place, keys in table.items():
+        if not isinstance(keys, dict):
+            raise ConfigError(f"{path}: {place}: write the actions of a place below its name, such as [capture]")
+        for action, key in keys.items():
+            name = f"{place}.{action}"
+            if not isinstance(key, str) or not key.strip():
+                raise ConfigError(f'{path}: {name} = {key!r}: write a key such as "r" or "ctrl+r"')
+            yield name, ",".join(part.strip() for part in key.split(","))
+
+
+def _check_key(path: Path, name: str, key: str) -> None:
+    *modifiers, base = key.split("+") if key != "+" else [key]
+    if len(base) == 1 or base in {known.value for known in Keys}:
+        if all(modifier in MODIFIERS for modifier in modifiers):
+            return
+    raise ConfigError(f"{path}: {name} = {key!r}: no such key: write for example r, space, f5 or ctrl+r")
+
+
+def _check_clashes(path: Path, keymap: Keymap, defaults: Mapping[str, str]) -> None:
+    taken: dict[str, str] = {}
+    for name in defaults:
+        for key in _spelled_out(keymap.get(name, defaults[name])):
+            other = taken.setdefault(key, name)
+            if other != name and (name in keymap or other in keymap):
+                raise ConfigError(f"{path}: the key {key!r} is both {other} and {name}: give one of them another key")
+
+
+def _spelled_out(keys: str) -> list[str]:
+    """Keys by their names: `question_mark` for `?`, as Textual compares them."""
+    return [binding.key for binding in Binding.make_bindings([Binding(keys, "compare")])]

@@ -1,0 +1,69 @@
+"""Rows and sentences as the screen shows them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich import box
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.table import Table
+from rich.text import Text
+
+
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, prose: bool = False) -> RenderableType:
+    """A table as wide as its cells need; `prose` for columns of text, which read from the left."""
+    made = Table(
+        title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
+    )
+    for index, column in enumerate(columns):
+        made.add_column(column, justify="left" if prose or index == 0 else "right", overflow="fold")
+    for row in rows:
+        made.add_row(*(Text(cell) for cell in row))
+    return made
+
+
+def sentences(title: str, lines: Sequence[str], *, mark: str = "•") -> RenderableType:
+    """A list of sentences below a title; nothing where there are none."""
+    if not lines:
+        return Text("")
+    items = Table.grid(padding=(0, 1))
+    for line in lines:
+        items.add_row(mark, Text(line))
+    return Group(Text(title, "bold"), items, Text(""))
+
+
+def shorter(names: Sequence[str], most: int = 6) -> str:
+    """Names by comma, the first few of many."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+@dataclass(frozen=True, slots=True)
+class Bars:
+    """Horizontal bars of any width, for each a label, a value, its interval if it has one, and what to write beside."""
+
+    rows: Sequence[tuple[str, float, tuple[float, float] | None, str]]
+    mark: float | None = None
+    """Where a vertical line crosses all of them, such as the noise floor."""
+    top: float | None = None
+    """Value of a full bar; the largest one by default."""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """One line each."""
+        label = max((len(row[0]) for row in self.rows), default=0)
+        beside = max((len(row[3]) for row in self.rows), default=0)
+        width = max(options.max_width - label - beside - 4, 8)
+        top = self.top or max((row[1] for row in self.rows), default=1.0) or 1.0
+        for name, value, interval, text in self.rows:
+            yield Text(f"{name:<{label}} {self._bar(value, interval, top, width)} {text}", no_wrap=True)
+
+    def _bar(self, value: float, interval: tuple[float, float] | None, top: float, width: int) -> str:
+        def column(at: float) -> int:
+            return min(max(round(at / top * (width - 1)), 0), width - 1)
+
+        cells = ["█" if value > 0 and i <= column(value) else " " for i in range(width)]
+        if interval is not None:
+            low, high = column(interval[0]), column(interval[1])
+            cells[low : high + 1] = ["├", *"─" * (high - low - 1), "┤"][: high - low + 1] if high > low else ["│"]
+        if self.mark is not None:
+            cells[column(self.mark)] = "┊" if cells[column(self.mark)] == " " else "┃"
+        return "".join(cells)

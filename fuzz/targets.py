@@ -1,0 +1,199 @@
+"""What is fuzzed: one function for each reader of foreign bytes, which asserts what must hold whatever comes in.
+
+An input may be refused by the error that the reader documents. Everything else that leaves a target is a finding:
+another exception, a wrong answer, a hang, memory without bound.
+"""
+
+import json
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from dpr_lab.configs import read_config
+from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.model import load_model
+from dpr_lab.rig import PARAMETERS, Rig, load_rig
+from dpr_lab.run import Run
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.storage.inspect import info, recover, verify
+from dpr_lab.storage.layout import CLOCK, EVENTS, SAMPLES, STATUS, Stored
+from dpr_lab.storage.metadata import RunMetadata, RunSummary
+from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.writer import RunWriter
+from dpr_lab.transports.slcan import LONGEST_LINE, SlcanDecoder
+from firmware_protocol.device_role import DeviceSession
+from firmware_protocol.errors import RemoteProtocolError
+from firmware_protocol.framing import MAX_ENCODED, FrameDecoder, encode_frame
+from firmware_protocol.host_role import HostSession
+from firmware_protocol.identity import DeviceInfo
+from firmware_protocol.messages import NUMBERS, RELEASE_KEY, Frame, Hello, Hold, Release, Stream, encode
+from firmware_protocol.stream import SampleStream
+
+MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
+"""Files go here and not to a disk, which is asked to sync each."""
+PAPER = load_rig("paper")
+IDENTITY = DeviceInfo("1.0.0", "00000000000000ff", (16384, 16384, 16384), rate_max_hz=4000, rate_default_hz=100)
+METADATA = RunMetadata(PAPER, "X1", 1000)
+CSV_OPTIONS = (
+    ImportOptions(),
+    ImportOptions(angles="relative", zero="hanging", unit="deg", time_unit="ms"),
+    ImportOptions(unit="counts"),
+)
+
+
+def frames(data: bytes) -> None:
+    """The decoder of the serial framing: chunking never matters, a frame that comes out was in the bytes."""
+    whole, cut = FrameDecoder(), FrameDecoder()
+    found = whole.feed(data)
+    at = data[0] if data else 0
+    assert cut.feed(data[:at]) + cut.feed(data[at:]) == found
+    assert (cut.crc_errors, cut.framing_errors) == (whole.crc_errors, whole.framing_errors)
+    for frame in found:
+        assert encode_frame(frame)[:-1] in data
+    assert len(whole._rest) <= MAX_ENCODED
+
+
+def slcan(data: bytes) -> None:
+    """The decoder of an adapter's lines."""
+    whole, cut = SlcanDecoder(), SlcanDecoder()
+    found = whole.feed(data)
+    at = data[0] if data else 0
+    if max(map(len, data.replace(b"\a", b"\r").split(b"\r")), default=0) <= LONGEST_LINE:
+        assert cut.feed(data[:at]) + cut.feed(data[at:]) == found
+    for frame in found:
+        assert len(frame.data) <= 8
+        assert frame.id < 1 << 11
+    assert len(whole._rest) <= LONGEST_LINE
+
+
+def session(data: bytes) -> None:
+    """Both ends of the conversation: only RELEASE with its key opens the latch, and nothing breaks either end."""
+    device, host, stream = DeviceSession(IDENTITY), HostSession(), SampleStream()
+    for number, opening in enumerate((Hello(1), Hold(2), Stream(3, 1000))):
+        device.receive(encode(opening), 0.1 * number)
+    host.hello(0.0)
+    tick = -1
+    for number, frame in enumerate(_sliced(data)):
+        latched = device.latched
+        for answer in device.receive(frame, 0.3).frames:
+            assert len(answer.data) <= 8
+        if latched and not device.latched:
+            assert frame.number == NUMBERS[Release]
+            assert frame.data[1:] == RELEASE_KEY.to_bytes(2, "little")
+        with suppress(RemoteProtocolError):
+            message = host.receive(frame)
+            row = stream.feed(message) if message is not None else None
+            assert row is None or row.tick > tick
+            tick = tick if row is None else row.tick
+        host.due(0.01 * number)
+
+
+def _sliced(data: bytes) -> list[Frame]:
+    """Bytes as frames: identifier, length, data."""
+    found: list[Frame] = []
+    while len(data) >= 2:
+        length = data[1] % 9
+        found.append(Frame(64 | data[0] & 63, data[2 : 2 + length]))
+        data = data[2 + length :]
+    return found
+
+
+def run_file(data: bytes) -> None:
+    """The reader of run files."""
+    with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
+        path = Path(folder) / "a.mcap"
+        path.write_bytes(data)
+        assert not verify(path).ok  # its hash is not beside it
+        with suppress(RunError):
+            info(path).to_json()
+        with suppress(RunError):
+            _check_run(load_run(path))
+
+
+def run_content(data: bytes) -> None:
+    """The reader of run files, given a file whose CRCs and digests are right and whose content is foreign.
+
+    Each line is one message: the first byte says the channel or the end record, the rest is what it holds.
+    """
+    with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
+        path = Path(folder) / "a.mcap"
+        writer = RunWriter(path, METADATA)
+        ends = _write_lines(writer, data.split(b"\n"))
+        writer.finish(RunSummary(release_tick=0))
+        if ends:
+            content = path.read_bytes()
+            path.write_bytes(content[: content.index(b"complete") - 64])
+        with suppress(RunError):
+            info(path).to_json()
+        with suppress(RunError):
+            _check_run(load_run(path, verify=False))
+        with suppress(RunError):
+            assert recover(path, Path(folder) / "b.mcap") > 0
+
+
+def _write_lines(writer: RunWriter, lines: list[bytes]) -> bool:
+    """Write lines as messages; True when one of them asks for a file without its end."""
+    topics, cut = (SAMPLES, SAMPLES, SAMPLES, EVENTS, CLOCK, STATUS), False
+    for at, line in enumerate(lines):
+        if line[:1] == b"E":
+            cut = True
+        elif line:
+            writer.copy([Stored(topics[line[0] % len(topics)], at, at, line[1:])])
+    return cut
+
+
+def table(data: bytes) -> None:
+    """The importer of any logger's table."""
+    with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
+        path = Path(folder) / "a.csv"
+        path.write_bytes(data)
+        for options in CSV_OPTIONS:
+            with suppress(RunError):
+                _check_run(import_csv(path, PAPER, options))
+        with suppress(RunError):
+            _check_run(import_csv(path, PAPER, CSV_OPTIONS[0], Path(folder) / "a.mcap"))
+
+
+def _check_run(run: Run) -> None:
+    assert run.theta.shape == (len(run.t), 3)
+    assert np.isfinite(run.t).all()
+    assert np.isfinite(run.theta).all()
+    assert (np.diff(run.t) > 0).all()
+    assert run.rate_hz > 0
+
+
+def rig(data: bytes) -> None:
+    """The reader of rig files."""
+    with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
+        path = Path(folder) / "a.toml"
+        path.write_bytes(data)
+        with suppress(ConfigError):
+            read = read_config(path, Rig)
+            assert np.isfinite(read.nominal).all()
+            assert read.nominal.shape == (len(PARAMETERS),)
+            assert np.isfinite(read.theta([1, 2, 3])).all()
+
+
+def model(data: bytes) -> None:
+    """The reader of identified models."""
+    with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
+        path = Path(folder) / "a.json"
+        path.write_bytes(data)
+        with suppress(RunError):
+            json.loads(load_model(path).model_dump_json())
+
+
+TARGETS: dict[str, Callable[[bytes], None]] = {
+    "frames": frames,
+    "slcan": slcan,
+    "session": session,
+    "run_file": run_file,
+    "run_content": run_content,
+    "table": table,
+    "rig": rig,
+    "model": model,
+}
+"""Name -> target; `corpus/NAME` holds where its search starts."""

@@ -1,0 +1,171 @@
+"""A bench for things that go wrong: simulated devices, the command line as the operator uses it, and the truth."""
+
+import os
+import re
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dpr_lab.cli import main
+from dpr_lab.rig import load_rig
+from dpr_lab.run import Run
+from dpr_lab.storage.reader import load_run
+from sim_device.assemble import Options, assemble, hidden_plant
+from sim_device.hand import PLACING_TIME
+from sim_device.rods import Rods
+from sim_device.serve import serve
+
+DOC = Path(__file__).parents[2] / "docs" / "reliability.md"
+HEAD = "| what goes wrong | link | what the operator reads | exit code | what survives |"
+WRITE = "DPR_LAB_WRITE_DOCS"
+SEED = 5
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a command ended."""
+
+    code: int
+    said: str
+    """What the operator reads: the last line on stderr."""
+    runs: list[Path]
+
+
+class Bench:
+    """Devices that are served in threads, and what they should have recorded."""
+
+    def __init__(self) -> None:
+        self._ends: list[tuple[threading.Event, threading.Thread]] = []
+
+    def serve(self, **options: Any) -> str:
+        """Serve a device; the URL of its link."""
+        device, link, faults = assemble(Options(**{"clock": "fast", "seed": SEED, **options}))
+        stop = threading.Event()
+        thread = threading.Thread(target=serve, args=(device, link, faults, stop.is_set))
+        thread.start()
+        self._ends.append((stop, thread))
+        return link.line.url
+
+    def close(self) -> None:
+        for stop, _ in self._ends:
+            stop.set()
+        for _, thread in self._ends:
+            thread.join()
+        self._ends.clear()
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench()
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+@pytest.fixture
+def operate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
+    """`dpr-lab capture` in this process, as the operator runs it."""
+
+    def run(link: str, *words: str, out: Path = tmp_path / "runs") -> Done:
+        command = ["capture", "--rig", "paper", "--pose", "X1", "--yes", "--link", link, "--out", str(out)]
+        monkeypatch.setattr(sys, "argv", ["dpr-lab", *command, *words])
+        try:
+            main()
+            code: Any = 0
+        except SystemExit as exit_:
+            code = exit_.code or 0
+        lines = capsys.readouterr().err.strip().splitlines()
+        return Done(code, lines[-1] if lines else "", sorted(out.glob("*.mcap")) if out.is_dir() else [])
+
+    return run
+
+
+Truth = Callable[..., NDArray[np.int64]]
+
+
+@pytest.fixture(scope="session")
+def truth() -> Truth:
+    """The plant's true counts, by tick, computed without device, link and host."""
+
+    def counts(run: Run, release_tick: int, release: int = 1, **options: Any) -> NDArray[np.int64]:
+        chosen = Options(**{"seed": SEED, **options})
+        rig = load_rig(chosen.rig)
+        rods = Rods(hidden_plant(chosen), rig, clock_rate=1 + chosen.drift_ppm * 1e-6)
+        for _ in range(release - 1):
+            rods.place(1, 0.0)
+            rods.let_go(1.0, run.rate_hz)
+        rods.place(1, 2.0)
+        ticks = release_tick + np.round(run.t * run.rate_hz).astype(np.int64)
+        held = rods.held_counts(10 * PLACING_TIME + np.arange(release_tick) / run.rate_hz, 0)
+        rods.let_go(20 * PLACING_TIME, round(run.rate_hz))
+        swung = rods.swing_counts(0, max(1, int(ticks[-1]) - release_tick + 1))
+        return np.concatenate([held, swung])[ticks]
+
+    return counts
+
+
+@pytest.fixture(scope="session")
+def wrong_samples(truth: Truth) -> Callable[..., int]:
+    """How many samples of a run file differ from the plant's true counts at their tick."""
+
+    def count(path: Path, **options: Any) -> int:
+        from dpr_lab.storage.inspect import info
+
+        run = load_run(path, verify=False)
+        assert run.counts is not None
+        release_tick = info(path).release_tick
+        assert release_tick is not None
+        return int(np.any(run.counts != truth(run, release_tick, **options), axis=1).sum())
+
+    return count
+
+
+class Matrix:
+    """The table in the documentation: every test shows its row, and either the row is there or it is written."""
+
+    def __init__(self) -> None:
+        self.write = os.environ.get(WRITE) == "1"
+        self.rows = [line for line in DOC.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+        self.seen: dict[str, str] = {}
+
+    def show(self, fault: str, link: str, said: str, code: int, survives: str) -> None:
+        row = f"| {fault} | {link} | {_plain(said)} | {code} | {survives} |"
+        self.seen[f"| {fault} | {link} |"] = row
+        if not self.write:
+            assert row in self.rows, f"not in {DOC.name}: run the tests once with {WRITE}=1 and read what changed"
+
+    def close(self) -> None:
+        if not self.write:
+            return
+        text = DOC.read_text(encoding="utf-8")
+        start = text.index(HEAD)
+        end = text.index("\n\n", start)
+        header, rule, *rows = text[start:end].splitlines()
+        known = {"|".join(row.split("|")[:3]) + "|": row for row in rows} | self.seen
+        DOC.write_text(text[:start] + "\n".join([header, rule, *known.values()]) + text[end:], encoding="utf-8")
+
+
+def _plain(said: str) -> str:
+    """A sentence without what differs from run to run: places and numbers."""
+    said = re.sub(r"(serial|can|socket|sim)://\S+?(?=[:;,]? |$)", "LINK", said.removeprefix("dpr-lab: "))
+    said = re.sub(r"\S+\.mcap", "FILE", said)
+    said = re.sub(r"\b[0-9a-f]{8,16}\b", "N", said)
+    said = re.sub(r"(/[\w.-]+){2,}", "PATH", said)
+    said = re.sub(r"(?<![A-Za-z\d])[+-]?\d[\d,.]*(?<![,.])", "N", said).replace("|", "/")
+    # A damaged frame can be counted under any of these, and can take its neighbour along.
+    return re.sub(r"(?:(?:crc|framing) N, )+(?:tick_gap N, )?", "crc / framing / tick_gap N, ", said)
+
+
+@pytest.fixture(scope="session")
+def matrix() -> Iterator[Matrix]:
+    made = Matrix()
+    yield made
+    made.close()

@@ -1,0 +1,69 @@
+"""The device's clock: its drift and offset with their uncertainty in every run, and nothing that bends its time."""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.storage.inspect import info
+from dpr_lab.storage.reader import load_run
+
+FULL = os.environ.get("DPR_LAB_FULL") == "1"
+DRIFTS_PPM = (-500.0, -200.0, -50.0, 0.0, 50.0, 200.0, 500.0) if FULL else (-50.0, 500.0)
+LINKS = {"serial": "pty", "CAN": "slcan"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("drift_ppm", DRIFTS_PPM)
+def test_injected_drift_is_recovered_within_the_stated_interval(drift_ppm: float, link: str, bench, operate) -> None:
+    before = time.time()
+    done = operate(bench.serve(link=LINKS[link], clock="realtime", drift_ppm=drift_ppm), "--duration", "5")
+    after = time.time()
+    assert done.code == 0, done.said
+    clock = info(done.runs[0]).clock
+    assert abs(clock["rate_ppm"] - drift_ppm) < 4 * clock["rate_ppm_std"]
+    assert 0 < clock["rate_ppm_std"] < 500
+    assert 0 < clock["offset_std"] < 0.05
+    assert before < clock["offset_unix"] < after
+
+
+def test_a_simulated_time_has_no_drift_to_tell(bench, operate) -> None:
+    done = operate(bench.serve(), "--duration", "0.5")
+    assert info(done.runs[0]).clock == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("link", LINKS)
+def test_dropped_host_time_never_bends_device_time(link: str, bench, operate, wrong_samples) -> None:
+    stalled = bench.serve(link=LINKS[link], clock="realtime", drift_ppm=200.0, fault=("stall_ms=350", "drop=0.02"))
+    done = operate(stalled, "--duration", "3")
+    run = load_run(done.runs[0])
+    ticks = np.round(run.t * 1000)
+    np.testing.assert_array_equal(run.t, ticks / 1000)
+    assert np.all(np.diff(ticks) >= 1)
+    assert wrong_samples(done.runs[0], drift_ppm=200.0) == 0
+    clock = info(done.runs[0]).clock
+    assert abs(clock["rate_ppm"] - 200.0) < 4 * clock["rate_ppm_std"]
+
+
+@pytest.mark.parametrize(
+    ("link", "baud", "said"),
+    [
+        ("pty", 115_200, "1000 Hz needs 140,000 bit/s, 122 % of 115200 baud (at most 80 % may be used)"),
+        ("slcan", 125_000, "1000 Hz needs 135,000 bit/s, 108 % of a 125000 bit/s bus (at most 80 % may be used)"),
+    ],
+)
+def test_a_rate_the_link_cannot_carry_is_refused_with_the_arithmetic(
+    link: str, baud: int, said: str, bench, operate, matrix, tmp_path: Path
+) -> None:
+    done = operate(bench.serve(link=link, baud=baud))
+    assert (done.code, done.runs) == (4, [])
+    assert said in done.said
+    assert "choose at most" in done.said
+    shown = {"pty": "serial", "slcan": "CAN"}[link]
+    matrix.show(
+        "a rate that the link cannot carry", shown, done.said, done.code, "no RELEASE was sent and no file begun"
+    )

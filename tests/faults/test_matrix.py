@@ -1,0 +1,124 @@
+"""What goes wrong, over a serial line and over CAN: never a wrong sample taken for right, always a sentence that helps.
+
+With DPR_LAB_WRITE_DOCS=1 (and without -n) the rows of docs/reliability.md are written from what is seen here.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dpr_lab.storage.inspect import info, recover, verify
+
+SERIAL, CAN, BUS = "serial", "CAN", "CAN, virtual"
+LINKS = {SERIAL: "pty", CAN: "slcan", BUS: "virtual:faults"}
+BOTH = (SERIAL, CAN)
+SHORT = ("--duration", "2")
+LONG = ("--duration", "60")
+"""Long enough that the fault ends it."""
+
+ALL = "every sample"
+COUNTED = "every sample but those lost, which are counted"
+FLAGGED = "every sample as the encoder gave it; the run is marked degraded"
+UNTIL = "every sample until then, in a file marked as incomplete"
+NO_RELEASE = "the rest before the release, in a file marked as incomplete"
+HELD = "no RELEASE was sent and no file begun"
+
+
+@dataclass(frozen=True)
+class Case:
+    """Something that goes wrong with the device or the link, and what has to come of it."""
+
+    what: str
+    code: int
+    survives: str
+    fault: tuple[str, ...] = ()
+    links: tuple[str, ...] = BOTH
+    device: dict[str, Any] = field(default_factory=dict)
+    words: tuple[str, ...] = SHORT
+
+    @property
+    def slow(self) -> bool:
+        """Whether it takes more than a few seconds."""
+        return self.words != SHORT or self.device.get("clock") == "realtime"
+
+
+CASES = (
+    Case("nothing", 0, ALL),
+    Case("2 % of the frames dropped", 6, COUNTED, ("drop=0.02",)),
+    Case("20 % of the frames doubled", 0, ALL, ("duplicate=0.2",)),
+    Case("5 % of the frames out of order", 6, COUNTED, ("reorder=0.05",)),
+    Case("the message of the release lost, three times", 0, ALL, ("lose_events=3",)),
+    Case("1 % of the frames cut short", 6, COUNTED, ("truncate=0.01",), (SERIAL,)),
+    Case("stray bytes before every tenth write", 6, COUNTED, ("garbage=0.1",), (SERIAL,), device={"clock": "realtime"}),
+    Case("a bit in a million flipped", 0, COUNTED, ("flip=8e-6",), (SERIAL,)),
+    Case("a bit in ten thousand flipped", 6, COUNTED, ("flip=8e-4",), (SERIAL,)),
+    Case("a bit in a thousand flipped", 6, COUNTED, ("flip=8e-3",), (SERIAL,)),
+    Case("the link silent for 200 ms again and again", 0, ALL, ("stall_ms=200",), device={"clock": "realtime"}),
+    Case("the board too late for 1 % of the samples", 6, COUNTED, ("overrun=0.01",)),
+    Case("the device restarts before the release", 7, HELD, ("reset_after_s=0.2",)),
+    Case("the device restarts in the swing", 7, UNTIL, ("reset_after_s=20",), words=LONG),
+    Case("cable pulled before the release", 7, HELD, ("cut_after_s=0.2",)),
+    Case("cable pulled at the release", 7, NO_RELEASE, ("cut_at_release=1",)),
+    Case("cable pulled in the swing", 7, UNTIL, ("cut_after_s=20",), words=LONG),
+    Case("bus-off in the swing", 7, UNTIL, ("bus_off_after_s=20",), (CAN, BUS), words=LONG),
+    Case("bus-off before the release", 7, HELD, ("bus_off_after_s=0.2",), (CAN, BUS)),
+    Case("another version of the protocol", 5, HELD, ("major=2",)),
+    Case("the same version, another dpr.dbc", 5, HELD, ("schema=1",)),
+    Case("encoder stuck from the release on", 6, FLAGGED, ("stuck_encoder=1",)),
+    Case("600 counts missed at once", 6, FLAGGED, ("missed_counts=600",)),
+    Case(
+        "100 counts missed, too few for a jump",
+        6,
+        FLAGGED,
+        ("missed_counts=100",),
+        device={"plant": "dry"},
+        words=("--until-rest",),
+    ),
+    Case("tick and counters wrap", 0, ALL, links=(SERIAL, BUS), words=("--duration", "75")),
+    Case("the device's clock 500 ppm fast", 0, ALL, device={"clock": "realtime", "drift_ppm": 500.0}),
+)
+
+
+def _parameters() -> list[Any]:
+    return [
+        pytest.param(case, link, id=f"{case.what}, {link}", marks=[pytest.mark.slow] if case.slow else [])
+        for case in CASES
+        for link in case.links
+    ]
+
+
+@pytest.mark.parametrize(("case", "link"), _parameters())
+def test_fault(case: Case, link: str, bench, operate, wrong_samples, matrix, tmp_path: Path) -> None:
+    done = operate(bench.serve(link=LINKS[link], fault=case.fault, **case.device), *case.words)
+    survives = _what_survives(done.runs, wrong_samples, case.device, tmp_path)
+    if survives == ALL and case.survives == COUNTED:
+        survives = COUNTED  # a fault so rare that it may not strike
+    assert (done.code, survives) == (case.code, case.survives), done.said
+    matrix.show(case.what, link, done.said, done.code, survives)
+
+
+def _what_survives(runs: list[Path], wrong_samples: Any, device: dict[str, Any], tmp_path: Path) -> str:
+    if not runs:
+        return HELD
+    (path,) = runs
+    about = info(path)
+    assert about.samples
+    if about.release_tick is None:
+        assert not about.complete
+        return NO_RELEASE
+    wrong = wrong_samples(path, **{name: value for name, value in device.items() if name in ("plant", "drift_ppm")})
+    if not about.complete:
+        assert wrong == 0
+        assert recover(path, tmp_path / "recovered.mcap") == about.samples
+        return UNTIL
+    assert verify(path).ok
+    if wrong:
+        assert about.gate.startswith("degraded")
+        return FLAGGED
+    return COUNTED if sum(about.lost.values()) or _damaged(about.gate_figures) else ALL
+
+
+def _damaged(figures: Any) -> bool:
+    return figures.get("lost (1)", 0.0) > 0

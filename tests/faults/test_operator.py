@@ -1,0 +1,168 @@
+"""What happens to the computer and its operator: signals, full disks, a busy machine. Every capture is a process."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.storage.inspect import info, recover, verify
+
+FULL = os.environ.get("DPR_LAB_FULL") == "1"
+KILLS = 25 if FULL else 1
+"""Rounds of four processes and two signals each."""
+LINKS = {"serial": "sim://?seed=5&clock={clock}", "CAN": "sim://?seed=5&clock={clock}&bus=can"}
+pytestmark = pytest.mark.slow
+UNTIL = "every sample until then, in a file marked as incomplete"
+
+
+def start(
+    out: Path, link: str, *words: str, clock: str = "realtime", preexec: Callable[[], None] | None = None
+) -> subprocess.Popen[str]:
+    command = ["capture", "--rig", "paper", "--pose", "X1", "--yes", "--link", LINKS[link].format(clock=clock)]
+    return subprocess.Popen(
+        [sys.executable, "-m", "dpr_lab", *command, "--out", out, *words],
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=preexec,
+    )
+
+
+def small_disk() -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (120_000, 120_000))
+
+
+def await_file(out: Path, process: subprocess.Popen[str], size: int = 1) -> Path:
+    """The run file that a process has begun, once it has reached a size."""
+    while True:
+        for path in out.glob("*.mcap"):
+            if path.stat().st_size >= size:
+                return path
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.005)
+
+
+def last_line(process: subprocess.Popen[str]) -> str:
+    return process.communicate(timeout=60)[1].strip().splitlines()[-1]
+
+
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+def test_a_stopped_capture_finishes_its_file(
+    number: signal.Signals, link: str, tmp_path: Path, wrong_samples, matrix
+) -> None:
+    process = start(tmp_path, link, "--duration", "60")
+    path = await_file(tmp_path, process, 40_000)
+    process.send_signal(number)
+    said = last_line(process)
+    assert process.returncode == 130
+    about = info(path)
+    assert "KeyboardInterrupt" in about.stopped
+    assert about.damage == ""
+    assert about.clock["n"] >= 5
+    assert wrong_samples(path) == 0
+    matrix.show(f"{number.name} in the swing", link, said, process.returncode, UNTIL)
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_a_host_stopped_for_300_ms_loses_nothing(link: str, tmp_path: Path, wrong_samples, matrix) -> None:
+    process = start(tmp_path, link, "--duration", "4")
+    path = await_file(tmp_path, process, 30_000)
+    for _ in range(3):
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(0.3)
+        process.send_signal(signal.SIGCONT)
+        time.sleep(0.4)
+    said = last_line(process)
+    assert process.returncode == 0, said
+    assert sum(info(path).lost.values()) == 0
+    assert wrong_samples(path) == 0
+    matrix.show("the host stopped for 300 ms, three times", link, said, 0, "every sample")
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_a_disk_that_fills_up(link: str, tmp_path: Path, wrong_samples, matrix) -> None:
+    process = start(tmp_path, link, "--duration", "20", preexec=small_disk)
+    said = last_line(process)
+    assert process.returncode == 3, said
+    (path,) = tmp_path.glob("*.mcap")
+    assert not info(path).complete
+    assert wrong_samples(path) == 0
+    assert recover(path, tmp_path / "saved.mcap") > 500
+    assert verify(tmp_path / "saved.mcap").ok
+    matrix.show("the disk fills up in the swing", link, said, 3, "every sample until then, in a file to be recovered")
+
+
+def test_a_folder_that_cannot_be_written(operate, bench, matrix) -> None:
+    done = operate(bench.serve(), out=Path("/proc/runs"))
+    assert (done.code, done.runs) == (3, [])
+    matrix.show("a folder that cannot be written", "any", done.said, done.code, "no RELEASE was sent and no file begun")
+
+
+def test_a_disk_without_room(operate, bench, matrix) -> None:
+    done = operate(bench.serve(), "--duration", "1e12")
+    assert (done.code, done.runs) == (3, [])
+    assert "MB are free" in done.said
+    matrix.show("a disk without room for it", "any", done.said, done.code, "no RELEASE was sent and no file begun")
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT], ids=lambda number: number.name)
+@pytest.mark.parametrize("seed", range(KILLS))
+def test_stopped_at_any_instant(seed: int, number: signal.Signals, link: str, tmp_path: Path, wrong_samples) -> None:
+    rng = np.random.default_rng([seed, number, len(link)])
+    folders = [tmp_path / str(k) for k in range(4)]
+    processes = [start(out, link, "--duration", "0.7", "--repeat", "100", clock="fast") for out in folders]
+    for out, process in zip(folders, processes, strict=True):
+        await_file(out, process, 0)
+    for process, delay in zip(processes, rng.uniform(0, 1.5, 4), strict=True):
+        time.sleep(delay)
+        process.send_signal(number)
+    for out, process in zip(folders, processes, strict=True):
+        process.communicate(timeout=60)
+        assert process.returncode in (-number, 130, 0)
+        assert_what_is_left_is_true(out, wrong_samples)
+
+
+def assert_what_is_left_is_true(out: Path, wrong_samples) -> None:
+    assert {path.suffix for path in out.iterdir()} <= {".mcap", ".sha256"}
+    paths = sorted(out.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
+    for release, path in enumerate(paths, 1):
+        finished = verify(path).ok
+        assert finished or path == paths[-1]
+        if finished or (path.stat().st_size and _readable(path)):
+            assert wrong_samples(path, release=release) == 0
+
+
+def _readable(path: Path) -> bool:
+    """Whether a broken file holds a release; what is not there was not yet written."""
+    from dpr_lab.errors import RunError
+
+    try:
+        return info(path).release_tick is not None and info(path).samples > 0
+    except RunError:
+        return False
+
+
+def test_a_killed_capture_keeps_all_but_the_last_quarter_second(tmp_path: Path, wrong_samples, matrix) -> None:
+    process = start(tmp_path, "serial", "--duration", "60")
+    path = await_file(tmp_path, process, 60_000)
+    process.kill()
+    process.communicate()
+    about = info(path)
+    assert (about.complete, about.stopped) == (False, "")
+    assert about.clock["n"] >= 5
+    assert wrong_samples(path) == 0
+    assert recover(path, tmp_path / "saved.mcap") == about.samples
+    said = verify(path).faults[0]
+    matrix.show(
+        "SIGKILL, at any instant", "serial, CAN", f"`run verify`: {said}", 137, "every sample but the last 250 ms"
+    )

@@ -1,0 +1,72 @@
+"""Power lost while a run is written: the file ends anywhere, and what is in it is true."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.inspect import info, recover, verify
+from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.sidecar import sidecar_of
+
+RANDOM_CUTS = 2000 if os.environ.get("DPR_LAB_FULL") == "1" else 60
+
+
+def chunk_ends(path: Path) -> list[int]:
+    """Where each chunk of a run file ends, bytes."""
+    ends: list[int] = []
+    with path.open("rb") as file:
+        for record in StreamReader(file, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                ends.append(file.tell())
+    return ends
+
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def run_file(bench, operate) -> Path:
+    done = operate(bench.serve(clock="realtime"), "--duration", "2")
+    assert done.code == 0, done.said
+    return done.runs[0]
+
+
+def test_power_loss(run_file: Path, tmp_path: Path, wrong_samples, matrix) -> None:
+    content, whole = run_file.read_bytes(), load_run(run_file)
+    ends = chunk_ends(run_file)
+    assert len(ends) > 8
+    anywhere = np.random.default_rng(1).integers(0, len(content), RANDOM_CUTS).tolist()
+    kept: list[int] = []
+    for cut in sorted([*ends, *(end - 1 for end in ends), *anywhere]):
+        path = tmp_path / "cut.mcap"
+        path.write_bytes(content[:cut])
+        assert not verify(path).ok
+        try:
+            about = info(path)
+        except RunError:
+            assert cut < ends[0]  # before the first sample
+            continue
+        assert not about.complete
+        kept.append(about.samples)
+        if about.release_tick is None:
+            continue
+        assert wrong_samples(path) == 0
+        saved = tmp_path / "saved.mcap"
+        assert recover(path, saved) == about.samples
+        assert verify(saved).ok
+        saved.unlink()
+        sidecar_of(saved).unlink()
+    assert kept == sorted(kept)  # a longer file never says less
+    assert max(kept) == len(whole.t)
+    matrix.show(
+        "power lost: the file ends at any byte",
+        "any",
+        f"`run verify`: {verify(tmp_path / 'cut.mcap').faults[-1]}",
+        1,
+        "every whole chunk (250 ms) before the cut",
+    )

@@ -1,0 +1,214 @@
+"""The bench screen as the operator sees it: real runs on disk, a Pilot at the keys, pictures to compare."""
+
+import asyncio
+import inspect
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from textual.app import App
+from textual.pilot import Pilot
+
+from dpr_lab.identify import identify
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.storage.layout import RELEASED
+from dpr_lab.storage.metadata import RunMetadata, RunSummary
+from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.writer import RunWriter
+from dpr_lab.tui.app import STEPS, DprApp
+from dpr_lab.tui.bench import Bench
+from dpr_lab.tui.chart import Chart
+from dpr_lab.tui.countdown import Countdown
+from dpr_lab.tui.step import Step
+from sim_device.config import load_plant
+from sim_device.direct import record
+
+DATA = Path(__file__).parent / "data"
+SNAPSHOTS = Path(__file__).parent / "snapshots"
+PATIENCE_S = 60.0
+
+Lab = Callable[..., AbstractAsyncContextManager[Pilot[None]]]
+Until = Callable[[Pilot[None], Callable[[], object]], Awaitable[None]]
+Snapshot = Callable[[App[Any], str], None]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine in an event loop of its own."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    parameters = inspect.signature(pyfuncitem.obj).parameters
+    asyncio.run(pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in parameters}))
+    return True
+
+
+@pytest.fixture(autouse=True)
+def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """State and keys of this test alone."""
+    monkeypatch.setenv("DPR_LAB_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("DPR_LAB_CONFIG", str(tmp_path / "config"))
+
+
+@pytest.fixture(scope="session")
+def recorded(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Run files of three short releases: the counts that the simulated device would have sent."""
+    out = tmp_path_factory.mktemp("recorded")
+    return [written(run, paper, out) for run in record(load_plant("paper", 3), paper, 3.0)]
+
+
+def written(run: Run, rig: Rig, folder: Path) -> Path:
+    assert run.counts is not None
+    path = folder / f"20261121T101500Z_{run.name}.mcap"
+    ticks = np.rint((run.t - run.t[0]) * run.rate_hz).astype(np.int64)
+    with RunWriter(path, RunMetadata(rig, run.pose, run.rate_hz)) as writer:
+        writer.samples(ticks, run.counts)
+        writer.event(0, RELEASED, len(run.rest))
+        writer.finish(RunSummary(len(run.rest), lost=run.lost, gate="ok"))
+    return path
+
+
+@pytest.fixture(scope="session")
+def modelled(recorded: list[Path], paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The model of those releases, as the command line writes it."""
+    path = tmp_path_factory.mktemp("modelled") / "model.json"
+    identify([load_run(run, rig=paper) for run in recorded], paper).save(path)
+    return path
+
+
+@pytest.fixture
+def fixed_model() -> Path:
+    """A model that is the same in every test run."""
+    return DATA / "model.json"
+
+
+@pytest.fixture
+def fixed_diagnosis() -> Path:
+    """A diagnosis that is the same in every test run: two effects, named."""
+    return DATA / "diagnosis.json"
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Lab:
+    """(step, ..., size=, and what is on the bench) -> the app with these steps, in the hands of a Pilot."""
+
+    @asynccontextmanager
+    async def started(*steps: type[Step], size: tuple[int, int] = (80, 24), **bench: Any) -> AsyncIterator[Pilot[None]]:
+        bench.setdefault("out", tmp_path / "bench")
+        app = DprApp(Bench(**bench), tmp_path / "state", steps=steps)
+        async with app.run_test(size=size) as pilot:
+            await pilot.pause()
+            yield pilot
+
+    return started
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> Iterator[DprApp]:
+    """The app with steps 1 to 3 and a fresh bench; fails the test when something unexpected was logged."""
+    yield DprApp(Bench(out=tmp_path / "bench"), tmp_path / "state", steps=STEPS[:3])
+    log = tmp_path / "state" / "errors.log"
+    assert not log.exists(), log.read_text()
+
+
+@pytest.fixture
+def said() -> Callable[[DprApp], str]:
+    """(app) -> all notices that are shown, in one text."""
+    return lambda app: "\n".join(notice.message for notice in app._notifications)
+
+
+@pytest.fixture
+def quick_countdown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three short seconds before a release."""
+    monkeypatch.setattr(Countdown, "SECOND_S", 0.05)
+
+
+class Cable:
+    """A simulated device at a serial port whose name stays when it is plugged out and in again."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        self._link, self._options = folder / "ttyRIG", options
+        self.url = f"serial://{self._link}?baud=921600"
+        self.plug()
+
+    def plug(self) -> None:
+        """Put the cable in."""
+        command = [sys.executable, "-m", "sim_device", "--seed", "1", *self._options]
+        self._device = subprocess.Popen(command, stdout=subprocess.PIPE)
+        assert self._device.stdout is not None
+        url = json.loads(self._device.stdout.readline())["url"]
+        self._link.unlink(missing_ok=True)
+        self._link.symlink_to(url.removeprefix("serial://").partition("?")[0])
+
+    def pull(self) -> None:
+        """Take the cable out."""
+        self._device.kill()
+        self._device.communicate()
+
+
+@pytest.fixture
+def cable(tmp_path: Path) -> Iterator[Callable[..., Cable]]:
+    """(option, ...) -> a device on a cable."""
+    made: list[Cable] = []
+
+    def make(*options: str) -> Cable:
+        made.append(Cable(tmp_path, *options))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.pull()
+
+
+@pytest.fixture
+def until() -> Until:
+    """(pilot, condition) -> waits until the condition holds, and fails only after minutes."""
+
+    async def waited(pilot: Pilot[None], condition: Callable[[], object]) -> None:
+        give_up = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < give_up, "waited in vain"
+            await pilot.pause(0.05)
+        await pilot.pause()
+
+    return waited
+
+
+@pytest.fixture
+def settled() -> Callable[[Pilot[None]], Awaitable[None]]:
+    """(pilot) -> waits until every chart is drawn as it was last told and nothing moves any more."""
+
+    async def waited(pilot: Pilot[None]) -> None:
+        await pilot.pause()
+        while any(chart._pending is not None for chart in pilot.app.screen.query(Chart)):
+            await pilot.pause(0.02)
+        await pilot.wait_for_scheduled_animations()
+
+    return waited
+
+
+@pytest.fixture
+def snapshot() -> Snapshot:
+    """(app, name) -> compares the screen with the picture of that name; DPR_LAB_UPDATE_SNAPSHOTS=1 takes a new one."""
+
+    def compared(app: App[Any], name: str) -> None:
+        path = SNAPSHOTS / f"{name}.svg"
+        # Class names carry a hash of the content, which says nothing that the content does not.
+        seen = re.sub(r"terminal-\d+", "terminal", app.export_screenshot(title=name))
+        seen = re.sub(r"@font-face \{.*?\}", "", seen, flags=re.DOTALL)  # names a server
+        if os.environ.get("DPR_LAB_UPDATE_SNAPSHOTS"):
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(seen, encoding="utf-8")
+        assert path.is_file(), f"there is no {path}: look at the screen, then run with DPR_LAB_UPDATE_SNAPSHOTS=1"
+        assert path.read_text(encoding="utf-8") == seen, f"the screen is not the picture {path}"
+
+    return compared

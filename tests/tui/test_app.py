@@ -1,0 +1,198 @@
+"""The frame around the steps: moving, help, quitting, errors, themes."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.widgets import Input, Static
+
+from dpr_lab.errors import LinkError
+from dpr_lab.tui.app import STEPS, DprApp
+from dpr_lab.tui.bench import Bench
+from dpr_lab.tui.dialogs import HelpScreen, Question
+from dpr_lab.tui.step import Step
+from dpr_lab.tui.stepper import Stepper
+
+
+class Faulty(Step):
+    NAME = "Faulty"
+    HELP = "It *fails*."
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("w", "wrong", "Wrong", id="faulty.wrong"),
+        Binding("y", "bug", "Bug", id="faulty.bug"),
+        Binding("z", "handler", "Handler", id="faulty.handler"),
+    ]
+    stake = ""
+
+    class Asked(Step.Done):
+        """For the handler that fails."""
+
+    def compose(self) -> ComposeResult:
+        yield Static("content")
+        yield Input()
+
+    def action_wrong(self) -> None:
+        raise LinkError("[red]no cable[/red]: plug it in")
+
+    def action_bug(self) -> None:
+        raise ZeroDivisionError("sums")
+
+    def action_handler(self) -> None:
+        self.post_message(self.Asked())
+
+    def on_faulty_asked(self) -> None:
+        raise KeyError("handler")
+
+    def at_stake(self) -> str:
+        return self.stake
+
+
+def faulty(tmp_path: Path) -> DprApp:
+    return DprApp(Bench(out=tmp_path), tmp_path / "state", steps=(Faulty,))
+
+
+def stepper(app: DprApp) -> str:
+    return str(app.query_one(Stepper).render())
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 48)], ids=str)
+async def test_every_step_is_reached_by_number_and_by_next(tmp_path: Path, size: tuple[int, int]) -> None:
+    app = DprApp(Bench(out=tmp_path), tmp_path / "state")
+    async with app.run_test(size=size) as pilot:
+        for number, step in enumerate(STEPS, 1):
+            await pilot.press(str(number))
+            assert app.current.NAME == step.NAME
+            assert f"▶{number} {step.NAME}" in stepper(app)
+        await pilot.press("p", "ctrl+left")
+        assert app.current.NAME == "Identify"
+        await pilot.press("n")
+        assert app.current.NAME == "Compare"
+        for _ in range(3):
+            await pilot.press("n")
+        assert app.current.NAME == "Diagnose"
+
+
+async def test_a_click_on_the_stepper_goes_there(app: DprApp) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.click(Stepper, offset=(16, 0))
+        await pilot.pause()
+        assert app.current.NAME == "Rig"
+
+
+async def test_the_stepper_says_what_is_missing(app: DprApp) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("3")
+        await pilot.pause()
+        assert "Capture needs a device: press 1 and connect one" in stepper(app)
+        assert "✔2 Rig" in stepper(app)
+
+
+async def test_a_rig_that_cannot_be_read_is_told_and_nothing_breaks(app: DprApp, said) -> None:
+    app.bench.rig = "no_such_rig.toml"
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("2")
+        assert "no_such_rig.toml: no such file" in str(app.query_one("#description", Static).render())
+        await pilot.press("3")
+        assert app.current.NAME == "Capture"
+        assert "no_such_rig.toml: no such file" in said(app)
+
+
+async def test_errors_become_notices_and_the_app_lives_on(tmp_path: Path, said) -> None:
+    app = faulty(tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("w")
+        assert "[red]no cable[/red]: plug it in" in said(app)
+        await pilot.press("escape")
+        assert said(app) == ""
+        for key, name in (("y", "ZeroDivisionError: sums"), ("z", "KeyError: 'handler'")):
+            await pilot.press(key)
+            await pilot.pause()
+            assert f"Unexpected: {name}" in said(app)
+        await pilot.press("z")
+        await pilot.pause()
+        assert said(app).count("KeyError") == 2  # the step still hears
+    log = (tmp_path / "state" / "errors.log").read_text()
+    assert "in action_bug" in log
+    assert "in on_faulty_asked" in log
+
+
+async def test_help_shows_the_step_and_its_keys(tmp_path: Path) -> None:
+    app = faulty(tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
+        for key in ("f1", "question_mark"):
+            await pilot.press(key)
+            assert isinstance(app.screen, HelpScreen)
+            await pilot.pause()
+            shown = app.export_screenshot()
+            assert "Faulty" in shown
+            assert "Wrong" in shown
+            await pilot.press("escape")
+            assert not isinstance(app.screen, HelpScreen)
+
+
+async def test_quitting_asks_only_when_something_would_be_lost(tmp_path: Path) -> None:
+    app = faulty(tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
+        app.steps[0].stake = "the search under way"
+        await pilot.press("ctrl+q")
+        assert isinstance(app.screen, Question)
+        assert "lose the search under way?" in str(app.screen.query_one(Static).render())
+        await pilot.press("n")
+        assert app.is_running
+        assert not isinstance(app.screen, Question)
+        await pilot.press("ctrl+q", "y")
+        await pilot.pause()
+        assert app._exit
+    calm = faulty(tmp_path)
+    async with calm.run_test(size=(80, 24)) as pilot:
+        await pilot.press("ctrl+q")
+        assert calm._exit
+
+
+async def test_a_field_takes_letters_and_escape_leaves_it(tmp_path: Path) -> None:
+    app = faulty(tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
+        app.query_one(Input).focus()
+        await pilot.press("n", "1", "t")
+        assert app.query_one(Input).value == "n1t"
+        await pilot.press("escape")
+        assert app.focused is app.current
+
+
+async def test_steps_are_in_the_command_palette(app: DprApp) -> None:
+    async with app.run_test(size=(80, 24)):
+        titles = [command.title for command in app.get_system_commands(app.screen)]
+    assert "3 Capture" in titles
+
+
+def test_without_a_terminal_the_command_says_what_else_there_is(tmp_path: Path) -> None:
+    environment = os.environ | {"DPR_LAB_STATE": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-m", "dpr_lab", "tui"], capture_output=True, text=True, check=False, env=environment
+    )
+    assert done.returncode == 1
+    assert "needs a terminal; without one use capture, identify, compare and diagnose" in done.stderr
+
+
+def test_wrong_keys_stop_the_command_with_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "keys.toml").write_text("[capture]\nrelease = 'k'\n")
+    environment = os.environ | {"DPR_LAB_STATE": str(tmp_path), "DPR_LAB_CONFIG": str(tmp_path)}
+    master, slave = os.openpty()
+    done = subprocess.run(
+        [sys.executable, "-m", "dpr_lab", "tui"],
+        stdout=slave,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    os.close(master)
+    os.close(slave)
+    assert done.returncode == 3
+    assert "the key 'k' is both capture.release and capture.keep" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,230 @@
+"""The guided release with a Pilot at the keys and a simulated device at the end of a real link."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Static
+
+from dpr_lab.capture import CaptureOptions
+from dpr_lab.device import Device
+from dpr_lab.storage.inspect import info, recover, verify
+from dpr_lab.storage.reader import load_run
+from dpr_lab.transports import open_transport
+from dpr_lab.tui.app import DprApp
+from dpr_lab.tui.attempt import Phase
+from dpr_lab.tui.capture import CaptureStep
+from dpr_lab.tui.countdown import Countdown
+from dpr_lab.tui.orders import Seen
+from firmware_protocol.messages import State
+
+SIM = "sim://?seed=1"
+SECOND = CaptureOptions(duration=1.0, pose_timeout=600.0, rest_timeout=60.0)
+
+pytestmark = pytest.mark.usefixtures("quick_countdown")
+
+
+async def connect(pilot: Pilot[None], until, url: str, options: CaptureOptions = SECOND) -> CaptureStep:
+    app = pilot.app
+    app.bench.link = url
+    await app.connect()
+    await until(pilot, lambda: app.line.connected)
+    await pilot.press("3")
+    step = app.query_one(CaptureStep)
+    step.options = options
+    return step
+
+
+def in_phase(step: CaptureStep, phase: Phase) -> Callable[[], bool]:
+    return lambda: step.attempt is not None and step.attempt.phase is phase
+
+
+async def to_ready(pilot: Pilot[None], until, step: CaptureStep) -> None:
+    await pilot.press("s")
+    await until(pilot, in_phase(step, Phase.READY))
+
+
+async def to_judged(pilot: Pilot[None], until, step: CaptureStep) -> Path:
+    await to_ready(pilot, until, step)
+    await pilot.press("r")
+    await until(pilot, in_phase(step, Phase.JUDGED))
+    return step.attempt.captured.run_file
+
+
+def headline(app: DprApp) -> str:
+    return str(app.query_one("#headline", Static).render())
+
+
+def recorded(app: DprApp) -> list[Path]:
+    return sorted((app.bench.out / "runs").glob("*.mcap"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(80, 24), (160, 48)], ids=str)
+async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until, size: tuple[int, int]) -> None:
+    async with app.run_test(size=size) as pilot:
+        step = await connect(pilot, until, SIM)
+        for done in range(1, 4):
+            await to_judged(pilot, until, step)
+            assert "good" in headline(app)
+            await pilot.press("k")
+            await until(pilot, lambda done=done: step.outcome() == f"{done} run{'s' if done > 1 else ''}")
+        assert app.bench.runs == recorded(app)
+    runs = [load_run(file) for file in app.bench.runs]
+    assert [run.pose for run in runs] == ["X1", "X2", "X3"]
+    assert all(run.complete and run.t[-1] == 1.0 and not sum(run.lost.values()) for run in runs)
+    assert all(verify(file).ok for file in app.bench.runs)
+
+
+@pytest.mark.slow
+async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        first = await to_judged(pilot, until, step)
+        await pilot.press("a")
+        await until(pilot, in_phase(step, Phase.READY))
+        assert step.attempt.name == "X1"
+        await pilot.press("r")
+        await until(pilot, in_phase(step, Phase.JUDGED))
+        await pilot.press("k")
+        await pilot.pause()
+        assert first not in app.bench.runs
+        assert len(app.bench.runs) == 1
+    assert not first.exists()
+    assert verify(first.parent / "aside" / first.name).ok
+
+
+async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM + "&fault=drop=0.02")
+        await to_judged(pilot, until, step)
+        assert "degraded" in headline(app)
+        assert "lost by cause" in str(app.query_one("#readout", Static).render())
+        await pilot.press("k")
+        await until(pilot, lambda: app.bench.runs)
+
+
+async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, said) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM + "&hand_error=0.3")
+        await pilot.press("r")
+        await until(pilot, lambda: "press s to be guided" in said(app))
+        await pilot.press("s")
+        await until(pilot, lambda: step.attempt is not None and step.attempt.error is not None)
+        await until(pilot, lambda: "turn -1" in str(app.query_one("#readout", Static).render()))
+        await pilot.press("r")
+        await until(pilot, lambda: "Not released: bring both rods to the pose" in said(app))
+        assert not isinstance(app.screen, Countdown)
+        assert step.attempt.latched
+        await pilot.press("x")
+        await until(pilot, lambda: step.attempt is None)
+        await until(pilot, lambda: "stopped by the operator: nothing was released" in said(app))
+    assert recorded(app) == []
+
+
+@pytest.mark.parametrize("key", ["x", "escape", "ctrl+p", "ctrl+c", "1"])
+async def test_any_other_key_stops_the_countdown(
+    app: DprApp, until, said, key: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        await to_ready(pilot, until, step)
+        await pilot.press("r", "r")  # the release key itself does not stop it
+        assert isinstance(app.screen, Countdown)
+        await pilot.press(key)
+        if key == "ctrl+p":
+            await pilot.press("escape")
+        await until(pilot, lambda: "nothing was released, the rods stay held" in said(app))
+        assert not isinstance(app.screen, Countdown)
+        seen = step.attempt.rest
+        await until(pilot, lambda: step.attempt.rest is not seen)
+        assert step.attempt.phase is Phase.READY
+        assert step.attempt.latched
+    assert recorded(app) == []
+
+
+async def test_quitting_during_the_countdown_releases_nothing(app: DprApp, until, cable) -> None:
+    port = cable()
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, port.url)
+        await to_ready(pilot, until, step)
+        Countdown.SECOND_S = 600.0
+        await pilot.press("r")
+        await pilot.press("ctrl+q")
+    assert recorded(app) == []
+    assert state_of(port.url) == (State.HOLDING, True)
+
+
+async def test_rods_that_move_stop_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        await to_ready(pilot, until, step)
+        await pilot.press("r")
+        assert isinstance(app.screen, Countdown)
+        rest = step.attempt.rest
+        moving = type(rest)(rest.theta, rest.error, rest.tolerance, 0.5, rest.spread, False, "the rods still moved")
+        step.hear(Seen(step.attempt.number, moving, True))
+        await until(pilot, lambda: "nothing was released" in said(app))
+        assert not isinstance(app.screen, Countdown)
+    assert recorded(app) == []
+
+
+@pytest.mark.slow
+async def test_a_cable_pulled_while_recording_costs_the_rest_of_the_swing_only(app: DprApp, until, said, cable) -> None:
+    port = cable()
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, port.url, CaptureOptions(duration=60.0, pose_timeout=600, rest_timeout=60))
+        await to_ready(pilot, until, step)
+        await pilot.press("r")
+        await until(pilot, lambda: step.attempt.recorded is not None and step.attempt.recorded.t > 0.5)
+        assert step.at_stake() == "the recording under way"
+        await pilot.press("1", "d")
+        await until(pilot, lambda: "A capture is under way: end it first" in said(app))
+        await pilot.press("3")
+        seen = step.attempt.recorded.samples
+        port.pull()
+        await until(pilot, lambda: step.attempt is None)
+        await until(pilot, lambda: "what was recorded until then is kept in" in said(app))
+        assert step.missing().startswith("Capture needs a device")
+        (partial,) = recorded(app)
+        assert not info(partial).complete
+        assert info(partial).samples >= seen
+        whole = partial.with_name("whole.mcap")
+        assert recover(partial, whole) >= seen
+        assert load_run(whole).pose == "X1"
+
+        port.plug()
+        step.options = SECOND
+        await pilot.press("c")
+        await until(pilot, lambda: app.line.connected)
+        await to_judged(pilot, until, step)
+        await pilot.press("k")
+        await until(pilot, lambda: len(app.bench.runs) == 1)
+    assert partial.exists()
+
+
+async def test_length_and_repeats_are_chosen_by_keys(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("3")
+        step = app.query_one(CaptureStep)
+        await pilot.press("d", "d", "d", "d")
+        assert step.options.until_rest
+        await pilot.press("d")
+        assert (step.options.until_rest, step.options.duration) == (False, 5.0)
+        await pilot.press("e", "down")
+        plan = str(app.query_one("#checklist", Static).render())
+        assert "▶ X2 ○○ 0 of 2" in plan
+        assert "record for 5 s" in plan
+        await pilot.press("s")
+        assert step.attempt is None
+
+
+def state_of(url: str) -> tuple[State, bool]:
+    with Device(open_transport(url)) as device:
+        device.connect()
+        while device.status is None:
+            device.poll(0.1)
+        return device.status.state, device.status.latched

@@ -1,0 +1,169 @@
+"""Step 5: measured and simulated angles, the noise band, and free runs from any instant."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from textual.app import App
+from textual.widgets import Select, Static
+
+from dpr_lab.compare import Comparison, compare_followed, compare_run, follow, free_run_from
+from dpr_lab.model import Model, load_model
+from dpr_lab.rig import Rig
+from dpr_lab.storage.reader import load_run
+from dpr_lab.tui.chart import Chart
+from dpr_lab.tui.compare import CompareStep
+from dpr_lab.tui.slider import Slider
+
+
+def step(app: App[None]) -> CompareStep:
+    return app.query_one(CompareStep)
+
+
+def figures(app: App[None]) -> str:
+    return str(app.query_one("#figures", Static).content)
+
+
+def series(app: App[None], chart: str) -> dict[str, np.ndarray]:
+    return {item.label: item.y for item in app.query_one(chart, Chart)._content.series}
+
+
+def swing(name: str, horizon_s: float, held_out: bool = False) -> Comparison:
+    """A swing that the model follows to the noise, and whose free run drifts away."""
+    noise = np.array([2e-4, 3e-4])
+    t = np.arange(5000) / 1000
+    tracked = np.pi + np.stack([0.5 * np.cos(5 * t), 2 * np.cos(4 * t)], axis=1)
+    measured = tracked + noise * np.random.default_rng(1).standard_normal((5000, 2))
+    return Comparison(
+        run=name,
+        pose="X1",
+        held_out=held_out,
+        t=t,
+        measured=measured,
+        free_run=tracked + 1e-4 * np.expm1(2 * t)[:, None],
+        tracked=tracked,
+        horizon_s=horizon_s,
+        noise_rad=noise,
+        segments=10,
+        segment_rms_rad=noise,
+        free_run_rms_rad=20 * noise,
+    )
+
+
+@pytest.mark.slow
+async def test_runs_are_compared_as_the_command_does(lab, until, recorded: list[Path], modelled: Path) -> None:
+    async with lab(CompareStep, runs=recorded, model=modelled) as pilot:
+        await until(pilot, lambda: "saved in" in figures(pilot.app))
+        report = pilot.app.bench.out / "report"
+        saved = json.loads((report / "comparison.json").read_text())
+        assert [run["run"] for run in saved["runs"]] == [run.stem for run in recorded]
+        assert (report / "report.html").is_file()
+        assert all(Path(figure).read_bytes().startswith(b"\x89PNG") for figure in saved["figures"].values())
+        assert step(pilot.app).outcome() == "3 runs"
+        assert step(pilot.app).at_stake() == ""
+        assert figures(pilot.app).startswith("used, 6 segments")
+
+
+@pytest.mark.slow
+async def test_a_free_run_starts_where_the_slider_stands(
+    lab, until, recorded: list[Path], modelled: Path, paper: Rig
+) -> None:
+    async with lab(CompareStep, runs=recorded, model=modelled) as pilot:
+        await until(pilot, lambda: "saved in" in figures(pilot.app))
+        from_release = series(pilot.app, "#angle")["free run"]
+        await pilot.press("o", "right_square_bracket", "right_square_bracket", "right_square_bracket")
+        assert pilot.app.query_one(Slider).value == 1.5
+        await until(pilot, lambda: len(series(pilot.app, "#angle")["free run"]) < len(from_release))
+        followed = follow(load_run(recorded[1]), paper, load_model(modelled))
+        expected = free_run_from(followed, 1.5)
+        assert np.array_equal(series(pilot.app, "#angle")["free run"], expected.theta[:, 1])
+        assert expected.t[0] == pytest.approx(1.5, abs=2e-3)
+
+
+@pytest.mark.slow
+async def test_another_model_is_compared_when_the_step_is_shown_again(
+    lab, until, recorded: list[Path], modelled: Path, tmp_path: Path
+) -> None:
+    async with lab(CompareStep, runs=recorded[:1], model=modelled) as pilot:
+        await until(pilot, lambda: "saved in" in figures(pilot.app))
+        other = tmp_path / "other.json"
+        load_model(modelled).model_copy(update={"runs": []}).save(other)
+        pilot.app.bench.model = other
+        pilot.app.action_go(1)
+        await until(pilot, lambda: figures(pilot.app).startswith("held out"))
+
+
+@pytest.mark.slow
+def test_following_once_gives_the_same_comparison(recorded: list[Path], modelled: Path, paper: Rig) -> None:
+    run, model = load_run(recorded[0]), load_model(modelled)
+    once, again = compare_run(run, paper, model), compare_followed(follow(run, paper, model))
+    assert np.array_equal(once.free_run, again.free_run)
+    assert once.horizon_s == again.horizon_s
+
+
+@pytest.mark.slow
+def test_free_runs_from_later_start_on_the_measurement(recorded: list[Path], modelled: Path, paper: Rig) -> None:
+    run, model = load_run(recorded[1]), load_model(modelled)
+    with_effect = model.model_copy(update={"effects": {"coulomb_joint1": {"torque_Nm": 1e-7}}})
+    for each in (model, Model.model_validate(with_effect.model_dump())):
+        later = free_run_from(follow(run, paper, each), 2.0)
+        measured = run.theta[run.t >= later.t[0], 1:]
+        assert np.abs(later.theta - measured)[later.t < later.t[0] + 0.2].max() < 5e-3
+        assert later.horizon_s > later.t[0]
+
+
+async def test_without_a_model_it_says_where_to_get_one(lab) -> None:
+    async with lab(CompareStep, runs=[Path("X1.mcap")]) as pilot:
+        assert "identify one in step 4" in step(pilot.app).missing()
+        assert figures(pilot.app) == step(pilot.app).missing()
+        assert step(pilot.app).job is None
+
+
+async def test_axis_view_and_run_are_picked_by_keys(lab) -> None:
+    async with lab(CompareStep) as pilot:
+        step(pilot.app).show([swing("first", 3.2), swing("second", 9.0, held_out=True)])
+        await pilot.pause()
+        assert "held out" not in figures(pilot.app)
+        assert series(pilot.app, "#angle")["measured"].max() > 5  # outer rod
+        await pilot.press("a")
+        assert series(pilot.app, "#angle")["measured"].max() < 4
+        await pilot.press("o")
+        assert figures(pilot.app).startswith("held out")
+        await pilot.press("v", "v")
+        await pilot.pause()
+        assert not pilot.app.query_one("#angle", Chart).display
+        assert np.abs(series(pilot.app, "#error")["residual"]).max() < 1.5  # mrad
+        await pilot.press("v")
+        assert pilot.app.query_one("#view", Select).value == "angle"
+
+
+async def test_the_error_of_a_free_run_is_shown_up_to_the_horizon(lab) -> None:
+    async with lab(CompareStep) as pilot:
+        shown = swing("first", 3.2)
+        step(pilot.app).show([shown])
+        await pilot.press("v")
+        await pilot.pause()
+        error = pilot.app.query_one("#error", Chart)._content
+        assert error.series[0].x.max() <= 3.2
+        assert [mark.x for mark in error.marks] == [3.2]
+        assert error.band is not None
+        assert error.band.high == pytest.approx(0.6)
+        assert error.series[0].y[-1] == pytest.approx(1e3 * (shown.measured - shown.free_run)[3200, 1])
+
+
+async def test_a_tall_screen_shows_angle_and_error(lab) -> None:
+    async with lab(CompareStep, size=(160, 60)) as pilot:
+        step(pilot.app).show([swing("first", 3.2)])
+        await pilot.pause()
+        assert all(chart.display for chart in pilot.app.query(Chart))
+
+
+@pytest.mark.parametrize(("theme", "views"), [("dpr-dark", ("angle", "free-run-error")), ("dpr-light", ("angle",))])
+async def test_its_looks(lab, settled, snapshot, theme: str, views: tuple[str, ...]) -> None:
+    async with lab(CompareStep, theme=theme) as pilot:
+        step(pilot.app).show([swing("first", 3.2), swing("second", 9.0, held_out=True)])
+        for view in views:
+            await settled(pilot)
+            snapshot(pilot.app, f"compare-{view}-{theme}")
+            await pilot.press("v")
