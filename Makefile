@@ -22,7 +22,7 @@ check: $(STAMP)  ## style, types, import contracts
 	$(BIN)/lint-imports
 
 bench: $(STAMP)  ## speed and reliability figures, printed beside their targets
-	for name in evaluator wall_time uncertainty identify mujoco_sysid; do $(BIN)/python benchmarks/$$name.py || exit 1; done
+	for name in evaluator wall_time uncertainty identify mujoco_sysid tui_redraw; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 	$(BIN)/python benchmarks/diagnosis.py --quick
 	$(BIN)/python benchmarks/soak.py --minutes 10
 

@@ -43,26 +43,29 @@ class CDevice:
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
         """What the board has to send by the wall time `wall`, s; `blocked` when the link does not take more."""
         now = self._clock.advance(wall, self._firmware.state, self._ticks.rate_hz, blocked)
-        frames = self._firmware.poll(_millis(wall))
+        frames = self._firmware.poll(self._millis(wall))
         self._act(now)
         first, self._next_tick = self._next_tick, max(self._next_tick, int(self._ticks.at(now)) + 1)
         count = self._next_tick - first
         if not count:
             return frames
         if not self.streams:
-            return frames + self._firmware.poll(_millis(wall), self._idle_reading(now))
+            return frames + self._firmware.poll(self._millis(wall), self._idle_reading(now))
         return frames + self._samples(wall, first, count)
 
     def receive(self, frame: Frame, wall: float) -> list[Frame]:
         """Obey one frame that arrived at the wall time `wall`, s; returns the answers."""
         now = self._clock.advance(wall, self._firmware.state, self._ticks.rate_hz)
-        frames = self._firmware.receive(frame, _millis(wall), self._ticks.at(now))
+        frames = self._firmware.receive(frame, self._millis(wall), self._ticks.at(now))
         self._act(now)
         return frames
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:
         """Count the samples among frames for which the link had no room."""
         self._firmware.note_dropped(sum(map(_is_sample, frames)))
+
+    def _millis(self, wall: float) -> int:
+        return int(self._clock.watch(wall) * 1000)
 
     def _act(self, now: float) -> None:
         deeds = self._firmware.deeds()
@@ -82,7 +85,7 @@ class CDevice:
     def _samples(self, wall: float, first: int, count: int) -> list[Frame]:
         ticks, in_time = np.arange(first, first + count), self._faults.taken(count)
         counts, missing = self._streamed(first, count)
-        frames = self._firmware.poll(_millis(wall), np.column_stack([ticks, counts])[in_time])
+        frames = self._firmware.poll(self._millis(wall), np.column_stack([ticks, counts])[in_time])
         self.streamed += count / self._ticks.rate_hz
         gone = iter(missing[in_time].tolist())
         return [frame for frame in frames if not (_is_sample(frame) and next(gone))]
@@ -97,7 +100,3 @@ class CDevice:
 
 def _is_sample(frame: Frame) -> bool:
     return frame.number == NUMBERS[Sample]
-
-
-def _millis(wall: float) -> int:
-    return int(wall * 1000)

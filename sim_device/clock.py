@@ -19,6 +19,10 @@ LONGEST_STEP = 0.01
 """Under the fast clock a stalled process skips device time instead of producing it all at once, wall s."""
 
 
+PATIENCE = 6.0
+"""How much slower the lease runs out under the fast clock: the host has as much more to do in a wall second."""
+
+
 @dataclass(slots=True)
 class Clock:
     """Device seconds since power-up.
@@ -44,6 +48,10 @@ class Clock:
     def rate(self) -> float:
         """Device seconds per true second of the plant."""
         return 1.0 + self.drift_ppm * 1e-6
+
+    def watch(self, wall: float) -> float:
+        """The time that the host's lease is measured in, s, at the wall time `wall`."""
+        return wall / PATIENCE if self.simulated else wall
 
     def advance(self, wall: float, state: State, rate_hz: float, blocked: bool = False) -> float:
         """Device time at the wall time `wall`, s, of a device that ticks at `rate_hz`.

@@ -77,7 +77,7 @@ class Counters:
 class Device:
     """A board on a link: frames in, frames out, wall time as an argument.
 
-    Wall time is what the lease is measured in; ticks are device time, which `clock` derives from it.
+    The lease and the ticks are measured in what `clock` makes of it.
     """
 
     def __init__(self, info: DeviceInfo, rods: Rods, clock: Clock, faults: Faults | None = None) -> None:
@@ -105,7 +105,7 @@ class Device:
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
         """What the board has to send by the wall time `wall`, s; `blocked` when the link does not take more."""
         now = self._clock.advance(wall, self._session.state, self._ticks.rate_hz, blocked)
-        frames = self._carry_out(self._session.check_lease(wall, self._next_tick), now)
+        frames = self._carry_out(self._session.check_lease(self._clock.watch(wall), self._next_tick), now)
         first, self._next_tick = self._next_tick, max(self._next_tick, int(self._ticks.at(now)) + 1)
         count = self._next_tick - first
         return frames + (self._samples(first, count) if self._session.streams else self._reports(first, count, now))
@@ -113,7 +113,7 @@ class Device:
     def receive(self, frame: Frame, wall: float) -> list[Frame]:
         """Obey one frame that arrived at the wall time `wall`, s; returns the answers."""
         now = self._clock.advance(wall, self._session.state, self._ticks.rate_hz)
-        return self._carry_out(self._session.receive(frame, wall), now)
+        return self._carry_out(self._session.receive(frame, self._clock.watch(wall)), now)
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:
         """Count the samples among frames for which the link had no room."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import BASE, base_parameters, ratios
 from dpr_lab.effects import effect_vector
+from dpr_lab.errors import RunError
 from dpr_lab.estimation.anchors import anchor
 from dpr_lab.gap.hypothesis import Hypothesis, hypothesis, slots_of
 from dpr_lab.gap.problem import FIRST_S, Point, Problem, carried, problem
@@ -46,15 +47,29 @@ def fit_base(records: Sequence[Record], rig: Rig, rods: NDArray[np.float64]) -> 
         records: the runs
         rig: lengths, masses, encoders
         rods: (6,) ratios and b to start from
+
+    Raises:
+        RunError: a stretch of readings that no start state comes near.
     """
     short, starts = problem(records, rig, FIRST_S)
     point = Point(rods, effect_vector({}), starts)
     slots = slots_of(point, (), short)
     rough = fit(short, point, slots)
+    _all_followed(short, rough)
     robust = replace(short, weight=short.weight * np.sqrt(robust_weights(short, rough)))
     first = fit(robust, rough.point, slots)
     first = replace(first, point=replace(first.point, rods=anchored(first.point.rods, rig)))
     return lengthened(records, rig, short, first, WORKING_S)
+
+
+def _all_followed(made: Problem, found: Fit) -> None:
+    lost = np.flatnonzero(~np.isfinite(found.chi2_by_segment))
+    if len(lost):
+        run, at = made.records[made.run[lost[0]]].run.name, made.t[made.offsets[lost[0]]]
+        raise RunError(
+            f"{run}: the model cannot follow the readings from {at:.2f} s on: check rig file and encoder, or leave the"
+            " run out"
+        )
 
 
 def lengthened(

@@ -24,6 +24,7 @@ MIN_SAMPLES = 8  # of a segment: twice its start state
 AFTER_RELEASE = 0.03  # the latch may still touch the rod, and a start state lies 20 ms before its segment
 GAP_S = 0.03  # a longer hole ends a segment
 _PARABOLA = np.array([5.0, 0.0, -3.0, -4.0, -3.0, 0.0, 5.0]) / 42
+NEAR_S, FEWEST_NEAR = 0.03, 6  # readings that a start state is guessed from
 ARM_MOVES = 5.0  # standard errors of an autocorrelation
 
 
@@ -126,6 +127,13 @@ def cuts(item: Record, length: float) -> list[slice]:
     return found
 
 
+def _between(breaks: NDArray[np.float64], t: float) -> tuple[float, float]:
+    """The breaks before and after an instant."""
+    after = int(np.searchsorted(breaks, t, side="right"))
+    edges = [-np.inf, *breaks.tolist(), np.inf]
+    return edges[after], edges[after + 1]
+
+
 def start_states(item: Record, stretches: Sequence[slice], absolute: bool) -> NDArray[np.float64]:
     """States where the segments of stretches start, from a local cubic through the readings; at the release, at rest.
 
@@ -143,9 +151,10 @@ def start_states(item: Record, stretches: Sequence[slice], absolute: bool) -> ND
         if at == 0.0 and len(item.run.rest):
             row[:2] = item.run.rest[:, 1:].mean(axis=0)
             continue
-        near = np.flatnonzero(np.abs(item.t - at) < 0.03)
-        if len(near) < 6:
-            near = np.arange(max(0, stretch.start - 4), min(len(item.t), stretch.start + 6))
+        first, last = np.searchsorted(item.t, _between(item.breaks, float(item.t[stretch.start])))
+        near = np.arange(first, last)[np.abs(item.t[first:last] - at) < NEAR_S]
+        if len(near) < FEWEST_NEAR:
+            near = np.arange(max(first, stretch.start - 4), min(last, stretch.start + FEWEST_NEAR))
         powers = np.vander(item.t[near] - at, 4, increasing=True)
         value, slope = np.linalg.lstsq(powers, item.joints[near], rcond=None)[0][:2]
         turn = np.zeros(2) if absolute else np.array([0.0, 1.0])

@@ -29,6 +29,7 @@ AXES = ("joint1", "joint2")
 MOVED = 8.0  # standard deviations a rod must have moved before a reading that did not is called repeated
 STANDS_OUT = 6.0  # standard deviations; three runs hold 6e4 readings
 ABOVE_ITS_SURROUNDINGS = 4.0  # a violent stretch lifts every residual, a fault only its own
+FASTEST = 200.0  # rad/s; no rod of a laboratory turns thirty times a second
 HALF_WINDOW_S = 0.014
 DEGREE = 5  # over 28 ms a 5 Hz tumble is a polynomial of this degree to 1e-5 rad
 REACH = 3  # samples about a peak among which the fault is looked for
@@ -100,9 +101,14 @@ def screen(run: Run, rig: Rig) -> Screened:
     keep, breaks = np.ones(joints.shape, dtype=bool), []
     jitter, jitter_findings = _jitter(run, t, joints, std, period)
     stale = _repeated(t, joints, std, jitter, period)
+    wild = _wild(t, joints)
     for axis in range(2):
         repeated = np.flatnonzero(stale[:, axis])
         keep[repeated, axis] = False
+        keep[wild[:, axis], axis] = False
+        findings += _events(
+            "outlier", run, axis, t[wild[:, axis]], "the reading jumps there and back faster than any rod"
+        )
         outliers, steps = _local_faults(t, joints[:, axis], keep[:, axis], (float(std[axis]), jitter), period)
         keep[outliers, axis] = False
         breaks += [(float(t[i]), axis) for i, _ in steps]
@@ -186,6 +192,13 @@ def _levels(run: Run, rig: Rig, std: NDArray[np.float64], count: NDArray[np.floa
             evidence = f"{counts[axis]:.2f} counts rms, the rig file says {told:.2f} with rounding"
             found.append(Finding("noise_level", run.name, name, None, evidence))
     return found
+
+
+def _wild(t: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(n, 2) readings that lie further from both neighbours than a rod can turn in between: one, or a burst of them."""
+    too_fast = np.abs(np.diff(joints, axis=0)) > FASTEST * np.diff(t)[:, None]
+    edge = np.zeros((1, joints.shape[1]), dtype=bool)
+    return np.concatenate([edge, too_fast]) & np.concatenate([too_fast, edge])
 
 
 def _repeated(

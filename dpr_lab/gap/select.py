@@ -11,7 +11,7 @@ later one too, and what was found is pruned, swapped and simplified before it is
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,9 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.corrected import EVENTS
 from dpr_lab.gap.hypothesis import Hypothesis, added, added_from_short, dropped, hypothesis
-from dpr_lab.gap.problem import FIRST_S, Problem, problem
+from dpr_lab.gap.problem import FIRST_S, Problem, carried, problem
 from dpr_lab.gap.score import Score, Scores, imitation, score
-from dpr_lab.gap.shooting import fit, unlocked
+from dpr_lab.gap.shooting import Fit, fit, unlocked
 
 FITTED = 4
 FITTED_WHEN_FAR = 6
@@ -37,9 +37,10 @@ LEADING = 0.5  # share of the best score from which several shapes are worth a f
 SWAPPED = 2  # candidates that are tried in the place of each effect
 SLOW = 1.3  # factor by which one effect more must at least shrink the excess, unless it is large
 CLOSED = 4.0  # standard deviations of the remainder that count as noise
-KEEPS = 1.8  # factor by which the remainder must grow without an effect, for the effect to stay
+KEEPS = 3.0  # factor by which the remainder must grow without an effect, for the effect to stay
 KEEPS_IF_LARGE = 1.3  # the same for an effect that explains at least `LARGE` of the whole gap
-LARGE = 0.05  # above what another form of an effect named already could make up for
+LARGE = 0.04  # above what another form of an effect named already could make up for
+SMALL = 0.01  # share of the gap below which an effect only makes up for another's form, while something is left
 CONTAINED = 0.003  # share of the explained excess that a richer form of an effect must add
 KEPT_PROMISE = 0.5  # share of the promised fall of chi2 below which a fit is tried again from shorter segments
 ROUGH, FINE = 6, 15  # iterations of a fit, far from the noise and near it
@@ -115,12 +116,16 @@ class _Search:
         return added(self.problem, at, scores, best, iterations=30)
 
     def unlocked(self, at: Hypothesis) -> Hypothesis:
-        """The same set, tried once more where a few segments may hold it at a local minimum."""
-        if not closed(at):
-            free = unlocked(self.problem, at.fit)
-            if free is not at.fit:
-                self.seen[at.key] = hypothesis(self.problem, at.effects, free)
-        return self.seen[at.key]
+        """The same set, tried once more where a few segments, or long ones, may hold it at a local minimum."""
+        free = at if closed(at) else _better(self.problem, unlocked(self.problem, at.fit), at)
+        if not closed(free) and at.effects:
+            cut, starts = self.short()
+            near = fit(cut, replace(free.fit.point, starts=starts), free.fit.slots, iterations=ROUGH)
+            back = replace(near.point, starts=carried(cut, near.point, self.problem, free.fit.point.starts))
+            long = unlocked(self.problem, fit(self.problem, back, free.fit.slots, iterations=FINE))
+            free = _better(self.problem, long, free)
+        self.seen[at.key] = free
+        return free
 
     def without(self, at: Hypothesis, effect: str) -> Hypothesis:
         """The better of the fits from above and, where a score test points to the set, from below."""
@@ -173,6 +178,11 @@ def select(
     chosen = _prune(search, base, _exchange(search, chosen))
     chosen = _settled(search, _withdraw(search, chosen))
     return _selection(search, base, chosen)
+
+
+def _better(made: Problem, found: Fit, before: Hypothesis) -> Hypothesis:
+    """The set of `before` with the better of the two fits."""
+    return hypothesis(made, before.effects, found) if found.chi2 < before.fit.chi2 else before
 
 
 def _settled(search: _Search, chosen: Hypothesis) -> Hypothesis:
@@ -230,7 +240,7 @@ def _grow(search: _Search, base: Hypothesis, max_effects: int) -> Hypothesis:
         if not level:
             break
         ranked = sorted(level.values(), key=lambda item: item.cost)
-        ranked = sorted([*map(search.unlocked, ranked[:BEAM]), *ranked[BEAM:]], key=lambda item: item.cost)
+        ranked = sorted([search.unlocked(ranked[0]), *ranked[1:]], key=lambda item: item.cost)
         if not _worth(base, best, ranked[0]):
             break
         best = ranked[0]
@@ -351,8 +361,11 @@ def _loss(search: _Search, base: Hypothesis, at: Hypothesis, effect: str) -> flo
     less = search.without(at, effect)
     if closed(at):
         return KEEPS + _gain(search, at, effect) / (GAIN * at.remainder.inflation) - 1
+    growth = less.remainder.excess - excess(at)
+    if growth < SMALL * excess(base):
+        return 0.0
     factor = less.remainder.excess / excess(at)
-    large = less.remainder.excess - excess(at) > LARGE * excess(base)
+    large = growth > LARGE * excess(base)
     return factor * KEEPS / KEEPS_IF_LARGE if large else factor
 
 

@@ -196,11 +196,11 @@ def _search(
     A start state that would make its segment worse goes less far; one segment that passes near the upright would
     otherwise hold back all others.
     """
-    share, own = 1.0, np.ones(len(starts))
+    share, own, followed = 1.0, np.ones(len(starts)), np.isfinite(before)
     for attempt in range(TRIES):
         trial = moved(point, slots, share * step, (share * own)[:, None] * starts)
         costs = problem.costs(trial)
-        if costs.sum() <= before.sum():
+        if costs[followed].sum() <= before[followed].sum():
             return trial, float(costs.sum())
         worse = ~(costs <= before)
         if attempt % 2 or worse.mean() > 0.5:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dpr_lab.dynamics.base import BASE, base_parameters
 from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.errors import DprError
 from dpr_lab.rig import PARAMETERS, Rig
 
@@ -61,7 +62,7 @@ class Truth:
         larger = scale_b / float(base_parameters(Z, rig.rig.L1, rig.rig.g)[BASE.index("b")])
         return {
             name: {
-                parameter.name: values[parameter.name] * larger ** _power(parameter.unit)
+                parameter.name: values[parameter.name] * larger ** _power(parameter)
                 for parameter in EFFECTS[name].amplitudes
                 if parameter.name in values
             }
@@ -69,11 +70,15 @@ class Truth:
         }
 
 
-def _power(unit: str) -> int:
-    """How a unit follows the common scale of torques and inertias."""
-    if unit.startswith("1/kg"):
+LEVERS = ("friction_radius_m", "offset_m")
+"""Lengths that make a torque out of a force which the rig file's masses fix."""
+
+
+def _power(parameter: EffectParameter) -> int:
+    """How a size follows the common scale of torques and inertias."""
+    if parameter.unit.startswith("1/kg"):
         return -1
-    return int(unit.startswith(("N m", "kg")))
+    return int(parameter.unit.startswith(("N m", "kg")) or parameter.name in LEVERS)
 
 
 def read_truth(told: Mapping[str, Any]) -> Truth:

@@ -106,3 +106,12 @@ def test_a_dirty_encoder_that_misses_no_count_is_not_said_to(recorded, paper: Ri
     found = {name for run in recorded({}, **faults) for name in names(run, paper)}
     assert found
     assert "missed_counts" not in found
+
+
+def test_a_burst_of_impossible_readings_is_masked(clean: Run, paper: Rig, rng: np.random.Generator):
+    theta, burst = clean.theta.copy(), slice(len(clean.t) // 2, len(clean.t) // 2 + 40)
+    theta[burst, 1:] += rng.uniform(-100, 100, (40, 1))
+    screened = screen(changed(clean, paper, theta), paper)
+    assert "outlier" in {finding.name for finding in screened.findings}
+    within = (screened.t >= clean.t[burst.start]) & (screened.t < clean.t[burst.stop])
+    assert not screened.keep[within].any(axis=1)[1:-1].any()
