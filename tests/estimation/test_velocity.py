@@ -66,6 +66,21 @@ def test_innovations_are_as_large_as_they_claim(pose):
     assert 0.6 < rms((smoothed.states - truth) / deviation) < 1.1
 
 
+@pytest.mark.parametrize("rate_hz", [200, 1000])
+@pytest.mark.parametrize("pose", POSES)
+def test_normalised_estimation_error_is_that_of_an_honest_or_a_cautious_smoother(pose, rate_hz):
+    """NEES e' P^-1 e has the mean 4, the number of states; above it the covariance would promise too much.
+
+    Source: Bar-Shalom, Li & Kirubarajan (2001), Estimation with Applications to Tracking and Navigation, 5.4.
+    """
+    run, truth = recording(pose, rate_hz)
+    smoothed = smooth(run, noise_floor(run, RIG))
+    errors = (smoothed.states - truth)[:, :, None]
+    nees = (errors.transpose(0, 2, 1) @ np.linalg.solve(smoothed.covariance, errors))[:, 0, 0]
+    assert 1.0 < nees.mean() < 4.5
+    assert np.quantile(nees, 0.99) < 20.0
+
+
 def test_dropped_samples_and_gaps_are_bridged():
     run, truth = recording("X3", 1000)
     t = run.t
