@@ -141,7 +141,9 @@ def _cost(selection: Selection, without: Hypothesis, item: Score) -> tuple[float
     if fitted is not None:
         return fitted.cost, True
     price = PRICE * without.remainder.inflation * (len(item.columns) + len(item.effect.shapes))
-    return without.cost - item.gain + price, False
+    # A linear score promises too much; what was not worth a fit can at most come near.
+    near = selection.chosen.cost + GAIN * selection.chosen.remainder.inflation
+    return max(without.cost - item.gain + price, near), False
 
 
 def outside(selection: Selection, calibration: Calibration = CALIBRATION) -> float:

@@ -33,6 +33,7 @@ GAIN = (
     30.0  # fall of chi2, in units of independent evidence, below which an effect is chance: the best of some 600 shapes
 )
 EXTRA = 90.0  # the same for one effect more where nothing but noise is left
+REVISIONS = 3  # times that a choice may be taken back for what was found while it was examined
 LEADING = 0.5  # share of the best score from which several shapes are worth a fit
 SWAPPED = 2  # candidates that are tried in the place of each effect
 SLOW = 1.3  # factor by which one effect more must at least shrink the excess, unless it is large
@@ -177,7 +178,22 @@ def select(
     chosen = _simplify(search, base, _enrich(search, _prune(search, base, grown)))
     chosen = _prune(search, base, _exchange(search, chosen))
     chosen = _settled(search, _withdraw(search, chosen))
-    return _selection(search, base, chosen)
+    found = _selection(search, base, chosen)
+    for _ in range(REVISIONS):
+        better = _overtaken(search, base, chosen)
+        if better is None:
+            break
+        chosen = _settled(search, _prune(search, base, better))
+        found = _selection(search, base, chosen)
+    return found
+
+
+def _overtaken(search: _Search, base: Hypothesis, chosen: Hypothesis) -> Hypothesis | None:
+    """A set no larger that turned out to explain more, while twins were compared and sets taken apart."""
+    rivals = [item for item in search.seen.values() if item.effects and len(item.effects) <= len(chosen.effects)]
+    best = min(rivals, key=lambda item: item.cost, default=chosen)
+    found = chosen.cost - best.cost > _chance(base, chosen, best) and best.key != chosen.key
+    return best if found and closed(best) >= closed(chosen) else None
 
 
 def _better(made: Problem, found: Fit, before: Hypothesis) -> Hypothesis:
@@ -208,7 +224,7 @@ def _selection(search: _Search, base: Hypothesis, chosen: Hypothesis) -> Selecti
     without = {name: search.without(chosen, name) for name in chosen.effects}
     around = {name: search.scores(item) for name, item in without.items()}
     for name, scores in around.items():
-        _try_twins(search, without[name], scores, name)
+        _try_rivals(search, without[name], scores, name, chosen)
     path, at = [], chosen
     while at.effects:
         less = {name: search.without(at, name) for name in at.effects}
@@ -218,13 +234,16 @@ def _selection(search: _Search, base: Hypothesis, chosen: Hypothesis) -> Selecti
     return Selection(base, chosen, search.seen, search.scores(chosen), without, around, tuple(reversed(path)))
 
 
-def _try_twins(search: _Search, less: Hypothesis, scores: Scores, name: str) -> None:
-    """Fit what the linear scores can hardly tell from an effect, so that twins are compared as they fit."""
+def _try_rivals(search: _Search, less: Hypothesis, scores: Scores, name: str, chosen: Hypothesis) -> None:
+    """Fit what the linear scores can hardly tell from an effect, or like better: all are compared as they fit."""
     own = next(item for item in scores.ranking if item.effect.name == name)
     related = {name, *own.effect.nested}
     for item in scores.ranking:
         form = item.effect.name in related or name in item.effect.nested
         if not form and item.gain > 0 and imitation(scores, own, item) > TWIN_COSINE:
+            search.unlocked(search.with_one(less, scores, item))
+    for item in scores.ranking[:SWAPPED]:
+        if item is not own and less.cost - item.gain < chosen.cost:
             search.with_one(less, scores, item)
 
 
@@ -262,10 +281,11 @@ def _worth(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
 
 def _chance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     """Fall of cost from one set to a larger one that means nothing."""
-    if not (closed(before) and before.effects):
+    if not before.effects:
         return GAIN * after.remainder.inflation
     explained = base.remainder.chi2 - after.remainder.chi2
-    return max(EXTRA * after.remainder.inflation, CONTAINED_WHEN_CLOSED * explained)
+    independent = EXTRA if closed(before) else GAIN
+    return max(independent * after.remainder.inflation, CONTAINED_WHEN_CLOSED * explained)
 
 
 def _leanest(search: _Search, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
