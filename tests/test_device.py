@@ -114,10 +114,12 @@ def collect(device: Device, enough: Callable[[list[Batch]], bool], timeout: floa
     return batches
 
 
-def poll_on(device: Device) -> None:
-    """Poll until it raises; the test's own timeout is the limit."""
+def poll_on(device: Device, ticks: list[int] | None = None) -> None:
+    """Poll until it raises, adding to `ticks` what comes; the test's own timeout is the limit."""
     while True:
-        device.poll(0.1)
+        found = ticks_of(device.poll(0.1))
+        if ticks is not None:
+            ticks += found
 
 
 def ticks_of(batches: list[Batch]) -> list[int]:
@@ -285,8 +287,7 @@ def test_what_arrived_before_the_cable_was_pulled_is_given_first() -> None:
         time.sleep(0.3)
         ticks: list[int] = []
         with pytest.raises(DeviceLost, match="the port is gone"):
-            while True:
-                ticks += ticks_of(device.poll(5))
+            poll_on(device, ticks)
         assert len(ticks) > 300
         with pytest.raises(DeviceLost):
             device.stop()
