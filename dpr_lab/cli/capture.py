@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dpr_lab.cli.checks import positive, refuse_unknown_poses
 from dpr_lab.cli.console import Bar, emit, json_mode, progress, say
 
 if TYPE_CHECKING:
@@ -25,10 +26,12 @@ def capture(
         typer.Option(help="Where the device is, e.g. serial:///dev/ttyACM0?baud=921600; the rig file's when left out."),
     ] = None,
     pose: Annotated[list[str] | None, typer.Option(help="Pose to release from, repeatable; all when left out.")] = None,
-    duration: Annotated[float, typer.Option(help="How long to record after the release, s.")] = 10.0,
-    until_rest: Annotated[bool, typer.Option("--until-rest", help="Record until both rods are at rest.")] = False,
+    duration: Annotated[float, typer.Option(callback=positive, help="How long to record after the release, s.")] = 10.0,
+    until_rest: Annotated[
+        bool, typer.Option("--until-rest", help="Record until both rods are at rest, at most 180 s.")
+    ] = False,
     repeat: Annotated[int, typer.Option(min=1, help="How often to go through the poses.")] = 1,
-    rate_hz: Annotated[int | None, typer.Option(help="Sample rate; the rig file's when left out.")] = None,
+    rate_hz: Annotated[int | None, typer.Option(min=1, help="Sample rate; the rig file's when left out.")] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Release as soon as the checks pass, without asking.")] = False,
     note: Annotated[str, typer.Option(help="Words to keep with the runs.")] = "",
     out: Annotated[Path, typer.Option(help="Folder of the runs.")] = Path("runs"),
@@ -48,6 +51,7 @@ def capture(
     described = load_rig(rig)
     options = CaptureOptions(rate_hz=rate_hz, duration=duration, until_rest=until_rest, note=note)
     poses = (pose or list(described.poses)) * repeat
+    refuse_unknown_poses(described, pose or [])
     url = link or described.link.url
     captured, device = record(url, described, poses, options, out, ask=not yes and sys.stdin.isatty())
     if as_json:
@@ -87,7 +91,7 @@ def record(
 def _release(device: "Device", rig: "Rig", pose: str, options: "CaptureOptions", out: Path, ask: bool) -> "Captured":
     from dpr_lab.capture import capture as capture_run
 
-    say(f"{pose}: bring the rods to {_angles(rig.poses[pose].theta) if pose in rig.poses else 'their pose'} and hold")
+    say(f"{pose}: bring the rods to {_angles(rig.poses[pose].theta)} and hold")
     with progress(pose, options.max_duration if options.until_rest else options.duration) as bar:
         captured = capture_run(device, rig, pose, options, out, _listener(bar), _operator(ask))
     say(f"{pose}: {captured.run_file.name}: {captured.verdict.sentence}")

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dpr_lab.cli.checks import refuse_repeated
 from dpr_lab.cli.console import emit, json_mode, progress, say, table
 from dpr_lab.errors import ConfigError, RunError
 
@@ -45,7 +46,7 @@ def diagnose(
         typer.Option(help="Effect to leave out; may be given again.", autocompletion=complete_effect),
     ] = None,
     max_effects: Annotated[int, typer.Option(min=1, max=8, help="At most so many effects at once.")] = 4,
-    seed: Annotated[int, typer.Option(help="Same seed, same answer.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder of report, figures, corrected model and exports.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -79,19 +80,6 @@ def diagnose(
     show(found)
     for name, path in written.items():
         say(f"{name}: {path}")
-
-
-def refuse_repeated(runs: "Sequence[Run]") -> None:
-    """Make sure that no recording counts twice, or is held out from a fit that it takes part in.
-
-    Raises:
-        RunError: two runs hold the same recording.
-    """
-    seen: dict[str, Run] = {}
-    for run in runs:
-        if run.sha256 in seen:
-            raise RunError(f"{run.file}: the same recording as {seen[run.sha256].file}: give each run once")
-        seen[run.sha256] = run
 
 
 def starting_point(model: "Model", rig: "Rig") -> "NDArray[np.float64]":

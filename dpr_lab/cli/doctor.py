@@ -2,7 +2,7 @@
 
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import typer
 
 from dpr_lab.cli.console import emit, json_mode, table
-from dpr_lab.errors import DprError
+from dpr_lab.errors import ConfigError, DprError
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +88,8 @@ def _links() -> Iterator[Finding]:
     found = discover()
     for port in found.serial:
         url = f"serial://{port.device}"
-        described = ", ".join(text for text in (port.description, port.serial_number) if text)
-        yield Finding(url, "wrong" if port.problem else "ok", port.problem or described)
+        described = ", ".join(text for text in (port.description, port.serial_number) if text not in ("", "n/a"))
+        yield Finding(url, "wrong" if port.problem else "ok", port.problem or described or "serial port")
     if not found.serial:
         yield Finding("serial ports", "note", "none found: plug the device in, or use sim:// to try without one")
     for interface in found.can_interfaces:
@@ -122,8 +122,17 @@ def _device(url: str, rig: str | None) -> str:
     with Device(open_transport(url, rig_file=described.path if described else None), read_only=True) as device:
         info = device.connect()
         rate_hz = described.link.rate_hz if described else info.rate_default_hz
+        if described and described.encoders.counts_per_rev != info.counts_per_rev:
+            raise ConfigError(
+                f"{info.uid} has {_listed(info.counts_per_rev)} counts per turn, but {described.path or described.name}"
+                f" says {_listed(described.encoders.counts_per_rev)}: correct encoders.counts_per_rev"
+            )
         device.check_rate(rate_hz)
         return (
             f"{info.uid}, firmware {info.firmware}, protocol {info.major}.{info.minor},"
-            f" counts per turn {', '.join(map(str, info.counts_per_rev))}; {rate_hz} Hz fits the link"
+            f" counts per turn {_listed(info.counts_per_rev)}; {rate_hz} Hz fits the link"
         )
+
+
+def _listed(counts: Sequence[int]) -> str:
+    return ", ".join(map(str, counts))

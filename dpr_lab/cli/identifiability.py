@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dpr_lab.cli.checks import refuse_repeated
 from dpr_lab.cli.console import emit, json_mode, say, table
 from dpr_lab.errors import ConfigError
 
@@ -60,7 +61,9 @@ def _from_runs(paths: "Sequence[Path]", rig: "Rig") -> "Identifiability":
     from dpr_lab.identify import polish
     from dpr_lab.storage.reader import load_run
 
-    evidence = [gather(load_run(path, rig=rig), rig) for path in paths]
+    runs = [load_run(path, rig=rig) for path in paths]
+    refuse_repeated(runs)
+    evidence = [gather(run, rig) for run in runs]
     fit = polish(rig.nominal, evidence, rig)
     if not fit.converged:
         say("warning: the fit from the rig file's values did not settle; run `dpr-lab identify` for a global search")
@@ -119,7 +122,7 @@ def _show_advice(found: "Identifiability") -> None:
     table(
         "One more measurement on the bench",
         ("measurement", "fixes", "gain (bits)"),
-        [(advice.name, ", ".join(advice.frees), f"{advice.gain_bits:.1f}") for advice in found.advice],
+        [(advice.name, ", ".join(advice.frees), f"{advice.gain_bits:z.1f}") for advice in found.advice],
     )
     if found.advice:
         _print(found.advice[0].sentence)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dpr_lab.cli.checks import refuse_repeated
 from dpr_lab.cli.console import emit, json_mode, progress, say, table
 from dpr_lab.errors import IdentificationError
 
@@ -27,7 +28,7 @@ def identify(
     settings: Annotated[
         str | None, typer.Option(help="Search settings: a TOML file, or the name of a built-in one.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Same seed, same answer.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
     profile: Annotated[bool, typer.Option("--profile", help="Add profile likelihood intervals of the ratios.")] = False,
     out: Annotated[Path, typer.Option(help="Where the model is written.")] = Path("model.json"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
@@ -43,6 +44,7 @@ def identify(
 
     described = load_rig(rig)
     loaded = [load_run(path, rig=described) for path in runs]
+    refuse_repeated(loaded)
     for run in loaded:
         for note in run.notes:
             say(f"{run.name}: {note}")

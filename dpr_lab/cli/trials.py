@@ -144,11 +144,15 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
     print(f"the seal holds: {outcome.seal} ({drawn})")
     if rows := beside(opened, trial.rig):
         table("Truth and diagnosis", COLUMNS, rows, prose=True)
+    if opened.truth.drawn["kind"] == "dirty":
+        found, missed = outcome.sensor_findings, outcome.faults_missed
+        print(f"the encoders were faulty: found {_listed(found)}, missed {_listed(missed)}")
     print(f"there was {_listed(outcome.truth)}; the diagnosis said {_said(outcome)}: {outcome.grade}")
 
 
 def _said(outcome: "Outcome") -> str:
-    return f"{outcome.verdict}: {_listed(outcome.named)}" if outcome.named else outcome.verdict
+    verdict = outcome.verdict.replace("_", " ")
+    return f"{verdict}: {_listed(outcome.named)}" if outcome.named else verdict
 
 
 def _listed(names: tuple[str, ...]) -> str:

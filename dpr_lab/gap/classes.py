@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects import place
 from dpr_lab.effects.effect import Effect
+from dpr_lab.gap.attempts import closed
 from dpr_lab.gap.hypothesis import PRICE, Hypothesis
 from dpr_lab.gap.score import Score, Scores, imitation
-from dpr_lab.gap.select import GAIN, TWIN_COSINE, Selection, closed
+from dpr_lab.gap.select import GAIN, TWIN_COSINE, Selection
 from dpr_lab.gap.signatures import detectable
 
 Array = NDArray[np.float64]

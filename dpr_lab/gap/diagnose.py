@@ -13,6 +13,7 @@ from dpr_lab.effects import EFFECTS, effect_values
 from dpr_lab.effects.effect import Effect
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advise import advise
+from dpr_lab.gap.attempts import closed
 from dpr_lab.gap.base_fit import fit_base, nominal_rods, scale
 from dpr_lab.gap.classes import Standing, outside, share_explained, standing
 from dpr_lab.gap.closed import closed_held_out, closed_left_out, free_run_errors
@@ -31,7 +32,7 @@ from dpr_lab.gap.hypothesis import Hypothesis
 from dpr_lab.gap.locate import locate, where_sentence
 from dpr_lab.gap.problem import Problem
 from dpr_lab.gap.record import Record, record
-from dpr_lab.gap.select import Selection, closed, select
+from dpr_lab.gap.select import Selection, select
 from dpr_lab.gap.signatures import detectable
 from dpr_lab.gap.verdict import sentence, verdict
 from dpr_lab.rig import Rig

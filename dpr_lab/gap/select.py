@@ -4,48 +4,40 @@ Forward alone is greedy and takes the plausible twin first. So two sets are carr
 later one too, and what was found is pruned, swapped and simplified before it is believed:
 
     grow      the score test names candidates, the best are fitted, the two best sets go on
-    enrich    an effect gives way to a richer one that contains it
+    leanest   a smaller set that was passed on the way and explains nearly as much is taken instead
     prune     an effect without which the remainder hardly grows is dropped
-    withdraw  an effect that makes one release harder to predict from the others is not named
+    enrich    an effect gives way to a richer one that contains it
     simplify  an effect gives way to a simpler one that it contains and that explains as much
+    exchange  while something is left, another effect is tried in the place of each
+    withdraw  an effect that makes one release harder to predict from the others is not named
+    overtake  a set no larger that turns out better while rivals are fitted takes its place
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
-from dpr_lab.gap.corrected import EVENTS
-from dpr_lab.gap.hypothesis import Hypothesis, added, added_from_short, dropped, hypothesis
-from dpr_lab.gap.problem import FIRST_S, Problem, carried, problem
-from dpr_lab.gap.score import Score, Scores, imitation, score
-from dpr_lab.gap.shooting import Fit, fit, unlocked
+from dpr_lab.gap.attempts import FAR, FINE, Attempts, closed, excess
+from dpr_lab.gap.hypothesis import Hypothesis, added, dropped
+from dpr_lab.gap.problem import Problem
+from dpr_lab.gap.score import Score, Scores, imitation
 
 FITTED = 4
 FITTED_WHEN_FAR = 6
-FAR = 20.0  # chi2 per degree of freedom above which the linear score is only a hint
 BEAM = 2
 BEAM_WORSE = 4.0  # a second set goes on only while its excess is within this factor of the best
-GAIN = (
-    30.0  # fall of chi2, in units of independent evidence, below which an effect is chance: the best of some 600 shapes
-)
+GAIN = 30.0
+"""Fall of chi2, in units of independent evidence, below which an effect is chance: the best of some 600 shapes."""
 EXTRA = 90.0  # the same for one effect more where nothing but noise is left
 REVISIONS = 3  # times that a choice may be taken back for what was found while it was examined
-LEADING = 0.5  # share of the best score from which several shapes are worth a fit
 SWAPPED = 2  # candidates that are tried in the place of each effect
 SLOW = 1.3  # factor by which one effect more must at least shrink the excess, unless it is large
-CLOSED = 4.0  # standard deviations of the remainder that count as noise
 KEEPS = 3.0  # factor by which the remainder must grow without an effect, for the effect to stay
 KEEPS_IF_LARGE = 1.3  # the same for an effect that explains at least `LARGE` of the whole gap
 LARGE = 0.04  # above what another form of an effect named already could make up for
 SMALL = 0.01  # share of the gap below which an effect only makes up for another's form, while something is left
 CONTAINED = 0.003  # share of the explained excess that a richer form of an effect must add
-KEPT_PROMISE = 0.5  # share of the promised fall of chi2 below which a fit is tried again from shorter segments
-ROUGH, FINE = 6, 15  # iterations of a fit, far from the noise and near it
-STARTS = 4  # shapes from which an effect with several of them is fitted
 CONTAINED_WHEN_CLOSED = 5e-4  # the same share where nothing else is left: what the integrator's steps leave in doubt
 TWIN_COSINE = 0.999
 """Of the signatures of two effects above which a recording hardly tells them apart."""
@@ -70,92 +62,6 @@ class Selection:
     """From the bare model to the chosen set, one effect at a time, the most telling first."""
 
 
-@dataclass(slots=True)
-class _Search:
-    """What the search knows so far."""
-
-    problem: Problem
-    library: Mapping[str, Effect]
-    seen: dict[frozenset[str], Hypothesis]
-    scored: dict[frozenset[str], Scores]
-    on_step: Callable[[str], None]
-    shorter: tuple[Problem, NDArray[np.float64]] | None = None
-
-    def scores(self, at: Hypothesis) -> Scores:
-        if at.key not in self.scored:
-            self.on_step(f"score test beside {', '.join(at.effects) or 'the bare model'}")
-            self.scored[at.key] = score(
-                self.problem, at.fit, [e for n, e in self.library.items() if n not in at.effects]
-            )
-        return self.scored[at.key]
-
-    def with_one(self, at: Hypothesis, scores: Scores, item: Score) -> Hypothesis:
-        key = at.key | {item.effect.name}
-        if key not in self.seen:
-            self.on_step(f"fit {', '.join(sorted(key))}")
-            fitted = self._best_shape(at, scores, item)
-            if at.remainder.chi2 > FAR * at.remainder.dof and at.fit.chi2 - fitted.fit.chi2 < KEPT_PROMISE * item.gain:
-                again = added_from_short(self.problem, self.short(), at, item)
-                fitted = min(fitted, again, key=lambda one: one.fit.chi2)
-            self.seen[key] = fitted
-        return self.seen[key]
-
-    def short(self) -> tuple[Problem, NDArray[np.float64]]:
-        if self.shorter is None:
-            self.shorter = problem(self.problem.records, self.problem.rig, FIRST_S)
-        return self.shorter
-
-    def _best_shape(self, at: Hypothesis, scores: Scores, item: Score) -> Hypothesis:
-        """Fit from the best shape; where there are several, from the best few."""
-        leading = item.gain > LEADING * scores.ranking[0].gain
-        starts = scores.shaped[item.effect.name][: STARTS if leading else 1]
-        far = at.remainder.chi2 > FAR * at.remainder.dof
-        if item.effect.name in EVENTS or len(starts) == 1:
-            return added(self.problem, at, scores, item, iterations=ROUGH if far else FINE)
-        begun = [added(self.problem, at, scores, start, iterations=3) for start in starts]
-        best = starts[min(range(len(begun)), key=lambda i: begun[i].fit.chi2)]
-        return added(self.problem, at, scores, best, iterations=30)
-
-    def unlocked(self, at: Hypothesis) -> Hypothesis:
-        """The same set, tried once more where a few segments, or long ones, may hold it at a local minimum."""
-        free = at if closed(at) else _better(self.problem, unlocked(self.problem, at.fit), at)
-        if not closed(free) and at.effects:
-            cut, starts = self.short()
-            near = fit(cut, replace(free.fit.point, starts=starts), free.fit.slots, iterations=ROUGH)
-            back = replace(near.point, starts=carried(cut, near.point, self.problem, free.fit.point.starts))
-            long = unlocked(self.problem, fit(self.problem, back, free.fit.slots, iterations=FINE))
-            free = _better(self.problem, long, free)
-        self.seen[at.key] = free
-        return free
-
-    def without(self, at: Hypothesis, effect: str) -> Hypothesis:
-        """The better of the fits from above and, where a score test points to the set, from below."""
-        key = at.key - {effect}
-        if key not in self.seen:
-            self.on_step(f"fit {', '.join(sorted(key))}")
-            fallen = dropped(self.problem, at, effect)
-            parents = [self.seen[key - {name}] for name in key if key - {name} in self.scored]
-            if parents and not closed(fallen):
-                parent = min(parents, key=lambda one: one.cost)
-                (name,) = key - parent.key
-                fallen = min(fallen, self._grown(parent, name), key=lambda one: one.fit.chi2)
-            self.seen[key] = fallen
-        return self.seen[key]
-
-    def _grown(self, at: Hypothesis, effect: str) -> Hypothesis:
-        scores = self.scores(at)
-        item = next(one for one in scores.ranking if one.effect.name == effect)
-        return self._best_shape(at, scores, item)
-
-    def again(self, at: Hypothesis, effect: str) -> Hypothesis:
-        """A set fitted once more, with the shape of one of its effects looked for anew."""
-        less = self.without(at, effect)
-        other = self._grown(less, effect)
-        if other.cost < self.seen[at.key].cost:
-            self.seen[at.key] = other
-        return self.seen[at.key]
-
-
 def select(
     made: Problem,
     base: Hypothesis,
@@ -173,22 +79,22 @@ def select(
         max_effects: at most so many at once
         on_step: told what is being done
     """
-    search = _Search(made, library, {base.key: base}, {}, on_step)
+    search = Attempts(made, library, {base.key: base}, {}, on_step)
     grown = _leanest(search, base, _grow(search, base, max_effects))
     chosen = _simplify(search, base, _enrich(search, _prune(search, base, grown)))
     chosen = _prune(search, base, _exchange(search, chosen))
-    chosen = _settled(search, _withdraw(search, chosen))
+    chosen = search.settled(_withdraw(search, chosen))
     found = _selection(search, base, chosen)
     for _ in range(REVISIONS):
         better = _overtaken(search, base, chosen)
         if better is None:
             break
-        chosen = _settled(search, _prune(search, base, better))
+        chosen = search.settled(_prune(search, base, better))
         found = _selection(search, base, chosen)
     return found
 
 
-def _overtaken(search: _Search, base: Hypothesis, chosen: Hypothesis) -> Hypothesis | None:
+def _overtaken(search: Attempts, base: Hypothesis, chosen: Hypothesis) -> Hypothesis | None:
     """A set no larger that turned out to explain more, while twins were compared and sets taken apart."""
     rivals = [item for item in search.seen.values() if item.effects and len(item.effects) <= len(chosen.effects)]
     best = min(rivals, key=lambda item: item.cost, default=chosen)
@@ -196,21 +102,7 @@ def _overtaken(search: _Search, base: Hypothesis, chosen: Hypothesis) -> Hypothe
     return best if found and closed(best) >= closed(chosen) else None
 
 
-def _better(made: Problem, found: Fit, before: Hypothesis) -> Hypothesis:
-    """The set of `before` with the better of the two fits."""
-    return hypothesis(made, before.effects, found) if found.chi2 < before.fit.chi2 else before
-
-
-def _settled(search: _Search, chosen: Hypothesis) -> Hypothesis:
-    """The chosen set, fitted to the end where it was only fitted roughly."""
-    if chosen.fit.converged or not chosen.effects:
-        return chosen
-    done = fit(search.problem, chosen.fit.point, chosen.fit.slots, iterations=2 * FINE)
-    search.seen[chosen.key] = hypothesis(search.problem, chosen.effects, done)
-    return search.seen[chosen.key]
-
-
-def _withdraw(search: _Search, chosen: Hypothesis) -> Hypothesis:
+def _withdraw(search: Attempts, chosen: Hypothesis) -> Hypothesis:
     """Without effects that make a release harder to predict from the others than it was without them."""
     tolerance = GAIN * chosen.remainder.inflation
     for name in chosen.effects:
@@ -220,7 +112,7 @@ def _withdraw(search: _Search, chosen: Hypothesis) -> Hypothesis:
     return chosen
 
 
-def _selection(search: _Search, base: Hypothesis, chosen: Hypothesis) -> Selection:
+def _selection(search: Attempts, base: Hypothesis, chosen: Hypothesis) -> Selection:
     without = {name: search.without(chosen, name) for name in chosen.effects}
     around = {name: search.scores(item) for name, item in without.items()}
     for name, scores in around.items():
@@ -234,7 +126,7 @@ def _selection(search: _Search, base: Hypothesis, chosen: Hypothesis) -> Selecti
     return Selection(base, chosen, search.seen, search.scores(chosen), without, around, tuple(reversed(path)))
 
 
-def _try_rivals(search: _Search, less: Hypothesis, scores: Scores, name: str, chosen: Hypothesis) -> None:
+def _try_rivals(search: Attempts, less: Hypothesis, scores: Scores, name: str, chosen: Hypothesis) -> None:
     """Fit what the linear scores can hardly tell from an effect, or like better: all are compared as they fit."""
     own = next(item for item in scores.ranking if item.effect.name == name)
     related = {name, *own.effect.nested}
@@ -247,7 +139,7 @@ def _try_rivals(search: _Search, less: Hypothesis, scores: Scores, name: str, ch
             search.with_one(less, scores, item)
 
 
-def _grow(search: _Search, base: Hypothesis, max_effects: int) -> Hypothesis:
+def _grow(search: Attempts, base: Hypothesis, max_effects: int) -> Hypothesis:
     best, front = base, [base]
     for _ in range(max_effects):
         level: dict[frozenset[str], Hypothesis] = {}
@@ -288,7 +180,7 @@ def _chance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     return max(independent * after.remainder.inflation, CONTAINED_WHEN_CLOSED * explained)
 
 
-def _leanest(search: _Search, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
+def _leanest(search: Attempts, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
     """The smallest set that was seen to explain nearly as much: growth may have passed it by on another branch."""
     enough = max(KEEPS * excess(grown), 0.0)
     lean = [item for item in search.seen.values() if 0 < len(item.effects) < len(grown.effects)]
@@ -302,7 +194,7 @@ def _leanest(search: _Search, base: Hypothesis, grown: Hypothesis) -> Hypothesis
     return min(lean, key=lambda item: (len(item.effects), item.cost)) if lean else grown
 
 
-def _exchange(search: _Search, current: Hypothesis) -> Hypothesis:
+def _exchange(search: Attempts, current: Hypothesis) -> Hypothesis:
     """While something is left: another in the place of each effect, or the same one in another shape."""
     if closed(current) or not current.effects:
         return current
@@ -320,7 +212,7 @@ def _exchange(search: _Search, current: Hypothesis) -> Hypothesis:
     return _exchange(search, best)
 
 
-def _contains(search: _Search, one: Hypothesis, other: Hypothesis) -> bool:
+def _contains(search: Attempts, one: Hypothesis, other: Hypothesis) -> bool:
     """Whether two sets differ only by an effect and a simpler form of it."""
     more, less = one.key - other.key, other.key - one.key
     if len(more) != 1 or len(less) != 1:
@@ -353,17 +245,7 @@ def _twins(one: Score, other: Score) -> bool:
     return same and len(one.columns) == len(other.columns) and other.effect.name in one.effect.twins
 
 
-def excess(item: Hypothesis) -> float:
-    """chi2 above the noise, not below what noise alone may leave."""
-    return max(item.remainder.excess, CLOSED * item.remainder.uncertainty)
-
-
-def closed(item: Hypothesis) -> bool:
-    """Whether nothing but noise is left."""
-    return item.remainder.z < CLOSED
-
-
-def _prune(search: _Search, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
+def _prune(search: Attempts, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
     """Drop, one by one, effects that the remainder hardly misses; the first one stays for its share of the whole."""
     current = grown
     while len(current.effects) > 1:
@@ -376,7 +258,7 @@ def _prune(search: _Search, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
     return current
 
 
-def _loss(search: _Search, base: Hypothesis, at: Hypothesis, effect: str) -> float:
+def _loss(search: Attempts, base: Hypothesis, at: Hypothesis, effect: str) -> float:
     """Factor by which the excess grows without an effect, `KEEPS` being enough; for a closed gap against chance."""
     less = search.without(at, effect)
     if closed(at):
@@ -389,11 +271,11 @@ def _loss(search: _Search, base: Hypothesis, at: Hypothesis, effect: str) -> flo
     return factor * KEEPS / KEEPS_IF_LARGE if large else factor
 
 
-def _gain(search: _Search, at: Hypothesis, effect: str) -> float:
+def _gain(search: Attempts, at: Hypothesis, effect: str) -> float:
     return search.without(at, effect).cost - at.cost
 
 
-def _enrich(search: _Search, current: Hypothesis) -> Hypothesis:
+def _enrich(search: Attempts, current: Hypothesis) -> Hypothesis:
     """Replace an effect by a richer one that contains it where the score test asks for what the richer one adds."""
     chance = GAIN * current.remainder.inflation
     for item in search.scores(current).ranking:
@@ -407,7 +289,7 @@ def _enrich(search: _Search, current: Hypothesis) -> Hypothesis:
     return current
 
 
-def _simplify(search: _Search, base: Hypothesis, current: Hypothesis) -> Hypothesis:
+def _simplify(search: Attempts, base: Hypothesis, current: Hypothesis) -> Hypothesis:
     """Replace an effect by a simpler one that it contains where that explains as much.
 
     While something else is left, a richer form may only be making up for that, and has to add more.

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import Literal
 
+from dpr_lab.gap.attempts import closed
 from dpr_lab.gap.classes import Standing, share_explained
-from dpr_lab.gap.select import Selection, closed
+from dpr_lab.gap.select import Selection
 
 Verdict = Literal["no_gap", "named", "partly_explained", "unexplained"]
 

@@ -132,7 +132,7 @@ def _read_swing(path: Path, rig: Rig, options: ImportOptions) -> _Swing:
     else:
         counts = None
         theta, unwrapped = _theta(values, options)
-    notes += unwrapped + _gap_notes(time) + _upright_notes(theta)
+    notes += unwrapped + _early_notes(t[kept]) + _gap_notes(time) + _upright_notes(theta)
     return _Swing(time, theta, counts, float(t[kept][0]), columns, (*table.notes, *notes))
 
 
@@ -225,6 +225,13 @@ def _gap_notes(t: NDArray[np.float64]) -> list[str]:
     steps = np.diff(t)
     gaps = steps[steps > GAP * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
+
+
+def _early_notes(t: NDArray[np.float64]) -> list[str]:
+    early = (
+        f"the first row, at t = {t[0]:g} s, was taken for the release: if that is t = 0, import with start_s {-t[0]:g}"
+    )
+    return [early] if t[0] < 0 < t[-1] else []
 
 
 def _upright_notes(theta: NDArray[np.float64]) -> list[str]:

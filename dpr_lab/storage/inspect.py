@@ -128,7 +128,7 @@ def verify(path: Path | str) -> Verification:
     try:
         faults = _faults(scan(path))
     except RunError as error:
-        faults = [str(error)]
+        faults = [str(error).removeprefix(f"{path}: ")]
     return Verification(ok=not faults, faults=faults)
 
 

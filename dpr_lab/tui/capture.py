@@ -19,6 +19,7 @@ from dpr_lab.tui.countdown import Countdown
 from dpr_lab.tui.orders import Asked, Cancel, Capture, Failed, Finished, GoAhead, Idle, Report, Seen
 from dpr_lab.tui.stage import Scene, Stage
 from dpr_lab.tui.step import Step
+from dpr_lab.tui.texts import counted_runs
 
 LENGTHS = (5.0, 10.0, 20.0, 30.0, 60.0)
 """Choices of how long to record, s; after the last comes until rest, and then the first again."""
@@ -78,7 +79,7 @@ Up and down choose the pose, `d` how long to record, `e` how often. `c` connects
     def outcome(self) -> str:
         """How many runs there are."""
         count = len(self.bench.runs)
-        return f"{count} run{'s' if count > 1 else ''}" if count else ""
+        return counted_runs(count) if count else ""
 
     def missing(self) -> str:
         """A device, and poses."""

@@ -16,6 +16,7 @@ from dpr_lab.tui import tasks
 from dpr_lab.tui.chart import Band, Chart, Mark, Series
 from dpr_lab.tui.slider import Slider
 from dpr_lab.tui.tasks import Answer, Note, Start
+from dpr_lab.tui.texts import counted_runs
 from dpr_lab.tui.working import WorkingStep
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
 
     def outcome(self) -> str:
         """How many runs were compared."""
-        return f"{len(self._comparisons)} runs" if self._comparisons and self._of is not None else ""
+        return counted_runs(len(self._comparisons)) if self._comparisons and self._of is not None else ""
 
     def enter(self) -> None:
         """Compare, if model or runs are not those compared last."""

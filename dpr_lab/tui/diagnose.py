@@ -85,7 +85,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             with TabPane(TABS["which"], id="which"), VerticalScroll():
                 yield Static(id="which-text")
             with TabPane(TABS["where"], id="where"):
-                yield Select[int]([], prompt="no place yet", id="place", compact=True)
+                yield Select[int]([], prompt="no place", id="place", compact=True)
                 yield Static(id="place-said", markup=False)
                 yield Chart(id="place-map")
             for name in ("far", "next"):

@@ -17,7 +17,7 @@ from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.tui import tasks
 from dpr_lab.tui.chart import Chart, Series
 from dpr_lab.tui.tasks import Note, Searched
-from dpr_lab.tui.texts import sentences, shorter, table
+from dpr_lab.tui.texts import counted_runs, sentences, shorter, table
 from dpr_lab.tui.working import WorkingStep, work_keys
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ bench's folder.
         """How many runs the model rests on."""
         if self.bench.model is None:
             return ""
-        return f"model of {len(self.model.runs)} runs" if self.model is not None else "model"
+        return f"model of {counted_runs(len(self.model.runs))}" if self.model is not None else "model"
 
     def enter(self) -> None:
         """Show the bench's runs and its model."""
@@ -184,7 +184,9 @@ bench's folder.
 
     def _show_runs(self) -> None:
         names = [run.stem for run in self.bench.runs]
-        self.query_one("#runs", Static).update(f"{len(names)} runs: {shorter(names)}" if names else self.missing())
+        self.query_one("#runs", Static).update(
+            f"{counted_runs(len(names))}: {shorter(names)}" if names else self.missing()
+        )
 
     def _doubt(self, model: "Model") -> str:
         """Said where the model is of other runs than those selected."""

@@ -66,5 +66,6 @@ def _words(standings: Sequence[Standing], next_key: str) -> Text:
     here = standings[index]
     words = here.missing or f"{here.name}: {here.outcome or 'to be done'}"
     if not here.missing and index + 1 < len(standings):
-        words += f" · next ({next_key}): {index + 2} {standings[index + 1].name}"
+        key = f" ({next_key})" if next_key else ""  # behind a dialog no key leads on
+        words += f" · next{key}: {index + 2} {standings[index + 1].name}"
     return Text(words, "italic", no_wrap=True, overflow="ellipsis")

@@ -31,6 +31,11 @@ def sentences(title: str, lines: Sequence[str], *, mark: str = "•") -> Rendera
     return Group(Text(title, "bold"), items, Text(""))
 
 
+def counted_runs(count: int) -> str:
+    """`1 run`, `2 runs`."""
+    return f"{count} run" if count == 1 else f"{count} runs"
+
+
 def shorter(names: Sequence[str], most: int = 6) -> str:
     """Names by comma, the first few of many."""
     more = len(names) - most

@@ -100,6 +100,18 @@ def test_no_such_pose(tmp_path: Path, cli) -> None:
     done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast", "--pose", "X9", "--out", tmp_path)
     assert done.code == 3
     assert "X1" in done.err
+    assert "bring the rods" not in done.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--duration", "-1"), ("--duration", "0"), ("--duration", "nan"), ("--rate-hz", "0"), ("--rate-hz", "-5")],
+)
+def test_a_length_or_rate_that_is_none_is_refused(tmp_path: Path, cli, words: tuple[str, str]) -> None:
+    done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast", *words, "--out", tmp_path)
+    assert done.code == 2
+    assert words[0] in done.err
+    assert not list(tmp_path.iterdir())
 
 
 def imported(cli, tmp_path: Path, text: str | bytes, *options: str):
@@ -136,6 +148,28 @@ def test_a_doubled_row_is_left_out_and_reported(tmp_path: Path, cli) -> None:
     assert "1" in done.err
 
 
+def test_a_table_that_begins_before_its_zero_is_remarked_on(tmp_path: Path, cli) -> None:
+    header, *rows = GOOD.splitlines()
+    early = [f"{-0.005 * k},3.2,3.2" for k in range(40, 0, -1)]
+    done = imported(cli, tmp_path, "\n".join([header, *early, *rows]))
+    assert done.code == 0, done.err
+    assert "start_s 0.2" in done.err
+
+
+def test_a_recording_counts_once(tmp_path: Path, runs: list[Path], cli) -> None:
+    for command in (("identify", "--out", tmp_path / "m.json"), ("identifiability",)):
+        done = cli(*command, "--rig", "paper", runs[0], runs[0])
+        assert done.code == 3
+        assert "give each run once" in done.err
+
+
+def test_a_negative_seed_is_wrong_usage(runs: list[Path], cli) -> None:
+    for command in ("identify", "diagnose"):
+        done = cli(command, runs[0], "--rig", "paper", "--seed", "-1")
+        assert done.code == 2
+        assert "--seed" in done.err
+
+
 def test_a_run_of_another_rig_is_refused(tmp_path: Path, runs: list[Path], cli) -> None:
     rig = changed_rig(tmp_path, 'name = "paper"', 'name = "other"')
     done = cli("identify", *runs, "--rig", rig, "--out", tmp_path / "m.json")
@@ -161,6 +195,7 @@ def test_a_file_that_is_no_run_is_refused(tmp_path: Path, cli) -> None:
         done = cli(*words)
         assert done.code == 3
         assert "Traceback" not in done.err
+        assert done.err.count(str(path)) == 1
 
 
 def test_an_error_with_json_is_an_object_too(tmp_path: Path, cli) -> None:

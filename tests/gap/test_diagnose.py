@@ -12,6 +12,7 @@ from dpr_lab.gap.problem import Problem
 from dpr_lab.rig import Rig
 from sim_device.config import load_plant
 
+DRY = ("coulomb", "stribeck", "friction_curve", "hysteresis")
 NOT_SEEN = ("rotor_inertia_joint1",)
 """The base parameter a takes it up exactly."""
 
@@ -157,10 +158,11 @@ PIECE = 2668
 @pytest.mark.timeout(600)
 @pytest.mark.skipif(not REAL.is_file(), reason="the real recording is not here")
 def test_a_real_rig_is_predicted_three_and_a_half_times_better_than_by_viscous_friction():
+    from dpr_lab.gap.attempts import closed
     from dpr_lab.gap.base_fit import fit_base, nominal_rods
     from dpr_lab.gap.closed import free_run_errors
     from dpr_lab.gap.record import record
-    from dpr_lab.gap.select import closed, select
+    from dpr_lab.gap.select import select
     from dpr_lab.rig import load_rig
     from dpr_lab.run import Run
 

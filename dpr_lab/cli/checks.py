@@ -1,0 +1,49 @@
+"""What is wrong with the arguments of a command, said before the work begins."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import typer
+
+from dpr_lab.errors import ConfigError, RunError
+
+if TYPE_CHECKING:
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
+
+
+def positive(value: float) -> float:
+    """A callback of an option: a number above zero, and finite.
+
+    Raises:
+        BadParameter: it is not.
+    """
+    if not 0 < value < math.inf:
+        raise typer.BadParameter(f"must be above 0 and finite, not {value:g}")
+    return value
+
+
+def refuse_unknown_poses(rig: "Rig", names: "Sequence[str]") -> None:
+    """Make sure that the rig has every pose named, before the first is recorded.
+
+    Raises:
+        ConfigError: it lacks one.
+    """
+    unknown = [name for name in names if name not in rig.poses]
+    if unknown:
+        where, there = rig.path or rig.name, ", ".join(rig.poses) or "none"
+        raise ConfigError(f"{where}: has no pose {' and no pose '.join(map(repr, unknown))} (there are: {there})")
+
+
+def refuse_repeated(runs: "Sequence[Run]") -> None:
+    """Make sure that no recording counts twice, or is held out from a fit that it takes part in.
+
+    Raises:
+        RunError: two runs hold the same recording.
+    """
+    seen: dict[str, Run] = {}
+    for run in runs:
+        if run.sha256 in seen:
+            raise RunError(f"{run.file}: the same recording as {seen[run.sha256].file}: give each run once")
+        seen[run.sha256] = run
