@@ -19,7 +19,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.device import SILENCE_S, Batch, Device
+from dpr_lab.device import Batch, Device
 from dpr_lab.errors import ConfigError, DeviceLost, DprError, LinkError, RunError
 from dpr_lab.gate import MAX_REST_SPEED, Verdict, rest_motion, rest_spread_limit
 from dpr_lab.holding import (
@@ -46,7 +46,7 @@ from firmware_protocol.messages import State, Status
 RELEASE_TIMEOUT_S = 2.0
 LAST_STATUS_S = 0.5
 REST_AFTER_S = 2.0
-NO_SAMPLES_S = 2 * SILENCE_S  # a device that says nothing at all is found lost before
+NO_SAMPLES = 2.0  # silences without a sample; a device that says nothing at all is found lost before
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,8 +280,9 @@ def _follow(device: Device, recording: Recording, until_rest: bool, on_progress:
         now = time.monotonic()
         if any(batch.rows for batch in batches):
             heard_at = now
-        elif now - heard_at > NO_SAMPLES_S:
-            raise DeviceLost(f"{device.url}: the device reports but sent no samples for {NO_SAMPLES_S:g} s")
+        elif now - heard_at > NO_SAMPLES * device.silence_s:
+            longest = NO_SAMPLES * device.silence_s
+            raise DeviceLost(f"{device.url}: the device reports but sent no samples for {longest:g} s")
         if now < next_look:
             continue
         next_look = now + PROGRESS_S

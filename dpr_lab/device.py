@@ -53,6 +53,7 @@ from firmware_protocol.stream import Row, SampleStream, blind_ticks
 CONNECT_TIMEOUT_S = 2.0
 READ_S = 0.02  # how long a read may wait, and so how late a keepalive or a retry can be
 SILENCE_S = 1.0
+SIMULATED_PATIENCE = 3.0  # times as long a device whose time is simulated may be silent: it shares the host's processor
 PING_S = 0.9839  # not a round number, so that pings do not beat with anything periodic
 QUICK_PINGS, QUICK_PING_S = 8, 0.05  # a stream's first second already yields a clock fit
 MAX_EXCHANGES = 4096
@@ -140,6 +141,11 @@ class Device:
     def status(self) -> Status | None:
         """Where the device stood by its last STATUS; None before the first."""
         return self._session.status
+
+    @property
+    def silence_s(self) -> float:
+        """How long the device may say nothing before it counts as lost, s."""
+        return SILENCE_S * (SIMULATED_PATIENCE if self.info.simulated_time else 1.0)
 
     def connect(self, timeout: float = CONNECT_TIMEOUT_S) -> DeviceInfo:
         """Greet the device, over and over until it answers or `timeout` s have passed.
@@ -327,10 +333,11 @@ class Device:
         """A greeted device reports ten times a second; one that was restarted still answers pings, and only those."""
         if heard or self._session.info is None:
             self._heard_at = now
-        elif now - self._heard_at > SILENCE_S:
+            return
+        if now - self._heard_at > self.silence_s:
             raise DeviceLost(
-                f"{self.url}: neither sample nor status for {SILENCE_S:g} s: check cable and power; the device may have"
-                " restarted"
+                f"{self.url}: neither sample nor status for {self.silence_s:g} s: check cable and power; the device may"
+                " have restarted"
             )
 
     def _note(self, message: Message, host_time: float) -> None:

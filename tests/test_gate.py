@@ -6,6 +6,8 @@ import pytest
 from dpr_lab.gate import CHECKS, Verdict, fastest_possible, judge, pose_error, rest_motion
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
+from sim_device.config import load_plant
+from sim_device.direct import record
 
 RATE_HZ = 1000
 
@@ -198,3 +200,12 @@ def test_no_state_of_the_rig_is_faster_than_the_fastest_possible(rig: Rig) -> No
     brute = np.array([np.abs(scale * w1).max(), np.abs(scale * w2).max()])
     assert fastest_possible(rig) == pytest.approx(brute, rel=1e-3)
     assert np.all(brute <= fastest_possible(rig) * (1 + 1e-12))
+
+
+@pytest.mark.parametrize("counts", [1024, 4096])
+def test_coarse_counts_are_neither_a_push_nor_a_jump(counts: int) -> None:
+    rig = load_rig("paper")
+    coarse = rig.model_copy(update={"encoders": rig.encoders.model_copy(update={"counts_per_rev": (counts,) * 3})})
+    for seed in range(3):
+        for run in record(load_plant("paper", seed), coarse, duration=2.0):
+            assert not {check.name for check in judge(run, coarse).checks if not check.ok} & {"release_speed", "jumps"}

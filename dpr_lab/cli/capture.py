@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import positive, refuse_unknown_poses
+from dpr_lab.cli.checks import positive, refuse_file, refuse_unknown_poses
 from dpr_lab.cli.console import Bar, emit, json_mode, progress, say
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ def capture(
     options = CaptureOptions(rate_hz=rate_hz, duration=duration, until_rest=until_rest, note=note)
     poses = (pose or list(described.poses)) * repeat
     refuse_unknown_poses(described, pose or [])
+    refuse_file(out)
     url = link or described.link.url
     captured, device = record(url, described, poses, options, out, ask=not yes and sys.stdin.isatty())
     if as_json:

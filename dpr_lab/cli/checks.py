@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
@@ -13,15 +14,25 @@ if TYPE_CHECKING:
     from dpr_lab.run import Run
 
 
-def positive(value: float) -> float:
-    """A callback of an option: a number above zero, and finite.
+def positive(value: float | None) -> float | None:
+    """A callback of an option: a number above zero, and finite; or none given.
 
     Raises:
         BadParameter: it is not.
     """
-    if not 0 < value < math.inf:
+    if value is not None and not 0 < value < math.inf:
         raise typer.BadParameter(f"must be above 0 and finite, not {value:g}")
     return value
+
+
+def refuse_file(out: Path) -> None:
+    """Make sure that results can go into a folder, before the work for them begins.
+
+    Raises:
+        ConfigError: a file stands there.
+    """
+    if out.exists() and not out.is_dir():
+        raise ConfigError(f"{out}: is a file: name a folder for --out")
 
 
 def refuse_unknown_poses(rig: "Rig", names: "Sequence[str]") -> None:

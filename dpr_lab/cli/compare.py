@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from dpr_lab.cli.checks import refuse_file
 from dpr_lab.cli.console import emit, json_mode, table
 
 
@@ -25,6 +26,7 @@ def compare(
     from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows
     from dpr_lab.storage.reader import load_run, stored_rig
 
+    refuse_file(out)
     identified = load_model(model)
     comparisons = [compare_run(load_run(path), stored_rig(path), identified) for path in runs]
     saved = save_comparison(identified, comparisons, out)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import refuse_repeated
+from dpr_lab.cli.checks import refuse_file, refuse_repeated
 from dpr_lab.cli.console import emit, json_mode, progress, say, table
 from dpr_lab.errors import ConfigError, RunError
 
@@ -64,6 +64,8 @@ def diagnose(
     loaded = [load_run(path, rig=described) for path in runs]
     unseen = [load_run(path, rig=described) for path in held_out or []]
     refuse_repeated([*loaded, *unseen])
+    if out:
+        refuse_file(out)
     found = diagnose_with_progress(
         loaded,
         described,

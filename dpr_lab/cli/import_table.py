@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from dpr_lab.cli.checks import positive
 from dpr_lab.cli.console import emit, json_mode, say
 
 import_app = typer.Typer(help="Turn foreign recordings into runs.", no_args_is_help=True, rich_markup_mode=None)
@@ -32,7 +33,7 @@ def import_csv(
         str | None, typer.Option(help="Which column is which, e.g. t=time,theta1=q1,theta2=q2; guessed when left out.")
     ] = None,
     start_s: Annotated[float, typer.Option(min=0, help="Leave out so much of the beginning.")] = 0.0,
-    duration_s: Annotated[float | None, typer.Option(min=0, help="Keep only so much.")] = None,
+    duration_s: Annotated[float | None, typer.Option(callback=positive, help="Keep only so much.")] = None,
     out: Annotated[Path, typer.Option(help="Folder of the run.")] = Path("runs"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:

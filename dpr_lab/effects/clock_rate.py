@@ -23,7 +23,7 @@ CLOCK_RATE = Effect(
     kernel=fast,
     twins=("wrong_length_L1",),
     bench_check=(
-        "Compare ten minutes of the device's ticks with the host's clock (`dpr-lab doctor` shows the fit); a crystal is"
+        "Compare ten minutes of the device's ticks with the host's clock (`dpr-lab run info` shows it); a crystal is"
         " off by 0.01 % at most, so that an error above that is the length L1 (or gravity)."
     ),
     source="Equation (1) keeps its form when time is scaled, but for gravity.",

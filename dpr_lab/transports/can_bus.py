@@ -114,5 +114,5 @@ class CanBus:
 def _open_bus(url: str, backend: str, channel: str, bitrate: int) -> can.BusABC:
     try:
         return can.Bus(interface=backend, channel=channel, bitrate=bitrate, ignore_config=True)
-    except (can.CanError, OSError, ValueError, ImportError) as error:
+    except (can.CanError, OSError, ValueError, ImportError, NameError) as error:  # kvaser without driver: NameError
         raise LinkError(f"{url}: {backend} cannot open {channel} at {bitrate} bit/s: {error}") from error

@@ -163,6 +163,23 @@ def test_a_recording_counts_once(tmp_path: Path, runs: list[Path], cli) -> None:
         assert "give each run once" in done.err
 
 
+def test_results_do_not_go_into_a_file(tmp_path: Path, runs: list[Path], model: Path, cli) -> None:
+    out = tmp_path / "taken"
+    out.touch()
+    for words in (
+        ("capture", "--rig", "paper", "--link", "sim://?clock=fast"),
+        ("compare", runs[0], "--model", model),
+        ("diagnose", runs[0], "--rig", "paper"),
+    ):
+        done = cli(*words, "--out", out)
+        assert done.code == 3
+        assert f"{out}: is a file" in done.err
+
+
+def test_an_empty_part_of_a_table_is_wrong_usage(tmp_path: Path, cli) -> None:
+    assert imported(cli, tmp_path, GOOD, "--duration-s", "0").code == 2
+
+
 def test_a_negative_seed_is_wrong_usage(runs: list[Path], cli) -> None:
     for command in ("identify", "diagnose"):
         done = cli(command, runs[0], "--rig", "paper", "--seed", "-1")
