@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.effects import effect_values
 from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.corrected import EVENTS
-from dpr_lab.gap.hypothesis import Hypothesis, added, added_from_short, dropped, hypothesis
+from dpr_lab.gap.hypothesis import Hypothesis, added, added_from_short, dropped, hypothesis, slots_of
 from dpr_lab.gap.problem import FIRST_S, Problem, carried, problem
 from dpr_lab.gap.score import Score, Scores, score
 from dpr_lab.gap.shooting import Fit, fit, unlocked
@@ -115,10 +116,17 @@ class Attempts:
         return self.seen[at.key]
 
     def settled(self, at: Hypothesis) -> Hypothesis:
-        """A set fitted to the end where it was only fitted roughly."""
+        """A set fitted to the end where it was only fitted roughly, without effects that came out as nothing."""
         if at.effects and not at.fit.converged:
             done = fit(self.problem, at.fit.point, at.fit.slots, iterations=2 * FINE)
             self.seen[at.key] = hypothesis(self.problem, at.effects, done)
+        at = self.seen[at.key]
+        present = tuple(name for name in at.effects if name in effect_values(at.fit.point.vector))
+        if len(present) < len(at.effects):
+            point = at.fit.point
+            less = fit(self.problem, point, slots_of(point, present, self.problem), iterations=FINE)
+            at = hypothesis(self.problem, present, less)
+            self.seen[at.key] = min(at, self.seen.get(at.key, at), key=lambda one: one.cost)
         return self.seen[at.key]
 
 
