@@ -3,6 +3,7 @@
 import ctypes
 import shutil
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from dpr_lab.errors import LinkTimeout
 from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
 from firmware_protocol.messages import State, Status
+from firmware_protocol.session import LEASE_S
 
 pytestmark = pytest.mark.slow
 
@@ -86,6 +88,7 @@ def test_a_driver_that_goes_away_leaves_the_rods_held(board, device):
     device.hold(1)
     device.stream(1000)
     device.close()
+    time.sleep(3 * LEASE_S)  # a driver that came back within the lease would find it streaming
     with connected(board.url) as again:
         status = None
         while status is None or status.state is State.STREAMING:
