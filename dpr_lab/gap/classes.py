@@ -19,7 +19,7 @@ from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.attempts import closed
 from dpr_lab.gap.hypothesis import PRICE, Hypothesis
 from dpr_lab.gap.score import Score, Scores, imitation
-from dpr_lab.gap.select import GAIN, TWIN_COSINE, Selection
+from dpr_lab.gap.select import CONTAINED_WHEN_CLOSED, GAIN, TWIN_COSINE, Selection
 from dpr_lab.gap.signatures import detectable
 
 Array = NDArray[np.float64]
@@ -93,7 +93,16 @@ def standing(selection: Selection, name: str, scores: Scores, calibration: Calib
         for k in near
         if k not in simpler and min(near[k], back[k]) > TWIN_COSINE and _as_good(k, name, costs, gains, chosen)
     )
-    twins += _hidden(selection, own.effect, near)
+    doubt = max(
+        GAIN * chosen.remainder.inflation,
+        CONTAINED_WHEN_CLOSED * (selection.base.remainder.chi2 - chosen.remainder.chi2),
+    )
+    twins += tuple(
+        k
+        for k in near
+        if k in simpler and min(near[k], back[k]) > TWIN_COSINE and abs(costs[k][0] - chosen.cost) < doubt
+    )
+    twins += tuple(k for k in _hidden(selection, own.effect, near) if k not in twins)
     rivals = [Rival(k, (k,), near[k], *costs[k]) for k in near if k not in twins]
     rivals = sorted(rivals, key=lambda rival: rival.cost)[:RIVALS]
     odds = [
