@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
+from dpr_lab.storage.chunk_index import keep_on_disk
 from dpr_lab.storage.layout import (
     CHUNK_BYTES,
     CLOCK,
@@ -70,6 +71,7 @@ class RunWriter:
         self._file = _create(self.path)
         self._mcap = Writer(self._file, CHUNK_BYTES, CompressionType.ZSTD, enable_data_crcs=True)
         with self._disk():
+            self._indices = keep_on_disk(self._mcap, self.path.parent)
             self._channels = self._write_preamble()
             self._sync()
 
@@ -236,6 +238,7 @@ class RunWriter:
             self._mcap.finish()
             self._sync()
             self._file.close()
+            self._indices.close()
             self._open = False
             write_sidecar(self.path)
 
@@ -261,8 +264,9 @@ class RunWriter:
 
     def _leave_cut_off(self) -> None:
         self._open = False
-        with suppress(OSError):
-            self._file.close()
+        for file in (self._file, self._indices):
+            with suppress(OSError):
+                file.close()
 
 
 def _create(path: Path) -> BufferedWriter:
