@@ -24,7 +24,7 @@ from platformdirs import user_cache_path
 # reads this when the first parallel kernel starts.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
-KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation/likelihood.py", "gap/response.py", "gap/scan.py")
+KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation/likelihood.py", "gap/along.py", "gap/response.py")
 """Every file or folder of this package that holds a compiled function."""
 
 KEPT = 4

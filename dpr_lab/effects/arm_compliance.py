@@ -26,8 +26,8 @@ ARM_COMPLIANCE = Effect(
     ),
     parameters=(
         EffectParameter("coupling_per_kg", "1/kg", 0.1, "positive"),
-        shape("frequency_hz", "Hz", 8.0, (2.0, 3.0, 4.5, 6.5, 9.0, 13.0, 20.0, 30.0)),
-        shape("damping_ratio", "1", 0.05, (0.02, 0.1, 0.4)),
+        shape("frequency_hz", "Hz", 8.0, tuple(round(2.0 * 15.0 ** (k / 48.0), 4) for k in range(49))),
+        shape("damping_ratio", "1", 0.05, (0.02, 0.05, 0.12, 0.3)),
     ),
     site="base",
     stage="arm",

@@ -17,9 +17,9 @@ from dpr_lab.gap.hypothesis import Hypothesis, added, added_from_short, dropped,
 from dpr_lab.gap.problem import FIRST_S, Problem, carried, problem
 from dpr_lab.gap.score import Score, Scores, score
 from dpr_lab.gap.shooting import Fit, fit, unlocked
+from dpr_lab.gap.worth import closed
 
 FAR = 20.0  # chi2 per degree of freedom above which the linear score is only a hint
-CLOSED = 4.0  # standard deviations of the remainder that count as noise
 KEPT_PROMISE = 0.5  # share of the promised fall of chi2 below which a fit is tried again from shorter segments
 ROUGH, FINE = 6, 15  # iterations of a fit, far from the noise and near it
 STARTS = 4  # shapes from which an effect with several of them is fitted
@@ -64,6 +64,20 @@ class Attempts:
             self.shorter = problem(self.problem.records, self.problem.rig, FIRST_S)
         return self.shorter
 
+    def on_short(self, base: Hypothesis) -> tuple["Attempts", Hypothesis]:
+        """A search of its own in short segments, and the bare model there; effects bend those less."""
+        cut, starts = self.short()
+        point = replace(base.fit.point, starts=starts)
+        bare = hypothesis(cut, (), fit(cut, point, slots_of(point, (), cut), iterations=FINE))
+        return Attempts(cut, self.library, {bare.key: bare}, {}, self.on_step), bare
+
+    def carried_over(self, short: Problem, found: Hypothesis, starts: NDArray[np.float64]) -> Hypothesis:
+        """A set that was found in short segments, fitted to these; `starts` begin where the short ones say nothing."""
+        point = replace(found.fit.point, starts=carried(short, found.fit.point, self.problem, starts))
+        long = fit(self.problem, point, slots_of(point, found.effects, self.problem), iterations=2 * FINE)
+        self.seen[found.key] = hypothesis(self.problem, found.effects, long)
+        return self.unlocked(self.seen[found.key])
+
     def _best_shape(self, at: Hypothesis, scores: Scores, item: Score) -> Hypothesis:
         """Fit from the best shape; where there are several, from the best few."""
         leading = item.gain > LEADING * scores.ranking[0].gain
@@ -102,6 +116,22 @@ class Attempts:
             self.seen[key] = fallen
         return self.seen[key]
 
+    def replaced(self, at: Hypothesis, effect: str, other: str) -> Hypothesis | None:
+        """The set with another effect in the place of one, begun without either and with both; None if it has no score.
+
+        Of two related effects the one takes over what the other explains, where a fit from neither may get lost.
+        """
+        less = self.without(at, effect)
+        item = next((one for one in self.scores(less).ranking if one.effect.name == other), None)
+        if item is None:
+            return None
+        found = self.with_one(less, self.scores(less), item)
+        if closed(at) and not closed(found):
+            beside = next(one for one in self.scores(at).ranking if one.effect.name == other)
+            both = added(self.problem, at, self.scores(at), beside, iterations=0)
+            self.seen[found.key] = min(found, dropped(self.problem, both, effect), key=lambda one: one.fit.chi2)
+        return self.seen[found.key]
+
     def _grown(self, at: Hypothesis, effect: str) -> Hypothesis:
         scores = self.scores(at)
         item = next((one for one in scores.ranking if one.effect.name == effect), None)
@@ -133,13 +163,3 @@ class Attempts:
 def _better(made: Problem, found: Fit, before: Hypothesis) -> Hypothesis:
     """The set of `before` with the better of the two fits."""
     return hypothesis(made, before.effects, found) if found.chi2 < before.fit.chi2 else before
-
-
-def excess(item: Hypothesis) -> float:
-    """chi2 above the noise, not below what noise alone may leave."""
-    return max(item.remainder.excess, CLOSED * item.remainder.uncertainty)
-
-
-def closed(item: Hypothesis) -> bool:
-    """Whether nothing but noise is left."""
-    return item.remainder.z < CLOSED

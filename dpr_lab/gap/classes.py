@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects import place
 from dpr_lab.effects.effect import Effect
-from dpr_lab.gap.attempts import closed
 from dpr_lab.gap.hypothesis import PRICE, Hypothesis
 from dpr_lab.gap.score import Score, Scores, imitation
-from dpr_lab.gap.select import CONTAINED_WHEN_CLOSED, GAIN, TWIN_COSINE, Selection
+from dpr_lab.gap.select import TWIN_COSINE, Selection
 from dpr_lab.gap.signatures import detectable
+from dpr_lab.gap.worth import GAIN, closed, doubt
 
 Array = NDArray[np.float64]
 
@@ -83,33 +83,14 @@ def standing(selection: Selection, name: str, scores: Scores, calibration: Calib
     """
     without, chosen = selection.without[name], selection.chosen
     own = next(item for item in scores.ranking if item.effect.name == name)
-    simpler = {other.effect.name for other in scores.ranking if name in other.effect.nested} | set(own.effect.nested)
-    near = {item.effect.name: imitation(scores, own, item) for item in scores.ranking if item is not own}
-    back = {item.effect.name: imitation(scores, item, own) for item in scores.ranking if item is not own}
-    costs = {item.effect.name: _cost(selection, without, item) for item in scores.ranking}
-    gains = {item.effect.name: item.gain for item in scores.ranking}
-    twins = tuple(
-        k
-        for k in near
-        if k not in simpler and min(near[k], back[k]) > TWIN_COSINE and _as_good(k, name, costs, gains, chosen)
-    )
-    doubt = max(
-        GAIN * chosen.remainder.inflation,
-        CONTAINED_WHEN_CLOSED * (selection.base.remainder.chi2 - chosen.remainder.chi2),
-    )
-    twins += tuple(
-        k
-        for k in near
-        if k in simpler and min(near[k], back[k]) > TWIN_COSINE and abs(costs[k][0] - chosen.cost) < doubt
-    )
-    twins += tuple(k for k in _hidden(selection, own.effect, near) if k not in twins)
-    rivals = [Rival(k, (k,), near[k], *costs[k]) for k in near if k not in twins]
+    others = {item.effect.name: item for item in scores.ranking if item is not own}
+    near = {other: imitation(scores, own, item) for other, item in others.items()}
+    twins = tuple(other for other, item in others.items() if _twin(selection, without, scores, own, item))
+    twins += tuple(other for other in _hidden(selection, own.effect) if other in others and other not in twins)
+    rivals = [Rival(k, (k,), near[k], *_cost(selection, without, others[k])) for k in others if k not in twins]
     rivals = sorted(rivals, key=lambda rival: rival.cost)[:RIVALS]
-    odds = [
-        -(rival.cost - chosen.cost) / (2 * chosen.remainder.inflation * calibration.temperature) for rival in rivals
-    ]
-    odds.append(-(without.cost - chosen.cost) / (2 * chosen.remainder.inflation * calibration.temperature))
-    weights = np.exp(np.clip([0.0, *odds], -50.0, 50.0))
+    worse = np.array([0.0, *(rival.cost - chosen.cost for rival in rivals), without.cost - chosen.cost])
+    weights = np.exp(np.clip(-worse / (2 * chosen.remainder.inflation * calibration.temperature), -50.0, 50.0))
     weights *= (1 - outside(selection, calibration)) / weights.sum()
     return Standing(
         name=name,
@@ -121,7 +102,19 @@ def standing(selection: Selection, name: str, scores: Scores, calibration: Calib
     )
 
 
-def _hidden(selection: Selection, own: Effect, near: Mapping[str, float]) -> tuple[str, ...]:
+def _twin(selection: Selection, without: Hypothesis, scores: Scores, own: Score, other: Score) -> bool:
+    """Whether the recordings prefer neither of two effects of one signature: by fits, else by linear scores."""
+    if min(imitation(scores, own, other), imitation(scores, other, own)) <= TWIN_COSINE:
+        return False
+    indistinct = doubt(selection.base, selection.chosen)
+    fitted = selection.seen.get(without.key | {other.effect.name})
+    if fitted is not None:
+        return fitted.cost - selection.chosen.cost < indistinct
+    related = other.effect.name in own.effect.nested or own.effect.name in other.effect.nested
+    return not related and own.gain - other.gain < max(indistinct, LINEAR * own.gain)
+
+
+def _hidden(selection: Selection, own: Effect) -> tuple[str, ...]:
     """Richer forms of an effect of which the recordings could not show what they add."""
     chosen = selection.chosen
     size = max(abs(float(chosen.fit.point.vector[place(own.name, p.name)])) for p in own.amplitudes)
@@ -130,20 +123,8 @@ def _hidden(selection: Selection, own: Effect, near: Mapping[str, float]) -> tup
         item.effect.name
         for item in selection.last.ranking
         if own.name in item.effect.nested
-        and item.effect.name in near
         and all(least is None or least > HIDDEN * size for least in told[item.effect.name].values())
     )
-
-
-def _as_good(
-    one: str, other: str, costs: Mapping[str, tuple[float, bool]], gains: Mapping[str, float], chosen: Hypothesis
-) -> bool:
-    """Whether the recordings do not prefer either: by their fits where there are both, else by their linear scores."""
-    worth = GAIN * chosen.remainder.inflation
-    (first, fitted), (second, too) = costs[one], costs[other]
-    if fitted and too:
-        return first - second < worth
-    return gains[other] - gains[one] < max(worth, LINEAR * gains[other])
 
 
 def _cost(selection: Selection, without: Hypothesis, item: Score) -> tuple[float, bool]:

@@ -13,7 +13,6 @@ from dpr_lab.effects import EFFECTS, effect_values
 from dpr_lab.effects.effect import Effect
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advise import advise
-from dpr_lab.gap.attempts import closed
 from dpr_lab.gap.base_fit import fit_base, nominal_rods, scale
 from dpr_lab.gap.classes import Standing, outside, share_explained, standing
 from dpr_lab.gap.closed import closed_held_out, closed_left_out, free_run_errors
@@ -34,7 +33,9 @@ from dpr_lab.gap.problem import Problem
 from dpr_lab.gap.record import Record, record
 from dpr_lab.gap.select import Selection, select
 from dpr_lab.gap.signatures import detectable
+from dpr_lab.gap.uncertainty import covariance
 from dpr_lab.gap.verdict import sentence, verdict
+from dpr_lab.gap.worth import closed
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -91,6 +92,7 @@ def diagnose(
     gap = _gap(made, records, [record(run, rig) for run in held_out], rig, selection, np.random.default_rng(seed))
     tell("advice")
     advice = advise(made, selection.chosen, standings, rig)
+    spread = covariance(made, selection.chosen)
     return Diagnosis(
         verdict=kind,
         sentence=sentence(kind, selection, standings),
@@ -109,18 +111,14 @@ def diagnose(
             for place in places[:PLACES_SHOWN]
         ],
         where_sentence=where_sentence(places),
-        effects=[_named(selection, item) for item in standings] if kind != "unexplained" else [],
+        effects=[_named(selection, item, spread) for item in standings] if kind != "unexplained" else [],
         rivals=_rivals(standings, closest=kind == "unexplained"),
         probabilities=_probabilities(selection, standings),
         detectable={name: dict(sizes) for name, sizes in detectable(selection.chosen, selection.last).items()},
-        sensor_findings=[
-            SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence)
-            for item in records
-            for f in item.screened.findings
-        ],
+        sensor_findings=_sensor_findings(records, selection.chosen),
         advice=advice,
-        ratios=_ratios(selection.chosen),
-        ratio_covariance=_covariance(selection.chosen)[: len(RATIOS), : len(RATIOS)].tolist(),
+        ratios=_ratios(selection.chosen, spread),
+        ratio_covariance=spread[: len(RATIOS), : len(RATIOS)].tolist(),
         chi2_per_dof=selection.chosen.remainder.chi2 / selection.chosen.remainder.dof,
         segments=len(made.run),
         scale_b=float(base.fit.point.rods[5]),
@@ -128,6 +126,17 @@ def diagnose(
         assumptions=_assumptions(records, rig, base),
         seconds=time.perf_counter() - began,
     )
+
+
+def _sensor_findings(records: Sequence[Record], chosen: Hypothesis) -> list[SensorFinding]:
+    """What the sensors did wrong; a step that the play found can make is the play's."""
+    play = effect_values(chosen.fit.point.vector).get("backlash_joint2", {}).get("play_rad", 0.0)
+    return [
+        SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence)
+        for item in records
+        for f in item.screened.findings
+        if f.step is None or f.axis != "joint2" or abs(f.step) > play
+    ]
 
 
 def _gap(
@@ -167,7 +176,7 @@ def _gap(
     )
 
 
-def _named(selection: Selection, item: Standing) -> NamedEffect:
+def _named(selection: Selection, item: Standing, spread: Array) -> NamedEffect:
     chosen = selection.chosen
     less = selection.without[item.name].remainder.excess
     share = (less - max(chosen.remainder.excess, 0.0)) / max(selection.base.remainder.excess, 1e-300)
@@ -176,26 +185,14 @@ def _named(selection: Selection, item: Standing) -> NamedEffect:
             "name": item.name,
             "class": list(item.members),
             "probability": item.probability,
-            "parameters": _parameters(chosen, item.name),
+            "parameters": _parameters(chosen, item.name, spread),
             "share": float(np.clip(share, 0.0, 1.0)),
         }
     )
 
 
-def _covariance(at: Hypothesis) -> Array:
-    """Of the slots, valid under autocorrelated residuals; zero for what is held at its bound."""
-    slots = at.fit.slots
-    free = [i for i, slot in enumerate(slots) if slot.read(at.fit.point) > slot.lower]
-    A = at.fit.linear.A[:, :, free].reshape(-1, len(free))
-    scale = 1 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    inner = np.linalg.pinv((A * scale).T @ (A * scale), hermitian=True) * scale[:, None] * scale
-    covariance = np.zeros((len(slots), len(slots)))
-    covariance[np.ix_(free, free)] = inner * at.remainder.inflation
-    return covariance
-
-
-def _parameters(at: Hypothesis, effect: str) -> dict[str, Interval]:
-    reach = _Z90 * np.sqrt(np.diag(_covariance(at)))
+def _parameters(at: Hypothesis, effect: str, spread: Array) -> dict[str, Interval]:
+    reach = _Z90 * np.sqrt(np.diag(spread))
     fitted = {slot.name: r for slot, r in zip(at.fit.slots, reach, strict=True) if slot.effect == effect}
     values = effect_values(at.fit.point.vector).get(effect, {})
     return {
@@ -204,8 +201,8 @@ def _parameters(at: Hypothesis, effect: str) -> dict[str, Interval]:
     }
 
 
-def _ratios(at: Hypothesis) -> dict[str, Interval]:
-    reach = _Z90 * np.sqrt(np.diag(_covariance(at)))
+def _ratios(at: Hypothesis, spread: Array) -> dict[str, Interval]:
+    reach = _Z90 * np.sqrt(np.diag(spread))
     return {
         name: Interval(value=float(value), interval90=(float(value - r), float(value + r)))
         for name, value, r in zip(RATIOS, at.fit.point.rods[: len(RATIOS)], reach, strict=False)

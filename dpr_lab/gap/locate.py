@@ -211,7 +211,7 @@ def _place(
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
     """What a map looks like, in words."""
     where = {"torque": f"a torque in {site}", "friction": f"friction of {site}", "error": f"an error of {site}"}[kind]
-    said = [f"{share:.0%} of the gap can lie in {where} that depends on {coordinate}"]
+    said = [f"{share:.0%} of the excess can lie in {where} that depends on {coordinate}"]
     if coordinate == "speed":
         said.append(_speed_shape(knots, values, std))
     elif coordinate == "angle":

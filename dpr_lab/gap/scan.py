@@ -3,22 +3,17 @@
 Hundreds of shapes are compared on one linearised fit; the best few go on to the score test and to nonlinear fits.
 """
 
-import math
 from itertools import product
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.step import mechanics
 from dpr_lab.effects import SLICES, effect_vector, place
 from dpr_lab.effects.effect import Effect
-from dpr_lab.effects.folded import switched
-from dpr_lab.effects.quantities import Known, Motion, Rods
+from dpr_lab.gap.along import ALONG
 from dpr_lab.gap.problem import CONTINUOUS, Problem
 from dpr_lab.gap.response import Course
 from dpr_lab.gap.shooting import Fit
-from dpr_lab.kernels import njit
 
 Array = NDArray[np.float64]
 Shape = tuple[tuple[int, float], ...]
@@ -27,6 +22,7 @@ Shape = tuple[tuple[int, float], ...]
 MANY = 24
 """Shapes above which an effect is scanned along the swing before the score test."""
 KEPT = 2
+NEIGHBOURS = 0.1  # relative difference of frequencies or orders up to which two shapes are taken for one
 FINER = 13
 BLOCK = 64  # columns at a time, to stay within the cache
 STEPS_KEPT = 3
@@ -40,11 +36,21 @@ def shapes(effect: Effect, problem: Problem, fit: Fit, along: Course) -> list[Sh
         return step_shapes(problem, fit)
     grid = [[(place(effect.name, p.name), value) for value in p.scan] for p in effect.shapes if p.scan]
     every = [tuple(choice) for choice in product(*grid)]
-    if len(every) <= MANY or effect.stage != "torque":
+    if len(every) <= MANY or effect.stage not in ALONG:
         return every
-    gains = _torque_gains(effect, every, problem, fit, along)
-    kept = [every[i] for i in np.argsort(-gains)[:KEPT]]
-    return _between(effect, kept, problem, fit, along)
+    return _between(effect, _apart(every, _gains(effect, every, problem, fit, along)), problem, fit, along)
+
+
+def _apart(every: list[Shape], gains: Array) -> list[Shape]:
+    """The best shapes, none a neighbour of a better one."""
+    kept: list[Shape] = []
+    for i in np.argsort(-gains):
+        first = every[i][0][1]
+        if all(abs(np.log(first / other[0][1])) > NEIGHBOURS for other in kept):
+            kept.append(every[i])
+        if len(kept) == KEPT:
+            break
+    return kept
 
 
 def _between(effect: Effect, kept: list[Shape], problem: Problem, fit: Fit, along: Course) -> list[Shape]:
@@ -52,18 +58,19 @@ def _between(effect: Effect, kept: list[Shape], problem: Problem, fit: Fit, alon
 
     The peak of a frequency is as narrow as the record is long, far narrower than a nonlinear fit can find.
     """
-    (shape,) = effect.shapes
-    if shape.name not in CONTINUOUS:
+    shape = effect.shapes[0]
+    if len(effect.shapes) > 1 or shape.name not in CONTINUOUS:
         return kept
     ratio = shape.scan[1] / shape.scan[0]
     finer = [((at, value * ratio**share),) for ((at, value),) in kept for share in np.linspace(-0.75, 0.75, FINER)]
-    gains = _torque_gains(effect, finer, problem, fit, along)
+    gains = _gains(effect, finer, problem, fit, along)
     return [finer[i] for i in np.argsort(-gains)[:KEPT]]
 
 
-def _torque_gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along: Course) -> Array:
+def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along: Course) -> Array:
     """(shapes,) fall of chi2 that the two leading amplitudes promise, start states and fitted slots projected out."""
     amplitudes = [place(effect.name, p.name) for p in effect.amplitudes[:2]]
+    one_signed = [p.sign == "positive" for p in effect.amplitudes] == [True]
     e, Q, A = fit.linear.e, fit.linear.Q, fit.linear.A
     known = A.reshape(-1, A.shape[2])
     known = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
@@ -72,14 +79,15 @@ def _torque_gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit
     for first in range(0, len(every), block):
         chosen = every[first : first + block]
         vectors = np.array([_unit(effect, at, shape) for shape in chosen for at in amplitudes])
-        columns = problem.whitened(along.readings(torques_along(problem, along, vectors)))
+        columns = problem.whitened(along.readings(ALONG[effect.stage](problem, along, vectors)))
         columns -= Q @ (Q.transpose(0, 2, 1) @ columns)
         flat = columns.reshape(-1, columns.shape[2])
         onto = known.T @ flat
         G, b = flat.T @ flat - onto.T @ onto, flat.T @ e.ravel() - onto.T @ (known.T @ e.ravel())
         for i in range(len(chosen)):
             mine = slice(i * len(amplitudes), (i + 1) * len(amplitudes))
-            gains[first + i] = float(b[mine] @ np.linalg.lstsq(G[mine, mine], b[mine], rcond=1e-9)[0])
+            if not (one_signed and b[mine] < 0):
+                gains[first + i] = float(b[mine] @ np.linalg.lstsq(G[mine, mine], b[mine], rcond=1e-9)[0])
     return gains
 
 
@@ -89,37 +97,6 @@ def _unit(effect: Effect, at: int, shape: Shape) -> Array:
     for index, value in shape:
         vector[index] = value
     return vector
-
-
-def torques_along(problem: Problem, along: Course, vectors: Array) -> Array:
-    """(n, 2, k) generalised torques, N m, of k effect vectors (k, SIZE) along a course."""
-    a, b, d, e1, c1, c2 = along.base
-    rods = Rods(a, b, d, e1, d * problem.known.g / problem.known.L1, c1, c2)
-    on = np.array([switched(vector) for vector in vectors])
-    return _torques(along.t, along.theta, along.omega, rods, problem.known, vectors, on)
-
-
-@njit(parallel=True)
-def _torques(
-    t: Array, theta: Array, omega: Array, rods: Rods, known: Known, vectors: Array, on: NDArray[np.bool_]
-) -> Array:
-    found = np.empty((len(t), 2, len(vectors)))
-    for i in numba.prange(len(t)):
-        sin1, cos1, sin2, cos2 = (
-            math.sin(theta[i, 0]),
-            math.cos(theta[i, 0]),
-            math.sin(theta[i, 1]),
-            math.cos(theta[i, 1]),
-        )
-        motion = Motion(
-            t[i], 0.0, theta[i, 0], theta[i, 1], 0.0, omega[i, 0], omega[i, 1],
-            sin1, cos1, sin2, cos2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-        )  # fmt: skip
-        for k in range(len(vectors)):
-            terms = mechanics(motion, rods, known, vectors[k], on[k])
-            found[i, 0, k] = terms.torque1
-            found[i, 1, k] = terms.torque2
-    return found
 
 
 def step_shapes(problem: Problem, fit: Fit) -> list[Shape]:

@@ -51,6 +51,8 @@ class Finding:
     at_s: float | None
     """When, since the release, s; none for a property of the whole run."""
     evidence: str
+    step: float | None = None
+    """How far the reading stepped, rad, where it did."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +119,12 @@ def screen(run: Run, rig: Rig) -> Screened:
         told = abs(float(rig.radians_per_count[1 + axis]))
         findings += [
             Finding(
-                "missed_counts", run.name, AXES[axis], float(t[i]), f"the reading steps by {size / told:+.1f} counts"
+                "missed_counts",
+                run.name,
+                AXES[axis],
+                float(t[i]),
+                f"the reading steps by {size / told:+.1f} counts",
+                step=float(size),
             )
             for i, size in steps
         ]

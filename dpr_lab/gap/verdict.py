@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Literal
 
-from dpr_lab.gap.attempts import closed
 from dpr_lab.gap.classes import Standing, share_explained
 from dpr_lab.gap.select import Selection
+from dpr_lab.gap.worth import closed
 
 Verdict = Literal["no_gap", "named", "partly_explained", "unexplained"]
 
@@ -51,7 +51,7 @@ def sentence(kind: Verdict, selection: Selection, standings: Sequence[Standing])
 
 
 def _class(item: Standing) -> str:
-    return " or ".join(item.members)
+    return item.name if len(item.members) == 1 else f"({' or '.join(item.members)})"
 
 
 def _listed(names: Sequence[str]) -> str:

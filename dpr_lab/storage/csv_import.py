@@ -27,6 +27,8 @@ AXES = ("theta0", "theta1", "theta2")
 MOST_NAN = 0.1
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 TO_RADIANS = {"rad": 1.0, "deg": np.pi / 180}
+SLOWEST_S = 10.0
+"""Median step between rows above which a table is no swing."""
 GAP = 1.5  # steps longer than this many median steps are reported as gaps
 
 _TIME_NAME = r"(t|time|timestamp)?({unit})?(?<=.)"
@@ -126,6 +128,7 @@ def _read_swing(path: Path, rig: Rig, options: ImportOptions) -> _Swing:
     kept, notes = _rows_to_keep(path, t, readings, options)
     values = {axis: column[kept] for axis, column in readings.items()}
     time = t[kept] - t[kept][0]
+    _check_spacing(path, time)
     if options.unit == "counts":
         counts = _counts(path, values, rig)
         theta, unwrapped = rig.theta(counts), []
@@ -169,6 +172,12 @@ def _check_forwards(table: Table, t: NDArray[np.float64]) -> None:
             f"{table.path}: line {table.lines[row]}: time runs backwards, from {t[before]:g} s to {t[row]:g} s;"
             " cut the table there, each recording is a run of its own"
         )
+
+
+def _check_spacing(path: Path, t: NDArray[np.float64]) -> None:
+    apart = float(np.median(np.diff(t)))
+    if apart > SLOWEST_S:
+        raise RunError(f"{path}: rows are {apart:g} s apart, too far to follow a swing: is the unit of time right?")
 
 
 def _rows_to_keep(

@@ -158,11 +158,11 @@ PIECE = 2668
 @pytest.mark.timeout(600)
 @pytest.mark.skipif(not REAL.is_file(), reason="the real recording is not here")
 def test_a_real_rig_is_predicted_three_and_a_half_times_better_than_by_viscous_friction():
-    from dpr_lab.gap.attempts import closed
     from dpr_lab.gap.base_fit import fit_base, nominal_rods
     from dpr_lab.gap.closed import free_run_errors
     from dpr_lab.gap.record import record
     from dpr_lab.gap.select import select
+    from dpr_lab.gap.worth import closed
     from dpr_lab.rig import load_rig
     from dpr_lab.run import Run
 
