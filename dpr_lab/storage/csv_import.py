@@ -27,8 +27,8 @@ AXES = ("theta0", "theta1", "theta2")
 MOST_NAN = 0.1
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 TO_RADIANS = {"rad": 1.0, "deg": np.pi / 180}
-SLOWEST_S = 10.0
-"""Median step between rows above which a table is no swing."""
+SLOWEST_S, LONGEST_S = 10.0, 1e6
+"""Median step between rows, and time from the first to the last, above which a table is no swing."""
 GAP = 1.5  # steps longer than this many median steps are reported as gaps
 
 _TIME_NAME = r"(t|time|timestamp)?({unit})?(?<=.)"
@@ -178,6 +178,8 @@ def _check_spacing(path: Path, t: NDArray[np.float64]) -> None:
     apart = float(np.median(np.diff(t)))
     if apart > SLOWEST_S:
         raise RunError(f"{path}: rows are {apart:g} s apart, too far to follow a swing: is the unit of time right?")
+    if t[-1] > LONGEST_S:
+        raise RunError(f"{path}: the table lasts {t[-1]:g} s, too long for a swing: is the unit of time right?")
 
 
 def _rows_to_keep(

@@ -28,19 +28,21 @@ CONVENTION = "t = 0 at the release; absolute angles, 0 = upright, pi = hanging"
 
 
 def export(run: Run, path: Path | str) -> Path:
-    """Write a run in the format that the file's suffix names.
+    """Write a run in the format that the file's suffix names; makes the folder when it is missing.
 
     Raises:
         RunError: a suffix that is not in `EXPORTERS`, an existing file, or a disk that refuses it.
         DprError: the format needs an optional library that is not installed; says which to install.
     """
     target = Path(path)
-    write = EXPORTERS.get(target.suffix.lower())
+    suffix = target.suffix.lower()
+    write = EXPORTERS.get(ALIASES.get(suffix, suffix))
     if write is None:
         raise RunError(f"{target}: no such format as {target.suffix!r}; there are: {', '.join(EXPORTERS)}")
     if target.exists():
         raise RunError(f"{target}: exists already; choose another name")
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
         write(run, target)
     except OSError as error:
         raise RunError(f"{target}: cannot be written: {error.strerror or error}") from error
@@ -116,6 +118,8 @@ EXPORTERS: Mapping[str, Callable[[Run, Path], None]] = {
     ".mat": write_mat,
 }
 """File suffix -> writer."""
+
+ALIASES: Mapping[str, str] = {".hdf5": ".h5"}
 
 
 @contextmanager

@@ -1,0 +1,40 @@
+"""Intervals hold what the fit takes for known, and steps that a play makes are no sensor's fault."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.rig import Parameter, Rig
+
+
+def weighed(rig: Rig, mass: float, std: float) -> Rig:
+    """A rig file whose inner rod was weighed with a standard uncertainty."""
+    nominal = rig.parameters["m1"].nominal
+    return rig.model_copy(
+        update={"parameters": {**rig.parameters, "m1": Parameter(nominal=nominal, measured=mass, std=std)}}
+    )
+
+
+def test_a_mass_weighed_badly_widens_what_follows_from_it(recorded, paper: Rig):
+    mass = paper.parameters["m1"].nominal
+    runs = recorded({"com_offset_link1": {"offset_m": 1e-3}})
+    library = {"com_offset_link1": EFFECTS["com_offset_link1"]}
+    found = [
+        diagnose(runs, weighed(paper, own, std), library=library)
+        for own, std in ((mass, 1e-9), (mass, 0.02 * mass), (1.02 * mass, 1e-9))
+    ]
+    sharp, wide, heavier = (said.effects[0].parameters["offset_m"] for said in found)
+    scaled = heavier.value * found[0].scale_b / found[2].scale_b
+    assert scaled == pytest.approx(sharp.value / 1.02, rel=2e-3)  # what a refit says of such an error
+    reach = (wide.interval90[1] - wide.interval90[0]) / 2
+    assert reach == pytest.approx(
+        np.hypot(1.645 * 0.02 * abs(sharp.value), (sharp.interval90[1] - sharp.value)), rel=0.1
+    )
+
+
+def test_steps_of_a_play_are_not_missed_counts(recorded, paper: Rig):
+    runs = recorded({"backlash_joint2": {"play_rad": 0.012}}, duration=8.0)
+    found = diagnose(runs, paper)
+    assert [effect.name for effect in found.effects] == ["backlash_joint2"]
+    assert not [finding for finding in found.sensor_findings if finding.name == "missed_counts"]
