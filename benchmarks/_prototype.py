@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,7 @@ TWINS = (
 def prototype_score(folder: Path, cases: Sequence[Case]) -> dict[str, float]:
     """Its shares of right first names and false alarms, its median seconds, on those cases whose effect it knows."""
     sys.path.insert(0, str(folder))
-    import diag  # type: ignore[import-not-found]
+    diag = import_module("diag")
 
     library = [name for name in diag.EFFECTS if name in NAMES] + ["jump"]
     first, alarms, seconds = [], [], []

@@ -5,15 +5,17 @@ Procedure: draw tuning trials of every kind (never the foreign effects that are 
 its odds against each rival, the share of the gap that it leaves, and whether it was a cause. The new constants minimise
 the log loss of those statements, with a weak pull towards the constants in use so that few trials change little. Paste
 what is printed, then run the benchmark.
+
+    python benchmarks/calibrate_diagnosis.py [--cases 30] [--quick] [--json]
 """
 
-import argparse
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
+from _bars import at_most, options, show
 from _trial_cases import Scored
 from diagnosis import FIRST_SEED, GROUPS, campaign, trials_of
 from scipy.optimize import minimize
@@ -103,19 +105,24 @@ def fitted(made: Sequence[Statement]) -> Calibration:
 
 def main() -> None:
     """Draw, diagnose, fit, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=30, help="trials of each kind (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the first trial (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes (default: all cores)")
-    options = parser.parse_args()
-    cases = trials_of(TUNING, options.cases, options.seed)
+    chosen = parser.parse_args()
+    cases = trials_of(TUNING, 1 if chosen.quick else chosen.cases, chosen.seed)
     if max(case.seed for case in cases) >= FIRST_SEED:
         parser.error(f"seeds from {FIRST_SEED} on belong to the benchmark")
-    made = statements(campaign(cases, options.workers, None))
-    print(f"{len(made)} effects put forward in {len(cases)} trials")
-    for name, tried in (("in use", CALIBRATION), ("fitted", fitted(made))):
+    made = statements(campaign(cases, chosen.workers, None))
+    sets = {"in use": CALIBRATION, "fitted": fitted(made)}
+    bars = []
+    for name, tried in sets.items():
         claims = [Claim(probability(statement, tried), statement.true) for statement in made]
-        print(f"{name}: calibration error {calibration_error(claims):.3f}\n  {tried}")
+        bars.append(at_most(f"calibration error, constants {name}", calibration_error(claims), 0.05))
+    title = f"Calibration on {len(made)} effects put forward in {len(cases)} trials"
+    show(title, bars, chosen.json, constants={name: asdict(tried) for name, tried in sets.items()})
+    if not chosen.json:
+        print("\n".join(f"{name}: {tried}" for name, tried in sets.items()))
 
 
 if __name__ == "__main__":

@@ -173,7 +173,8 @@ def parsed() -> argparse.Namespace:
 def campaign(cases: Sequence[Case], workers: int, keep: Path | None) -> list[Scored]:
     """All trials, told as they come."""
     begin, done = time.perf_counter(), []
-    warm_up(*reversed(_recorded(cases[0])))
+    plant, rig = hidden(cases[0])
+    warm_up(rig, record(plant, rig))
     for number, result in enumerate(run_all(cases, workers), 1):
         if not isinstance(result, Scored):
             print(f"{result[0].draw}, seed {result[0].seed}: {result[1]}", file=sys.stderr, flush=True)
@@ -185,11 +186,6 @@ def campaign(cases: Sequence[Case], workers: int, keep: Path | None) -> list[Sco
         print(f"\r{number}/{len(cases)}, {time.perf_counter() - begin:.0f} s", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
     return done
-
-
-def _recorded(case: Case):
-    plant, rig = hidden(case)
-    return record(plant, rig), rig
 
 
 def main() -> None:

@@ -1,0 +1,98 @@
+"""MuJoCo's own system identification toolbox on a random rig's recordings."""
+
+import contextlib
+import io
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from _random_rigs import Array, Trial
+from mujoco import sysid
+from mujoco.sysid import SignalType, optimize
+
+from dpr_lab.dynamics.base import base_parameters, ratios
+from dpr_lab.estimation.segments import Segment, cut
+from dpr_lab.rig import PARAMETERS, Rig
+
+mujoco: Any = import_module("mujoco")  # its stubs lack half of it
+
+STEP = 0.0025
+
+RODS = """
+<mujoco model="rods">
+  <option integrator="RK4" timestep="{step}" gravity="0 0 -{g}"><flag contact="disable"/></option>
+  <worldbody>
+    <body name="inner">
+      <joint name="joint1" type="hinge" axis="0 1 0"/>
+      <inertial pos="0 0 0.2" mass="0.1" diaginertia="0.00133 0.00133 0.0005"/>
+      <body name="encoder" pos="0 0 {L1}">
+        <inertial pos="0 0 0" mass="0.208" diaginertia="1e-9 1e-9 1e-9"/>
+      </body>
+      <body name="outer" pos="0 0 {L1}">
+        <joint name="joint2" type="hinge" axis="0 1 0"/>
+        <inertial pos="0 0 0.2" mass="0.1" diaginertia="0.00133 0.00133 0.0005"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor name="idle" joint="joint1"/></actuator>
+</mujoco>
+"""
+
+
+def write(spec: Any, name: str, value: float) -> None:
+    """One of the nine parameters into MuJoCo's model; rods lie along z."""
+    kind, index = name[0], name[1]
+    body = spec.body({"1": "inner", "2": "outer", "b": "encoder"}[index])
+    if kind == "m":
+        body.mass = value
+    elif kind == "l":
+        body.ipos = [0.0, 0.0, value]
+    elif kind == "J":
+        body.inertia = [value, value, value / 2]  # the third swings nothing
+    else:
+        coefficients = np.zeros_like(spec.joint(f"joint{index}").damping)  # a polynomial in speed since MuJoCo 4
+        coefficients.flat[0] = value
+        spec.joint(f"joint{index}").damping = coefficients
+
+
+def parameters_of(rig: Rig) -> sysid.ParameterDict:
+    """The nine parameters with the box's bounds, at its middle."""
+    declared = sysid.ParameterDict()
+    for name, lower, upper in zip(PARAMETERS, *rig.bounds, strict=True):
+        declared.add(
+            sysid.Parameter(
+                name,
+                (lower + upper) / 2,
+                lower,
+                upper,
+                modifier=lambda spec, parameter, name=name: write(spec, name, float(parameter.value[0])),
+            )
+        )
+    return declared
+
+
+def sequences(pieces: list[Segment], rig: Rig) -> sysid.ModelSequences:
+    """Segments with their start states, in joint angles."""
+    spec = mujoco.MjSpec.from_string(RODS.format(step=STEP, g=rig.rig.g, L1=rig.rig.L1))
+    model = spec.compile()
+    observed = [("joint1", SignalType.MjStateQPos), ("joint2", SignalType.MjStateQPos)]
+    starts, idle, angles = [], [], []
+    for piece in pieces:
+        t, start = piece.t - piece.t[0], piece.start
+        joints = np.column_stack([piece.theta[:, 0], piece.theta[:, 1] - piece.theta[:, 0]])
+        qpos, qvel = np.array([start[0], start[1] - start[0]]), np.array([start[2], start[3] - start[2]])
+        starts.append(sysid.create_initial_state(model, qpos, qvel))
+        idle.append(sysid.TimeSeries(t, np.zeros((len(t), 1))))
+        angles.append(sysid.TimeSeries.from_names(t, joints, model, observed))
+    names = [f"segment {i}" for i in range(len(pieces))]
+    return sysid.ModelSequences("rods", spec, names, starts, idle, angles, allow_missing_sensors=True)
+
+
+def toolbox(trial: Trial, rig: Rig, length: float) -> Array:
+    """(5,) ratios that the toolbox finds."""
+    pieces = [s for i, e in enumerate(trial.evidence) for s in cut(i, e.run, e.states, length)]
+    residual = sysid.build_residual_fn(models_sequences=[sequences(pieces, rig)])
+    with contextlib.redirect_stdout(io.StringIO()):  # it prints every iteration
+        found, _ = optimize(parameters_of(rig), residual, verbose=False, max_iters=60)
+    Z = np.array([found[name].value[0] for name in PARAMETERS])
+    return ratios(base_parameters(Z, rig.rig.L1, rig.rig.g))
