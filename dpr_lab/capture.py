@@ -7,6 +7,7 @@ The rods are let go by one command alone, RELEASE, and it is sent only after pos
 go-ahead. Whatever ends a capture before that leaves them held.
 """
 
+import math
 import re
 import time
 from collections.abc import Callable, Mapping
@@ -66,6 +67,18 @@ class CaptureOptions:
     """How long the held rods have to become still, s."""
     note: str = ""
     """The operator's own words, kept with the run."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be recorded.
+
+        Raises:
+            ValueError: a rate that is not a positive whole number, or a time that is not positive and finite.
+        """
+        if self.rate_hz is not None and not (isinstance(self.rate_hz, int) and self.rate_hz > 0):
+            raise ValueError(f"rate_hz = {self.rate_hz!r}: must be a positive whole number, or None for the rig's")
+        for name in ("duration", "max_duration", "pose_timeout", "rest_timeout"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} = {getattr(self, name)!r}: must be a time above 0 and finite, s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +159,7 @@ def capture(
         KeyboardInterrupt: passed on, naming the file, after that was finished as incomplete and the device was stopped.
     """
     pose, rate_hz = _pose(rig, pose_name), options.rate_hz or rig.link.rate_hz
-    _check_encoders(device, rig)
+    check_encoders(device, rig)
     device.check_rate(rate_hz)
     check_room(out_dir, (options.max_duration if options.until_rest else options.duration) * rate_hz)
     metadata = _metadata(device, rig, pose_name, rate_hz, options.note)
@@ -183,20 +196,25 @@ def in_file_name(pose_name: str) -> str:
     return re.sub(r"[^A-Za-z0-9.-]", "-", pose_name)
 
 
-def _pose(rig: Rig, name: str) -> Pose:
-    if name not in rig.poses:
-        where = rig.path or rig.name
-        raise ConfigError(f"{where}: has no pose {name!r} (there are: {', '.join(rig.poses) or 'none'})")
-    return rig.poses[name]
+def check_encoders(device: Device, rig: Rig) -> None:
+    """Refuse a device with other encoders than the rig file says.
 
-
-def _check_encoders(device: Device, rig: Rig) -> None:
+    Raises:
+        ConfigError: its counts per turn are others.
+    """
     ours, theirs = rig.encoders.counts_per_rev, device.info.counts_per_rev
     if ours != theirs:
         raise ConfigError(
             f"{rig.path or rig.name}: encoders.counts_per_rev = {list(ours)}, but the device at {device.url} has"
             f" {list(theirs)}: correct the rig file, or choose the device that belongs to it"
         )
+
+
+def _pose(rig: Rig, name: str) -> Pose:
+    if name not in rig.poses:
+        where = rig.path or rig.name
+        raise ConfigError(f"{where}: has no pose {name!r} (there are: {', '.join(rig.poses) or 'none'})")
+    return rig.poses[name]
 
 
 def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str) -> RunMetadata:
@@ -233,7 +251,7 @@ def _record(
             on_progress(Released(recording.release_tick or 0, path))
             _follow(device, recording, options.until_rest, on_progress)
             _stop(device, recording)
-            verdict = recording.finish(device.clock_fit())
+            verdict = recording.finish(device.clock_fit(), _notes(recording, options))
         except BaseException as error:
             recording.count_losses(device.losses)
             with suppress(RunError):
@@ -294,6 +312,15 @@ def _follow(device: Device, recording: Recording, until_rest: bool, on_progress:
         reported = len(recording.samples)
         if until_rest and recording.t >= REST_AFTER_S and _came_to_rest(recording.rig, t, theta):
             recording.end_here()
+
+
+def _notes(recording: Recording, options: CaptureOptions) -> tuple[str, ...]:
+    if not options.until_rest or _came_to_rest(recording.rig, *recording.tail(REST_AFTER_S)):
+        return ()
+    return (
+        f"the rods had not come to rest when the recording ended, {recording.t:g} s after the release: where they hang"
+        " at rest was not checked",
+    )
 
 
 def _came_to_rest(rig: Rig, t: NDArray[np.float64], theta: NDArray[np.float64]) -> bool:

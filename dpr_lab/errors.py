@@ -3,6 +3,7 @@
     DprError                 base; the message says what happened, where, and what to do
      +-- ConfigError         a rig, search or plant file: names file, key, value, range
      +-- LinkError           a port or bus: cannot open, busy, lost; names the URL
+     |    +-- LinkUrlError   the URL itself is not written right
      |    +-- LinkTimeout    it opened but nothing answered
      |    +-- DeviceLost     it answered and then stopped (cable pulled, power gone)
      +-- MismatchError       the device speaks another protocol version or schema
@@ -32,6 +33,12 @@ class LinkError(DprError):
     """A port or bus that cannot be opened or used."""
 
     exit_code = 4
+
+
+class LinkUrlError(LinkError):
+    """A link URL that is not written right: an unknown kind, option or place, or a value out of range."""
+
+    exit_code = 2
 
 
 class LinkTimeout(LinkError):

@@ -49,6 +49,8 @@ class Verdict:
     """The gate's answer: every check that could be made."""
 
     checks: tuple[Check, ...]
+    notes: tuple[str, ...] = ()
+    """What to know about the recording although no check fails by it."""
 
     @property
     def ok(self) -> bool:
@@ -62,12 +64,12 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """`ok`, or `degraded` with the reasons."""
-        return "ok" if self.ok else f"degraded: {'; '.join(self.reasons)}"
+        """`ok`, or `degraded` with the reasons; and the notes."""
+        return "; ".join(["ok" if self.ok else f"degraded: {'; '.join(self.reasons)}", *self.notes])
 
     def to_json(self) -> dict[str, Any]:
         """The verdict as plain JSON values."""
-        return {"ok": self.ok, "checks": [asdict(check) for check in self.checks]}
+        return {"ok": self.ok, "checks": [asdict(check) for check in self.checks], "notes": list(self.notes)}
 
 
 @dataclass(frozen=True, slots=True)

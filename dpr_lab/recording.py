@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from types import TracebackType
 
 import numpy as np
@@ -176,9 +176,9 @@ class Recording:
             lost=self.lost,
         )
 
-    def finish(self, clock: ClockFit | None) -> Verdict:
-        """Judge the recording and complete its file."""
-        verdict = judge(self.run(), self.rig, self._duration, self._hanging)
+    def finish(self, clock: ClockFit | None, notes: tuple[str, ...] = ()) -> Verdict:
+        """Judge the recording, add `notes` to the verdict, and complete its file."""
+        verdict = replace(judge(self.run(), self.rig, self._duration, self._hanging), notes=notes)
         self.note_clock(clock)
         with unbroken():
             self._writer.finish(self._summary(verdict))

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import NUMBERS, Frame, Sample, State
+from firmware_protocol.messages import Frame, State
 from firmware_protocol.session import STREAMS
 from sim_device.c_firmware import Firmware
 from sim_device.clock import Clock
-from sim_device.device import TickBase
+from sim_device.device import TickBase, is_sample, streamed
 from sim_device.faults import Faults
 from sim_device.rods import Rods
 
@@ -62,7 +62,7 @@ class CDevice:
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:
         """Count the samples among frames for which the link had no room."""
-        self._firmware.note_dropped(sum(map(_is_sample, frames)))
+        self._firmware.note_dropped(sum(map(is_sample, frames)))
 
     def _millis(self, wall: float) -> int:
         return int(self._clock.watch(wall) * 1000)
@@ -84,19 +84,9 @@ class CDevice:
 
     def _samples(self, wall: float, first: int, count: int) -> list[Frame]:
         ticks, in_time = np.arange(first, first + count), self._faults.taken(count)
-        counts, missing = self._streamed(first, count)
+        released_at = self._release_tick if self._firmware.state is State.RELEASED else None
+        counts, missing = streamed(self._rods, self._ticks, released_at, first, count)
         frames = self._firmware.poll(self._millis(wall), np.column_stack([ticks, counts])[in_time])
         self.streamed += count / self._ticks.rate_hz
         gone = iter(missing[in_time].tolist())
-        return [frame for frame in frames if not (_is_sample(frame) and next(gone))]
-
-    def _streamed(self, first: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """(count, 3) counts at ticks, and (count,) which samples go astray inside the board."""
-        if self._firmware.state is State.RELEASED:
-            since = first - self._release_tick
-            return self._rods.swing_counts(since, count), self._rods.missing(since, count)
-        return self._rods.held_counts(self._ticks.times(first, count), first), np.zeros(count, np.bool_)
-
-
-def _is_sample(frame: Frame) -> bool:
-    return frame.number == NUMBERS[Sample]
+        return [frame for frame in frames if not (is_sample(frame) and next(gone))]

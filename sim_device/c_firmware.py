@@ -8,8 +8,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.errors import ConfigError
-from firmware_protocol.definition import PROTOCOL_VERSION, SCHEMA_HASH
 from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import DEVICE_NODE, MAX_DATA, Frame, State
 from sim_device.c_library import library_path
@@ -65,6 +63,7 @@ _PROTOTYPES = {
     "dpr_host_size": (c_size_t,),
     "dpr_host_decoder_size": (c_size_t,),
     "dpr_host_start": (None, c_char_p, POINTER(_Identity)),
+    "dpr_host_claim": (None, c_char_p, c_uint8, c_uint32),
     "dpr_host_receive": (None, c_char_p, POINTER(_Frame), c_uint32, c_uint32, c_uint16),
     "dpr_host_poll": (None, c_char_p, c_uint32, POINTER(c_int32), c_size_t),
     "dpr_host_set_fault": (None, c_char_p, c_uint8),
@@ -100,7 +99,7 @@ class Firmware:
     """One board's firmware; milliseconds, ticks and readings are the caller's.
 
     Raises:
-        ConfigError: an identity of another protocol than the firmware was built from, or no compiler to build it with.
+        ConfigError: there is no compiler to build it with.
     """
 
     def __init__(self, info: DeviceInfo, node: int = DEVICE_NODE, library: ctypes.PyDLL | None = None) -> None:
@@ -108,6 +107,7 @@ class Firmware:
         self._host = ctypes.create_string_buffer(self._library.dpr_host_size())
         self._frames = ctypes.create_string_buffer(FRAMES * _FRAME.size)
         self._library.dpr_host_start(self._host, byref(_identity(info, node)))
+        self._library.dpr_host_claim(self._host, info.major, info.schema_hash)
 
     @property
     def state(self) -> State:
@@ -185,11 +185,6 @@ class CFraming:
 
 
 def _identity(info: DeviceInfo, node: int) -> _Identity:
-    if (info.major, info.minor, info.schema_hash) != (*PROTOCOL_VERSION, SCHEMA_HASH):
-        raise ConfigError(
-            "the firmware in C speaks the protocol it was built from and no other: leave the faults major and schema"
-            " out, or take the firmware in Python"
-        )
     return _Identity(
         int(info.uid, 16),
         info.counts_per_rev,

@@ -60,6 +60,28 @@ class TickBase:
         return self.origin + (np.arange(first, first + count) - self.first) / self.rate_hz
 
 
+def streamed(
+    rods: Rods, ticks: TickBase, released_at: int | None, first: int, count: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """(count, 3) counts at the ticks from `first` on, and (count,) which samples go astray inside the board.
+
+    Args:
+        rods: what is measured
+        ticks: when
+        released_at: tick of the release; None while the rods are held
+        first: the first tick
+        count: how many
+    """
+    if released_at is None:
+        return rods.held_counts(ticks.times(first, count), first), np.zeros(count, dtype=np.bool_)
+    return rods.swing_counts(first - released_at, count), rods.missing(first - released_at, count)
+
+
+def is_sample(frame: Frame) -> bool:
+    """Whether a frame carries a sample."""
+    return frame.number == NUMBERS[Sample]
+
+
 @dataclass(slots=True)
 class Counters:
     """Samples since STREAM, as STATUS reports them."""
@@ -117,7 +139,7 @@ class Device:
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:
         """Count the samples among frames for which the link had no room."""
-        self._counters.dropped += sum(frame.number == NUMBERS[Sample] for frame in frames)
+        self._counters.dropped += sum(map(is_sample, frames))
 
     def _carry_out(self, answer: Answer, now: float) -> list[Frame]:
         return [*answer.frames, *(self._do(answer.task, now) if answer.task else [])]
@@ -154,8 +176,10 @@ class Device:
             return []
         frames: list[Frame] = []
         in_time = self._faults.taken(count)
-        sent = self._sent(first, count) & in_time
-        for tick, counts in enumerate(self._streamed_counts(first, count).tolist(), first):
+        released_at = self._release_tick if self._session.state is State.RELEASED else None
+        streamed_counts, missing = streamed(self._rods, self._ticks, released_at, first, count)
+        sent = in_time & ~missing
+        for tick, counts in enumerate(streamed_counts.tolist(), first):
             if self._reports_due(tick):
                 frames += self._report(tick, counts)
             if sent[tick - first]:
@@ -163,16 +187,6 @@ class Device:
             self._counters.count(bool(in_time[tick - first]))
         self.streamed += count / self._ticks.rate_hz
         return frames
-
-    def _streamed_counts(self, first: int, count: int) -> NDArray[np.int64]:
-        if self._session.state is State.RELEASED:
-            return self._rods.swing_counts(first - self._release_tick, count)
-        return self._rods.held_counts(self._ticks.times(first, count), first)
-
-    def _sent(self, first: int, count: int) -> NDArray[np.bool_]:
-        if self._session.state is State.RELEASED:
-            return ~self._rods.missing(first - self._release_tick, count)
-        return np.ones(count, dtype=np.bool_)
 
     def _reports(self, first: int, count: int, now: float) -> list[Frame]:
         last = first + count - 1

@@ -18,6 +18,12 @@ HANGING = Pose(theta1=np.pi, theta2=np.pi)
 
 LONGEST_REPEAT = 8  # samples in a row that say what one before them says
 
+LOOKS = 8
+"""How often the hand looks at the screen before it gives up, where that does not say what it should."""
+
+NEAR = 0.5
+"""Share of a pose's tolerance within which the hand takes what the screen says for the pose."""
+
 
 class Rods:
     """Where the rods are at any device time: in the hand, in the latch, or swinging.
@@ -41,7 +47,7 @@ class Rods:
         faults: Faults | None = None,
     ) -> None:
         self._plant, self._config, self._faults = plant, plant.config, faults or Faults()
-        self._poses = list(rig.poses.values())
+        self._rig, self._poses = rig, list(rig.poses.values())
         encoders = plant.config.encoders
         self._encoders = Encoders(rig, encoders.noise_counts, plant.config.seed, encoders.step_counts)
         self._placing_time, self._hand_error, self._clock_rate = placing_time, hand_error, clock_rate
@@ -59,6 +65,7 @@ class Rods:
         if 1 <= pose_number <= len(self._poses):
             pose, config = self._poses[pose_number - 1], self._config
             target = placement(config.hand, pose, config.seed, self._release + 1, self._hand_error)
+            target = self._guided(target, NEAR * pose.tolerance)
         self._held, self._swing = Held(start, target, now, self._placing_time), None
 
     def let_go(self, at: float, rate_hz: float) -> None:
@@ -90,6 +97,20 @@ class Rods:
     def idle_counts(self, now: float, tick: int) -> Counts:
         """(3,) counts at the device time `now` while nothing is streamed."""
         return self._read(self._theta(now)[None], Stream.IDLE, 0, tick)[0]
+
+    def _guided(self, target: NDArray[np.float64], near: float) -> NDArray[np.float64]:
+        """(3,) where the encoders read `target`, if they misread that itself by more than `near`, rad.
+
+        A hand follows the screen. Where no place reads right, such as under a bit that is stuck, it is the target.
+        """
+        theta = target
+        for _ in range(LOOKS):
+            counts = self._read(theta[None], Stream.IDLE, self._release + 1, 0)[0]
+            off = np.where([False, True, True], self._rig.theta(counts) - target, 0.0)
+            if np.abs(off).max() <= near:
+                return theta
+            theta = theta - off
+        return target
 
     def _swung(self, first: int, count: int) -> Counts:
         """(count, 3) counts of the swing, each at its own instant."""

@@ -4,16 +4,25 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: tests run side by side
 
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.transports.transport import Capacity, Received, Transport
+from firmware_protocol.messages import NUMBERS, Frame, Release, Sample
 
 settings.register_profile(
     "repeatable", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=60
 )
 settings.load_profile("repeatable")
+
+STOP_TIMEOUT_S = 5.0
 
 
 @pytest.fixture
@@ -24,3 +33,98 @@ def rng() -> np.random.Generator:
 @pytest.fixture(scope="session")
 def paper() -> Rig:
     return load_rig("paper")
+
+
+@dataclass(frozen=True)
+class Served:
+    """A simulated device on its link, served in a thread of this process."""
+
+    url: str
+    board: Any
+    thread: threading.Thread
+
+
+@pytest.fixture(scope="session")
+def library() -> Any:
+    """The firmware in C on this machine; skips where it cannot be compiled."""
+    from dpr_lab.errors import ConfigError
+    from sim_device.c_firmware import load
+
+    try:
+        return load()
+    except ConfigError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture
+def simulated(request: pytest.FixtureRequest) -> Iterator[Callable[..., Served]]:
+    """(what `sim_device.assemble.Options` takes) -> a device that is served until the test ends."""
+    from sim_device.assemble import Options, assemble
+    from sim_device.serve import serve
+
+    stop, threads = threading.Event(), list[threading.Thread]()
+
+    def start(**options: Any) -> Served:
+        if options.get("firmware") == "c":
+            request.getfixturevalue("library")
+        board, link, faults = assemble(Options(**{"clock": "fast", "seed": 1, **options}))
+        thread = threading.Thread(target=serve, args=(board, link, faults, stop.is_set))
+        thread.start()
+        threads.append(thread)
+        return Served(link.line.url, board, thread)
+
+    yield start
+    stop.set()
+    for thread in threads:
+        thread.join(STOP_TIMEOUT_S)
+    assert not any(thread.is_alive() for thread in threads)
+
+
+@dataclass
+class Spy:
+    """A transport that notes the numbers of what was sent, and can lose samples on the way in."""
+
+    inner: Transport
+    lose_every: int = 0
+    """Of so many samples the last is lost; 0 for none."""
+    sent: list[int] = field(default_factory=list)
+    releases: set[bytes] = field(default_factory=set)
+    """What was in the RELEASE commands: one repeated for want of an answer is the same."""
+    _samples: int = 0
+
+    @property
+    def url(self) -> str:
+        return self.inner.url
+
+    @property
+    def errors(self) -> dict[str, int]:
+        return self.inner.errors
+
+    @property
+    def capacities(self) -> tuple[Capacity, ...]:
+        return self.inner.capacities
+
+    def send(self, frame: Frame) -> None:
+        self.sent.append(frame.number)
+        if frame.number == NUMBERS[Release]:
+            self.releases.add(frame.data)
+        self.inner.send(frame)
+
+    def receive(self, timeout: float) -> Received:
+        received = self.inner.receive(timeout)
+        return Received(received.host_time, tuple(filter(self._arrives, received.frames)), received.raw)
+
+    def close(self) -> None:
+        self.inner.close()
+
+    def _arrives(self, frame: Frame) -> bool:
+        if frame.number != NUMBERS[Sample] or not self.lose_every:
+            return True
+        self._samples += 1
+        return self._samples % self.lose_every != 0
+
+
+@pytest.fixture(scope="session")
+def spy_on() -> type[Spy]:
+    """A link, and how many samples of it to lose -> the link with a spy on it."""
+    return Spy

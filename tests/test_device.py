@@ -4,7 +4,6 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
@@ -14,58 +13,12 @@ from dpr_lab.device import Batch, Device
 from dpr_lab.errors import DeviceFault, DeviceLost, LinkError, LinkTimeout, MismatchError
 from dpr_lab.run import LOSS_CAUSES
 from dpr_lab.transports import open_transport
-from dpr_lab.transports.transport import Capacity, Received, Transport
+from dpr_lab.transports.transport import Capacity, Received
 from firmware_protocol.device_role import DeviceSession
 from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import NUMBERS, Frame, Position, State, Status, Stream
-from sim_device.assemble import Options, assemble
-from sim_device.serve import serve
 
 LINKS = ("pty", "slcan", "tcp:0", "virtual:device-test")
-
-
-@contextmanager
-def simulated(**options: object) -> Iterator[str]:
-    """The URL of a simulated device that runs in a thread."""
-    device, link, faults = assemble(Options(**{"clock": "fast", "seed": 1, **options}))
-    stop = threading.Event()
-    thread = threading.Thread(target=serve, args=(device, link, faults, stop.is_set))
-    thread.start()
-    try:
-        yield link.line.url
-    finally:
-        stop.set()
-        thread.join()
-
-
-class Spy:
-    """A transport that notes what was sent and passes everything on."""
-
-    def __init__(self, inner: Transport) -> None:
-        self.inner = inner
-        self.sent: list[int] = []
-
-    @property
-    def url(self) -> str:
-        return self.inner.url
-
-    @property
-    def errors(self) -> dict[str, int]:
-        return self.inner.errors
-
-    @property
-    def capacities(self) -> tuple[Capacity, ...]:
-        return self.inner.capacities
-
-    def send(self, frame: Frame) -> None:
-        self.sent.append(frame.number)
-        self.inner.send(frame)
-
-    def receive(self, timeout: float) -> Received:
-        return self.inner.receive(timeout)
-
-    def close(self) -> None:
-        self.inner.close()
 
 
 INFO = DeviceInfo("1.2.3", "00000000deadbeef", (16384, 16384, 16384), rate_max_hz=2000, rate_default_hz=1000)
@@ -131,8 +84,8 @@ def at_least(n: int) -> Callable[[list[Batch]], bool]:
 
 
 @pytest.mark.parametrize("link", LINKS)
-def test_whole_dialogue_over_every_link_loses_nothing(link: str) -> None:
-    with simulated(link=link) as url, Device(open_transport(url)) as device:
+def test_whole_dialogue_over_every_link_loses_nothing(link: str, simulated) -> None:
+    with Device(open_transport(simulated(link=link).url)) as device:
         info = device.connect()
         assert (info.counts_per_rev, info.simulated_time) == ((16384, 16384, 16384), True)
         device.hold(1)
@@ -150,19 +103,19 @@ def test_whole_dialogue_over_every_link_loses_nothing(link: str) -> None:
         assert all(batch.raw for batch in batches)
 
 
-def test_device_can_be_left_and_met_again() -> None:
-    with simulated() as url:
-        for _ in range(2):
-            with Device(open_transport(url)) as device:
-                device.connect()
-                device.hold()
-                device.stream(1000)
-                assert ticks_of(collect(device, at_least(100)))[0] == 0
-                device.stop()
+def test_device_can_be_left_and_met_again(simulated) -> None:
+    url = simulated().url
+    for _ in range(2):
+        with Device(open_transport(url)) as device:
+            device.connect()
+            device.hold()
+            device.stream(1000)
+            assert ticks_of(collect(device, at_least(100)))[0] == 0
+            device.stop()
 
 
-def test_second_stream_counts_from_zero_again() -> None:
-    with simulated() as url, Device(open_transport(url)) as device:
+def test_second_stream_counts_from_zero_again(simulated) -> None:
+    with Device(open_transport(simulated().url)) as device:
         device.connect()
         device.hold()
         for _ in range(3):
@@ -190,8 +143,8 @@ def test_nobody_there_says_what_to_check(silent_port: str) -> None:
     assert "is set to 115200 baud" in str(caught.value)
 
 
-def test_wrong_baud_rate_is_told_from_silence() -> None:
-    with simulated(baud=115_200) as url, Device(open_transport(url.replace("115200", "921600"))) as device:
+def test_wrong_baud_rate_is_told_from_silence(simulated) -> None:
+    with Device(open_transport(simulated(baud=115_200).url.replace("115200", "921600"))) as device:
         with pytest.raises(LinkTimeout, match=r"\d+ bytes arrived and no valid frame: 921600 baud is probably wrong"):
             device.connect(timeout=0.5)
 
@@ -208,17 +161,16 @@ def test_device_of_another_protocol_is_refused(info: DeviceInfo, sentence: str) 
         device.connect()
 
 
-def test_rate_beyond_the_link_is_refused_before_anything_is_sent() -> None:
-    with simulated(baud=115_200) as url:
-        spy = Spy(open_transport(url))
-        with Device(spy) as device:
-            device.connect()
-            device.hold()
-            with pytest.raises(LinkError, match=r"1000 Hz needs 140,000 bit/s, 122 % of 115200 baud.* at most 658 Hz"):
-                device.stream(1000)
-            assert NUMBERS[Stream] not in spy.sent
-            device.stream(500)
-            collect(device, at_least(10))
+def test_rate_beyond_the_link_is_refused_before_anything_is_sent(simulated, spy_on) -> None:
+    spy = spy_on(open_transport(simulated(baud=115_200).url))
+    with Device(spy) as device:
+        device.connect()
+        device.hold()
+        with pytest.raises(LinkError, match=r"1000 Hz needs 140,000 bit/s, 122 % of 115200 baud.* at most 658 Hz"):
+            device.stream(1000)
+        assert NUMBERS[Stream] not in spy.sent
+        device.stream(500)
+        collect(device, at_least(10))
 
 
 def test_rate_beyond_the_device_is_refused() -> None:
@@ -242,8 +194,8 @@ def test_info_before_connect_is_the_callers_mistake() -> None:
         _ = device.info
 
 
-def test_commands_survive_a_lossy_link() -> None:
-    with simulated(fault=("drop=0.07",)) as url, Device(open_transport(url)) as device:
+def test_commands_survive_a_lossy_link(simulated) -> None:
+    with Device(open_transport(simulated(fault=("drop=0.07",)).url)) as device:
         device.connect(timeout=10)
         for _ in range(10):
             device.hold()
@@ -252,8 +204,8 @@ def test_commands_survive_a_lossy_link() -> None:
         assert device.status is not None
 
 
-def test_damage_is_counted_and_costs_no_more_than_the_frames_it_hit() -> None:
-    with simulated(fault=("flip=0.0005",)) as url, Device(open_transport(url)) as device:
+def test_damage_is_counted_and_costs_no_more_than_the_frames_it_hit(simulated) -> None:
+    with Device(open_transport(simulated(fault=("flip=0.0005",)).url)) as device:
         device.connect()
         device.hold()
         device.stream(1000)
@@ -267,8 +219,8 @@ def test_damage_is_counted_and_costs_no_more_than_the_frames_it_hit() -> None:
         assert ticks == sorted(set(ticks))
 
 
-def test_busy_caller_loses_neither_lease_nor_samples() -> None:
-    with simulated(clock="realtime") as url, Device(open_transport(url)) as device:
+def test_busy_caller_loses_neither_lease_nor_samples(simulated) -> None:
+    with Device(open_transport(simulated(clock="realtime").url)) as device:
         device.connect()
         device.hold()
         device.stream(1000)
@@ -279,8 +231,8 @@ def test_busy_caller_loses_neither_lease_nor_samples() -> None:
         device.stop()
 
 
-def test_what_arrived_before_the_cable_was_pulled_is_given_first() -> None:
-    with simulated(fault=("cut_after_s=0.5",)) as url, Device(open_transport(url)) as device:
+def test_what_arrived_before_the_cable_was_pulled_is_given_first(simulated) -> None:
+    with Device(open_transport(simulated(fault=("cut_after_s=0.5",)).url)) as device:
         device.connect()
         device.hold()
         device.stream(1000)
@@ -303,8 +255,8 @@ def test_device_that_falls_silent_is_lost(monkeypatch: pytest.MonkeyPatch) -> No
             poll_on(device)
 
 
-def test_device_that_answers_pings_alone_has_restarted_and_is_lost() -> None:
-    with simulated(fault=("reset_after_s=0.5",)) as url, Device(open_transport(url)) as device:
+def test_device_that_answers_pings_alone_has_restarted_and_is_lost(simulated) -> None:
+    with Device(open_transport(simulated(fault=("reset_after_s=0.5",)).url)) as device:
         device.connect()
         device.hold()
         device.stream(1000)
@@ -356,8 +308,8 @@ def test_overruns_are_counted_over_wraps_and_restarts() -> None:
         assert device.losses["device_overrun"] == 65_636 + 3 + 7
 
 
-def test_clock_fit_finds_the_error_of_the_crystal() -> None:
-    with simulated(clock="realtime", drift_ppm=3000.0) as url, Device(open_transport(url)) as device:
+def test_clock_fit_finds_the_error_of_the_crystal(simulated) -> None:
+    with Device(open_transport(simulated(clock="realtime", drift_ppm=3000.0).url)) as device:
         device.connect()
         device.hold()
         device.stream(1000)
@@ -369,8 +321,8 @@ def test_clock_fit_finds_the_error_of_the_crystal() -> None:
     assert fit.n >= 3
 
 
-def test_simulated_time_has_no_clock_fit() -> None:
-    with simulated() as url, Device(open_transport(url)) as device:
+def test_simulated_time_has_no_clock_fit(simulated) -> None:
+    with Device(open_transport(simulated().url)) as device:
         device.connect()
         device.hold()
         device.stream(1000)
@@ -379,8 +331,8 @@ def test_simulated_time_has_no_clock_fit() -> None:
         device.stop()
 
 
-def test_status_mirrors_the_device() -> None:
-    with simulated() as url, Device(open_transport(url)) as device:
+def test_status_mirrors_the_device(simulated) -> None:
+    with Device(open_transport(simulated().url)) as device:
         device.connect()
         device.hold(2)
         device.poll(0)

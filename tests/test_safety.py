@@ -3,10 +3,8 @@
 import ast
 import json
 import pickle
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,55 +18,12 @@ from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
-from dpr_lab.transports.transport import Capacity, Received, Transport
-from firmware_protocol.messages import NUMBERS, Frame, Hello, Ping, Release, State, Status
-from sim_device.assemble import Options, assemble
+from firmware_protocol.messages import NUMBERS, Hello, Ping, Release, State, Status
 from sim_device.ports import TcpPort
-from sim_device.serve import serve
 
 PACKAGES = ("dpr_lab", "firmware_protocol", "sim_device")
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
-
-
-class Spy:
-    """A transport that notes the numbers of what was sent."""
-
-    def __init__(self, inner: Transport) -> None:
-        self.inner, self.url = inner, inner.url
-        self.sent: list[int] = []
-
-    @property
-    def errors(self) -> dict[str, int]:
-        return self.inner.errors
-
-    @property
-    def capacities(self) -> tuple[Capacity, ...]:
-        return self.inner.capacities
-
-    def send(self, frame: Frame) -> None:
-        self.sent.append(frame.number)
-        self.inner.send(frame)
-
-    def receive(self, timeout: float) -> Received:
-        return self.inner.receive(timeout)
-
-    def close(self) -> None:
-        self.inner.close()
-
-
-@contextmanager
-def served(**options: Any) -> Iterator[str]:
-    """The URL of a simulated device in a thread."""
-    board, link, faults = assemble(Options(**{"clock": "fast", "seed": 1, **options}))
-    stop = threading.Event()
-    thread = threading.Thread(target=serve, args=(board, link, faults, stop.is_set))
-    thread.start()
-    try:
-        yield link.line.url
-    finally:
-        stop.set()
-        thread.join()
 
 
 def status_of(device: Device) -> Status:
@@ -97,16 +52,21 @@ def never() -> bool:
     ids=["off the pose", "not at rest", "no go-ahead", "interrupted", "device restarted"],
 )
 def test_only_an_explicit_release_after_passed_checks_sends_release(
-    device: dict[str, Any], options: dict[str, Any], confirm: Callable[[], bool], paper: Rig, tmp_path: Path
+    device: dict[str, Any],
+    options: dict[str, Any],
+    confirm: Callable[[], bool],
+    paper: Rig,
+    tmp_path: Path,
+    simulated,
+    spy_on,
 ) -> None:
     if device.get("plant") == "shaky":
         device = {"plant": str(_shaky(tmp_path))}
-    with served(**device) as url:
-        spy = Spy(open_transport(url))
-        with Device(spy) as connected:
-            connected.connect()
-            with pytest.raises((DprError, KeyboardInterrupt)):
-                capture(connected, paper, "X1", CaptureOptions(**options), tmp_path / "runs", confirm=confirm)
+    spy = spy_on(open_transport(simulated(**device).url))
+    with Device(spy) as connected:
+        connected.connect()
+        with pytest.raises((DprError, KeyboardInterrupt)):
+            capture(connected, paper, "X1", CaptureOptions(**options), tmp_path / "runs", confirm=confirm)
     assert NUMBERS[Release] not in spy.sent
     assert not list((tmp_path / "runs").glob("*"))
 
@@ -150,18 +110,18 @@ def test_release_is_sent_from_one_place() -> None:
     assert len(callers) == 2
 
 
-def test_losing_the_host_keeps_the_latch() -> None:
-    with served(clock="realtime") as url:
-        with Device(open_transport(url)) as host:
-            host.connect()
-            host.hold(1)
-            host.stream(1000)
-            assert status_of(host).latched
-        with Device(open_transport(url), read_only=True) as later:
-            later.connect()
+def test_losing_the_host_keeps_the_latch(simulated) -> None:
+    url = simulated(clock="realtime").url
+    with Device(open_transport(url)) as host:
+        host.connect()
+        host.hold(1)
+        host.stream(1000)
+        assert status_of(host).latched
+    with Device(open_transport(url), read_only=True) as later:
+        later.connect()
+        status = status_of(later)
+        while status.state is State.STREAMING:  # until the lease has run out
             status = status_of(later)
-            while status.state is State.STREAMING:  # until the lease has run out
-                status = status_of(later)
     assert (status.state, status.latched) == (State.HOLDING, True)
 
 
@@ -238,34 +198,34 @@ def test_a_file_that_carries_code_is_refused_and_not_run(paper: Rig, tmp_path: P
     assert trace.exists()  # it would have been seen
 
 
-def test_a_release_cannot_be_triggered_from_a_read_only_view() -> None:
-    with served() as url:
-        with Device(open_transport(url)) as host:
-            host.connect()
-            host.hold(1)
-        spy = Spy(open_transport(url))
-        with Device(spy, read_only=True) as view:
-            view.connect()
-            for command in (view.release, view.hold, view.stop, view.clear_fault, lambda: view.stream(100)):
-                with pytest.raises(SafetyStop, match="nothing was sent"):
-                    command()
-            status = status_of(view)
+def test_a_release_cannot_be_triggered_from_a_read_only_view(simulated, spy_on) -> None:
+    url = simulated().url
+    with Device(open_transport(url)) as host:
+        host.connect()
+        host.hold(1)
+    spy = spy_on(open_transport(url))
+    with Device(spy, read_only=True) as view:
+        view.connect()
+        for command in (view.release, view.hold, view.stop, view.clear_fault, lambda: view.stream(100)):
+            with pytest.raises(SafetyStop, match="nothing was sent"):
+                command()
+        status = status_of(view)
     assert set(spy.sent) <= {NUMBERS[Hello], NUMBERS[Ping]}
     assert (status.state, status.latched) == (State.HOLDING, True)
 
 
-def test_doctor_only_looks(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_only_looks(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], simulated) -> None:
     from dpr_lab.cli import main
 
-    with served() as url:
-        with Device(open_transport(url)) as host:
-            host.connect()
-            host.hold(1)
-        monkeypatch.setattr("sys.argv", ["dpr-lab", "doctor", "--link", url, "--rig", "paper", "--json"])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert not ended.value.code
-        with Device(open_transport(url), read_only=True) as view:
-            view.connect()
-            assert status_of(view).state is State.HOLDING
+    url = simulated().url
+    with Device(open_transport(url)) as host:
+        host.connect()
+        host.hold(1)
+    monkeypatch.setattr("sys.argv", ["dpr-lab", "doctor", "--link", url, "--rig", "paper", "--json"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    with Device(open_transport(url), read_only=True) as view:
+        view.connect()
+        assert status_of(view).state is State.HOLDING
     assert json.loads(capsys.readouterr().out)["findings"][-1]["state"] == "ok"

@@ -2,7 +2,7 @@
 
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import typer
 
 from dpr_lab.cli.console import emit, json_mode, table
-from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.errors import DprError
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +114,7 @@ def _rig(name: str) -> str:
 
 
 def _device(url: str, rig: str | None) -> str:
+    from dpr_lab.capture import check_encoders
     from dpr_lab.device import Device
     from dpr_lab.rig import load_rig
     from dpr_lab.transports import open_transport
@@ -122,17 +123,10 @@ def _device(url: str, rig: str | None) -> str:
     with Device(open_transport(url, rig_file=described.path if described else None), read_only=True) as device:
         info = device.connect()
         rate_hz = described.link.rate_hz if described else info.rate_default_hz
-        if described and described.encoders.counts_per_rev != info.counts_per_rev:
-            raise ConfigError(
-                f"{info.uid} has {_listed(info.counts_per_rev)} counts per turn, but {described.path or described.name}"
-                f" says {_listed(described.encoders.counts_per_rev)}: correct encoders.counts_per_rev"
-            )
+        if described:
+            check_encoders(device, described)
         device.check_rate(rate_hz)
         return (
             f"{info.uid}, firmware {info.firmware}, protocol {info.major}.{info.minor},"
-            f" counts per turn {_listed(info.counts_per_rev)}; {rate_hz} Hz fits the link"
+            f" counts per turn {', '.join(map(str, info.counts_per_rev))}; {rate_hz} Hz fits the link"
         )
-
-
-def _listed(counts: Sequence[int]) -> str:
-    return ", ".join(map(str, counts))

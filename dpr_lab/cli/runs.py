@@ -1,8 +1,9 @@
 """`dpr-lab run info|verify|recover|export`: what is in a run file, and getting it out."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,43 +13,49 @@ from dpr_lab.errors import RunError
 app = typer.Typer(help="Look at, check, repair and export run files.", no_args_is_help=True, rich_markup_mode=None)
 
 RunFile = Annotated[Path, typer.Argument(help="A run file (.mcap).")]
+RunFiles = Annotated[list[Path], typer.Argument(help="Run files (.mcap).")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+JsonEach = Annotated[
+    bool, typer.Option("--json", help="JSON on stdout: one object for one file, a list of them for several.")
+]
 
 
 @app.command()
-def info(file: RunFile, as_json: Json = False) -> None:
-    """What a run file holds: samples, duration, losses by cause, pose, rig, firmware.
+def info(files: RunFiles, as_json: JsonEach = False) -> None:
+    """What run files hold: samples, duration, losses by cause, pose, rig, firmware. Ends with 3 when one is no run.
 
     Example: dpr-lab run info runs/20261121T101500Z_X1_1a2b3c4d.mcap
     """
     json_mode(as_json)
     from dpr_lab.storage.inspect import info as inspect_run
 
-    found = asdict(inspect_run(file))
-    if as_json:
-        emit(found)
-    else:
-        table(file.name, ("", "value"), [(key, _readable(value)) for key, value in found.items()], prose=True)
+    def show(found: dict[str, Any]) -> None:
+        rows = [(key, _readable(value)) for key, value in found.items()]
+        table(Path(found["file"]).name, ("", "value"), rows, prose=True)
+
+    _each(files, lambda file: asdict(inspect_run(file)), show, as_json)
 
 
 @app.command()
-def verify(file: RunFile, as_json: Json = False) -> None:
-    """Check a run file: its hash, every chunk's CRC, its ticks, its end. Ends with 3 when a check fails.
+def verify(files: RunFiles, as_json: JsonEach = False) -> None:
+    """Check run files: hash, every chunk's CRC, ticks, end. Ends with 3 when a check of one fails.
 
-    Example: dpr-lab run verify runs/20261121T101500Z_X1_1a2b3c4d.mcap
+    Example: dpr-lab run verify runs/*.mcap
     """
     json_mode(as_json)
     from dpr_lab.storage.inspect import verify as verify_run
 
-    checked = verify_run(file)
-    if as_json:
-        emit({"file": str(file), **asdict(checked)})
-    elif checked.ok:
-        print(f"{file}: whole and unchanged")
-    for fault in checked.faults:
-        say(f"{file}: {fault}")
-    if not checked.ok:
-        raise typer.Exit(RunError.exit_code)
+    def check(file: Path) -> dict[str, Any]:
+        checked = verify_run(file)
+        for fault in checked.faults:
+            say(f"{file}: {fault}")
+        return {"file": str(file), **asdict(checked)}
+
+    def show(found: dict[str, Any]) -> None:
+        if found["ok"]:
+            print(f"{found['file']}: whole and unchanged")
+
+    _each(files, check, show, as_json)
 
 
 @app.command()
@@ -76,7 +83,7 @@ def recover(
 @app.command()
 def export(
     file: RunFile,
-    out: Annotated[Path, typer.Option(help="File to write; its ending chooses the format: .csv .parquet .h5 .mat")],
+    out: Annotated[Path, typer.Option(help="File to write; its ending is the format: .csv .parquet .h5 .hdf5 .mat")],
     as_json: Json = False,
 ) -> None:
     """Write a run as CSV, Parquet, HDF5 or MATLAB file; angles in the paper's convention (absolute, upright = 0).
@@ -92,6 +99,28 @@ def export(
         emit({"out": str(out)})
     else:
         print(out)
+
+
+def _each(
+    files: Sequence[Path], look: Callable[[Path], dict[str, Any]], show: Callable[[dict[str, Any]], None], json: bool
+) -> None:
+    """Look at every file, whatever is wrong with those before it, and end with 3 when one is not sound."""
+    found: list[dict[str, Any]] = []
+    for file in files:
+        try:
+            found.append(look(file))
+        except RunError as error:
+            if len(files) == 1:
+                raise
+            say(str(error))
+            found.append({"file": str(file), "error": str(error), "exit_code": error.exit_code})
+        else:
+            if not json:
+                show(found[-1])
+    if json:
+        emit(found if len(files) > 1 else found[0])
+    if not all(one.get("ok", "error" not in one) for one in found):
+        raise typer.Exit(RunError.exit_code)
 
 
 def _readable(value: object) -> str:

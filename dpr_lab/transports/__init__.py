@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dpr_lab.errors import LinkError
+from dpr_lab.errors import LinkUrlError
 from dpr_lab.transports.url import parse_url
 
 if TYPE_CHECKING:
@@ -37,10 +37,11 @@ def open_transport(url: str, *, rig_file: Path | None = None) -> Transport:
         rig_file: the rig that a simulated device is to be; other links ignore it
 
     Raises:
-        LinkError: unknown scheme or option, or the link cannot be opened.
+        LinkUrlError: the URL is not written right, such as an unknown scheme or option.
+        LinkError: the link cannot be opened.
     """
     parsed = parse_url(url)
     if parsed.scheme not in TRANSPORTS:
-        raise LinkError(f"{url}: unknown kind of link {parsed.scheme!r}; known are: {', '.join(EXAMPLES.values())}")
+        raise LinkUrlError(f"{url}: unknown kind of link {parsed.scheme!r}; known are: {', '.join(EXAMPLES.values())}")
     module, function = TRANSPORTS[parsed.scheme].split(":")
     return getattr(import_module(module), function)(parsed, rig_file)

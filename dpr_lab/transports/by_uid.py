@@ -1,9 +1,10 @@
-"""Find a device by its UID, whichever port it was plugged into: `serial://?uid=51d000000001`."""
+"""Find a device by its UID, whichever port it was plugged into: `serial://?uid=UID`, `can://slcan?uid=UID`."""
 
+import re
 import time
 from collections.abc import Callable, Iterable
 
-from dpr_lab.errors import LinkError
+from dpr_lab.errors import LinkError, LinkUrlError
 from dpr_lab.transports.transport import Transport
 from firmware_protocol.errors import RemoteProtocolError
 from firmware_protocol.host_role import HostSession
@@ -17,17 +18,20 @@ def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Tr
 
     Args:
         url: as the operator wrote it
-        uid: the UID or its last digits, hexadecimal
+        uid: see `uid_digits`
         ports: where to look; every one is greeted
         open_port: opens a port by its name
 
     Raises:
+        LinkUrlError: an option is not right on any port.
         LinkError: it is on none of them; says what is.
     """
     met: list[str] = []
     for name in ports:
         try:
             link = open_port(name)
+        except LinkUrlError:
+            raise
         except LinkError as error:
             met.append(f"{name} ({str(error).removeprefix(f'{url}: ')})")
             continue
@@ -41,6 +45,13 @@ def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Tr
         met.append(f"{name} ({f'device {found}' if found else 'no DPR device'})")
     looked = f"looked at {', '.join(met)}" if met else "there is no port to look at"
     raise LinkError(f"{url}: no device whose UID ends in {uid}; {looked}: check cable and power")
+
+
+def uid_digits(text: str) -> str:
+    """A UID or its last digits, hexadecimal."""
+    if not re.fullmatch("[0-9A-Fa-f]{4,16}", text):
+        raise ValueError("is not the UID of a device, or its last digits: 4 to 16 hexadecimal digits")
+    return text
 
 
 def uid_at(link: Transport, timeout: float = ANSWER_S) -> str:

@@ -3,15 +3,21 @@
 Frames are received in a loop of our own: python-can's Notifier thread dies on a bus error and stays dead.
 """
 
+import fnmatch
+import os
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import can
 from can.interfaces import BACKENDS
 
-from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.errors import DeviceLost, LinkError, LinkUrlError
+from dpr_lab.transports import by_uid
+from dpr_lab.transports.discover import matching_ports
 from dpr_lab.transports.slcan import DEFAULT_TTY_BAUD, SlcanBus
-from dpr_lab.transports.transport import Capacity, Received
+from dpr_lab.transports.transport import Capacity, Received, Transport
 from dpr_lab.transports.url import LinkUrl, seconds, whole_number
 from firmware_protocol.framing import encode_frame
 from firmware_protocol.messages import Frame
@@ -22,32 +28,71 @@ SLCAN_SAMPLE_BITS = 220  # the same frame as the 22 characters of an slcan line,
 SLCAN_SETTLE_S = 2.0  # an adapter that resets when its port opens ignores the bit rate until it has booted
 SEND_TIMEOUT_S = 1.0
 CAN_ERR_BUSOFF = 0x40  # class bit in the identifier of an error frame, linux/can/error.h
+_NO_BUS = (can.CanError, OSError, ValueError, ImportError, NameError)  # kvaser without driver: NameError
 READ_AT_MOST_S = 0.02  # a read ends here even on a bus that never falls silent: keepalives go out between reads
 
 
-def open_can(url: LinkUrl, rig_file: Path | None) -> "CanBus | SlcanBus":
+def open_can(url: LinkUrl, rig_file: Path | None) -> Transport:
     """Open a CAN bus.
 
-    Options: `bitrate`; for slcan adapters also `tty_baud` (those behind a real UART) and `settle_s`.
+    Options: `bitrate`; for slcan adapters also `tty_baud` (those behind a real UART) and `settle_s`. With `uid`, the
+    UID of a device or its last digits, the device is looked for: on all channels that the backend finds, or on those
+    that a name with `*` stands for, as in `can://slcan/dev/ttyACM*?uid=51d000000001`.
 
     Raises:
-        LinkError: unknown backend, no channel, or the backend cannot open it.
+        LinkUrlError: unknown backend or option, or no channel.
+        LinkError: the backend cannot open it, or the device is on none.
     """
-    options = url.options({"bitrate": whole_number, "tty_baud": whole_number, "settle_s": seconds})
-    backend, channel = url.host, url.path if url.path.startswith("/dev/") else url.path.strip("/")
+    readers = {"bitrate": whole_number, "tty_baud": whole_number, "settle_s": seconds, "uid": by_uid.uid_digits}
+    options, backend, path = url.options(readers), url.host, url.path.rstrip("/")
+    channel = path if path.count("/") > 1 else path.lstrip("/")
     if backend not in BACKENDS:
-        raise LinkError(f"{url.text}: unknown CAN backend {backend!r}; python-can has: {', '.join(sorted(BACKENDS))}")
+        known = ", ".join(sorted(BACKENDS))
+        raise LinkUrlError(f"{url.text}: unknown CAN backend {backend!r}; python-can has: {known}")
+
+    def open_channel(name: str) -> Transport:
+        return _open_slcan(url.text, name, options) if backend == "slcan" else _open_bus(url, name, options)
+
+    if "uid" in options:
+        names = matching_ports(channel) if backend == "slcan" else _matching_channels(url, channel)
+        return by_uid.find(url.text, options["uid"], names, open_channel)
     if not channel:
-        raise LinkError(f"{url.text}: names no channel; write for example can://socketcan/can0?bitrate=1000000")
-    bitrate = options.get("bitrate", DEFAULT_BITRATE)
-    capacities = [Capacity(f"a {bitrate} bit/s bus", bitrate, SAMPLE_BITS, "a faster bus")]
-    if backend != "slcan":
-        return CanBus(url.text, _open_bus(url.text, backend, channel, bitrate), tuple(capacities))
-    if tty_baud := options.get("tty_baud"):
+        raise LinkUrlError(f"{url.text}: names no channel; write for example can://socketcan/can0?bitrate=1000000")
+    return open_channel(channel)
+
+
+def _open_slcan(url: str, port: str, options: Mapping[str, Any]) -> SlcanBus:
+    bitrate, tty_baud = options.get("bitrate", DEFAULT_BITRATE), options.get("tty_baud")
+    capacities = [_bus_capacity(bitrate)]
+    if tty_baud:
         capacities.append(Capacity(f"{tty_baud} baud", tty_baud, SLCAN_SAMPLE_BITS, "a faster tty_baud"))
     # A pseudo-terminal has nothing to boot.
-    settle = options.get("settle_s", 0.0 if channel.startswith("/dev/pts/") else SLCAN_SETTLE_S)
-    return SlcanBus(url.text, channel, bitrate, tty_baud or DEFAULT_TTY_BAUD, settle, tuple(capacities))
+    settle = options.get("settle_s", 0.0 if os.path.realpath(port).startswith("/dev/pts/") else SLCAN_SETTLE_S)
+    return SlcanBus(url, port, bitrate, tty_baud or DEFAULT_TTY_BAUD, settle, tuple(capacities))
+
+
+def _open_bus(url: LinkUrl, channel: str, options: Mapping[str, Any]) -> "CanBus":
+    bitrate = options.get("bitrate", DEFAULT_BITRATE)
+    try:
+        bus = can.Bus(interface=url.host, channel=channel, bitrate=bitrate, ignore_config=True)
+    except _NO_BUS as error:
+        raise LinkError(f"{url.text}: {url.host} cannot open {channel} at {bitrate} bit/s: {error}") from error
+    return CanBus(url.text, bus, (_bus_capacity(bitrate),))
+
+
+def _bus_capacity(bitrate: int) -> Capacity:
+    return Capacity(f"a {bitrate} bit/s bus", bitrate, SAMPLE_BITS, "a faster bus")
+
+
+def _matching_channels(url: LinkUrl, pattern: str) -> list[str]:
+    """The channels that the backend finds, as far as they match; a name without `*` as it is."""
+    if pattern and "*" not in pattern:
+        return [pattern]
+    try:
+        found = can.detect_available_configs(url.host)
+    except _NO_BUS as error:
+        raise LinkError(f"{url.text}: {url.host} cannot say which channels there are: {error}") from error
+    return fnmatch.filter(sorted(str(config["channel"]) for config in found), pattern or "*")
 
 
 class CanBus:
@@ -109,10 +154,3 @@ class CanBus:
 
     def _lost(self, error: BaseException) -> DeviceLost:
         return DeviceLost(f"{self.url}: the bus is gone ({error}): check adapter, wiring and power, then connect again")
-
-
-def _open_bus(url: str, backend: str, channel: str, bitrate: int) -> can.BusABC:
-    try:
-        return can.Bus(interface=backend, channel=channel, bitrate=bitrate, ignore_config=True)
-    except (can.CanError, OSError, ValueError, ImportError, NameError) as error:  # kvaser without driver: NameError
-        raise LinkError(f"{url}: {backend} cannot open {channel} at {bitrate} bit/s: {error}") from error

@@ -1,5 +1,6 @@
 """What links this computer has: serial ports and CAN backends."""
 
+import glob
 import os
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -45,6 +46,11 @@ def serial_ports() -> tuple[SerialPortFound, ...]:
         SerialPortFound(port.device, port.description or "", port.serial_number or "", _problem(port.device))
         for port in sorted(list_ports.comports())
     )
+
+
+def matching_ports(pattern: str) -> list[str]:
+    """The serial ports that a name with `*` stands for; for an empty one all that can be opened."""
+    return sorted(glob.glob(pattern)) if pattern else [port.device for port in serial_ports() if not port.problem]
 
 
 def can_interfaces(root: Path = Path("/sys/class/net")) -> tuple[str, ...]:

@@ -1,17 +1,15 @@
 """A serial port (pyserial): `serial:///dev/ttyUSB0?baud=921600`, `serial://COM3`."""
 
 import errno
-import glob
-import re
 import time
 from pathlib import Path
 
 import serial
 
-from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.errors import DeviceLost, LinkError, LinkUrlError
 from dpr_lab.transports import by_uid
 from dpr_lab.transports.bytes_link import BytesLink
-from dpr_lab.transports.discover import JOIN_GROUP, serial_ports
+from dpr_lab.transports.discover import JOIN_GROUP, matching_ports, serial_ports
 from dpr_lab.transports.transport import Capacity, Transport
 from dpr_lab.transports.url import LinkUrl, whole_number
 
@@ -33,22 +31,16 @@ def open_serial(url: LinkUrl, rig_file: Path | None) -> Transport:
     that a name with `*` stands for, as in `serial:///dev/ttyACM*?uid=51d000000001`.
 
     Raises:
+        LinkUrlError: no port is named, or an option is not right.
         LinkError: no such port or device, no permission, busy, or not a baud rate it can do.
     """
-    options = url.options({"baud": whole_number, "uid": _uid})
+    options = url.options({"baud": whole_number, "uid": by_uid.uid_digits})
     baud, name = options.get("baud", DEFAULT_BAUD), url.host + url.path
     if "uid" in options:
-        ports = sorted(glob.glob(name)) if name else [port.device for port in serial_ports() if not port.problem]
-        return by_uid.find(url.text, options["uid"], ports, lambda port: _open_port(url, port, baud))
+        return by_uid.find(url.text, options["uid"], matching_ports(name), lambda port: _open_port(url, port, baud))
     if not name:
-        raise LinkError(f"{url.text}: names no port; {_ports_found()}")
+        raise LinkUrlError(f"{url.text}: names no port; {_ports_found()}")
     return _open_port(url, name, baud)
-
-
-def _uid(text: str) -> str:
-    if not re.fullmatch("[0-9A-Fa-f]{4,16}", text):
-        raise ValueError("is not the UID of a device, or its last digits: 4 to 16 hexadecimal digits")
-    return text
 
 
 def _open_port(url: LinkUrl, name: str, baud: int) -> BytesLink:

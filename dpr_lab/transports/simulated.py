@@ -12,7 +12,7 @@ import threading
 from pathlib import Path
 from typing import IO, Any
 
-from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.errors import ConfigError, DeviceLost, LinkError, LinkUrlError
 from dpr_lab.transports import open_transport
 from dpr_lab.transports.transport import Capacity, Received, Transport
 from dpr_lab.transports.url import LinkUrl, one_of, whole_number
@@ -34,11 +34,14 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "Simulated":
     (NAME=VALUE, several with commas between).
 
     Raises:
-        LinkError: unknown option, or the device did not start; with what it said.
+        LinkUrlError: an option that is unknown, or that the device does not take; with what it said.
+        LinkError: the device did not start; with what it said.
     """
     options = url.options(_OPTIONS)
     if url.host or url.path.strip("/"):
-        raise LinkError(f"{url.text}: a simulated device has no address; write for example sim://?plant=paper&seed=1")
+        raise LinkUrlError(
+            f"{url.text}: a simulated device has no address; write for example sim://?plant=paper&seed=1"
+        )
     child = _Child(url.text, _arguments(options, rig_file))
     try:
         return Simulated(url.text, child, open_transport(child.ready_url(START_TIMEOUT_S)))
@@ -112,6 +115,7 @@ class _Child:
         """The URL the device listens on, from its first line.
 
         Raises:
+            LinkUrlError: the process does not take its arguments.
             LinkError: the line did not come in time or is not it.
         """
         lines: list[bytes] = []
@@ -125,7 +129,9 @@ class _Child:
         except (IndexError, KeyError, TypeError, ValueError) as error:
             self._end_process()
             reader.join()
-            raise LinkError(f"{self._url}: the simulated device did not start{self.last_words()}") from error
+            refused = self._process.returncode in (LinkUrlError.exit_code, ConfigError.exit_code)
+            kind = LinkUrlError if refused else LinkError
+            raise kind(f"{self._url}: the simulated device did not start{self.last_words()}") from error
 
     def last_words(self) -> str:
         """`: ` and the last line the process wrote to its log; a full stop when it wrote none."""

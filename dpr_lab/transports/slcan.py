@@ -6,7 +6,7 @@ Our own and not python-can's, which takes the line apart byte by byte and so nee
 import re
 import time
 
-from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.errors import DeviceLost, LinkUrlError
 from dpr_lab.transports.serial_port import SerialPort
 from dpr_lab.transports.transport import Capacity, Received
 from firmware_protocol.framing import encode_frame
@@ -68,7 +68,8 @@ class SlcanBus:
         capacities: what bus and port carry
 
     Raises:
-        LinkError: no such port, busy, or a bit rate that adapters have no letter for.
+        LinkUrlError: a bit rate that adapters have no letter for.
+        LinkError: no such port, or it is busy.
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class SlcanBus:
     ) -> None:
         if bitrate not in BITRATE_LETTERS:
             rates = ", ".join(map(str, BITRATE_LETTERS))
-            raise LinkError(f"{url}: an slcan adapter does not run at {bitrate} bit/s: choose one of {rates}")
+            raise LinkUrlError(f"{url}: an slcan adapter does not run at {bitrate} bit/s: choose one of {rates}")
         self.url, self.capacities = url, capacities
         self._port = SerialPort(url, path, tty_baud)
         self._decoder = SlcanDecoder()

@@ -8,7 +8,7 @@ import select
 import socket
 from pathlib import Path
 
-from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.errors import DeviceLost, LinkError, LinkUrlError
 from dpr_lab.transports.bytes_link import BytesLink
 from dpr_lab.transports.url import LinkUrl
 
@@ -21,12 +21,13 @@ def open_tcp(url: LinkUrl, rig_file: Path | None) -> BytesLink:
     """Connect to a device that listens on TCP.
 
     Raises:
-        LinkError: no address in the URL, or nothing accepts the connection there.
+        LinkUrlError: no address in the URL.
+        LinkError: nothing accepts the connection there.
     """
     url.options({})
     host, _, port = url.host.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65_536 or url.path not in ("", "/"):
-        raise LinkError(f"{url.text}: write socket://HOST:PORT, for example socket://192.168.1.20:5555")
+        raise LinkUrlError(f"{url.text}: write socket://HOST:PORT, for example socket://192.168.1.20:5555")
     return BytesLink(url.text, TcpPort(url.text, host.strip("[]"), int(port)))
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
-from dpr_lab.errors import LinkError
+from dpr_lab.errors import LinkUrlError
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,19 +28,19 @@ class LinkUrl:
             known: option name -> reader of its text, which raises ValueError("is not ...")
 
         Raises:
-            LinkError: an option that is unknown, repeated or unreadable.
+            LinkUrlError: an option that is unknown, repeated or unreadable.
         """
         found: dict[str, Any] = {}
         for name, text in self.query:
             if name not in known:
                 names = ", ".join(known) or "none"
-                raise LinkError(f"{self.text}: unknown option {name!r} (this kind of link knows: {names})")
+                raise LinkUrlError(f"{self.text}: unknown option {name!r} (this kind of link knows: {names})")
             if name in found:
-                raise LinkError(f"{self.text}: option {name!r} is given twice")
+                raise LinkUrlError(f"{self.text}: option {name!r} is given twice")
             try:
                 found[name] = known[name](text)
             except ValueError as error:
-                raise LinkError(f"{self.text}: {name} = {text!r}: {error}") from error
+                raise LinkUrlError(f"{self.text}: {name} = {text!r}: {error}") from error
         return found
 
 
@@ -48,15 +48,15 @@ def parse_url(text: str) -> LinkUrl:
     """Take a link URL apart.
 
     Raises:
-        LinkError: the text is not of the form scheme://place?option=value.
+        LinkUrlError: the text is not of the form scheme://place?option=value.
     """
     try:
         split = urlsplit(text)
         query = tuple(parse_qsl(split.query, keep_blank_values=True, strict_parsing=bool(split.query)))
     except ValueError as error:
-        raise LinkError(f"{text}: is not a link URL ({error}); write scheme://place?option=value") from error
+        raise LinkUrlError(f"{text}: is not a link URL ({error}); write scheme://place?option=value") from error
     if "://" not in text:
-        raise LinkError(f"{text}: is not a link URL; write for example serial://{text}?baud=921600")
+        raise LinkUrlError(f"{text}: is not a link URL; write for example serial://{text}?baud=921600")
     return LinkUrl(text, split.scheme, split.netloc, split.path, query)
 
 

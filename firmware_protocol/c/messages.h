@@ -7,6 +7,7 @@
 #include "hal.h"
 
 #define DPR_INFO_PAGES 8u
+#define DPR_NUMBER_MASK 0x3Fu /* of an identifier: which message; above it stands the node */
 
 enum {
     DPR_IDLE = DPR_STATUS_STATE_IDLE_CHOICE,

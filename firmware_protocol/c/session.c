@@ -3,7 +3,6 @@
 #include <string.h>
 
 #define FIRST_HOST_NUMBER 32u /* numbers below come from a device */
-#define NUMBER_MASK 0x3Fu
 
 typedef enum {
     ON_HOLD,
@@ -99,7 +98,7 @@ static uint8_t parse(const dpr_frame_t *frame, command_t *command)
     struct dpr_stream_t stream;
     size_t length = frame->length;
     bool good = false;
-    command->number = (uint8_t)(frame->id & NUMBER_MASK);
+    command->number = (uint8_t)(frame->id & DPR_NUMBER_MASK);
     command->token = length > 0 ? frame->data[0] : 0;
     switch (command->number) {
     case DPR_HELLO_FRAME_ID:
@@ -243,7 +242,7 @@ static void obey(dpr_session_t *session, const command_t *command, dpr_answer_t 
 static bool receive_sign_of_life(
     dpr_session_t *session, const dpr_frame_t *frame, uint32_t now_ms, dpr_answer_t *answer)
 {
-    uint8_t number = (uint8_t)(frame->id & NUMBER_MASK);
+    uint8_t number = (uint8_t)(frame->id & DPR_NUMBER_MASK);
     bool ping = number == DPR_PING_FRAME_ID;
     if (!ping && number != DPR_KEEPALIVE_FRAME_ID) {
         return false;
@@ -272,7 +271,7 @@ void dpr_session_receive(dpr_session_t *session, const dpr_frame_t *frame, uint3
     command_t command = {0};
     answer->count = 0;
     answer->task = DPR_DO_NOTHING;
-    if (frame->id >> 6 != session->identity->node || (frame->id & NUMBER_MASK) < FIRST_HOST_NUMBER
+    if (frame->id >> 6 != session->identity->node || (frame->id & DPR_NUMBER_MASK) < FIRST_HOST_NUMBER
         || receive_sign_of_life(session, frame, now_ms, answer)) {
         return;
     }

@@ -57,10 +57,24 @@ def test_no_such_port(tmp_path: Path, cli) -> None:
     assert not list(tmp_path.rglob("*.mcap"))
 
 
-@pytest.mark.parametrize("link", ["smoke://signal", "sim://?colour=red", "can://nonesuch/can0", "serial://"])
-def test_a_wrong_link_says_what_to_write(tmp_path: Path, cli, link: str) -> None:
+@pytest.mark.parametrize(
+    "link",
+    [
+        "smoke://signal",
+        "sim://?colour=red",
+        "sim://?drift_ppm=much",
+        "sim://?fault=gremlins=1",
+        "can://nonesuch/can0",
+        "can://socketcan/can0?bitrate=fast",
+        "serial://",
+        "serial:///dev/ttyS0?baud=-1",
+        "socket://127.0.0.1",
+    ],
+)
+def test_a_wrong_link_is_wrong_usage(tmp_path: Path, cli, link: str) -> None:
     done = capture(cli, link, tmp_path)
-    assert done.code == 4
+    assert done.code == 2
+    assert done.err.startswith(f"dpr-lab: {link}: ")
     assert "Traceback" not in done.err
 
 

@@ -3,7 +3,6 @@
 import os
 import re
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,10 +16,9 @@ from dpr_lab.cli import main
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.reader import load_run
-from sim_device.assemble import Options, assemble, hidden_plant
+from sim_device.assemble import Options, hidden_plant
 from sim_device.hand import PLACING_TIME
 from sim_device.rods import Rods
-from sim_device.serve import serve
 
 DOC = Path(__file__).parents[2] / "docs" / "reliability.md"
 HEAD = "| what goes wrong | link | what the operator reads | exit code | what survives |"
@@ -38,52 +36,37 @@ class Done:
     runs: list[Path]
 
 
-class Bench:
-    """Devices that are served in threads, and what they should have recorded."""
-
-    def __init__(self) -> None:
-        self._ends: list[tuple[threading.Event, threading.Thread]] = []
-
-    def serve(self, **options: Any) -> str:
-        """Serve a device; the URL of its link."""
-        device, link, faults = assemble(Options(**{"clock": "fast", "seed": SEED, **options}))
-        stop = threading.Event()
-        thread = threading.Thread(target=serve, args=(device, link, faults, stop.is_set))
-        thread.start()
-        self._ends.append((stop, thread))
-        return link.line.url
-
-    def close(self) -> None:
-        for stop, _ in self._ends:
-            stop.set()
-        for _, thread in self._ends:
-            thread.join()
-        self._ends.clear()
+@pytest.fixture
+def serve(simulated) -> Callable[..., str]:
+    """Serves a device; the URL of its link."""
+    return lambda **options: simulated(**{"seed": SEED, **options}).url
 
 
 @pytest.fixture
-def bench() -> Iterator[Bench]:
-    made = Bench()
-    try:
-        yield made
-    finally:
-        made.close()
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
+    """`dpr-lab` in this process, as the operator runs it: its exit code and what it says last."""
 
-
-@pytest.fixture
-def operate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
-    """`dpr-lab capture` in this process, as the operator runs it."""
-
-    def run(link: str, *words: str, out: Path = tmp_path / "runs") -> Done:
-        command = ["capture", "--rig", "paper", "--pose", "X1", "--yes", "--link", link, "--out", str(out)]
-        monkeypatch.setattr(sys, "argv", ["dpr-lab", *command, *words])
+    def run(*words: object) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", ["dpr-lab", *map(str, words)])
+        code: Any = 0
         try:
             main()
-            code: Any = 0
         except SystemExit as exit_:
             code = exit_.code or 0
         lines = capsys.readouterr().err.strip().splitlines()
-        return Done(code, lines[-1] if lines else "", sorted(out.glob("*.mcap")) if out.is_dir() else [])
+        return code, lines[-1] if lines else ""
+
+    return run
+
+
+@pytest.fixture
+def operate(tmp_path: Path, command: Callable[..., tuple[int, str]]) -> Callable[..., Done]:
+    """`dpr-lab capture` over a link."""
+
+    def run(link: str, *words: str, out: Path = tmp_path / "runs") -> Done:
+        asked = ("capture", "--rig", "paper", "--pose", "X1", "--yes", "--link", link, "--out", out)
+        code, said = command(*asked, *words)
+        return Done(code, said, sorted(out.glob("*.mcap")) if out.is_dir() else [])
 
     return run
 

@@ -18,9 +18,9 @@ LINKS = {"serial": "pty", "CAN": "slcan"}
 @pytest.mark.slow
 @pytest.mark.parametrize("link", LINKS)
 @pytest.mark.parametrize("drift_ppm", DRIFTS_PPM)
-def test_injected_drift_is_recovered_within_the_stated_interval(drift_ppm: float, link: str, bench, operate) -> None:
+def test_injected_drift_is_recovered_within_the_stated_interval(drift_ppm: float, link: str, serve, operate) -> None:
     before = time.time()
-    done = operate(bench.serve(link=LINKS[link], clock="realtime", drift_ppm=drift_ppm), "--duration", "5")
+    done = operate(serve(link=LINKS[link], clock="realtime", drift_ppm=drift_ppm), "--duration", "5")
     after = time.time()
     assert done.code == 0, done.said
     clock = info(done.runs[0]).clock
@@ -30,15 +30,15 @@ def test_injected_drift_is_recovered_within_the_stated_interval(drift_ppm: float
     assert before < clock["offset_unix"] < after
 
 
-def test_a_simulated_time_has_no_drift_to_tell(bench, operate) -> None:
-    done = operate(bench.serve(), "--duration", "0.5")
+def test_a_simulated_time_has_no_drift_to_tell(serve, operate) -> None:
+    done = operate(serve(), "--duration", "0.5")
     assert info(done.runs[0]).clock == {}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("link", LINKS)
-def test_dropped_host_time_never_bends_device_time(link: str, bench, operate, wrong_samples) -> None:
-    stalled = bench.serve(link=LINKS[link], clock="realtime", drift_ppm=200.0, fault=("stall_ms=350", "drop=0.02"))
+def test_dropped_host_time_never_bends_device_time(link: str, serve, operate, wrong_samples) -> None:
+    stalled = serve(link=LINKS[link], clock="realtime", drift_ppm=200.0, fault=("stall_ms=350", "drop=0.02"))
     done = operate(stalled, "--duration", "3")
     run = load_run(done.runs[0])
     ticks = np.round(run.t * 1000)
@@ -57,9 +57,9 @@ def test_dropped_host_time_never_bends_device_time(link: str, bench, operate, wr
     ],
 )
 def test_a_rate_the_link_cannot_carry_is_refused_with_the_arithmetic(
-    link: str, baud: int, said: str, bench, operate, matrix, tmp_path: Path
+    link: str, baud: int, said: str, serve, operate, matrix, tmp_path: Path
 ) -> None:
-    done = operate(bench.serve(link=link, baud=baud))
+    done = operate(serve(link=link, baud=baud))
     assert (done.code, done.runs) == (4, [])
     assert said in done.said
     assert "choose at most" in done.said

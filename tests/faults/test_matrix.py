@@ -66,6 +66,8 @@ CASES = (
     Case("bus-off before the release", 7, HELD, ("bus_off_after_s=0.2",), (CAN, BUS)),
     Case("another version of the protocol", 5, HELD, ("major=2",)),
     Case("the same version, another dpr.dbc", 5, HELD, ("schema=1",)),
+    Case("another version of the protocol, firmware in C", 5, HELD, ("major=2",), device={"firmware": "c"}),
+    Case("the same version, another dpr.dbc, firmware in C", 5, HELD, ("schema=1",), device={"firmware": "c"}),
     Case("encoder stuck from the release on", 6, FLAGGED, ("stuck_encoder=1",)),
     Case("600 counts missed at once", 6, FLAGGED, ("missed_counts=600",)),
     Case(
@@ -90,8 +92,8 @@ def _parameters() -> list[Any]:
 
 
 @pytest.mark.parametrize(("case", "link"), _parameters())
-def test_fault(case: Case, link: str, bench, operate, wrong_samples, matrix, tmp_path: Path) -> None:
-    done = operate(bench.serve(link=LINKS[link], fault=case.fault, **case.device), *case.words)
+def test_fault(case: Case, link: str, serve, operate, wrong_samples, matrix, tmp_path: Path) -> None:
+    done = operate(serve(link=LINKS[link], fault=case.fault, **case.device), *case.words)
     survives = _what_survives(done.runs, wrong_samples, case.device, tmp_path)
     if survives == ALL and case.survives == COUNTED:
         survives = COUNTED  # a fault so rare that it may not strike

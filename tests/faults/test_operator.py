@@ -100,14 +100,14 @@ def test_a_disk_that_fills_up(link: str, tmp_path: Path, wrong_samples, matrix) 
     matrix.show("the disk fills up in the swing", link, said, 3, "every sample until then, in a file to be recovered")
 
 
-def test_a_folder_that_cannot_be_written(operate, bench, matrix) -> None:
-    done = operate(bench.serve(), out=Path("/proc/runs"))
+def test_a_folder_that_cannot_be_written(operate, serve, matrix) -> None:
+    done = operate(serve(), out=Path("/proc/runs"))
     assert (done.code, done.runs) == (3, [])
     matrix.show("a folder that cannot be written", "any", done.said, done.code, "no RELEASE was sent and no file begun")
 
 
-def test_a_disk_without_room(operate, bench, matrix) -> None:
-    done = operate(bench.serve(), "--duration", "1e12")
+def test_a_disk_without_room(operate, serve, matrix) -> None:
+    done = operate(serve(), "--duration", "1e12")
     assert (done.code, done.runs) == (3, [])
     assert "MB are free" in done.said
     matrix.show("a disk without room for it", "any", done.said, done.code, "no RELEASE was sent and no file begun")

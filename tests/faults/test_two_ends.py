@@ -9,26 +9,43 @@ UID = 0xBEEF_0000_0042
 
 def plug(folder: Path, name: str, url: str) -> None:
     """Make a served port appear under a name of its own, as udev does."""
-    (folder / name).symlink_to(url.removeprefix("serial://").partition("?")[0])
+    path = url.partition("?")[0].removeprefix("can://slcan").removeprefix("serial://")
+    (folder / name).symlink_to(path)
 
 
-def test_a_device_is_found_again_on_another_port_by_its_uid(bench, operate, wrong_samples, tmp_path, matrix) -> None:
-    link = f"serial://{tmp_path}/tty*?uid={UID:x}"
-    plug(tmp_path, "ttyB", bench.serve(uid=0xBEEF_0000_0041))
-    plug(tmp_path, "ttyC", bench.serve(uid=UID, fault=("cut_after_s=20",)))
-    lost = operate(link, "--duration", "60")
+@pytest.mark.parametrize(("shown", "link", "prefix"), [("serial", "pty", "serial://"), ("CAN", "slcan", "can://slcan")])
+def test_a_device_is_found_again_on_another_port_by_its_uid(
+    shown: str, link: str, prefix: str, serve, operate, wrong_samples, tmp_path, matrix
+) -> None:
+    anywhere = f"{prefix}{tmp_path}/tty*?uid={UID:x}"
+    plug(tmp_path, "ttyB", serve(link=link, uid=0xBEEF_0000_0041))
+    plug(tmp_path, "ttyC", serve(link=link, uid=UID, fault=("cut_after_s=20",)))
+    lost = operate(anywhere, "--duration", "60")
     assert lost.code == 7, lost.said
     assert wrong_samples(lost.runs[0]) == 0
     (tmp_path / "ttyC").unlink()
-    plug(tmp_path, "ttyA", bench.serve(uid=UID))
-    found = operate(link, "--duration", "1", out=tmp_path / "again")
+    plug(tmp_path, "ttyA", serve(link=link, uid=UID))
+    found = operate(anywhere, "--duration", "1", out=tmp_path / "again")
     assert found.code == 0, found.said
     assert wrong_samples(found.runs[0]) == 0
-    matrix.show("replugged on another port, link with `uid=`", "serial", found.said, found.code, "every sample")
+    matrix.show("replugged on another port, link with `uid=`", shown, found.said, found.code, "every sample")
 
 
-def test_a_uid_that_is_nowhere_is_told_with_what_is_there(bench, operate, tmp_path, matrix) -> None:
-    plug(tmp_path, "ttyA", bench.serve(uid=0xBEEF_0000_0041))
+def test_a_device_is_found_on_another_channel_of_a_backend(serve, operate, wrong_samples, tmp_path, matrix) -> None:
+    serve(link="virtual:uid-here", uid=0xBEEF_0000_0041)
+    serve(link="virtual:uid-there", uid=UID)
+    for release, link in enumerate(("can://virtual", "can://virtual/uid-*", "can://virtual/uid-there"), 1):
+        found = operate(f"{link}?uid={UID:x}", "--duration", "1", out=tmp_path / str(release))
+        assert found.code == 0, found.said
+        assert wrong_samples(found.runs[0], release=release) == 0
+    matrix.show("on another channel, link with `uid=`", "CAN, virtual", found.said, found.code, "every sample")
+    lost = operate(f"can://virtual/uid-here?uid={UID:x}")
+    assert lost.code == 4
+    assert "looked at uid-here (device 0000beef00000041)" in lost.said
+
+
+def test_a_uid_that_is_nowhere_is_told_with_what_is_there(serve, operate, tmp_path, matrix) -> None:
+    plug(tmp_path, "ttyA", serve(uid=0xBEEF_0000_0041))
     done = operate(f"serial://{tmp_path}/tty*?uid=dead")
     assert done.code == 4
     assert "device 0000beef00000041" in done.said
@@ -38,22 +55,22 @@ def test_a_uid_that_is_nowhere_is_told_with_what_is_there(bench, operate, tmp_pa
 @pytest.mark.parametrize("uid", ["", "xyz", "12", "0" * 17])
 def test_what_is_no_uid_is_refused(operate, uid: str) -> None:
     done = operate(f"serial://?uid={uid}")
-    assert done.code == 4
+    assert done.code == 2
     assert "is not the UID of a device" in done.said
 
 
 @pytest.mark.parametrize(
     ("link", "rate", "wrong"), [("serial", 115_200, "baud=921600"), ("CAN", 500_000, "bitrate=1000000")]
 )
-def test_another_bit_rate(bench, operate, matrix, link: str, rate: int, wrong: str) -> None:
-    url = bench.serve(link={"serial": "pty", "CAN": "slcan"}[link], baud=rate)
+def test_another_bit_rate(serve, operate, matrix, link: str, rate: int, wrong: str) -> None:
+    url = serve(link={"serial": "pty", "CAN": "slcan"}[link], baud=rate)
     done = operate(url.partition("?")[0] + "?" + wrong)
     assert (done.code, done.runs) == (4, [])
     matrix.show("another bit rate set", link, done.said, done.code, "no RELEASE was sent and no file begun")
 
 
-def test_two_devices_under_one_node(bench, operate, matrix) -> None:
-    bench.serve(link="virtual:two", uid=1)
-    done = operate(bench.serve(link="virtual:two", uid=2))
+def test_two_devices_under_one_node(serve, operate, matrix) -> None:
+    serve(link="virtual:two", uid=1)
+    done = operate(serve(link="virtual:two", uid=2))
     assert (done.code, done.runs) == (4, [])
     matrix.show("two devices on one bus", "CAN, virtual", done.said, done.code, "no RELEASE was sent and no file begun")

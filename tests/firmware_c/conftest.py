@@ -17,7 +17,6 @@ import pytest
 import serial
 
 import firmware_protocol
-from dpr_lab.errors import ConfigError
 from firmware_protocol.device_role import Answer, DeviceSession
 from firmware_protocol.framing import FrameDecoder, encode_frame
 from firmware_protocol.identity import DeviceInfo
@@ -39,7 +38,7 @@ from firmware_protocol.messages import (
     decode,
     encode,
 )
-from sim_device.c_firmware import Firmware, load
+from sim_device.c_firmware import Firmware
 
 SOURCES = Path(firmware_protocol.__file__).parent / "c"
 INFO = DeviceInfo("1.0.0", "00a385000000dead", (16384, 16384, 16384), rate_max_hz=4000, rate_default_hz=1000)
@@ -264,15 +263,6 @@ def _take_step(role: Role, step: dict, answers: int) -> list[Message]:
         identifier, data = step["frame"]
         return role.send(Frame(identifier, bytes.fromhex(data)))
     return role.send(encode(message_of(*step["send"])))
-
-
-@pytest.fixture(scope="session")
-def library() -> ctypes.PyDLL:
-    """The C core on this machine."""
-    try:
-        return load()
-    except ConfigError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture(scope="session")

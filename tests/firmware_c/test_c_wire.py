@@ -21,9 +21,7 @@ frames = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
 noise = st.one_of(frames.map(encode_frame), st.binary(max_size=40), st.lists(st.integers(0, 3), max_size=20).map(bytes))
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _compiled(library: ctypes.PyDLL) -> None:
-    """Skips the tests of this file where there is no library."""
+pytestmark = pytest.mark.usefixtures("library")
 
 
 @pytest.fixture(scope="module")

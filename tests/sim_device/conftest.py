@@ -1,7 +1,6 @@
 """A host for the simulated device: the protocol's host role on whatever end of a link, and none of the lab's driver."""
 
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -26,7 +25,6 @@ from firmware_protocol.messages import (
 )
 from sim_device.assemble import Options, assemble
 from sim_device.hand import PLACING_TIME
-from sim_device.serve import serve
 
 
 class SerialEnd:
@@ -181,7 +179,8 @@ class Host:
 class Bench:
     """Makes hosts and devices and takes them away again."""
 
-    def __init__(self) -> None:
+    def __init__(self, simulated) -> None:
+        self._simulated = simulated
         self._closers: list[Callable[[], None]] = []
 
     def direct(self, step_s: float = 0.01, **options) -> Host:
@@ -192,19 +191,9 @@ class Bench:
 
     def serve(self, **options) -> str:
         """Serve a device in a thread; the URL."""
-        device, link, faults = assemble(Options(**options))
-        stop = threading.Event()
-        thread = threading.Thread(target=serve, args=(device, link, faults, stop.is_set))
-        thread.start()
-
-        def end() -> None:
-            stop.set()
-            thread.join(5.0)
-            assert not thread.is_alive()
-
-        self._closers.append(end)
-        self.device, self.thread = device, thread
-        return link.line.url
+        served = self._simulated(**{"clock": "realtime", "seed": None, **options})
+        self.device, self.thread = served.board, served.thread
+        return served.url
 
     def connect(self, url: str) -> Host:
         host = Host(open_end(url))
@@ -222,8 +211,8 @@ class Bench:
 
 
 @pytest.fixture
-def bench() -> Iterator[Bench]:
-    made = Bench()
+def bench(simulated) -> Iterator[Bench]:
+    made = Bench(simulated)
     try:
         yield made
     finally:

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from dpr_lab.capture import CaptureOptions, capture
 from dpr_lab.device import Device
-from dpr_lab.errors import ConfigError
 from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
+from firmware_protocol.identity import PAGES
 from firmware_protocol.messages import (
     NUMBERS,
     ClearFault,
@@ -25,22 +25,16 @@ from firmware_protocol.messages import (
     Status,
     Stop,
     Stream,
+    decode,
     encode,
 )
 from sim_device.assemble import Options, assemble
-from sim_device.c_firmware import load
 
 STEP_S = 1 / 64
 """Exact in seconds and, times 32, in milliseconds, so that both firmwares see the same lease."""
 
 
-@pytest.fixture(autouse=True)
-def _compiled() -> None:
-    try:
-        load()
-    except ConfigError as error:
-        pytest.skip(str(error))
-
+pytestmark = pytest.mark.usefixtures("library")
 
 STREAMS = [Stream(rate_hz=rate_hz) for rate_hz in (7, 1000, 4000, 4001)]
 COMMANDS = (Hold(pose=2), *STREAMS, Release(), Stop(), ClearFault())
@@ -53,11 +47,11 @@ happenings = st.one_of(
 usual = [Hello(1), (Hold(pose=1), 2), 3, (Stream(rate_hz=1000), 3), 5, (Release(), 4), 20]
 
 
-def both():
+def both(**options):
     """Two boards that differ in nothing but the firmware."""
     devices = []
     for firmware in ("python", "c"):
-        device, link, _ = assemble(Options(link="tcp:0", seed=3, firmware=firmware))
+        device, link, _ = assemble(Options(link="tcp:0", seed=3, firmware=firmware, **options))
         link.close()
         devices.append(device)
     return devices
@@ -153,6 +147,16 @@ def test_it_serves_every_link(bench, link):
     assert tick >= 150
 
 
-def test_another_version_of_the_protocol_is_not_its_to_claim():
-    with pytest.raises(ConfigError, match="take the firmware in Python"):
-        assemble(Options(firmware="c", fault=("major=9",)))
+@pytest.mark.parametrize(
+    "hello", [Hello(1), Hello(1, major=9), Hello(1, schema_hash=1), Hello(1, major=9, schema_hash=1)], ids=str
+)
+@pytest.mark.parametrize("fault", [("major=9",), ("schema=1",), ("major=9", "schema=1")], ids=str)
+def test_what_is_built_from_another_dbc_answers_the_same(fault: tuple[str, ...], hello: Hello):
+    python, c = both(fault=fault)
+    answers = c.receive(encode(hello), 100.0)
+    assert answers == python.receive(encode(hello), 100.0)
+    assert len(answers) == 1 + PAGES
+    told = decode(answers[1])
+    for name, value in (text.split("=") for text in fault):
+        assert told.fields[{"major": "major", "schema": "schema_hash"}[name]] == int(value)
+    assert c.receive(encode(Hold(2)), 100.1) == python.receive(encode(Hold(2)), 100.1)

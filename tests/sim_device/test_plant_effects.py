@@ -8,7 +8,9 @@ from dpr_lab.dynamics.known import known_of
 from dpr_lab.dynamics.readings import PAD, pieces, readings
 from dpr_lab.effects import EFFECTS, effect_vector
 from dpr_lab.errors import ConfigError
+from dpr_lab.gate import pose_error
 from dpr_lab.rig import load_rig
+from sim_device.assemble import plant_of
 from sim_device.config import load_plant
 from sim_device.plant import Plant, Swing
 from sim_device.rods import Rods
@@ -127,6 +129,45 @@ def test_encoders_misread_at_rest_too():
     counts = rods.held_counts(np.array([0.0]), 0)[0]
     assert counts[1] == pytest.approx(0.1 * 16384 / (2 * np.pi), abs=3)
     assert abs(counts[2]) <= 3
+
+
+READINGS = {
+    "scaled": {"encoder_scale_joint1": {"excess": 0.1}, "encoder_scale_joint2": {"excess": -0.05}},
+    "shifted": {"encoder_offset_joint1": {"offset_rad": 0.1}},
+}
+
+
+@pytest.mark.parametrize("effects", READINGS.values(), ids=READINGS)
+def test_the_hand_goes_by_what_the_encoders_say(effects):
+    for number, pose in enumerate(RIG.poses.values(), 1):
+        rods = Rods(plant_with(effects), RIG)
+        rods.place(number, 0.0)
+        said = RIG.theta(rods.held_counts(np.array([1.0]), 0))
+        assert np.abs(pose_error(said, pose)).max() < pose.tolerance
+
+
+def test_what_encoders_misread_by_a_little_moves_no_hand():
+    effects = {"encoder_offset_joint1": {"offset_rad": 0.02}}
+    placed = []
+    for plant in (plant_with(effects), plant_with({})):
+        rods = Rods(plant, RIG)
+        rods.place(2, 0.0)
+        placed.append(rods.held_counts(np.array([1.0]), 0)[0])
+    assert placed[0] - placed[1] == pytest.approx([0, 0.02 * 16384 / (2 * np.pi), 0], abs=1)
+
+
+def test_a_reading_that_no_place_gives_leaves_the_rods_at_the_pose():
+    stuck = CONFIG.model_copy(update={"foreign": {"stuck_bit": {"weight_counts": 512.0}}})
+    hidden = []
+    for number in range(1, len(RIG.poses) + 1):
+        counts = {}
+        for name, config in (("clean", CONFIG), ("stuck", stuck)):
+            rods = Rods(plant_of(config, RIG), RIG)
+            rods.place(number, 0.0)
+            counts[name] = rods.held_counts(np.array([1.0]), 0)[0]
+        assert np.array_equal(counts["stuck"], counts["clean"] & [-1, -1, ~512])
+        hidden.append(counts["stuck"][2] != counts["clean"][2])
+    assert any(hidden)
 
 
 def test_effects_a_plant_cannot_have_are_named():

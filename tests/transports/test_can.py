@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import can
 import pytest
 
-from dpr_lab.errors import DeviceLost, LinkError
+from dpr_lab.errors import DeviceLost, LinkError, LinkUrlError
 from dpr_lab.transports import open_transport
 from firmware_protocol.framing import FrameDecoder
 from firmware_protocol.messages import Frame
@@ -131,9 +131,18 @@ def test_bus_that_cannot_be_opened_says_why(url: str, sentence: str) -> None:
         open_transport(url)
 
 
-def test_slcan_refuses_a_bit_rate_it_has_no_letter_for(adapter: tuple[int, str]) -> None:
-    with pytest.raises(LinkError, match="does not run at 123456 bit/s: choose one of 10000"):
-        open_transport(f"can://slcan{adapter[1]}?bitrate=123456")
+@pytest.mark.parametrize("uid", ["", "&uid=51d000000001"], ids=["a port", "a search"])
+def test_slcan_refuses_a_bit_rate_it_has_no_letter_for(uid: str, adapter: tuple[int, str]) -> None:
+    with pytest.raises(LinkUrlError, match="does not run at 123456 bit/s: choose one of 10000"):
+        open_transport(f"can://slcan{adapter[1]}?bitrate=123456{uid}")
+
+
+def test_an_adapter_without_a_device_is_named_and_left(adapter: tuple[int, str]) -> None:
+    device, path = adapter
+    with pytest.raises(LinkError, match=rf"looked at {path} \(no DPR device\)"):
+        open_transport(f"can://slcan{path}?uid=51d000000001")
+    assert heard(device).endswith(b"C\r")  # the bus is left
+    open_transport(f"can://slcan{path}").close()
 
 
 def test_capacity_counts_stuffed_bits_and_the_adapters_uart(adapter: tuple[int, str]) -> None:

@@ -2,6 +2,29 @@
 
 #include <string.h>
 
+/* The protocol of its own, as the claimed one, in what it says. */
+static void restate(const dpr_host_t *host, dpr_frame_t *info)
+{
+    struct dpr_info_t told = {0};
+    dpr_info_unpack(&told, info->data, info->length);
+    if (told.page == 0) {
+        told.major = (uint8_t)(told.major + host->major_shift);
+        told.schema_hash += host->schema_shift;
+        dpr_info_pack(info->data, &told, DPR_MAX_DATA);
+    }
+}
+
+/* The claimed protocol, as its own, in what it hears. */
+static void translate(const dpr_host_t *host, dpr_frame_t *hello)
+{
+    struct dpr_hello_t heard;
+    if (hello->length == DPR_HELLO_LENGTH && dpr_hello_unpack(&heard, hello->data, hello->length) == 0) {
+        heard.major = (uint8_t)(heard.major - host->major_shift);
+        heard.schema_hash -= host->schema_shift;
+        dpr_hello_pack(hello->data, &heard, DPR_MAX_DATA);
+    }
+}
+
 uint32_t hal_millis(void *port)
 {
     return ((const dpr_host_t *)port)->millis;
@@ -54,7 +77,11 @@ bool hal_send(void *port, const dpr_frame_t *frame)
     if (host->count == DPR_HOST_FRAMES) {
         return false;
     }
-    host->frames[host->count++] = *frame;
+    dpr_frame_t *sent = &host->frames[host->count++];
+    *sent = *frame;
+    if ((sent->id & DPR_NUMBER_MASK) == DPR_INFO_FRAME_ID) {
+        restate(host, sent);
+    }
     return true;
 }
 
@@ -80,13 +107,23 @@ void dpr_host_start(dpr_host_t *host, const dpr_identity_t *identity)
     dpr_device_start(&host->device, &host->identity, host);
 }
 
+void dpr_host_claim(dpr_host_t *host, uint8_t major, uint32_t schema_hash)
+{
+    host->major_shift = (uint8_t)(major - DPR_PROTOCOL_MAJOR);
+    host->schema_shift = schema_hash - DPR_SCHEMA_HASH;
+}
+
 void dpr_host_receive(
     dpr_host_t *host, const dpr_frame_t *frame, uint32_t millis, uint32_t tick, uint16_t fraction)
 {
     host->millis = millis;
     host->tick = tick;
     host->fraction = fraction;
-    dpr_device_receive(&host->device, frame);
+    dpr_frame_t heard = *frame;
+    if ((heard.id & DPR_NUMBER_MASK) == DPR_HELLO_FRAME_ID) {
+        translate(host, &heard);
+    }
+    dpr_device_receive(&host->device, &heard);
 }
 
 void dpr_host_poll(dpr_host_t *host, uint32_t millis, const dpr_reading_t *readings, size_t count)

@@ -21,6 +21,8 @@ typedef struct {
     uint32_t millis, tick;
     uint16_t fraction;
     uint8_t fault;
+    uint8_t major_shift; /* what it claims, less what it was built from */
+    uint32_t schema_shift;
     const dpr_reading_t *readings;
     size_t waiting;
     size_t count;
@@ -32,6 +34,9 @@ size_t dpr_host_decoder_size(void);
 
 /* `host` is dpr_host_size() bytes of the caller's. */
 void dpr_host_start(dpr_host_t *host, const dpr_identity_t *identity);
+
+/* From now on it is to the link what a firmware built from that dpr.dbc is; for tests of the other end. */
+void dpr_host_claim(dpr_host_t *host, uint8_t major, uint32_t schema_hash);
 
 void dpr_host_receive(
     dpr_host_t *host, const dpr_frame_t *frame, uint32_t millis, uint32_t tick, uint16_t fraction);

@@ -1,0 +1,66 @@
+"""`dpr-lab run info|verify|export`: one file or many."""
+
+import shutil
+from pathlib import Path
+
+import h5py
+import pytest
+
+from dpr_lab.storage.sidecar import sidecar_of
+
+
+@pytest.fixture
+def damaged(runs: list[Path], tmp_path: Path) -> Path:
+    """A copy of a run with one byte changed."""
+    path = tmp_path / "damaged.mcap"
+    content = bytearray(runs[0].read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    shutil.copy(sidecar_of(runs[0]), sidecar_of(path))
+    return path
+
+
+def test_many_runs_are_verified_at_once(runs: list[Path], damaged: Path, tmp_path: Path, cli) -> None:
+    done = cli("run", "verify", *runs)
+    assert done.code == 0
+    assert done.out.splitlines() == [f"{run}: whole and unchanged" for run in runs]
+    done = cli("run", "verify", runs[0], damaged, tmp_path / "gone.mcap", runs[1])
+    assert done.code == 3
+    assert done.out.splitlines() == [f"{run}: whole and unchanged" for run in runs[:2]]
+    assert f"{damaged}: its SHA-256" in done.err
+    assert f"{tmp_path / 'gone.mcap'}: no such file" in done.err
+
+
+def test_the_json_of_one_file_is_an_object_and_of_many_a_list(runs: list[Path], damaged: Path, cli) -> None:
+    for command in ("verify", "info"):
+        one, many = cli("run", command, runs[0], "--json"), cli("run", command, *runs, "--json")
+        assert one.code == many.code == 0
+        assert one.json["file"] == str(runs[0])
+        assert many.json[0] == one.json
+        assert [found["file"] for found in many.json] == list(map(str, runs))
+    one, many = cli("run", "verify", damaged, "--json"), cli("run", "verify", runs[0], damaged, "--json")
+    assert one.code == many.code == 3
+    assert [found["ok"] for found in (one.json, *many.json)] == [False, True, False]
+
+
+def test_what_is_no_run_stands_between_those_that_are(runs: list[Path], tmp_path: Path, cli) -> None:
+    gone = tmp_path / "gone.mcap"
+    done = cli("run", "info", runs[0], gone, runs[1], "--json")
+    assert done.code == 3
+    assert [found["file"] for found in done.json] == list(map(str, (runs[0], gone, runs[1])))
+    assert ["error" in found for found in done.json] == [False, True, False]
+    assert str(gone) in done.err
+    alone = cli("run", "info", gone, "--json")
+    assert alone.code == alone.json["exit_code"] == 3
+
+
+def test_an_export_makes_its_folder(runs: list[Path], tmp_path: Path, cli) -> None:
+    out = tmp_path / "not" / "yet" / "run.hdf5"
+    done = cli("run", "export", runs[0], "--out", out)
+    assert done.code == 0, done.err
+    with h5py.File(out) as file:
+        assert "theta1_rad" in file
+    blocked = runs[0] / "run.csv"
+    done = cli("run", "export", runs[0], "--out", blocked)
+    assert done.code == 3
+    assert f"{blocked}: cannot be written" in done.err
