@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.errors import ConfigError
 
 if TYPE_CHECKING:
     from dpr_lab.rig import Rig
-    from dpr_lab.run import Run
 
 
 def positive(value: float | None) -> float | None:
@@ -45,16 +44,3 @@ def refuse_unknown_poses(rig: "Rig", names: "Sequence[str]") -> None:
     if unknown:
         where, there = rig.path or rig.name, ", ".join(rig.poses) or "none"
         raise ConfigError(f"{where}: has no pose {' and no pose '.join(map(repr, unknown))} (there are: {there})")
-
-
-def refuse_repeated(runs: "Sequence[Run]") -> None:
-    """Make sure that no recording counts twice, or is held out from a fit that it takes part in.
-
-    Raises:
-        RunError: two runs hold the same recording.
-    """
-    seen: dict[str, Run] = {}
-    for run in runs:
-        if run.sha256 in seen:
-            raise RunError(f"{run.file}: the same recording as {seen[run.sha256].file}: give each run once")
-        seen[run.sha256] = run

@@ -16,8 +16,8 @@ def json_mode(on: bool) -> bool:
     return on
 
 
-def emit(result: dict[str, Any]) -> None:
-    """One JSON object on stdout; numbers that are not finite become null."""
+def emit(result: dict[str, Any] | list[dict[str, Any]]) -> None:
+    """One JSON object on stdout, or a list of them; numbers that are not finite become null."""
     print(as_json(result))
 
 
@@ -33,8 +33,10 @@ def say(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
-def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, prose: bool = False) -> None:
-    """A table on stdout; `prose` for columns of text, which read from the left."""
+def table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, prose: bool = False, note: str = ""
+) -> None:
+    """A table on stdout; `prose` for columns of text, which read from the left; a `note` below says how to read it."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -45,7 +47,10 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], 
     for row in rows:
         made.add_row(*(escape(str(cell)) for cell in row))
     # A pipe or a file has no width to wrap at.
-    Console(width=None if sys.stdout.isatty() else 160).print(made)
+    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+    console.print(made)
+    if note:
+        console.print(escape(note), style="dim")
 
 
 class Bar(Protocol):

@@ -5,19 +5,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import refuse_file, refuse_repeated
+from dpr_lab.cli.checks import refuse_file
 from dpr_lab.cli.console import emit, json_mode, progress, say, table
-from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
     from dpr_lab.effects.effect import Effect
     from dpr_lab.gap.diagnosis import Diagnosis
-    from dpr_lab.model import Model
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 
@@ -58,6 +54,7 @@ def diagnose(
     from dpr_lab.model import load_model
     from dpr_lab.report.saving import save_diagnosis
     from dpr_lab.rig import load_rig
+    from dpr_lab.run import refuse_repeated
     from dpr_lab.storage.reader import load_run
 
     described = load_rig(rig)
@@ -72,30 +69,16 @@ def diagnose(
         held_out=unseen,
         library=chosen_library(library, without or []),
         max_effects=max_effects,
-        start=starting_point(load_model(model), described) if model else None,
+        start=load_model(model).starting_point(described) if model else None,
         seed=seed,
     )
-    written = save_diagnosis(found, [*loaded], described, out) if out else {}
+    written = save_diagnosis(found, loaded, described, out) if out else {}
     if as_json:
         emit(found.to_json() | ({"files": written} if written else {}))
         return
     show(found)
     for name, path in written.items():
         say(f"{name}: {path}")
-
-
-def starting_point(model: "Model", rig: "Rig") -> "NDArray[np.float64]":
-    """(6,) ratios and b of a model.
-
-    Raises:
-        RunError: it is a model of another rig.
-    """
-    if (model.rig.name, model.rig.L1) != (rig.name, rig.rig.L1):
-        raise RunError(
-            f"the model is of rig {model.rig.name}, L1 = {model.rig.L1:g} m, not of {rig.name}, L1 = {rig.rig.L1:g} m:"
-            " give this rig's model, or leave --model out"
-        )
-    return model.unknowns
 
 
 def chosen_library(names: str | None, without: "Sequence[str]") -> "Mapping[str, Effect]":
@@ -134,16 +117,23 @@ def diagnose_with_progress(runs: "Sequence[Run]", rig: "Rig", **chosen: Any) -> 
 
 def show(found: "Diagnosis") -> None:
     """The diagnosis on stdout: the verdict first."""
-    from dpr_lab.report import gap_tables
+    from dpr_lab.report import gap_tables as tables
 
     print(found.sentence)
     print(found.where_sentence)
     if found.effects:
-        table("Which effects", gap_tables.EFFECT_COLUMNS, gap_tables.effect_rows(found), prose=True)
-        table("How far the gap closes", gap_tables.CLOSED_COLUMNS, gap_tables.closed_rows(found))
-    if found.rivals:
-        table("Rivals", gap_tables.RIVAL_COLUMNS, gap_tables.rival_rows(found), prose=True)
+        table("Which effects", tables.EFFECT_COLUMNS, tables.effect_rows(found), prose=True, note=tables.EFFECT_NOTE)
+    if len(found.effects) > 1:
+        table("One effect after the other", tables.STEP_COLUMNS, tables.step_rows(found), note=tables.STEP_NOTE)
+    if rows := tables.standing_rows(found):
+        table("How sure that is", tables.STANDING_COLUMNS, rows, prose=True, note=tables.STANDING_NOTE)
+    if found.effects:
+        closed = f"{tables.closed_sentence(found)} {tables.CLOSED_NOTE}"
+        table("How far the gap closes", tables.CLOSED_COLUMNS, tables.closed_rows(found), note=closed)
+    elif found.where:
+        table("Where the gap can lie", tables.PLACE_COLUMNS, tables.place_rows(found), prose=True)
     if found.sensor_findings:
-        table("Sensor faults", gap_tables.FINDING_COLUMNS, gap_tables.finding_rows(found), prose=True)
-    for advice in found.advice:
-        print(f"- {advice}")
+        table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(found), prose=True)
+    print("What to do next")
+    for number, step in enumerate(tables.next_steps(found), 1):
+        print(f"{number}. {step}")

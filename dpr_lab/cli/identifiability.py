@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import refuse_repeated
 from dpr_lab.cli.console import emit, json_mode, say, table
 from dpr_lab.errors import ConfigError
 
@@ -59,6 +58,7 @@ def _from_runs(paths: "Sequence[Path]", rig: "Rig") -> "Identifiability":
     from dpr_lab.estimation.evidence import gather
     from dpr_lab.identifiability import identifiability as judge
     from dpr_lab.identify import polish
+    from dpr_lab.run import refuse_repeated
     from dpr_lab.storage.reader import load_run
 
     runs = [load_run(path, rig=rig) for path in paths]

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import refuse_repeated
 from dpr_lab.cli.console import emit, json_mode, progress, say, table
 from dpr_lab.errors import IdentificationError
 
@@ -39,6 +38,7 @@ def identify(
     """
     json_mode(as_json)
     from dpr_lab.rig import load_rig
+    from dpr_lab.run import refuse_repeated
     from dpr_lab.search import load_search
     from dpr_lab.storage.reader import load_run
 

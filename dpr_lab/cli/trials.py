@@ -152,11 +152,11 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
 
 def _said(outcome: "Outcome") -> str:
     verdict = outcome.verdict.replace("_", " ")
-    return f"{verdict}: {_listed(outcome.named)}" if outcome.named else verdict
+    return f"{_listed(outcome.named)} ({verdict})" if outcome.named else verdict
 
 
 def _listed(names: tuple[str, ...]) -> str:
-    return " and ".join(names) or "nothing"
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names) or "nothing"
 
 
 @app.command()
@@ -218,7 +218,7 @@ def _teller(bar: Bar, n: int) -> "Callable[[int, Outcome | Failure | None], None
         elif sys.stderr.isatty():
             return
         elif last is not None:
-            say(f"{done} of {n}: there was {_listed(last.truth)}; said {_said(last)} ({last.grade})")
+            say(f"{done} of {n}: there was {_listed(last.truth)}; said {_said(last)}: {last.grade}")
         elif done:
             say(f"{done} of {n} trials are there already")
 

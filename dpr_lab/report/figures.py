@@ -1,7 +1,7 @@
 """The paper's Figures 2 to 4 for a real rig: response, error against the noise floor, evolution of the search."""
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Literal
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from dpr_lab.compare import Comparison
-from dpr_lab.errors import DprError
 from dpr_lab.model import Model
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.envelope import trace
+from dpr_lab.report.files import write_to
 from dpr_lab.report.tables import to_the_end
 
 AXES = ("inner rod θ₁", "outer rod θ₂")
@@ -51,7 +51,7 @@ def response_figure(comparisons: Sequence[Comparison]) -> Figure:
                 _draw_response(axes, comparison, axis)
         for axes in grid[-1]:
             axes.set_xlabel("time since release (s)")
-        _legend(figure)
+        legend_above(figure)
         return figure
 
 
@@ -68,7 +68,7 @@ def error_figure(comparisons: Sequence[Comparison]) -> Figure:
         grid = figure.subplots(2 * len(comparisons), 2, squeeze=False)
         for row, comparison in enumerate(comparisons):
             _draw_errors(grid[2 * row : 2 * row + 2], comparison)
-        _legend(figure)
+        legend_above(figure)
         return figure
 
 
@@ -107,29 +107,23 @@ def save_figures(model: Model, comparisons: Sequence[Comparison], out_dir: Path)
         "error": error_figure(comparisons),
         "evolution": evolution_figure(model),
     }
+    return save_each(figures, out_dir)
+
+
+def save_each(figures: Mapping[str, Figure], out_dir: Path) -> dict[str, Path]:
+    """Write figures as PNG; path of each file by the name of its figure.
+
+    Raises:
+        DprError: the folder or a file cannot be written.
+    """
     paths = {name: out_dir / f"{name}.png" for name in figures}
     for name, path in paths.items():
-        figure = figures[name]
-        write_to(path, lambda file, figure=figure: save_figure(figure, file))
+        write_to(path, lambda file, figure=figures[name]: _save(figure, file))
     return paths
 
 
-def write_to(path: Path, write: Callable[[Path], object]) -> None:
-    """Make the folder of `path` and let `write` fill the file.
-
-    Raises:
-        DprError: the folder or the file cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(path)
-    except OSError as error:
-        why = error.strerror or error
-        raise DprError(f"{path}: cannot be written: {why}; choose another folder for the report") from error
-
-
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as a small PNG."""
+def _save(figure: Figure, path: Path) -> None:
+    """As a small PNG."""
     canvas = FigureCanvasAgg(figure)
     with style.house_style(), warnings.catch_warnings():
         # A run named in a script the font lacks is drawn with boxes; its name stands in full in the tables.
@@ -216,7 +210,8 @@ def _note(axes: Axes, text: str, side: Literal["left", "right"] = "left") -> Non
     axes.text(x, 0.97, text, transform=axes.transAxes, ha=side, va="top", fontsize=8, zorder=5, bbox=style.NOTE_BOX)
 
 
-def _legend(figure: Figure) -> None:
+def legend_above(figure: Figure) -> None:
+    """One legend for all panels, above them."""
     handles = {str(h.get_label()): h for axes in figure.axes for h in axes.get_legend_handles_labels()[0]}
     figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=len(handles))
 

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from dpr_lab.gap.diagnosis import Diagnosis, Where
 from dpr_lab.report import style
-from dpr_lab.report.figures import empty_figure, new_figure, save_figure, write_to
-from dpr_lab.report.gap_tables import COORDINATES, QUANTITIES
+from dpr_lab.report.figures import empty_figure, legend_above, new_figure, save_each
+from dpr_lab.report.gap_tables import COORDINATES, QUANTITIES, place_map, steps
 
 PLACES = 4
 
@@ -31,33 +31,29 @@ def where_figure(places: Sequence[Where]) -> Figure:
 
 
 def _draw_place(axes: Axes, place: Where) -> None:
-    label, factor = QUANTITIES[place.unit]
-    knots, values = np.array(place.knots), factor * np.array(place.values)
-    reach = 1.645 * factor * np.array(place.std)
+    knots, values, reach = place_map(place)
     axes.fill_between(knots, values - reach, values + reach, alpha=0.25, color=style.RESIDUAL["color"], linewidth=0)
     axes.plot(knots, values, marker="o", markersize=3, color=style.RESIDUAL["color"])
     axes.axhline(0.0, color="#555555", linewidth=0.8)
-    axes.set_title(f"{place.site} by {place.coordinate}: {place.share:.0%} of the gap")
+    axes.set_title(f"{place.site} by {place.coordinate}: {place.share:.0%} of the excess")
     axes.set_xlabel(COORDINATES[place.coordinate])
-    axes.set_ylabel(label)
+    axes.set_ylabel(QUANTITIES[place.unit][0])
 
 
 def waterfall_figure(diagnosis: Diagnosis) -> Figure:
     """Gap left after each named effect, beside the noise floor."""
     with style.house_style():
-        gap = diagnosis.gap
-        names = ["bare model", *(f"+ {step['effect']}" for step in gap.waterfall)]
-        before = float(np.linalg.norm(list(gap.before_rad.values())))
-        heights = 1e3 * np.array([before, *(step["rms_rad"] for step in gap.waterfall)])
-        floor = 1e3 * float(np.linalg.norm(list(gap.floor_rad.values())))
-        figure = new_figure(0.9 + 0.4 * len(names))
+        names, gaps = zip(*steps(diagnosis), strict=True)
+        heights = 1e3 * np.array(gaps)
+        floor = 1e3 * float(np.linalg.norm(list(diagnosis.gap.floor_rad.values())))
+        figure = new_figure(1.1 + 0.4 * len(names))
         axes = figure.subplots()
         bars = axes.barh(names, heights, color=style.RESIDUAL["color"], height=0.6)
         axes.bar_label(bars, [f"{height:.3g}" for height in heights], padding=4)
         axes.axvline(floor, label="noise floor", **style.HORIZON)
         axes.invert_yaxis()
         axes.set_xlabel("gap above the noise, both joints, segments of 0.5 s (mrad rms)")
-        axes.legend(loc="lower right")
+        legend_above(figure)
         return figure
 
 
@@ -75,9 +71,11 @@ def horizon_figure(diagnosis: Diagnosis) -> Figure:
         floor = 1e3 * float(np.mean(list(diagnosis.gap.floor_rad.values())))
         axes.axhline(floor, label="noise of a reading", **style.HORIZON)
         axes.set_ylim(bottom=floor / 30)
+        axes.set_xticks(lengths, list(diagnosis.gap.by_horizon))
+        axes.minorticks_off()
         axes.set_xlabel("horizon (s)")
         axes.set_ylabel("gap above the noise (mrad rms)")
-        axes.legend()
+        legend_above(figure)
         return figure
 
 
@@ -95,7 +93,4 @@ def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
         "waterfall": waterfall_figure(diagnosis),
         "gap_horizon": horizon_figure(diagnosis),
     }
-    paths = {name: out_dir / f"{name}.png" for name in figures}
-    for name, path in paths.items():
-        write_to(path, lambda file, figure=figures[name]: save_figure(figure, file))
-    return paths
+    return save_each(figures, out_dir)

@@ -1,14 +1,19 @@
-"""One HTML page of a diagnosis: verdict, where, which, how sure, how far, what next, and every assumption."""
+"""One HTML page of a diagnosis: verdict, which, how sure, what next, how far, where, and every assumption."""
 
-from collections.abc import Mapping, Sequence
-from html import escape
-from importlib.resources import files
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from dpr_lab.gap.diagnosis import Diagnosis
-from dpr_lab.report import gap_tables
-from dpr_lab.report.figures import write_to
-from dpr_lab.report.html import figure_html, table_html
+from dpr_lab.report import gap_tables as tables
+from dpr_lab.report.page import (
+    figures_html,
+    list_html,
+    page_html,
+    paragraph_html,
+    section_html,
+    table_html,
+    write_page,
+)
 
 FIGURES = {
     "where": (
@@ -25,6 +30,8 @@ FIGURES = {
     ),
 }
 
+_NONE_NAMED = paragraph_html("No effect is named.")
+
 
 def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: Mapping[str, Path]) -> Path:
     """Write `diagnosis.html`.
@@ -38,64 +45,41 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
     Raises:
         DprError: the page cannot be written.
     """
-    path = out_dir / "diagnosis.html"
-    page = _page(diagnosis, title, figures)
-    write_to(path, lambda file: file.write_bytes(page.encode("utf-8", "replace")))
-    return path
-
-
-def _page(diagnosis: Diagnosis, title: str, figures: Mapping[str, Path]) -> str:
-    template = files("dpr_lab.report").joinpath("template.html").read_text(encoding="utf-8")
-    head = template.split("<body>")[0].replace("$title", escape(title))
-    drawn = {name: figure_html(name, path, *FIGURES[name]) for name, path in figures.items()}
+    drawn = figures_html(figures, FIGURES)
     sections = [
-        f'<header>\n<h1>{escape(title)}</h1>\n<p class="summary">{escape(diagnosis.sentence)}</p>\n</header>\n<main>',
-        _section("Which effects", _effects(diagnosis)),
-        _section("Where", f"<p>{escape(diagnosis.where_sentence)}</p>{_places(diagnosis)}{drawn.get('where', '')}"),
-        _section(
-            "How far the gap closes", _closed(diagnosis) + drawn.get("waterfall", "") + drawn.get("gap_horizon", "")
+        section_html("Which effects", *_which(diagnosis)),
+        section_html("What to do next", list_html(tables.next_steps(diagnosis), numbered=True)),
+        section_html("How far the gap closes", *_closed(diagnosis), drawn["waterfall"], drawn["gap_horizon"]),
+        section_html("Where", paragraph_html(diagnosis.where_sentence), _places(diagnosis), drawn["where"]),
+        section_html(
+            "Sensors", _rows(tables.FINDING_COLUMNS, tables.finding_rows(diagnosis)) or "<p>No fault was found.</p>"
         ),
-        _section("What to do next", _list(diagnosis.advice) or "<p>Nothing is open.</p>"),
-        _section(
-            "Sensors", _rows(gap_tables.FINDING_COLUMNS, gap_tables.finding_rows(diagnosis), "No fault was found.")
-        ),
-        _section(
+        section_html(
             "What these recordings would show",
-            table_html(gap_tables.DETECTABLE_COLUMNS, gap_tables.detectable_rows(diagnosis), style="prose"),
+            table_html(tables.DETECTABLE_COLUMNS, tables.detectable_rows(diagnosis), style="prose"),
         ),
-        _section("Assumptions", _list(diagnosis.assumptions)),
+        section_html("Assumptions", list_html(diagnosis.assumptions)),
     ]
-    return head + "<body>\n" + "\n".join(sections) + "\n</main>\n</body>\n</html>\n"
+    return write_page(page_html(title, diagnosis.sentence, sections), out_dir / "diagnosis.html")
 
 
-def _section(title: str, body: str) -> str:
-    return f"<section>\n<h2>{escape(title)}</h2>\n{body}\n</section>"
+def _which(diagnosis: Diagnosis) -> Iterator[str]:
+    """The effects, how the gap falls with them, and what else each can be."""
+    yield _rows(tables.EFFECT_COLUMNS, tables.effect_rows(diagnosis), tables.EFFECT_NOTE) or _NONE_NAMED
+    if diagnosis.gap.waterfall:
+        yield _rows(tables.STEP_COLUMNS, tables.step_rows(diagnosis), tables.STEP_NOTE)
+    yield _rows(tables.STANDING_COLUMNS, tables.standing_rows(diagnosis), tables.STANDING_NOTE)
 
 
-def _list(sentences: Sequence[str]) -> str:
-    if not sentences:
-        return ""
-    return "<ul>\n" + "\n".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "\n</ul>"
-
-
-def _rows(columns: Sequence[str], rows: Sequence[Sequence[str]], nothing: str) -> str:
-    return table_html(columns, rows, style="prose") if rows else f"<p>{escape(nothing)}</p>"
-
-
-def _effects(diagnosis: Diagnosis) -> str:
-    named = _rows(gap_tables.EFFECT_COLUMNS, gap_tables.effect_rows(diagnosis), "No effect is named.")
-    return named + _rows(gap_tables.RIVAL_COLUMNS, gap_tables.rival_rows(diagnosis), "There is no rival.")
+def _closed(diagnosis: Diagnosis) -> Iterator[str]:
+    yield paragraph_html(tables.closed_sentence(diagnosis))
+    yield _rows(tables.CLOSED_COLUMNS, tables.closed_rows(diagnosis), tables.CLOSED_NOTE)
 
 
 def _places(diagnosis: Diagnosis) -> str:
-    return _rows(gap_tables.PLACE_COLUMNS, gap_tables.place_rows(diagnosis), "")
+    return _rows(tables.PLACE_COLUMNS, tables.place_rows(diagnosis))
 
 
-def _closed(diagnosis: Diagnosis) -> str:
-    share = diagnosis.gap.closed_held_out
-    low, high = share.interval90
-    said = (
-        f"<p>On releases that took no part in the fit {share.estimate:.1%} of the gap above the noise closes"
-        f" (90 % interval {low:.1%} to {high:.1%}).</p>"
-    )
-    return said + _rows(gap_tables.CLOSED_COLUMNS, gap_tables.closed_rows(diagnosis), "")
+def _rows(columns: Sequence[str], rows: Sequence[Sequence[str]], note: str = "") -> str:
+    """A table of prose; nothing where it would be empty."""
+    return table_html(columns, rows, note, style="prose") if rows else ""

@@ -1,14 +1,44 @@
-"""A diagnosis as rows of text."""
+"""A diagnosis as rows of text, and what its numbers mean."""
 
-from dpr_lab.gap.diagnosis import Diagnosis
-from dpr_lab.report.digits import three
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
 
-EFFECT_COLUMNS = ("effect", "cannot be told from", "probability", "share of the gap", "parameters, 90 % interval")
-RIVAL_COLUMNS = ("instead of", "rival", "probability", "cosine")
-PLACE_COLUMNS = ("where", "by", "share of the gap", "what it looks like")
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.gap.diagnosis import Diagnosis, RivalEffect, Where
+from dpr_lab.report.digits import NONE, three
+
+EFFECT_COLUMNS = ("effect", "cannot be told from", "probability", "excess without it", "size, 90 % interval")
+STEP_COLUMNS = ("model", "gap left (mrad)", "excess explained")
+STANDING_COLUMNS = ("place of", "what it can be", "probability", "likeness", "what tells it apart")
+PLACE_COLUMNS = ("where", "by", "share of the excess", "what it looks like")
 CLOSED_COLUMNS = ("run", "gap closed", "free run before (mrad)", "after (mrad)")
 DETECTABLE_COLUMNS = ("effect", "least detectable size")
 FINDING_COLUMNS = ("finding", "run", "axis", "at (s)", "evidence")
+
+EFFECT_NOTE = (
+    "Excess: the gap above the noise, squared (half the gap is a quarter of the excess). Excess without it: what comes"
+    " back when this effect alone is left out and the others are fitted again; effects stand in for each other in part,"
+    " so these shares need not add up to 100 %. Effects that cannot be told apart share one probability."
+)
+STEP_NOTE = (
+    "Gap: rms above the noise, both joints, segments of 0.5 s. Effects are added one at a time, the most telling first,"
+    " so these shares do add up; the last is that of all effects together."
+)
+STANDING_NOTE = (
+    "The probabilities of one place add up to 100 %. Likeness: cosine of what the two do to these readings, 1 is alike."
+)
+CLOSED_NOTE = (
+    "Gap closed: by how much the rms falls, each release predicted from the others (a single one by quarters). Free"
+    " run: 2.6 s from a start state that only the first 0.3 s fix."
+)
+
+SPLIT = "these recordings"
+
+RIVALS_SHOWN, OPEN = 2, 0.05
+"""So many rivals of each place, and all that are at least so probable; the others are counted together."""
 
 QUANTITIES = {
     "N m": ("torque (mN m)", 1e3),
@@ -25,13 +55,16 @@ COORDINATES = {
     "load": "joint force (N)",
 }
 
+UNKNOWN = 1e3
+"""Standard deviation over the largest value of a map, above which the recordings do not reach a knot."""
+
 
 def effect_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """One row for each named effect."""
     return [
         (
             item.name,
-            ", ".join(name for name in item.members if name != item.name) or "–",
+            ", ".join(name for name in item.members if name != item.name) or NONE,
             f"{item.probability:.0%}",
             f"{item.share:.1%}",
             "; ".join(
@@ -43,17 +76,109 @@ def effect_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     ]
 
 
-def rival_rows(diagnosis: Diagnosis, count: int = 6) -> list[tuple[str, ...]]:
-    """The likeliest rivals."""
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """A named effect's place in the model, or that of the closest one where none is named."""
+
+    name: str
+    members: tuple[str, ...]
+    probability: float
+    rivals: tuple[RivalEffect, ...]
+
+
+def standing_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """What each named effect can be instead, how probable that is, and what tells it apart; up to 100 % in each."""
+    outside = diagnosis.probabilities["unexplained"]
+    left = f"{1 - diagnosis.gap.explained_share:.1%} of the excess is left"
+    rows: list[tuple[str, ...]] = []
+    for place in _places(diagnosis):
+        likeliest = [r for i, r in enumerate(place.rivals) if i < RIVALS_SHOWN or r.probability >= OPEN]
+        rest = 1 - outside - place.probability - sum(rival.probability for rival in likeliest)
+        twins = _next_step(diagnosis, *place.members[:2]) if len(place.members) > 1 else ""
+        rows.append((place.name, " or ".join(place.members), _sure(place.probability), NONE, twins or NONE))
+        rows += [("", r.name, _sure(r.probability), f"{r.cosine:.4f}", _split(diagnosis, place, r)) for r in likeliest]
+        rows.append(("", "another rival, or no effect", _sure(rest), NONE, SPLIT))
+        rows.append(("", "a cause outside the library", _sure(outside), NONE, left))
+    return rows
+
+
+def _places(diagnosis: Diagnosis) -> Iterator[_Place]:
+    named = diagnosis.effects or [rival for rival in diagnosis.rivals if not rival.instead_of]
+    for item in named:
+        rivals = tuple(rival for rival in diagnosis.rivals if rival.instead_of == item.name)
+        yield _Place(item.name, tuple(item.members), item.probability, rivals)
+
+
+def _split(diagnosis: Diagnosis, place: _Place, rival: RivalEffect) -> str:
+    """What to do next where that decides between them; else these recordings have done it."""
+    return _next_step(diagnosis, place.name, rival.name) or SPLIT
+
+
+def _next_step(diagnosis: Diagnosis, *names: str) -> str:
+    """By its number, the first that speaks of all these effects; nothing where there is none."""
+    numbers = (i for i, said in enumerate(diagnosis.advice, 1) if {*names} <= {*re.findall(r"\w+", said)})
+    return next((f"next step {i}" for i in numbers), "")
+
+
+def _sure(probability: float) -> str:
+    if probability < 1e-3:
+        return "< 0.1%"
+    return f"{probability:.0%}" if probability >= 0.1 else f"{probability:.1%}"
+
+
+def step_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """The gap and the share of the excess explained, from the bare model to that with all effects."""
+    gaps, explained = steps(diagnosis), diagnosis.gap.explained_share
+    shares = [1 - (gap / gaps[0][1]) ** 2 if gaps[0][1] > 0 else 0.0 for _, gap in gaps[:-1]]
+    shares += [explained] if len(gaps) > 1 else [0.0]
+    return [(name, three(1e3 * gap), f"{share:.1%}") for (name, gap), share in zip(gaps, shares, strict=True)]
+
+
+def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
+    """Each model from the bare one on, and the gap that it leaves, both joints, rad."""
+    before = float(np.linalg.norm(list(diagnosis.gap.before_rad.values())))
     return [
-        (item.instead_of or "–", " or ".join(item.members), f"{item.probability:.2g}", f"{item.cosine:.4f}")
-        for item in diagnosis.rivals[:count]
+        ("bare model", before),
+        *((f"+ {step['effect']}", float(step["rms_rad"])) for step in diagnosis.gap.waterfall),
     ]
+
+
+def closed_sentence(diagnosis: Diagnosis) -> str:
+    """How much of the gap closes on data that were not used; nothing where the model stays bare."""
+    share, names = diagnosis.gap.closed_held_out, [step["effect"] for step in diagnosis.gap.waterfall]
+    if not names:
+        return ""
+    low, high = share.interval90
+    return (
+        f"With {' and '.join(names)} {share.estimate:.1%} of the gap closes on data that took no part in the fit"
+        f" (90 % interval {low:.1%} to {high:.1%})."
+    )
+
+
+def next_steps(diagnosis: Diagnosis) -> list[str]:
+    """What to record or to check next; what to do with a remainder that has no name."""
+    left = {
+        "partly_explained": "The rest has another cause, or is another form of what is named: check that on the bench.",
+        "unexplained": "No effect of the library is the cause: look on the bench where the gap lies, joint by joint.",
+    }
+    rest = [left[diagnosis.verdict]] if diagnosis.verdict in left else []
+    return [*diagnosis.advice, *rest] or ["Nothing is open."]
 
 
 def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
     """The places that explain most."""
     return [(item.site, item.coordinate, f"{item.share:.0%}", item.sentence) for item in diagnosis.where[:count]]
+
+
+def place_map(place: Where) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Knots of a place's map, its values there and how far their 90 % intervals reach, in the unit of `QUANTITIES`.
+
+    Value and reach are NaN at a knot that the recordings do not reach.
+    """
+    _, factor = QUANTITIES.get(place.unit, ("", 1.0))
+    knots, values, std = np.array(place.knots), np.array(place.values), np.array(place.std)
+    known = np.where(std < UNKNOWN * np.abs(values).max(initial=0.0), factor, np.nan)
+    return knots, known * values, 1.645 * (known * std)
 
 
 def closed_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
@@ -64,8 +189,8 @@ def closed_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     rows = []
     for name, (label, share) in shares.items():
         free = gap.free_run_rad.get(name, {})
-        before, after = (three(1e3 * free[key]) if key in free else "–" for key in ("before", "after"))
-        rows.append((label, f"{share:.1%}", before, after))
+        before, after = (three(1e3 * free[key]) if key in free else NONE for key in ("before", "after"))
+        rows.append((label, f"{share:.1%}" if gap.waterfall else NONE, before, after))
     return rows
 
 
@@ -83,6 +208,6 @@ def detectable_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 def finding_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Sensor faults."""
     return [
-        (item.name, item.run, item.axis or "–", "–" if item.at_s is None else f"{item.at_s:.3f}", item.evidence)
+        (item.name, item.run, item.axis or NONE, NONE if item.at_s is None else f"{item.at_s:.3f}", item.evidence)
         for item in diagnosis.sensor_findings
     ]

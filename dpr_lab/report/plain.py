@@ -2,12 +2,12 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 
-def as_json(result: Mapping[str, Any]) -> str:
-    """One JSON object, indented."""
+def as_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> str:
+    """One JSON object or a list of them, indented."""
     return json.dumps(_finite(result), indent=1, default=str)
 
 

@@ -9,11 +9,12 @@ from dpr_lab.gap.corrected import corrected_model
 from dpr_lab.gap.diagnosis import Diagnosis
 from dpr_lab.gap.export import mjcf, python_module
 from dpr_lab.model import Model
-from dpr_lab.report.figures import save_figures, write_to
+from dpr_lab.report.figures import save_figures
+from dpr_lab.report.files import write_json as write_json
+from dpr_lab.report.files import write_to
 from dpr_lab.report.gap_figures import save_gap_figures
 from dpr_lab.report.gap_html import write_gap_report
 from dpr_lab.report.html import write_report
-from dpr_lab.report.plain import as_json
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -60,17 +61,6 @@ def save_diagnosis(found: Diagnosis, runs: Sequence[Run], rig: Rig, out: Path) -
         "model": str(out / "model.json"),
         **{name: str(path) for name, (path, _) in exports.items()},
     }
-
-
-def write_json(result: dict[str, Any], path: Path) -> None:
-    """Write the JSON that a command prints, whole or not at all.
-
-    Raises:
-        DprError: the file cannot be written.
-    """
-    fresh = path.with_name(f"{path.name}.new")
-    write_to(fresh, lambda file: file.write_text(as_json(result) + "\n", encoding="utf-8"))
-    fresh.replace(path)
 
 
 def _record(comparison: Comparison) -> dict[str, Any]:

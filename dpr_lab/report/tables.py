@@ -2,13 +2,16 @@
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.compare import Comparison
-from dpr_lab.model import Model
 from dpr_lab.report.digits import NONE, interval, pair, plus_minus, three
+
+if TYPE_CHECKING:
+    from dpr_lab.compare import Comparison
+    from dpr_lab.model import Model
 
 RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
 PARAMETER_COLUMNS = ("parameter", "value ± std", "unit", "fixed by", "what it is")
@@ -47,7 +50,7 @@ SAME_AS_NOISE = 1.2
 BELOW_NOISE = 0.8
 
 
-def summary(model: Model, comparisons: Sequence[Comparison] = ()) -> str:
+def summary(model: "Model", comparisons: "Sequence[Comparison]" = ()) -> str:
     """One sentence: whether anything but noise is left, on the runs of the fit and on those held out."""
     if model.failures:
         return f"Not to be trusted: {'; '.join(model.failures)}."
@@ -59,7 +62,7 @@ def summary(model: Model, comparisons: Sequence[Comparison] = ()) -> str:
     return f"{_verdict(used, held_out)} ({sizes}; {_held_out(held_out)})."
 
 
-def ratio_rows(model: Model) -> list[list[str]]:
+def ratio_rows(model: "Model") -> list[list[str]]:
     """The five ratios, one row each, in the columns `RATIO_COLUMNS`."""
     return [
         [
@@ -72,7 +75,7 @@ def ratio_rows(model: Model) -> list[list[str]]:
     ]
 
 
-def parameter_rows(model: Model) -> list[list[str]]:
+def parameter_rows(model: "Model") -> list[list[str]]:
     """The nine kinetic parameters and what fixed each, in the columns `PARAMETER_COLUMNS`."""
     rows: list[list[str]] = []
     for name, parameter in model.parameters.items():
@@ -81,7 +84,7 @@ def parameter_rows(model: Model) -> list[list[str]]:
     return rows
 
 
-def comparison_rows(comparisons: Sequence[Comparison]) -> list[list[str]]:
+def comparison_rows(comparisons: "Sequence[Comparison]") -> list[list[str]]:
     """One row for each compared run, in the columns `COMPARISON_COLUMNS`."""
     return [
         [
@@ -99,7 +102,7 @@ def comparison_rows(comparisons: Sequence[Comparison]) -> list[list[str]]:
     ]
 
 
-def run_rows(model: Model) -> list[list[str]]:
+def run_rows(model: "Model") -> list[list[str]]:
     """The runs that the model was identified from, in the columns `RUN_COLUMNS`."""
     return [
         [
@@ -115,7 +118,7 @@ def run_rows(model: Model) -> list[list[str]]:
     ]
 
 
-def search_rows(model: Model) -> list[list[str]]:
+def search_rows(model: "Model") -> list[list[str]]:
     """How the model was found: enough to repeat the search, in the columns `SEARCH_COLUMNS`."""
     search, fit = model.search, model.fit
     best = ", ".join(f"{name} = {value:.4g}" for name, value in search.best.items())
@@ -131,7 +134,7 @@ def search_rows(model: Model) -> list[list[str]]:
     ]
 
 
-def to_the_end(comparison: Comparison) -> bool:
+def to_the_end(comparison: "Comparison") -> bool:
     """Whether the free run can be predicted to the end of the record."""
     return len(comparison.t) > 0 and comparison.horizon_s >= comparison.t[-1]
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from dpr_lab.report import style
-from dpr_lab.report.figures import empty_figure, new_figure, save_figure, write_to
+from dpr_lab.report.figures import empty_figure, new_figure, save_each
 from dpr_lab.report.trials_tables import size_range
 
 Summary = Mapping[str, Any]
@@ -101,7 +101,4 @@ def save_trial_figures(summary: Summary, out_dir: Path) -> dict[str, Path]:
         "confusion": confusion_figure(summary),
         "reliability": reliability_figure(summary),
     }
-    paths = {name: out_dir / f"{name}.png" for name in figures}
-    for name, path in paths.items():
-        write_to(path, lambda file, figure=figures[name]: save_figure(figure, file))
-    return paths
+    return save_each(figures, out_dir)

@@ -1,14 +1,19 @@
 """One HTML page of blind trials: scores, what was taken for what, what a probability and an interval are worth."""
 
 from collections.abc import Mapping, Sequence
-from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from dpr_lab.report import trials_tables as tables
-from dpr_lab.report.figures import write_to
-from dpr_lab.report.html import figure_html, table_html
+from dpr_lab.report.page import (
+    figures_html,
+    list_html,
+    page_html,
+    paragraph_html,
+    section_html,
+    table_html,
+    write_page,
+)
 
 Summary = Mapping[str, Any]
 
@@ -44,32 +49,23 @@ def write_trials_report(
     Raises:
         DprError: the page cannot be written.
     """
-    path = out_dir / "trials.html"
-    page = _page(summary, setting, failures, figures)
-    write_to(path, lambda file: file.write_bytes(page.encode("utf-8", "replace")))
-    return path
-
-
-def _page(summary: Summary, setting: str, failures: Sequence[str], figures: Mapping[str, Path]) -> str:
-    title = "Blind trials of the diagnosis"
-    template = files("dpr_lab.report").joinpath("template.html").read_text(encoding="utf-8")
-    drawn = {name: figure_html(name, path, *FIGURES[name]) for name, path in figures.items()}
+    drawn = figures_html(figures, FIGURES)
     sections = [
-        f'<header>\n<h1>{title}</h1>\n<p class="summary">{escape(sentence(summary))}</p>\n</header>\n<main>',
-        f"<p>{escape(setting)} Every plant was sealed before it was recorded and opened after its diagnosis.</p>",
-        _section("Trials that ended in an error", _list(failures)) if failures else "",
-        _section("Scores", table_html(tables.SCORE_COLUMNS, tables.score_rows(summary))),
-        _section("By what was hidden", table_html(tables.KIND_COLUMNS, tables.kind_rows(summary))),
-        _section("How small", drawn["by_size"] + table_html(tables.SIZE_COLUMNS, tables.size_rows(summary))),
-        _section("What was taken for what", drawn["confusion"] + _astray(summary)),
-        _section(
+        paragraph_html(f"{setting} Every plant was sealed before it was recorded and opened after its diagnosis."),
+        section_html("Trials that ended in an error", list_html(failures)) if failures else "",
+        section_html("Scores", table_html(tables.SCORE_COLUMNS, tables.score_rows(summary))),
+        section_html("By what was hidden", table_html(tables.KIND_COLUMNS, tables.kind_rows(summary))),
+        section_html("How small", drawn["by_size"], table_html(tables.SIZE_COLUMNS, tables.size_rows(summary))),
+        section_html("What was taken for what", drawn["confusion"], _astray(summary)),
+        section_html(
             "What a probability is worth",
-            drawn["reliability"] + table_html(tables.CLAIM_COLUMNS, tables.claim_rows(summary)),
+            drawn["reliability"],
+            table_html(tables.CLAIM_COLUMNS, tables.claim_rows(summary)),
         ),
-        _section("By effect", table_html(tables.EFFECT_COLUMNS, tables.effect_rows(summary))),
+        section_html("By effect", table_html(tables.EFFECT_COLUMNS, tables.effect_rows(summary))),
     ]
-    head = template.split("<body>")[0].replace("$title", title)
-    return head + "<body>\n" + "\n".join(sections) + "\n</main>\n</body>\n</html>\n"
+    page = page_html("Blind trials of the diagnosis", sentence(summary), sections)
+    return write_page(page, out_dir / "trials.html")
 
 
 def sentence(summary: Summary) -> str:
@@ -87,14 +83,6 @@ def sentence(summary: Summary) -> str:
 
 def _astray(summary: Summary) -> str:
     if not summary["astray"]:
-        return "<p>No trial went astray.</p>"
+        return paragraph_html("No trial went astray.")
     caption = "Every trial that did not go right; kind and seed draw it again."
     return table_html(tables.ASTRAY_COLUMNS, tables.astray_rows(summary), caption, style="prose")
-
-
-def _section(title: str, body: str) -> str:
-    return f"<section>\n<h2>{escape(title)}</h2>\n{body}\n</section>"
-
-
-def _list(sentences: Sequence[str]) -> str:
-    return "<ul>\n" + "\n".join(f"<li>{escape(item)}</li>" for item in sentences) + "\n</ul>"

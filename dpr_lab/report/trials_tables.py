@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from dpr_lab.report.digits import NONE, three
+
 Summary = Mapping[str, Any]
 
 SCORE_COLUMNS = ("what", "value", "90 % interval", "of")
@@ -51,7 +53,7 @@ def score_rows(summary: Summary) -> list[tuple[str, ...]]:
         for name, said in SHARES.items()
         if summary["of"][name]
     ]
-    return shares + [(said, number(summary[name]), "–", "–") for name, said in NUMBERS.items()]
+    return shares + [(said, number(summary[name]), NONE, NONE) for name, said in NUMBERS.items()]
 
 
 def kind_rows(summary: Summary) -> list[tuple[str, ...]]:
@@ -121,16 +123,16 @@ def size_range(row: Mapping[str, Any]) -> str:
 
 def percent(share: float | None) -> str:
     """A share for reading; a dash where there is none."""
-    return "–" if share is None or share != share else f"{100 * share:.3g} %"
+    return NONE if share is None or share != share else f"{100 * share:.3g} %"
 
 
 def number(value: float | None) -> str:
     """A number for reading; a dash where there is none."""
-    return "–" if value is None or value != value else f"{value:.3g}"
+    return NONE if value is None else three(value)
 
 
 def _interval(bounds: Sequence[float] | None) -> str:
-    return "–" if bounds is None else f"{percent(bounds[0])} to {percent(bounds[1])}"
+    return NONE if bounds is None else f"{percent(bounds[0])} to {percent(bounds[1])}"
 
 
 def _names(names: Sequence[str]) -> str:

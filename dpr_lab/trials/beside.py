@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dpr_lab.report.digits import three
+from dpr_lab.report.digits import NONE, three
 from dpr_lab.rig import Rig
 from dpr_lab.trials.protocol import Opened
 from dpr_lab.trials.score import cause_named
@@ -23,8 +23,8 @@ def beside(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
         label = known or f"{truth.foreign} (any of {', '.join(right)})"
         rows.append((label, _true(sizes.get(known or "", {})), *_said(found)))
     if truth.outside:
-        rows.append((f"{truth.foreign} (not in the library)", "–", said["verdict"], "–", "–"))
-    return rows + [("–", "–", *_said(effect)) for effect in left]
+        rows.append((f"{truth.foreign} (not in the library)", NONE, said["verdict"], NONE, NONE))
+    return rows + [(NONE, NONE, *_said(effect)) for effect in left]
 
 
 def _named(opened: Opened) -> list[Mapping[str, Any]]:
@@ -32,12 +32,12 @@ def _named(opened: Opened) -> list[Mapping[str, Any]]:
 
 
 def _true(sizes: Mapping[str, float]) -> str:
-    return "; ".join(f"{name} {three(value)}" for name, value in sizes.items()) or "–"
+    return "; ".join(f"{name} {three(value)}" for name, value in sizes.items()) or NONE
 
 
 def _said(effect: Mapping[str, Any] | None) -> tuple[str, str, str]:
     if effect is None:
-        return "–", "–", "–"
+        return NONE, NONE, NONE
     twins = [name for name in effect["class"] if name != effect["name"]]
     sizes = (
         f"{name} {three(found['value'])} [{three(found['interval90'][0])}, {three(found['interval90'][1])}]"

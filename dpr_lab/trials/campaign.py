@@ -13,9 +13,10 @@ from typing import Any
 
 from dpr_lab import __version__
 from dpr_lab.errors import DprError, RunError
+from dpr_lab.report.files import write_json
 from dpr_lab.rig import load_rig
 from dpr_lab.trials.case import run_case
-from dpr_lab.trials.protocol import read_json, write_json
+from dpr_lab.trials.protocol import read_json
 from dpr_lab.trials.score import Outcome, read_outcome
 from dpr_lab.trials.sealing import Kind, Level
 from dpr_lab.trials.workers import Case, Done, on_cluster, on_this_machine
@@ -120,11 +121,7 @@ def _claim(folder: Path, campaign: Campaign) -> None:
     said = json.loads(json.dumps(asdict(campaign))) | {"version": __version__}
     file = folder / SETTINGS
     if not file.exists():
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise DprError(f"{folder}: cannot be made: {error.strerror}") from error
-        write_json(file, said)
+        write_json(said, file)
         return
     before = read_json(file)
     other = [name for name, value in said.items() if before.get(name) != value]

@@ -9,7 +9,6 @@ opened.json      the truth, checked against the seal, and the score
 """
 
 import json
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,9 +19,9 @@ from pydantic import ValidationError
 
 from dpr_lab.capture import CaptureOptions, capture
 from dpr_lab.device import Device
-from dpr_lab.errors import DprError, RunError
+from dpr_lab.errors import RunError
 from dpr_lab.gap.diagnosis import Diagnosis
-from dpr_lab.report.plain import as_json
+from dpr_lab.report.files import write_json
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.reader import load_run
@@ -87,7 +86,7 @@ def draw(wanted: Wanted, folder: Path, on_step: Callable[[str], None] = lambda t
     trial = Trial(folder, told["seal"], f"{wanted.kind}:{wanted.level}", ())
     runs = _recorded(trial, on_step)
     names = [path.relative_to(folder).as_posix() for path in runs]
-    write_json(folder / "trial.json", {"seal": trial.seal, "asked": trial.asked, "runs": names})
+    write_json({"seal": trial.seal, "asked": trial.asked, "runs": names}, folder / "trial.json")
     return read_trial(folder)
 
 
@@ -137,7 +136,7 @@ def keep_diagnosis(trial: Trial, said: dict[str, Any]) -> None:
         RunError: the trial is open already: a diagnosis after that is not blind.
     """
     refuse_opened(trial)
-    write_json(trial.diagnosis, said)
+    write_json(said, trial.diagnosis)
 
 
 def refuse_opened(trial: Trial) -> None:
@@ -159,7 +158,7 @@ def open_trial(trial: Trial) -> Opened:
     told = unseal(trial.folder / "device")
     truth = unsealed(told, trial.seal)
     outcome = score(said, truth, trial.rig, **truth.drawn, seconds=said["seconds"], seal=trial.seal)
-    write_json(trial.opened, told | {"seal": trial.seal, "score": outcome.to_json()})
+    write_json(told | {"seal": trial.seal, "score": outcome.to_json()}, trial.opened)
     return Opened(truth, said, outcome)
 
 
@@ -183,17 +182,3 @@ def read_json(file: Path) -> dict[str, Any]:
     if not isinstance(kept, dict):
         raise RunError(f"{file}: holds no JSON object")
     return kept
-
-
-def write_json(file: Path, value: dict[str, Any]) -> None:
-    """Write a JSON object whole or not at all; numbers that are not finite become null.
-
-    Raises:
-        DprError: the file cannot be written.
-    """
-    part = file.with_name(f"{file.name}.part")
-    try:
-        part.write_text(as_json(value), encoding="utf-8")
-        os.replace(part, file)
-    except OSError as error:
-        raise DprError(f"{file}: cannot be written: {error.strerror}") from error

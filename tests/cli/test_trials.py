@@ -28,7 +28,7 @@ def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Pa
     assert said.code == 0, said.err
     assert json.loads((folder / "diagnosis.json").read_text())["verdict"] == said.json["verdict"]
     assert Path(said.json["files"]["report"]).is_file()
-    assert "wrong_length_L1" in [effect["name"] for effect in said.json["effects"]]
+    assert any("wrong_length_L1" in effect["class"] for effect in said.json["effects"])
 
     told = cli("trials", "open", folder, "--json")
     assert told.code == 0, told.err
