@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -142,6 +143,19 @@ class Model(_Record):
     def unknowns(self) -> NDArray[np.float64]:
         """(6,) the ratios, and b."""
         return np.append(self.ratio_values, self.base["b"].value)
+
+    def starting_point(self, rig: Rig) -> NDArray[np.float64]:
+        """(6,) `unknowns`, for a fit of this rig to start from.
+
+        Raises:
+            RunError: it is a model of another rig.
+        """
+        if (self.rig.name, self.rig.L1) != (rig.name, rig.rig.L1):
+            raise RunError(
+                f"the model is of rig {self.rig.name}, L1 = {self.rig.L1:g} m, not of {rig.name}, L1 = {rig.rig.L1:g}"
+                " m: identify this rig first, or leave the model out"
+            )
+        return self.unknowns
 
     def used(self, sha256: str) -> bool:
         """Whether the run with this hash took part in the identification; if not, it is held out."""

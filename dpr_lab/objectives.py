@@ -6,18 +6,20 @@ equation (2): one free run over the whole record, angles and speeds.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import added_base, base_parameters, rows
-from dpr_lab.dynamics.rollout import segment_errors
 from dpr_lab.dynamics.segments import segments as laid_end_to_end
-from dpr_lab.estimation.evidence import Evidence
 from dpr_lab.estimation.segments import cut
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.search.problem import Objective
+
+if TYPE_CHECKING:
+    from dpr_lab.estimation.evidence import Evidence
 
 STEP = 0.005
 """The paper's Runge-Kutta step and sample spacing, s; the search needs no finer one to find the basin."""
@@ -29,12 +31,12 @@ SEARCH_SEGMENT_S = 0.25
 class ObjectiveChoice:
     """An objective and the search settings that suit it."""
 
-    build: Callable[[Sequence[Evidence], Rig], Objective]
+    build: "Callable[[Sequence[Evidence], Rig], Objective]"
     settings: str
     """Name of the built-in search file."""
 
 
-def segment_objective(evidence: Sequence[Evidence], rig: Rig) -> Objective:
+def segment_objective(evidence: "Sequence[Evidence]", rig: Rig) -> Objective:
     """Mean squared whitened angle error over short segments from smoothed start states; about 1 at the noise floor.
 
     Args:
@@ -44,6 +46,8 @@ def segment_objective(evidence: Sequence[Evidence], rig: Rig) -> Objective:
     Returns:
         (n, 9) candidates -> (n, runs)
     """
+    from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
+
     parts = []
     for index, item in enumerate(evidence):
         kept = _thinned(item.run.t)
@@ -64,7 +68,7 @@ def segment_objective(evidence: Sequence[Evidence], rig: Rig) -> Objective:
     return errors
 
 
-def paper_objective(evidence: Sequence[Evidence], rig: Rig) -> Objective:
+def paper_objective(evidence: "Sequence[Evidence]", rig: Rig) -> Objective:
     """E(Z) of equation (2), by run: one free run from the smoothed first state, angles and speeds.
 
     Args:
@@ -74,6 +78,8 @@ def paper_objective(evidence: Sequence[Evidence], rig: Rig) -> Objective:
     Returns:
         (n, 9) candidates -> (n, runs)
     """
+    from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
+
     parts = []
     for item in evidence:
         kept = _thinned(item.run.t)

@@ -1,12 +1,13 @@
 """A run: one release recorded, or one table imported."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.errors import RunError
 from dpr_lab.rig import AddedMass
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "tick_gap")
@@ -68,3 +69,17 @@ class Run:
     def _cut(self, keep: NDArray[np.bool_]) -> "Run":
         counts = None if self.counts is None else self.counts[keep]
         return replace(self, t=self.t[keep], theta=self.theta[keep], counts=counts)
+
+
+def refuse_repeated(runs: Sequence[Run]) -> None:
+    """Make sure that no recording counts twice, or is held out from a fit that it takes part in.
+
+    Raises:
+        RunError: two runs hold the same recording, by the hashes of their files.
+    """
+    seen: dict[str, Run] = {}
+    for run in runs:
+        if run.sha256 in seen:
+            raise RunError(f"{run.file}: the same recording as {seen[run.sha256].file}: give each run once")
+        if run.sha256:
+            seen[run.sha256] = run

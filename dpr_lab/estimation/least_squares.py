@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios, ratio_slopes
 from dpr_lab.dynamics.base import ratios as ratios_of
@@ -124,7 +124,7 @@ class SegmentFit:
     def interval90(self, index: int) -> tuple[float, float]:
         """90 % interval of one unknown, Student-t with the blocks as units."""
         freedom = max(self.blocks - len(self.unknowns), 1)
-        reach = float(student_t.ppf(0.95, freedom)) * self.covariance[index, index] ** 0.5
+        reach = float(stdtrit(freedom, 0.95)) * self.covariance[index, index] ** 0.5
         return float(self.unknowns[index] - reach), float(self.unknowns[index] + reach)
 
 

@@ -21,7 +21,7 @@ from dpr_lab.tui.chart import Chart
 from dpr_lab.tui.compare import CompareStep
 from dpr_lab.tui.connect import ConnectStep
 from dpr_lab.tui.diagnose import DiagnoseStep
-from dpr_lab.tui.dialogs import HelpScreen, Question
+from dpr_lab.tui.dialogs import HELP_KEY, HelpScreen, Question
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.identify import IdentifyStep
 from dpr_lab.tui.keys import Keymap
@@ -60,7 +60,7 @@ class DprApp(Guarded, App[None]):
         *(Binding(str(number), f"go({number})", show=False, id=f"app.step_{number}") for number in range(1, 7)),
         Binding("n,ctrl+right", "move(1)", "Next", id="app.next"),
         Binding("p,ctrl+left", "move(-1)", "Previous", id="app.previous", show=False),
-        Binding("f1,question_mark", "help", "Help", id="app.help"),
+        HELP_KEY,
         Binding("b", "browse", "Runs", id="app.browse"),
         Binding("t", "next_theme", "Theme", show=False, id="app.theme"),
         Binding("escape", "leave", show=False, id="app.leave"),
@@ -165,13 +165,14 @@ class DprApp(Guarded, App[None]):
         self.action_go(self.steps.index(self.current) + 1 + by)
 
     def action_help(self) -> None:
-        """What this step is for and which keys work here."""
+        """What this step, or the run browser on top of it, is for and which keys work here."""
+        shown = self.screen if isinstance(self.screen, RunBrowser) else self.current
         keys = " · ".join(
             f"`{self.get_key_display(active.binding)}` {active.binding.description}"
             for active in self.screen.active_bindings.values()
             if active.binding.description and not active.binding.system
         )
-        self.push_screen(HelpScreen(f"# {self.current.NAME}\n\n{self.current.HELP}\n\nAll keys here: {keys}\n"))
+        self.push_screen(HelpScreen(f"# {shown.NAME}\n\n{shown.HELP}\n\nAll keys here: {keys}\n"))
 
     def action_browse(self) -> None:
         """Look at the runs, and choose those to work on."""

@@ -27,6 +27,8 @@ class Bench:
     """Folder that holds runs/, model.json, report/ and diagnosis/."""
     runs: list[Path] = field(default_factory=list)
     """Run files selected for identification."""
+    held_out: list[Path] = field(default_factory=list)
+    """Run files that only measure how far a diagnosis closes the gap."""
     model: Path | None = None
     diagnosis: Path | None = None
     theme: str = "dpr-dark"
@@ -61,8 +63,9 @@ def load(folder: Path) -> tuple[Bench, list[str]]:
 
 
 def _drop_missing(bench: Bench) -> list[str]:
-    gone = [run for run in bench.runs if not run.is_file()]
+    gone = list(dict.fromkeys(run for run in (*bench.runs, *bench.held_out) if not run.is_file()))
     bench.runs = [run for run in bench.runs if run not in gone]
+    bench.held_out = [run for run in bench.held_out if run not in gone]
     if bench.model is not None and not bench.model.is_file():
         gone.append(bench.model)
         bench.model = None

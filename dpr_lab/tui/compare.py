@@ -12,12 +12,13 @@ from textual.containers import Horizontal
 from textual.events import Resize
 from textual.widgets import Select, Static
 
+from dpr_lab.errors import RunError
 from dpr_lab.tui import tasks
 from dpr_lab.tui.chart import Band, Chart, Mark, Series
 from dpr_lab.tui.slider import Slider
-from dpr_lab.tui.tasks import Answer, Note, Start
+from dpr_lab.tui.tasks import Answer, LeftOut, Note, Start
 from dpr_lab.tui.texts import counted_runs
-from dpr_lab.tui.working import WorkingStep
+from dpr_lab.tui.working import NO_RUNS, WorkingStep
 
 if TYPE_CHECKING:
     from dpr_lab.compare import Comparison, FreeRun
@@ -86,7 +87,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
     def missing(self) -> str:
         """A model and runs."""
         if not self.bench.runs:
-            return "No runs selected: record some in step 3, or choose recorded ones (b)"
+            return NO_RUNS
         known = self.bench.model is not None and self.bench.model.is_file()
         return "" if known else "No model yet: identify one in step 4"
 
@@ -117,13 +118,15 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         self.begin(tasks.compare, runs=list(self.bench.runs), model=model, out=self.bench.out / "report")
 
     def progressed(self, value: Any) -> None:
-        """A compared run, a free run that was asked for, or a sentence."""
+        """A compared run or one left out, a free run that was asked for, or a sentence."""
         if isinstance(value, Answer):
             self._free_runs[value.start] = value.free_run
             self._draw()
         elif isinstance(value, Note):
             self._draw(value.text)
             self.post_message(self.Done())
+        elif isinstance(value, LeftOut):
+            self.lab.mishap(RunError(value.why))
         else:
             self._comparisons.append(value)
             self._offer_runs()

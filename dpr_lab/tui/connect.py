@@ -126,6 +126,8 @@ That closes the latch, and leaves it closed.
 
     def action_exercise(self) -> None:
         """See what the link is worth."""
+        if self.lab.line.opening:
+            raise DprError("A connection is under way: wait for the device to answer, or press d to give it up")
         connected = self.lab.line.connected
         if connected is None:
             raise DprError("Connect a device first: choose a link and press Enter")
@@ -167,7 +169,7 @@ That closes the latch, and leaves it closed.
     def _lines(self) -> list[Content]:
         line = self.lab.line
         if line.opening:
-            return [Content("connecting ...")]
+            return [Content("connecting ... (d: give up)")]
         if line.connected is None:
             return [Content.styled(f"{BAD} {line.said}", "$error") if line.said else Content("not connected")]
         return [*_identity(line.connected), *self._rods(), *self._clock(line.connected)]

@@ -17,20 +17,18 @@ from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
 from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.tui import tasks
 from dpr_lab.tui.chart import Chart, Series
+from dpr_lab.tui.runs import RunBrowser
 from dpr_lab.tui.tasks import Stage
-from dpr_lab.tui.texts import Bars, sentences, table
-from dpr_lab.tui.working import WorkingStep, work_keys
+from dpr_lab.tui.texts import Bars, named_runs, sentences, table
+from dpr_lab.tui.working import MOST_SEED, NO_RUNS, WorkingStep, work_keys
 
 if TYPE_CHECKING:
     from dpr_lab.gap.diagnosis import Diagnosis, Where
 
 TABS = {"which": "Which", "where": "Where", "far": "How far", "next": "What next"}
 FILE = "diagnosis.json"
-NOBODY = -1
-"""The choice to hold no run out."""
 
 _MRAD = 1e3
-_Z90 = 1.645
 
 
 class DiagnoseStep(WorkingStep):
@@ -42,7 +40,7 @@ class DiagnoseStep(WorkingStep):
 Says where the simulation still differs from the rig, which unmodelled effect causes it, how sure that is, what else it
 could be, how much of the gap closes on data not used for the fit, and what to record or measure next.
 
-- **held out**: a run that takes no part and only measures how far the gap closes.
+- **held out** (`h`): runs that take no part and only measure how far the gap closes.
 - *Where* shows the torque or encoder error that would explain the gap, with its 90 % interval.
 - Effects that these recordings cannot tell apart are one class and share its probability.
 
@@ -51,13 +49,14 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         *(key for key in work_keys("diagnose") if key.action in ("start", "cancel")),
+        Binding("h", "hold_out", "Hold out", id="diagnose.hold_out"),
         Binding("v", "view", "View", id="diagnose.view"),
         Binding("o", "place", "Next place", id="diagnose.place"),
     ]
     DEFAULT_CSS = """
     DiagnoseStep #form { height: 1; }
     DiagnoseStep #form Label { padding: 0 1 0 0; }
-    DiagnoseStep #form Select { width: 1fr; max-width: 44; margin-right: 2; }
+    DiagnoseStep #held-out { width: 1fr; max-width: 44; margin-right: 2; text-wrap: nowrap; text-overflow: ellipsis; }
     DiagnoseStep #form Input { width: 7; margin-right: 2; }
     DiagnoseStep #state { height: auto; max-height: 5; text-style: bold; }
     DiagnoseStep TabbedContent { height: 1fr; }
@@ -75,7 +74,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         """The form, the verdict, and the rest in tabs."""
         with Horizontal(id="form"):
             yield Label("held out")
-            yield Select([("none", NOBODY)], value=NOBODY, allow_blank=False, id="held-out", compact=True)
+            yield Static(id="held-out", markup=False)
             yield Label("effects at most")
             yield Input("4", id="max-effects", type="integer", compact=True)
             yield Label("seed")
@@ -94,34 +93,33 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
     def missing(self) -> str:
         """Runs; a model is not needed."""
-        return "" if self.bench.runs else "No runs selected: record some in step 3, or choose recorded ones (b)"
+        return "" if self.bench.runs else NO_RUNS
 
     def outcome(self) -> str:
         """The verdict in two words."""
         return self._found.verdict.replace("_", " ") if self._found is not None else ""
 
     def enter(self) -> None:
-        """Offer the bench's runs, show its diagnosis."""
-        picker = self.query_one("#held-out", Select)
-        picker.set_options([("none", NOBODY), *((run.stem, i) for i, run in enumerate(self.bench.runs))])
-        picker.value = NOBODY
+        """Show what is held out, and the bench's diagnosis."""
+        self._show_held_out()
         if self.bench.diagnosis not in (None, self._shown) and self.job is None:
             self._shown = self.bench.diagnosis
             self.show(load_diagnosis(self._shown))
 
     def start_work(self) -> None:
         """Diagnose the selected runs."""
-        held = self.query_one("#held-out", Select).value
-        runs = self.bench.runs
-        unseen = [run for i, run in enumerate(runs) if i == held]
-        if len(runs) == len(unseen):
-            raise ConfigError("the only run is held out: hold out none, or select more runs (b)")
-        arguments = {"max_effects": self._number("max-effects", 1, 8), "seed": self._number("seed", 0, 2**32 - 1)}
+        runs = [run for run in self.bench.runs if run not in self.bench.held_out]
+        if not runs:
+            raise ConfigError("every selected run is held out: hold out fewer (h), or select more (b)")
+        arguments = {
+            "max_effects": self.whole_number("max-effects", 1, 8),
+            "seed": self.whole_number("seed", 0, MOST_SEED),
+        }
         self._say("reading the runs")
         self.begin(
             tasks.diagnose,
-            runs=[run for run in runs if run not in unseen],
-            held_out=unseen,
+            runs=runs,
+            held_out=list(self.bench.held_out),
             rig=self.bench.rig,
             model=self.bench.model,
             out=self.bench.out / "diagnosis",
@@ -146,9 +144,13 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
     def action_view(self) -> None:
         """The next tab."""
-        tabs, names = self.query_one(TabbedContent), list(TABS)
-        tabs.active = names[(names.index(tabs.active) + 1) % len(names)]
-        self.query_one(f"#{tabs.active}").query("VerticalScroll, Chart").first().focus()
+        self.show_next_tab()
+
+    def action_hold_out(self) -> None:
+        """Choose the runs that take no part."""
+        bench = self.bench
+        browser = RunBrowser(bench.out / "runs", bench.held_out, bench.runs, "Runs to hold out")
+        self.app.push_screen(browser, self._hold_out)
 
     def action_place(self) -> None:
         """The next place in which the gap can lie."""
@@ -166,7 +168,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.query_one("#next-text", Static).update(_next(found))
         picker = self.query_one("#place", Select)
         picker.set_options(
-            [(f"{p.site} by {p.coordinate}: {p.share:.0%} of the gap", i) for i, p in enumerate(found.where)]
+            [(f"{p.site} by {p.coordinate}: {p.share:.0%} of the excess", i) for i, p in enumerate(found.where)]
         )
         if found.where:
             picker.value = 0
@@ -174,9 +176,19 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         else:
             self.query_one("#place-said", Static).update(found.where_sentence)
 
+    def _hold_out(self, runs: list[Path] | None) -> None:
+        if runs is not None:
+            self.bench.held_out = runs
+            self._show_held_out()
+            self.post_message(self.Done())
+
+    def _show_held_out(self) -> None:
+        self.query_one("#held-out", Static).update(named_runs(self.bench.held_out) or "none")
+
     def _doubt(self, found: "Diagnosis") -> str:
         """Said where the diagnosis is of other runs than those selected."""
-        closed, selected = found.gap.closed_held_out, {run.stem for run in self.bench.runs}
+        closed = found.gap.closed_held_out
+        selected = {run.stem for run in (*self.bench.runs, *self.bench.held_out)}
         same = {*closed.per_run, *closed.held_out} == selected
         return "" if same or not selected else " This diagnosis is of other runs than those selected now."
 
@@ -187,28 +199,20 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             self._draw_place(self._found.where[event.value])
 
     def _draw_place(self, place: "Where") -> None:
-        from dpr_lab.report.gap_tables import COORDINATES, QUANTITIES
+        from dpr_lab.report.gap_tables import COORDINATES, QUANTITIES, place_map
 
-        label, factor = QUANTITIES.get(place.unit, (place.unit, 1.0))
-        at, value, std = (np.array(numbers) for numbers in (place.knots, place.values, place.std))
-        reach = _Z90 * std
+        at, value, reach = place_map(place)
         edges = [
-            Series("90 % interval" if sign < 0 else "", at, factor * (value + sign * reach), "foreground", dashed=True)
+            Series("90 % interval" if sign < 0 else "", at, value + sign * reach, "foreground", dashed=True)
             for sign in (-1, 1)
         ]
         zero = Series("", at, np.zeros(len(at)), "foreground")
         self.query_one("#place-said", Static).update(place.sentence)
         self.query_one("#place-map", Chart).show(
-            [zero, *edges, Series("estimate", at, factor * value)],
+            [zero, *edges, Series("estimate", at, value)],
             x_label=COORDINATES.get(place.coordinate, place.coordinate),
-            y_label=label,
+            y_label=QUANTITIES.get(place.unit, (place.unit, 1.0))[0],
         )
-
-    def _number(self, name: str, least: int, most: int) -> int:
-        text = self.query_one(f"#{name}", Input).value
-        if not text.isdecimal() or not least <= int(text) <= most:
-            raise ConfigError(f"{name} = {text!r}: write a whole number from {least} to {most}")
-        return int(text)
 
     def _say(self, text: str) -> None:
         self.query_one("#state", Static).update(text)
@@ -243,14 +247,15 @@ def load_diagnosis(path: Path) -> "Diagnosis":
 
 
 def _which(found: "Diagnosis") -> Group:
-    """Named effects with their probabilities and twins, rivals, sensor faults."""
+    """Named effects with their probabilities and twins, what else each can be, sensor faults."""
     from dpr_lab.report import gap_tables
 
     others = {name: p for name, p in found.probabilities.items() if name in ("no_gap", "unexplained")}
     shown: list[RenderableType] = [_effect(row) for row in gap_tables.effect_rows(found)] or ["No effect is named.\n"]
     shown.append("  ".join(f"{name.replace('_', ' ')}: {p:.0%}" for name, p in others.items()))
-    if found.rivals:
-        shown += ["", table("Rivals", gap_tables.RIVAL_COLUMNS, gap_tables.rival_rows(found), prose=True)]
+    if rows := gap_tables.standing_rows(found):
+        shown += ["", table("How sure that is", gap_tables.STANDING_COLUMNS, rows, prose=True)]
+        shown.append(Text(gap_tables.STANDING_NOTE, "dim"))
     if found.sensor_findings:
         rows = gap_tables.finding_rows(found)
         shown += ["", table("Sensor faults", gap_tables.FINDING_COLUMNS, rows, prose=True)]
@@ -260,7 +265,9 @@ def _which(found: "Diagnosis") -> Group:
 def _effect(row: Sequence[str]) -> Text:
     """A named effect: how sure, its twins, its size with 90 % intervals."""
     name, twins, probability, share, parameters = row
-    text = Text(name, "bold").append(f": probability {probability}, {share} of the gap\n", "not bold")
+    text = Text(name, "bold").append(
+        f": probability {probability}, {share} of the excess comes back without it\n", "not bold"
+    )
     text.append(f"    cannot be told from: {twins}\n", "not bold")
     return text.append(f"    90 % interval: {parameters}\n", "not bold")
 
@@ -271,14 +278,18 @@ def _far(found: "Diagnosis") -> Group:
     from dpr_lab.report.digits import three
 
     gap, closed = found.gap, found.gap.closed_held_out
-    size = {name: _MRAD * float(np.linalg.norm(list(by_joint.values()))) for name, by_joint in _sizes(found).items()}
-    steps = [("bare model", size["before"]), *((f"+ {s['effect']}", _MRAD * s["rms_rad"]) for s in gap.waterfall)]
+    floor = _MRAD * float(np.linalg.norm(list(gap.floor_rad.values())))
+    steps = [
+        (name, _MRAD * left, None, f"{said}, {explained}")
+        for (name, left), (_, said, explained) in zip(gap_tables.steps(found), gap_tables.step_rows(found), strict=True)
+    ]
     shares = [("all runs", closed.estimate, closed.interval90), *((run, s, None) for run, s in closed.per_run.items())]
     shares += [(f"{run} (held out)", share, None) for run, share in closed.held_out.items()]
     low, high = closed.interval90
     return Group(
-        f"Gap above the noise, both joints, segments of 0.5 s (mrad rms); ┊ is the noise floor, {three(size['floor'])}",
-        Bars([(name, height, None, three(height)) for name, height in steps], mark=size["floor"]),
+        "Gap left (mrad rms, both joints, segments of 0.5 s) and share of the excess explained, one effect after the"
+        f" other; ┊ is the noise floor, {three(floor)}",
+        Bars(steps, mark=floor),
         f"\nOn releases that took no part in the fit {closed.estimate:.1%} of the gap above the noise closes (90 %"
         f" interval {low:.1%} to {high:.1%})",
         Bars([(name, max(share, 0.0), interval, f"{share:.1%}") for name, share, interval in shares], top=1.0),
@@ -287,16 +298,12 @@ def _far(found: "Diagnosis") -> Group:
     )
 
 
-def _sizes(found: "Diagnosis") -> "dict[str, dict[str, float]]":
-    return {"before": found.gap.before_rad, "floor": found.gap.floor_rad}
-
-
 def _next(found: "Diagnosis") -> Group:
     """What to do, what would have been seen, what was taken for granted."""
     from dpr_lab.report import gap_tables
 
     return Group(
-        sentences("What to do next", found.advice or ["Nothing is open."]),
+        sentences("What to do next", gap_tables.next_steps(found), numbered=True),
         table(
             "What these recordings would show",
             gap_tables.DETECTABLE_COLUMNS,

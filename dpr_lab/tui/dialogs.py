@@ -8,6 +8,9 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Button, Markdown, Static
 
+HELP_KEY = Binding("f1,question_mark", "app.help", "Help", id="app.help")
+"""Help, wherever there is some: a screen on top of the app hides the app's own keys."""
+
 
 class HelpScreen(ModalScreen[None]):
     """What a step is for, and all keys."""

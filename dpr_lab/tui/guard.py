@@ -14,8 +14,13 @@ if TYPE_CHECKING:
 class Guarded(MessagePump):
     """Mixin for widgets of ours: Textual ends the app when a handler raises, and the bench must not end."""
 
+    @property
+    def lab(self) -> DprApp:
+        """The app."""
+        return cast("DprApp", self.app)
+
     async def _dispatch_message(self, message: Message) -> None:
         try:
             await super()._dispatch_message(message)
-        except Exception as error:
-            cast("DprApp", self.app).mishap(error)
+        except Exception as error:  # whatever it is: it is told, and kept with its traceback
+            self.lab.mishap(error)

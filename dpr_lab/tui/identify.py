@@ -13,12 +13,12 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
 
-from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.errors import DprError
 from dpr_lab.tui import tasks
 from dpr_lab.tui.chart import Chart, Series
 from dpr_lab.tui.tasks import Note, Searched
-from dpr_lab.tui.texts import counted_runs, sentences, shorter, table
-from dpr_lab.tui.working import WorkingStep, work_keys
+from dpr_lab.tui.texts import counted_runs, named_runs, sentences, table
+from dpr_lab.tui.working import MOST_SEED, NO_RUNS, WorkingStep, work_keys
 
 if TYPE_CHECKING:
     from dpr_lab.model import Model
@@ -91,7 +91,7 @@ bench's folder.
 
     def missing(self) -> str:
         """Runs, first of all."""
-        return "" if self.bench.runs else "No runs selected: record some in step 3, or choose recorded ones (b)"
+        return "" if self.bench.runs else NO_RUNS
 
     def outcome(self) -> str:
         """How many runs the model rests on."""
@@ -101,7 +101,7 @@ bench's folder.
 
     def enter(self) -> None:
         """Show the bench's runs and its model."""
-        self._show_runs()
+        self.query_one("#runs", Static).update(named_runs(self.bench.runs) or self.missing())
         if self.bench.model is not None and self.bench.model != self._shown and self.job is None:
             from dpr_lab.model import load_model
 
@@ -110,7 +110,7 @@ bench's folder.
 
     def start_work(self) -> None:
         """Identify the selected runs."""
-        seed = self._seed()
+        seed = self.whole_number("seed", 0, MOST_SEED)
         self._history, self._instants = [], []
         self._draw_convergence()
         self._say("reading the runs")
@@ -163,9 +163,7 @@ bench's folder.
 
     def action_view(self) -> None:
         """The next tab."""
-        tabs = self.query_one(TabbedContent)
-        tabs.active = TABS[(TABS.index(tabs.active) + 1) % len(TABS)]
-        self.query_one(f"#{tabs.active}").query("VerticalScroll, Chart").first().focus()
+        self.show_next_tab()
 
     def show_model(self, model: "Model") -> None:
         """Draw a model: what it says, its convergence, its numbers and what fixed each."""
@@ -182,22 +180,10 @@ bench's folder.
         self.query_one("#nine-text", Static).update(nine)
         self.query_one("#seen-text", Static).update(_seen(model))
 
-    def _show_runs(self) -> None:
-        names = [run.stem for run in self.bench.runs]
-        self.query_one("#runs", Static).update(
-            f"{counted_runs(len(names))}: {shorter(names)}" if names else self.missing()
-        )
-
     def _doubt(self, model: "Model") -> str:
         """Said where the model is of other runs than those selected."""
         used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.bench.runs}
         return "" if used == selected or not selected else " This model is of other runs than those selected now."
-
-    def _seed(self) -> int:
-        text = self.query_one("#seed", Input).value
-        if not text.isdecimal():
-            raise ConfigError(f"seed = {text!r}: write a whole number, 0 or larger")
-        return int(text)
 
     def _say(self, text: str) -> None:
         self.query_one("#state", Static).update(text)
@@ -227,7 +213,6 @@ bench's folder.
 
     @on(Input.Submitted, "#seed")
     def _seed_given(self) -> None:
-        self._seed()
         self.focus()
 
 

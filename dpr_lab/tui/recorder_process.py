@@ -12,11 +12,11 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from dpr_lab.capture import Progress, Recorded, Released, capture
+from dpr_lab.capture import Progress, Recorded, Released, capture, check_encoders
 from dpr_lab.device import Batch, Device
 from dpr_lab.errors import DeviceLost, DprError, SafetyStop
 from dpr_lab.holding import raise_faults
@@ -64,7 +64,7 @@ def serve(connection: Connection, url: str, rig_name: str, runs: Path, log: Path
                 _obey(device, transport, rig, runs, orders, reports)
     except (DprError, KeyboardInterrupt) as error:
         reports.add(Failed(None, str(error) or "stopped", alive=False))
-    except Exception as error:
+    except Exception as error:  # whatever it is, it must reach the screen and not end with the process
         traceback.print_exc()
         reports.add(Failed(None, f"unexpected: {type(error).__name__}: {error}; details are in {log}", alive=False))
     reports.close()
@@ -104,13 +104,9 @@ def _connected(device: Device, transport: Transport, rig: Rig) -> Connected:
     problem = ""
     try:
         device.check_rate(rate_hz)
+        check_encoders(device, rig)
     except DprError as error:
         problem = str(error)
-    if rig.encoders.counts_per_rev != device.info.counts_per_rev:
-        problem = problem or (
-            f"the rig {rig.name} has {list(rig.encoders.counts_per_rev)} counts per turn, this device"
-            f" {list(device.info.counts_per_rev)}: choose the rig file that belongs to it"
-        )
     loads = tuple(capacity.load(rate_hz) for capacity in transport.capacities)
     return Connected(device.url, device.info, rate_hz, loads, problem)
 
@@ -129,7 +125,11 @@ def _exercise(device: Device, order: Exercise) -> Exercised:
     finally:
         with contextlib.suppress(DprError):
             device.stop()
-    return Exercised(samples, {cause: n - before[cause] for cause, n in device.losses.items()}, clock)
+    return Exercised(samples, _lost_since(before, device), clock)
+
+
+def _lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:
+    return {cause: count - before[cause] for cause, count in device.losses.items()}
 
 
 class Attempt:
@@ -148,8 +148,8 @@ class Attempt:
         if isinstance(progress, Recorded):
             progress = _thinned(progress)
         status = self._device.status
-        lost = {cause: n - self._lost_before[cause] for cause, n in self._device.losses.items()}
         latched = None if status is None else status.latched
+        lost = _lost_since(self._lost_before, self._device)
         self._reports.add_if_read(Seen(self._order.attempt, progress, latched, lost))
 
     def confirm(self) -> bool | None:

@@ -17,6 +17,8 @@ from textual.widgets import DataTable, Footer, Input, OptionList, Static
 
 from dpr_lab.storage.export import EXPORTERS
 from dpr_lab.tui import tasks
+from dpr_lab.tui.dialogs import HELP_KEY
+from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.tasks import Surveyed
 from dpr_lab.tui.work import Event, Failed, Finished, Job, Progress
 
@@ -25,17 +27,29 @@ if TYPE_CHECKING:
 
 COLUMNS = ("", "pose", "recorded", "s", "lost", "state", "gate", "file")
 CHOSEN, LEFT = "✔", " "
-NOTICE_S = 15.0
 
 
-class RunBrowser(ModalScreen[list[Path] | None]):
+class RunBrowser(Guarded, ModalScreen[list[Path] | None]):
     """Choose runs; dismissed with the new selection, or None where it stays as it was.
 
     Args:
         folder: where runs are recorded, with its subfolders
         selected: what is chosen so far, wherever it is
+        others: runs from elsewhere to choose from too
+        title: what they are chosen for
     """
 
+    NAME = "Runs"
+    HELP = """
+Choose runs: `space` takes the one under the cursor or leaves it, `a` all that are shown; `enter` ends with this choice,
+`escape` with the one from before. `/` shows only those with the words you write.
+
+`v` checks the file under the cursor: hash, chunks, ticks, end. `e` writes it in another format, to `exports/` beside
+the folder of the runs.
+
+A run whose state is *cut* ends before it was finished and gives the samples up to there; one that is *unreadable* gives
+none. Why is said below the list.
+"""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "accept", "Use", id="runs.accept", priority=True),
         Binding("escape", "leave", "Leave", id="runs.leave"),
@@ -44,6 +58,7 @@ class RunBrowser(ModalScreen[list[Path] | None]):
         Binding("slash", "filter", "Filter", id="runs.filter"),
         Binding("v", "verify", "Verify", id="runs.verify"),
         Binding("e", "export", "Export", id="runs.export"),
+        HELP_KEY,
     ]
     DEFAULT_CSS = """
     RunBrowser { align: center middle; }
@@ -60,11 +75,18 @@ class RunBrowser(ModalScreen[list[Path] | None]):
 
         event: Event
 
-    def __init__(self, folder: Path, selected: Sequence[Path]) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        selected: Sequence[Path],
+        others: Sequence[Path] = (),
+        title: str = "Runs to work on",
+    ) -> None:
         super().__init__()
         self._folder = folder
+        self._purpose = title
         self._chosen = [path for path in selected if path.is_file()]
-        found = {path.resolve(): path for path in (*sorted(folder.rglob("*.mcap")), *self._chosen)}
+        found = {path.resolve(): path for path in (*sorted(folder.rglob("*.mcap")), *others, *self._chosen)}
         self._paths = list(found.values())
         self._chosen = [found[path.resolve()] for path in self._chosen]
         self._known: dict[Path, Surveyed] = {}
@@ -72,7 +94,8 @@ class RunBrowser(ModalScreen[list[Path] | None]):
 
     def compose(self) -> ComposeResult:
         """Filter, table, what the run under the cursor says, keys."""
-        with Vertical():
+        with Vertical() as page:
+            page.border_title = self._purpose
             yield Input(placeholder="filter: words of pose, file, state, gate or note", id="filter", compact=True)
             yield DataTable[Text](cursor_type="row", zebra_stripes=True)
             yield Static(id="about", markup=False)
@@ -198,8 +221,8 @@ class RunBrowser(ModalScreen[list[Path] | None]):
                 self._learn(found)
             case Finished(str(said)):
                 self._say(said)
-            case Failed(said):
-                self.app.notify(said, severity="error", timeout=NOTICE_S, markup=False)
+            case Failed() as failed:
+                self.lab.mishap(failed.error)
 
     def _learn(self, found: Surveyed) -> None:
         self._known[found.path] = found

@@ -125,6 +125,8 @@ def _judgement(verdict: Verdict) -> Iterator[Content]:
     yield Content.styled(f"{passed} of {len(verdict.checks)} checks passed", "bold")
     for reason in verdict.reasons:
         yield Content.styled(f"{BAD} {reason}", "$warning")
+    for note in verdict.notes:
+        yield Content(note)
 
 
 def _placement(scene: Scene) -> Placement | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar
 
 from textual.containers import Vertical
 from textual.message import Message
@@ -10,7 +10,6 @@ from textual.message import Message
 from dpr_lab.tui.guard import Guarded
 
 if TYPE_CHECKING:
-    from dpr_lab.tui.app import DprApp
     from dpr_lab.tui.bench import Bench
     from dpr_lab.tui.orders import Report
 
@@ -32,11 +31,6 @@ class Step(Guarded, Vertical, can_focus=True):
 
     class Done(Message):
         """The step has something new: the stepper is redrawn and the bench saved."""
-
-    @property
-    def lab(self) -> DprApp:
-        """The app."""
-        return cast("DprApp", self.app)
 
     @property
     def bench(self) -> Bench:

@@ -44,10 +44,12 @@ def identify(
     """Identify, and save the model as `dpr-lab identify` does."""
     from dpr_lab.identify import identify as identify_runs
     from dpr_lab.rig import load_rig
+    from dpr_lab.run import refuse_repeated
     from dpr_lab.storage.reader import load_run
 
     described = load_rig(rig)
     loaded = [load_run(path, rig=described) for path in runs]
+    refuse_repeated(loaded)
     for run in loaded:
         for note in run.notes:
             control.report(Note(f"{run.name}: {note}"))
@@ -94,21 +96,40 @@ class Answer:
     free_run: "FreeRun"
 
 
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A run that could not be compared."""
+
+    why: str
+
+
 def compare(control: Control, *, runs: Sequence[Path], model: Path, out: Path) -> None:
-    """Compare and save as `dpr-lab compare` does; then answer each `Start` with a free run until it is cancelled."""
+    """Compare and save as `dpr-lab compare` does; then answer each `Start` with a free run until it is cancelled.
+
+    A run that cannot be compared is told and left out.
+    """
     from dpr_lab.compare import compare_followed, follow, free_run_from
+    from dpr_lab.errors import RunError
     from dpr_lab.model import load_model
     from dpr_lab.report.saving import save_comparison, write_json
     from dpr_lab.storage.reader import load_run, stored_rig
 
     identified = load_model(model)
-    followed, comparisons = [], []
+    followed, comparisons, left_out = [], [], []
     for path in runs:
-        followed.append(follow(load_run(path), stored_rig(path), identified))
+        try:
+            followed.append(follow(load_run(path), stored_rig(path), identified))
+        except RunError as error:
+            left_out.append(path.stem)
+            control.report(LeftOut(str(error)))
+            continue
         comparisons.append(compare_followed(followed[-1]))
         control.report(comparisons[-1])
+    without = f"left out: {', '.join(left_out)}"
+    if not comparisons:
+        raise RunError(f"no run can be compared ({without}): choose others (b)")
     write_json(save_comparison(identified, comparisons, out), out / "comparison.json")
-    control.report(Note(f"saved in {out}"))
+    control.report(Note(f"saved in {out}" + (f"; {without}" if left_out else "")))
     for start in control.questions():
         control.report(Answer(start, free_run_from(followed[start.run], start.at_s)))
 
@@ -139,6 +160,7 @@ def diagnose(
     from dpr_lab.model import load_model
     from dpr_lab.report.saving import save_diagnosis, write_json
     from dpr_lab.rig import load_rig
+    from dpr_lab.run import refuse_repeated
     from dpr_lab.storage.reader import load_run
 
     stages = (*STEPS, "report")
@@ -151,12 +173,14 @@ def diagnose(
 
     described = load_rig(rig)
     loaded = [load_run(path, rig=described) for path in runs]
+    unseen = [load_run(path, rig=described) for path in held_out]
+    refuse_repeated([*loaded, *unseen])
     found = diagnose_runs(
         loaded,
         described,
-        held_out=[load_run(path, rig=described) for path in held_out],
+        held_out=unseen,
         max_effects=max_effects,
-        start=load_model(model).unknowns if model else None,
+        start=load_model(model).starting_point(described) if model else None,
         seed=seed,
         on_step=on_step,
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from rich import box
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
@@ -21,13 +22,13 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, 
     return made
 
 
-def sentences(title: str, lines: Sequence[str], *, mark: str = "•") -> RenderableType:
-    """A list of sentences below a title; nothing where there are none."""
+def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: bool = False) -> RenderableType:
+    """A list of sentences below a title, each behind a mark or its number from 1; nothing where there are none."""
     if not lines:
         return Text("")
     items = Table.grid(padding=(0, 1))
-    for line in lines:
-        items.add_row(mark, Text(line))
+    for number, line in enumerate(lines, 1):
+        items.add_row(f"{number}." if numbered else mark, Text(line))
     return Group(Text(title, "bold"), items, Text(""))
 
 
@@ -40,6 +41,11 @@ def shorter(names: Sequence[str], most: int = 6) -> str:
     """Names by comma, the first few of many."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def named_runs(runs: Sequence[Path]) -> str:
+    """How many, and which: `2 runs: X1, X2`; empty for none."""
+    return f"{counted_runs(len(runs))}: {shorter([run.stem for run in runs])}" if runs else ""
 
 
 @dataclass(frozen=True, slots=True)

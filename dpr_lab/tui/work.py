@@ -45,6 +45,15 @@ class Failed:
     details: str = ""
     """Traceback of what should not have happened; empty for an error that the operator can act on."""
 
+    @property
+    def error(self) -> Exception:
+        """The same as an exception, with the traceback as a note."""
+        if not self.details:
+            return DprError(self.message)
+        error = RuntimeError(self.message)
+        error.add_note(self.details)
+        return error
+
 
 @dataclass(frozen=True, slots=True)
 class Cancelled:
@@ -193,7 +202,7 @@ def _work(connection: Connection, function: Callable[..., Any], arguments: dict[
         event: Event = Finished(function(control, **arguments))
     except DprError as error:
         event = Failed(str(error))
-    except Exception as error:
+    except Exception as error:  # whatever it is, it must reach the screen and not end with the process
         event = Failed(f"{type(error).__name__}: {error}", traceback.format_exc())
     connection.send(event)
 

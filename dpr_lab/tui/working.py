@@ -8,12 +8,15 @@ from typing import Any, ClassVar
 from textual import on
 from textual.binding import Binding
 from textual.message import Message
+from textual.widgets import Input, TabbedContent, TabPane
 
-from dpr_lab.errors import DprError
+from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.tui.step import Step
 from dpr_lab.tui.work import Cancelled, Event, Failed, Finished, Job, Progress
 
 NOTICE_S = 20.0
+NO_RUNS = "No runs selected: record some in step 3, or choose recorded ones (b)"
+MOST_SEED = 2**32 - 1
 
 
 def work_keys(place: str) -> list[Binding]:
@@ -89,8 +92,8 @@ class WorkingStep(Step):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Show the keys that do something now."""
         working = self.job is not None
-        offered = {"start": not working, "pause": working and self.CAN_PAUSE, "stop": working and self.CAN_PAUSE}
-        return offered.get(action, working) if action in ("start", "pause", "stop", "cancel") else True
+        pausing = working and self.CAN_PAUSE
+        return {"start": not working, "pause": pausing, "stop": pausing, "cancel": working}.get(action, True)
 
     def action_start(self) -> None:
         """Begin, or say what must come first."""
@@ -113,6 +116,24 @@ class WorkingStep(Step):
         if self.job is not None:
             self.job.cancel()
 
+    def whole_number(self, name: str, least: int, most: int) -> int:
+        """What stands in the field of that name.
+
+        Raises:
+            ConfigError: no such number.
+        """
+        text = self.query_one(f"#{name}", Input).value
+        if not text.isdecimal() or not least <= int(text) <= most:
+            raise ConfigError(f"{name} = {text!r}: write a whole number from {least} to {most}")
+        return int(text)
+
+    def show_next_tab(self) -> None:
+        """Go to the next of the step's tabs."""
+        tabs = self.query_one(TabbedContent)
+        names = [pane.id or "" for pane in tabs.query(TabPane)]
+        tabs.active = names[(names.index(tabs.active) + 1) % len(names)]
+        self.query_one(f"#{tabs.active}").query("VerticalScroll, Chart").first().focus()
+
     def _listen(self, job: Job) -> None:
         for event in job.events():
             self.post_message(self.Heard(job, event))
@@ -131,9 +152,9 @@ class WorkingStep(Step):
             case Finished(result):
                 self.finished(result)
                 self._tell_elsewhere()
-            case Failed(said, details):
+            case Failed(said) as failed:
                 self.ended(said)
-                self.lab.mishap(_error(said, details))
+                self.lab.mishap(failed.error)
             case Cancelled():
                 self.ended("cancelled")
 
@@ -142,11 +163,3 @@ class WorkingStep(Step):
         if (shown := self.lab.current) is not self:
             shown.enter()
             self.lab.notify(f"{self.NAME} is done: {self.outcome()}", timeout=NOTICE_S, markup=False)
-
-
-def _error(said: str, details: str) -> Exception:
-    if not details:
-        return DprError(said)
-    error = RuntimeError(said)
-    error.add_note(details)
-    return error

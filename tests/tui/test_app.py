@@ -170,6 +170,24 @@ async def test_steps_are_in_the_command_palette(app: DprApp) -> None:
     assert "3 Capture" in titles
 
 
+def test_nothing_that_computes_is_imported_before_it_is_needed(tmp_path: Path) -> None:
+    script = """
+import asyncio, pathlib, sys
+from dpr_lab.tui.app import DprApp
+from dpr_lab.tui.bench import Bench
+
+async def look():
+    here = pathlib.Path(sys.argv[1])
+    async with DprApp(Bench(out=here), here).run_test() as pilot:
+        await pilot.press("6")
+    print({"scipy", "numba", "filterpy", "cma", "matplotlib"} & sys.modules.keys() or "light")
+
+asyncio.run(look())
+"""
+    done = subprocess.run([sys.executable, "-c", script, str(tmp_path)], capture_output=True, text=True, check=True)
+    assert done.stdout == "light\n"
+
+
 def test_without_a_terminal_the_command_says_what_else_there_is(tmp_path: Path) -> None:
     environment = os.environ | {"DPR_LAB_STATE": str(tmp_path)}
     done = subprocess.run(

@@ -33,9 +33,10 @@ def test_a_damaged_file_is_a_fresh_start_with_a_notice(tmp_path: Path, text: str
 def test_what_is_gone_is_dropped_with_a_notice(tmp_path: Path) -> None:
     kept = tmp_path / "kept.mcap"
     kept.touch()
-    Bench(runs=[kept, tmp_path / "lost.mcap"], model=tmp_path / "m.json", diagnosis=tmp_path / "d").save(tmp_path)
+    lost = tmp_path / "lost.mcap"
+    Bench(runs=[kept, lost], held_out=[lost, kept], model=tmp_path / "m.json", diagnosis=tmp_path / "d").save(tmp_path)
     bench, notices = load(tmp_path)
-    assert (bench.runs, bench.model, bench.diagnosis) == ([kept], None, None)
+    assert (bench.runs, bench.held_out, bench.model, bench.diagnosis) == ([kept], [kept], None, None)
     assert [Path(notice.split(":")[0]).name for notice in notices] == ["lost.mcap", "m.json", "d"]
 
 

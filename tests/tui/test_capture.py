@@ -1,6 +1,7 @@
 """The guided release with a Pilot at the keys and a simulated device at the end of a real link."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -103,6 +104,14 @@ async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
         assert "lost by cause" in str(app.query_one("#readout", Static).render())
         await pilot.press("k")
         await until(pilot, lambda: app.bench.runs)
+
+
+async def test_what_no_check_fails_by_is_said_too(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM, replace(SECOND, until_rest=True, max_duration=1.0))
+        await to_judged(pilot, until, step)
+        assert "good" in headline(app)
+        assert "the rods had not come to rest" in str(app.query_one("#readout", Static).render())
 
 
 async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, said) -> None:

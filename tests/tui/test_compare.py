@@ -11,7 +11,7 @@ from textual.widgets import Select, Static
 from dpr_lab.compare import Comparison, compare_followed, compare_run, follow, free_run_from
 from dpr_lab.model import Model, load_model
 from dpr_lab.rig import Rig
-from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.reader import load_run, stored_rig
 from dpr_lab.tui.chart import Chart
 from dpr_lab.tui.compare import CompareStep
 from dpr_lab.tui.slider import Slider
@@ -92,6 +92,35 @@ async def test_another_model_is_compared_when_the_step_is_shown_again(
         pilot.app.bench.model = other
         pilot.app.action_go(1)
         await until(pilot, lambda: figures(pilot.app).startswith("held out"))
+
+
+@pytest.mark.slow
+async def test_a_run_that_cannot_be_read_is_named_and_the_others_are_compared(
+    lab, until, said, recorded: list[Path], modelled: Path, tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(recorded[0].read_bytes()[:3000])
+    async with lab(CompareStep, runs=[recorded[0], broken, recorded[1]], model=modelled) as pilot:
+        await until(pilot, lambda: "saved in" in figures(pilot.app))
+        assert figures(pilot.app).endswith("left out: broken")
+        assert str(broken) in said(pilot.app)
+        saved = json.loads((pilot.app.bench.out / "report" / "comparison.json").read_text())
+        assert [run["run"] for run in saved["runs"]] == [run.stem for run in recorded[:2]]
+        assert step(pilot.app).outcome() == "2 runs"
+        await pilot.press("o", "right_square_bracket")  # the run after the broken one
+        await until(
+            pilot, lambda: series(pilot.app, "#angle")["free run"].size < series(pilot.app, "#angle")["measured"].size
+        )
+        expected = free_run_from(follow(load_run(recorded[1]), stored_rig(recorded[1]), load_model(modelled)), 0.5)
+        assert np.array_equal(series(pilot.app, "#angle")["free run"], expected.theta[:, 1])
+
+
+@pytest.mark.slow
+async def test_with_no_run_left_nothing_is_compared(lab, until, said, fixed_model: Path) -> None:
+    async with lab(CompareStep, runs=[Path("gone.mcap")], model=fixed_model) as pilot:
+        await until(pilot, lambda: step(pilot.app).job is None)
+        assert figures(pilot.app) == "no run can be compared (left out: gone): choose others (b)"
+        assert "gone.mcap: cannot be read" in said(pilot.app)
 
 
 @pytest.mark.slow

@@ -1,3 +1,4 @@
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -57,6 +58,19 @@ async def test_simulated_time_has_no_clock_fit(app: DprApp, until) -> None:
         assert "this device's time is simulated" in shown(app, "#device")
 
 
+async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, until, said) -> None:
+    ours, theirs = os.openpty()  # nobody answers
+    async with app.run_test(size=(80, 24)) as pilot:
+        await connect(pilot, f"serial://{os.ttyname(theirs)}?baud=921600")
+        await pilot.press("x")
+        assert "A connection is under way: wait for the device to answer, or press d" in said(app)
+        await pilot.press("d")
+        await until(pilot, lambda: not app.line.opening)
+        assert shown(app, "#device") == "not connected"
+    os.close(ours)
+    os.close(theirs)
+
+
 @pytest.mark.parametrize(
     ("url", "remedy"),
     [
@@ -105,4 +119,4 @@ async def test_another_rig_greets_the_device_again(app: DprApp, until, tmp_path:
         app.query_one("#rig_file", Input).value = str(other)
         await pilot.press("u")
         await until(pilot, lambda: app.line.connected and app.line.connected.problem)
-        assert "choose the rig file that belongs to it" in app.line.connected.problem
+        assert "choose the device that belongs to it" in app.line.connected.problem

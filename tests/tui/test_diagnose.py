@@ -1,13 +1,16 @@
 """Step 6: the verdict first, then which, where, how far, and what next; saved as the command saves it."""
 
 import json
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 from textual.app import App
-from textual.widgets import Input, Select, Static, TabbedContent
+from textual.widgets import DataTable, Input, Static, TabbedContent
 
+from dpr_lab.report.gap_tables import next_steps
 from dpr_lab.tui.chart import Chart
 from dpr_lab.tui.diagnose import DiagnoseStep, load_diagnosis
 
@@ -26,7 +29,10 @@ def text(app: App[None], widget: str) -> str:
 @pytest.mark.slow
 async def test_from_runs_to_a_saved_diagnosis(lab, until, recorded: list[Path], modelled: Path) -> None:
     async with lab(DiagnoseStep, runs=recorded, model=modelled) as pilot:
-        pilot.app.query_one("#held-out", Select).value = 2
+        await pilot.press("h")
+        await until(pilot, lambda: pilot.app.screen.query(DataTable))
+        await pilot.press("down", "down", "space", "enter")
+        assert pilot.app.bench.held_out == recorded[2:]
         await pilot.press("s")
         await until(pilot, lambda: "step" in text(pilot.app, "#state"))
         assert step(pilot.app).at_stake() == "the diagnosis that is running"
@@ -67,9 +73,36 @@ async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis
         said = " ".join(text(pilot.app, "#far-text").split())
         assert f"90 % interval {low:.1%} to {high:.1%}" in said
         assert "┊ is the noise floor" in said
-        for advice in found.advice:
-            assert advice in " ".join(text(pilot.app, "#next-text").split())
+        for number, advice in enumerate(next_steps(found), 1):
+            assert f"{number}. {advice}" in " ".join(text(pilot.app, "#next-text").split())
         assert step(pilot.app).outcome() == "named"
+
+
+async def test_every_rival_says_what_tells_it_apart(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
+    told = json.loads(fixed_diagnosis.read_text())
+    told["verdict"] = "partly_explained"
+    told["advice"] = ["Raise the rods higher: it tells coulomb_joint1 from stribeck_joint1."]
+    (tmp_path / "diagnosis.json").write_text(json.dumps(told))
+    async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
+        lines = [line.split() for line in text(pilot.app, "#which-text").splitlines()]
+        assert ["stribeck_joint1", "0.7%", "1.0000", "next", "step", "1"] in lines
+        assert sum(line[:2] == ["a", "cause"] for line in lines) == 2
+        said = " ".join(text(pilot.app, "#next-text").split())
+        assert "1. Raise the rods higher" in said
+        assert "2. The rest has another cause" in said
+
+
+async def test_a_map_ends_where_the_recordings_end(lab, settled, fixed_diagnosis: Path, tmp_path: Path) -> None:
+    told = json.loads(fixed_diagnosis.read_text())
+    told["where"][0]["std"][-1] = 1.7e305
+    (tmp_path / "diagnosis.json").write_text(json.dumps(told))
+    async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
+        await pilot.press("o", *"o" * (len(told["where"]) - 1))
+        await settled(pilot)
+        chart = pilot.app.query_one("#place-map", Chart)
+        _, *lines = chart._content.series
+        assert [np.flatnonzero(np.isnan(line.y)).tolist() for line in lines] == [[9]] * 3
+        assert np.abs(chart.view[1]).max() < 10
 
 
 async def test_the_map_of_every_place_is_one_key_away(lab, settled, fixed_diagnosis: Path) -> None:
@@ -85,13 +118,52 @@ async def test_the_map_of_every_place_is_one_key_away(lab, settled, fixed_diagno
             assert (place.coordinate == "time") == ("time" in drawn.x_label)
 
 
-async def test_the_only_run_cannot_be_held_out(lab) -> None:
-    async with lab(DiagnoseStep, runs=[Path("X1.mcap")]) as pilot:
-        pilot.app.query_one("#held-out", Select).value = 0
+async def test_several_runs_are_held_out(lab, until, recorded: list[Path]) -> None:
+    async with lab(DiagnoseStep, runs=recorded) as pilot:
+        assert "none" in text(pilot.app, "#held-out")
+        await pilot.press("h")
+        await until(pilot, lambda: pilot.app.screen.query(DataTable))
+        await pilot.press("space", "space", "enter")
+        assert pilot.app.bench.held_out == recorded[:2]
+        assert pilot.app.bench.runs == recorded
+        assert f"2 runs: {recorded[0].stem}, {recorded[1].stem}" in text(pilot.app, "#held-out")
+        await pilot.press("h", "a", "escape")
+        assert pilot.app.bench.held_out == recorded[:2]
+        assert json.loads((pilot.app.folder / "bench.json").read_text())["held_out"] == [str(r) for r in recorded[:2]]
+
+
+async def test_not_every_run_can_be_held_out(lab) -> None:
+    runs = [Path("X1.mcap"), Path("X2.mcap")]
+    async with lab(DiagnoseStep, runs=runs, held_out=runs) as pilot:
         await pilot.press("s")
         assert step(pilot.app).job is None
         (notice,) = pilot.app._notifications
-        assert "hold out none" in notice.message
+        assert "hold out fewer" in notice.message
+
+
+@pytest.mark.slow
+async def test_a_model_of_another_rig_is_refused(
+    lab, until, recorded: list[Path], fixed_model: Path, tmp_path: Path
+) -> None:
+    other = json.loads(fixed_model.read_text())
+    other["rig"]["name"] = "other"
+    (tmp_path / "other.json").write_text(json.dumps(other))
+    async with lab(DiagnoseStep, runs=recorded, model=tmp_path / "other.json") as pilot:
+        await pilot.press("s")
+        await until(pilot, lambda: step(pilot.app).job is None)
+        (notice,) = pilot.app._notifications
+        assert "the model is of rig other" in notice.message
+        assert pilot.app.bench.diagnosis is None
+
+
+@pytest.mark.slow
+async def test_a_recording_cannot_be_held_out_from_itself(lab, until, recorded: list[Path], tmp_path: Path) -> None:
+    copy = Path(shutil.copy(recorded[0], tmp_path / "copy.mcap"))
+    async with lab(DiagnoseStep, runs=recorded, held_out=[copy]) as pilot:
+        await pilot.press("s")
+        await until(pilot, lambda: step(pilot.app).job is None)
+        (notice,) = pilot.app._notifications
+        assert f"{copy}: the same recording as {recorded[0]}" in notice.message
 
 
 @pytest.mark.parametrize(("field", "value"), [("max-effects", "9"), ("max-effects", ""), ("seed", "-3")])

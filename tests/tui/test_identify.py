@@ -1,6 +1,7 @@
 """Step 4: from selected runs to a saved model, with pause, stop, cancel, and words for what goes wrong."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -103,6 +104,17 @@ async def test_a_run_that_cannot_be_read_is_named(lab, until, recorded: list[Pat
         (notice,) = pilot.app._notifications
         assert str(broken) in notice.message
         assert str(broken) in text(pilot.app, "#state")
+
+
+@pytest.mark.slow
+async def test_a_recording_chosen_twice_is_refused(lab, until, recorded: list[Path], tmp_path: Path) -> None:
+    copy = Path(shutil.copy(recorded[0], tmp_path / "copy.mcap"))
+    async with lab(IdentifyStep, runs=[*recorded, copy]) as pilot:
+        await pilot.press("s")
+        await until(pilot, lambda: step(pilot.app).job is None)
+        (notice,) = pilot.app._notifications
+        assert f"{copy}: the same recording as {recorded[0]}" in notice.message
+        assert pilot.app.bench.model is None
 
 
 async def test_without_runs_it_says_what_must_come_first(lab) -> None:

@@ -20,8 +20,8 @@ def test_without_a_file_nothing_changes(tmp_path: Path) -> None:
 
 
 def test_every_action_of_every_place_has_an_id_of_its_own() -> None:
-    ids = [name for place in (DprApp, *KEYED) for name in actions(place)]
-    assert len(ids) == len(set(ids))
+    shared = {binding for place in (DprApp, *KEYED) for binding in place.__dict__.get("BINDINGS", ())}
+    assert len({binding.id for binding in shared}) == len(shared)
     for place in (DprApp, *KEYED):
         assert len(actions(place)) == len(place.__dict__.get("BINDINGS", ()))
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 from textual.app import App
-from textual.widgets import DataTable, Input, Static
+from textual.widgets import DataTable, Input, Markdown, Static
 
+from dpr_lab.tui.dialogs import HelpScreen
 from dpr_lab.tui.runs import RunBrowser
 from dpr_lab.tui.step import Step
 
@@ -127,6 +128,20 @@ async def test_export_writes_the_format_that_was_picked(lab, until, folder: Path
         await until(pilot, lambda: pilot.app._notifications)
         (notice,) = pilot.app._notifications
         assert "exists already" in notice.message
+
+
+async def test_help_tells_of_the_browser(lab, until, folder: Path) -> None:
+    async with lab(Nothing) as pilot:
+        answer = await opened(pilot, until, folder, [])
+        for key in ("f1", "question_mark"):
+            await pilot.press(key)
+            assert isinstance(pilot.app.screen, HelpScreen)
+            text = pilot.app.screen.query_one(Markdown).source
+            assert "# Runs" in text
+            assert "`v` Verify" in text
+            await pilot.press("escape")
+        assert isinstance(pilot.app.screen, RunBrowser)
+        assert not answer.asked
 
 
 async def test_an_empty_folder_says_what_to_do(lab, until, tmp_path: Path) -> None:
