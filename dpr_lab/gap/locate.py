@@ -225,7 +225,7 @@ def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array,
 def _speed_shape(knots: Array, values: Array, std: Array) -> str:
     # Viscous friction is projected out, so only what departs from a straight line is seen.
     odd, even = 0.5 * (values - values[::-1]), 0.5 * (values + values[::-1])
-    weight = 1 / np.maximum(std, 1e-300) ** 2
+    weight = np.maximum(std, 1e-150) ** -2.0
     if np.sum(weight * even**2) > np.sum(weight * odd**2):
         return "alike in both directions"
     slowest = int(np.argmin(np.where(knots > 0, knots, np.inf)))

@@ -199,7 +199,8 @@ class Problem:
     def costs(self, point: Point) -> Array:
         """(segments,) sum of squared whitened residuals; inf where a segment cannot be simulated."""
         angles = readings(point.base, point.vector, self.known, self.pieces, point.starts)
-        squares = np.sum(((self.measured - angles) * self.weight) ** 2, axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = np.sum(((self.measured - angles) * self.weight) ** 2, axis=1)
         return np.nan_to_num(np.add.reduceat(squares, self.offsets[:-1]), nan=np.inf)
 
     def cost(self, point: Point) -> float:

@@ -24,6 +24,7 @@ from dpr_lab.kernels import njit
 Array = NDArray[np.float64]
 
 GRID_S = 2.5e-3
+WILDEST = 1e6  # rad, rad/s, that no swing reaches
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +76,11 @@ def course(problem: Problem, point: Point) -> Course:
     swings = laid_end_to_end(instants, point.starts, GRID_S)
     states, slopes = sensitivities(point.rods[:5], L1, g, swings)
     base = point.rods[5] * base_from_ratios(point.rods[:5])
-    inverse, alpha = _accelerations(base, L1, g, states)
     phi = slopes[:, :, 5:]
-    lost = ~(np.isfinite(phi).all(axis=(1, 2)) & np.isfinite(alpha).all(axis=1) & (np.abs(np.linalg.det(phi)) > 1e-9))
+    lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < WILDEST).all(axis=1))
+    phi[lost], states[lost] = np.eye(4), 0.0
+    lost |= np.abs(np.linalg.det(phi)) < 1e-9
+    inverse, alpha = _accelerations(base, L1, g, states)
     phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be followed answers to nothing
     t = np.concatenate(instants)
     steps = np.diff(t, append=t[-1])

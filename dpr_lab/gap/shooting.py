@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 SETTLED = 1e-4  # relative change of the cost that ends the iteration
 TRIES = 10  # shorter steps, before one counts as failed
 OUTSTANDING = 9.0  # times the median chi2 of the segments
+BLIND = 1e-12  # readings in standard deviations per rad below which a start state cannot be seen
 FREEDOM = 4.0  # of the Student-t loss of a robust fit
 
 
@@ -89,7 +90,8 @@ def linearise(problem: Problem, point: Point, slots: Sequence[Slot]) -> Linear:
     bad = np.logical_not(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     residual[bad], J[bad] = np.inf, 0.0
     Q, R = np.linalg.qr(J[:, :, -4:])
-    R[bad] = np.eye(4)
+    blind = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(axis=1) < BLIND
+    R[bad | blind] = np.eye(4) / BLIND  # nothing says where its start state lies: it stays
     slopes = J[:, :, :-4]
     clean = np.where(bad[:, None], 0.0, residual)
     e = clean - (Q @ (Q.transpose(0, 2, 1) @ clean[:, :, None]))[:, :, 0]
@@ -135,7 +137,8 @@ def unlocked(problem: Problem, found: Fit, *, iterations: int = 12) -> Fit:
 
     One swing that passes near the upright can hold all parameters at a local minimum. The better of the two fits.
     """
-    worst = found.chi2_by_segment / np.maximum(np.median(found.chi2_by_segment), 1e-300)
+    chi2 = np.minimum(found.chi2_by_segment, np.finfo(np.float64).max)
+    worst = chi2 / max(float(np.median(chi2)), 1e-300)
     if not (worst > OUTSTANDING).any():
         return found
     lighter = np.repeat(1 / np.sqrt(np.maximum(worst, 1.0)), np.diff(problem.offsets))
