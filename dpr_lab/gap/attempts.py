@@ -37,6 +37,11 @@ class Attempts:
     on_step: Callable[[str], None]
     shorter: tuple[Problem, NDArray[np.float64]] | None = None
 
+    @property
+    def b(self) -> float:
+        """Scale of all torques by the rig file, kg m^2."""
+        return float(self.seen[frozenset()].fit.point.rods[-1])
+
     def scores(self, at: Hypothesis) -> Scores:
         """The score test beside a set."""
         if at.key not in self.scored:
@@ -106,7 +111,7 @@ class Attempts:
         key = at.key - {effect}
         if key not in self.seen:
             self.on_step(f"fit {', '.join(sorted(key))}")
-            fallen = dropped(self.problem, at, effect)
+            fallen = dropped(self.problem, at, effect, self.b)
             parents = [self.seen[key - {name}] for name in key if key - {name} in self.scored]
             if parents and not closed(fallen):
                 parent = min(parents, key=lambda one: one.cost)
@@ -129,7 +134,7 @@ class Attempts:
         if closed(at) and not closed(found):
             beside = next(one for one in self.scores(at).ranking if one.effect.name == other)
             both = added(self.problem, at, self.scores(at), beside, iterations=0)
-            self.seen[found.key] = min(found, dropped(self.problem, both, effect), key=lambda one: one.fit.chi2)
+            self.seen[found.key] = min(found, dropped(self.problem, both, effect, self.b), key=lambda one: one.fit.chi2)
         return self.seen[found.key]
 
     def _grown(self, at: Hypothesis, effect: str) -> Hypothesis:

@@ -121,9 +121,9 @@ def diagnose(
         ratio_covariance=spread[: len(RATIOS), : len(RATIOS)].tolist(),
         chi2_per_dof=selection.chosen.remainder.chi2 / selection.chosen.remainder.dof,
         segments=len(made.run),
-        scale_b=float(base.fit.point.rods[5]),
+        scale_b=float(selection.chosen.fit.point.rods[5]),
         model_effects=effect_values(selection.chosen.fit.point.vector),
-        assumptions=_assumptions(records, rig, base),
+        assumptions=_assumptions(records, rig, selection),
         seconds=time.perf_counter() - began,
     )
 
@@ -241,20 +241,22 @@ def _probabilities(selection: Selection, standings: Sequence[Standing]) -> dict[
     return found
 
 
-def _scale(records: Sequence[Record], rig: Rig, base: Hypothesis) -> str:
+def _scale(records: Sequence[Record], rig: Rig, selection: Selection) -> str:
     if any(item.run.added_mass for item in records):
         return "The known added mass fixes the scale of all torques."
-    b = scale(base.fit.point.rods, rig)
+    if any(slot.name == "b" for slot in selection.chosen.fit.slots):
+        return "Friction that follows the load of weighed masses fixes the scale of all torques."
+    b = scale(selection.base.fit.point.rods, rig)
     said = f"Torques are relative to b = {b.value:.4g} kg m^2 of the rig file: free swings fix no scale."
     if b.std is None:
         return f"{said} Only the search bounds fix it; a release with a known added mass would."
     return f"{said} The rig file knows it to {_Z90 * b.std / b.value:.1%} (90 %), which no interval of an effect holds."
 
 
-def _assumptions(records: Sequence[Record], rig: Rig, base: Hypothesis) -> list[str]:
+def _assumptions(records: Sequence[Record], rig: Rig, selection: Selection) -> list[str]:
     made = [
         f"L1 = {rig.rig.L1:g} m and g = {rig.rig.g:g} m/s^2 are as measured.",
-        _scale(records, rig, base),
+        _scale(records, rig, selection),
         "Encoder noise is white beyond what the sensor screen found; readings were averaged over 5 ms.",
         "Start states of all segments are free; the first 30 ms after each release are left out.",
     ]

@@ -1,6 +1,6 @@
 """One explanation of the gap: a set of effects, fitted with ratios and start states, and what it leaves."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from dpr_lab.gap.shooting import Fit, fit, moved
 
 Array = NDArray[np.float64]
 
+WEIGHED = ("m1", "m2", "mb")
 PRICE = 9.0  # chi2 units that one more parameter has to earn: log of some 1e4 samples
 
 
@@ -45,10 +46,16 @@ def hypothesis(problem: Problem, effects: Iterable[str], found: Fit) -> Hypothes
     return Hypothesis(tuple(effects), found, left, surprise(found, folds(problem), left.inflation))
 
 
-def slots_of(point: Point, effects: Iterable[str], problem: Problem) -> tuple[Slot, ...]:
-    """The ratios, and all that is free of some effects."""
-    scale_visible = any(item.run.added_mass for item in problem.records)
-    rods = rod_slots(point, scale_visible)
+def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
+    """Whether b is no mere scale: a known added mass, or friction by the force that weighed masses put on a joint."""
+    weighed = all(problem.rig.parameters[name].measured is not None for name in WEIGHED)
+    weighs = weighed and any(EFFECTS[name].stage == "load" for name in effects)
+    return weighs or any(item.run.added_mass for item in problem.records)
+
+
+def slots_of(point: Point, effects: Sequence[str], problem: Problem) -> tuple[Slot, ...]:
+    """The ratios, b where it can be seen, and all that is free of some effects."""
+    rods = rod_slots(point, scale_visible(effects, problem))
     return (*rods, *(slot for name in effects for slot in effect_slots(EFFECTS[name], refined=True)))
 
 
@@ -83,8 +90,8 @@ def added_from_short(problem: Problem, short: tuple[Problem, Array], before: Hyp
     return hypothesis(problem, effects, fit(problem, point, slots_of(point, effects, problem), iterations=12))
 
 
-def dropped(problem: Problem, before: Hypothesis, effect: str, iterations: int = 15) -> Hypothesis:
-    """Fit without one of the effects, from where the linearised fit puts the others."""
+def dropped(problem: Problem, before: Hypothesis, effect: str, b: float, iterations: int = 15) -> Hypothesis:
+    """Fit without one of the effects, from where the linearised fit puts the others; b where nothing shows it."""
     names = tuple(name for name in before.effects if name != effect)
     linear, point = before.fit.linear, before.fit.point
     vector = point.vector.copy()
@@ -107,4 +114,6 @@ def dropped(problem: Problem, before: Hypothesis, effect: str, iterations: int =
     guess = moved(bare, slots, step[kept], starts)
     if not problem.cost(guess) < 10 * problem.cost(bare):
         guess = bare
+    if not scale_visible(names, problem):
+        guess = replace(guess, rods=np.append(guess.rods[:-1], b))
     return hypothesis(problem, names, fit(problem, guess, slots_of(guess, names, problem), iterations=iterations))

@@ -80,7 +80,7 @@ class Slot:
 
 
 def rod_slots(point: Point, scale_visible: bool = False) -> tuple[Slot, ...]:
-    """The ratios; b too where a release with a known added mass makes it visible."""
+    """The ratios; b too where something makes it visible."""
     count = len(UNKNOWN_RODS) if scale_visible else len(RATIOS)
     return tuple(
         Slot(

@@ -175,7 +175,7 @@ def _enrich(search: Attempts, current: Hypothesis) -> Hypothesis:
         inner = [name for name in item.effect.nested if name in current.effects]
         if inner and item.gain > chance:
             both = added(search.problem, current, search.scores(current), item, iterations=FINE)
-            other = dropped(search.problem, both, inner[0])
+            other = dropped(search.problem, both, inner[0], search.b)
             search.seen[other.key] = min(other, search.seen.get(other.key, other), key=lambda one: one.cost)
             if current.cost - other.cost > chance:
                 return other

@@ -14,12 +14,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.gap.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis import WEIGHED, Hypothesis
 from dpr_lab.gap.problem import Problem
 
 Array = NDArray[np.float64]
-
-WEIGHED = ("m1", "m2", "mb")
 
 
 def covariance(made: Problem, at: Hypothesis) -> Array:

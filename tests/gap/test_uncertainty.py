@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
+from dpr_lab.dynamics.base import BASE, base_parameters
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import Parameter, Rig
+from sim_device.config import load_plant
+from sim_device.direct import record
+from sim_device.draw import weighed as weighed_rig
 
 
 def weighed(rig: Rig, mass: float, std: float) -> Rig:
@@ -38,3 +42,13 @@ def test_steps_of_a_play_are_not_missed_counts(recorded, paper: Rig):
     found = diagnose(runs, paper)
     assert [effect.name for effect in found.effects] == ["backlash_joint2"]
     assert not [finding for finding in found.sensor_findings if finding.name == "missed_counts"]
+
+
+def test_friction_that_follows_the_load_shows_the_scale(paper: Rig):
+    plant, rig = weighed_rig(load_plant("paper", 3), paper)
+    told = plant.model_copy(update={"effects": {"load_friction_joint2": {"friction_radius_m": 6e-4}}})
+    found = diagnose(record(told, rig, 8.0), rig, library={"load_friction_joint2": EFFECTS["load_friction_joint2"]})
+    true_b = base_parameters(told.Z, rig.rig.L1, rig.rig.g)[BASE.index("b")]
+    assert found.scale_b == pytest.approx(true_b, rel=0.02)
+    assert found.effects[0].parameters["friction_radius_m"].value == pytest.approx(6e-4, rel=0.02)
+    assert any("fixes the scale" in sentence for sentence in found.assumptions)
