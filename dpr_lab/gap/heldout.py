@@ -25,6 +25,7 @@ from dpr_lab.gap.shooting import Fit
 Array = NDArray[np.float64]
 
 PRIOR = 10.0  # standard deviation of an effect before the data, in typical sizes
+WILDEST = 1e6  # standard deviations that a reading counts for where a segment cannot be followed
 BLOCKS = 4  # folds of a single recording: contiguous quarters
 
 
@@ -117,7 +118,7 @@ def remainder(problem: Problem, fit: Fit) -> Remainder:
     Source: J. von Neumann (1941), Distribution of the ratio of the mean square successive difference to the variance,
     Annals of Mathematical Statistics 12(4), 367-395.
     """
-    r = problem.by_sample(fit.linear.residual)
+    r = np.clip(np.nan_to_num(problem.by_sample(fit.linear.residual), nan=WILDEST), -WILDEST, WILDEST)
     within = np.ones(len(r) - 1, dtype=bool)
     within[problem.offsets[1:-1] - 1] = False
     rough = 0.5 * float(np.mean(np.diff(r, axis=0)[within] ** 2))

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -93,3 +95,12 @@ def test_score_promises_what_the_fit_then_gains(recorded, paper):
     assert base.fit.chi2 - after.chi2 == pytest.approx(item.gain, rel=0.02)
     assert after.point.vector[place("base_tilt", "tilt_rad")] == pytest.approx(5e-4, rel=0.02)
     assert len(effect_slots(EFFECTS["base_tilt"])) == 1
+
+
+def test_a_fit_that_cannot_be_followed_leaves_a_number(clean):
+    made, base = clean
+    lost = base.fit.linear.residual.copy()
+    lost[0] = np.inf
+    left = remainder(made, replace(base.fit, linear=replace(base.fit.linear, residual=lost)))
+    assert np.isfinite([left.chi2, left.excess, left.z, left.inflation]).all()
+    assert left.excess > 1e6 * left.dof
