@@ -12,6 +12,9 @@ from dpr_lab.configs import find_config, read_config, sha256_of
 PARAMETERS = ("l1", "l2", "m1", "m2", "mb", "c1", "c2", "J1", "J2")
 """Names of the kinetic parameters Z, in the order of the paper's tables."""
 
+MASSES = ("m1", "m2", "mb")
+"""Those of Z that a balance measures."""
+
 JOINTS = 3
 """Arm (0), inner rod (1), outer rod (2)."""
 

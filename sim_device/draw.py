@@ -18,7 +18,7 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import Parameter, Rig
+from dpr_lab.rig import MASSES, Parameter, Rig
 from sim_device.chance import Stream, generator
 from sim_device.config import Encoders, PlantConfig, drawn
 from sim_device.foreign import FOREIGN, FORMS, OUTSIDE
@@ -47,7 +47,6 @@ EXACT = 0.04
 
 MAX_ROUNDS = 9
 
-MASSES = ("m1", "m2", "mb")
 MASS_SPREAD = 0.15
 """How far a weighed part is from the plant file's value, relative."""
 SCALES_STD = 1e-4

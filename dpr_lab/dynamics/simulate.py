@@ -10,7 +10,7 @@ from dpr_lab.dynamics.step import Model, State, model_of, stepped
 from dpr_lab.effects import SIZE
 from dpr_lab.effects.quantities import Known, Mount
 from dpr_lab.kernels import njit
-from dpr_lab.rig import PARAMETERS
+from dpr_lab.rig import MASSES, PARAMETERS
 
 _RODS = [1, 2, 4, 5]
 _HELD = Mount(1.0, 0.0, 0.0, 0.0)
@@ -101,7 +101,7 @@ def rig_model(
         raise ValueError(f"arm mode must be one of {', '.join(MODES)}, not {arm.mode!r}")
     values = _vector(Z, 9, "Z")
     if known is None:
-        m1, m2, mb = values[[PARAMETERS.index(name) for name in ("m1", "m2", "mb")]].tolist()
+        m1, m2, mb = values[[PARAMETERS.index(name) for name in MASSES]].tolist()
         known = UNKNOWN._replace(m1=m1, m2=m2, mb=mb)
     L0, L1, g = frame
     rods, mount = mounted(values, frame, arm)

@@ -79,10 +79,11 @@ def _driven(t: Array, run: NDArray[np.int64], force: Array, speed: Array, dampin
         for i in range(len(t)):
             if t[i] < 0.0:
                 continue
-            h = max(t[i] - t[i - 1], 0.0) if i > 0 and run[i] == run[i - 1] else 0.0
+            h, before = 0.0, 0.0
             if i == 0 or run[i] != run[i - 1] or t[i - 1] < 0.0:
-                x, v, h = 0.0, 0.0, 0.0
-            before = found[i - 1, k] if h > 0.0 else 0.0
+                x, v = 0.0, 0.0
+            else:
+                h, before = max(t[i] - t[i - 1], 0.0), found[i - 1, k]
             ahead, onward = x + h * v + 0.25 * h * h * before, v + 0.5 * h * before
             now = (force[i] - friction * onward - stiffness * ahead) / (
                 1.0 + 0.5 * h * friction + 0.25 * h * h * stiffness

@@ -17,9 +17,8 @@ from dpr_lab.gap.hypothesis import Hypothesis, added, added_from_short, dropped,
 from dpr_lab.gap.problem import FIRST_S, Problem, carried, problem
 from dpr_lab.gap.score import Score, Scores, score
 from dpr_lab.gap.shooting import Fit, fit, unlocked
-from dpr_lab.gap.worth import closed
+from dpr_lab.gap.worth import closed, far
 
-FAR = 20.0  # chi2 per degree of freedom above which the linear score is only a hint
 KEPT_PROMISE = 0.5  # share of the promised fall of chi2 below which a fit is tried again from shorter segments
 ROUGH, FINE = 6, 15  # iterations of a fit, far from the noise and near it
 STARTS = 4  # shapes from which an effect with several of them is fitted
@@ -38,9 +37,9 @@ class Attempts:
     shorter: tuple[Problem, NDArray[np.float64]] | None = None
 
     @property
-    def b(self) -> float:
-        """Scale of all torques by the rig file, kg m^2."""
-        return float(self.seen[frozenset()].fit.point.rods[-1])
+    def bare(self) -> Hypothesis:
+        """The model without effects."""
+        return self.seen[frozenset()]
 
     def scores(self, at: Hypothesis) -> Scores:
         """The score test beside a set."""
@@ -57,7 +56,7 @@ class Attempts:
         if key not in self.seen:
             self.on_step(f"fit {', '.join(sorted(key))}")
             fitted = self._best_shape(at, scores, item)
-            if at.remainder.chi2 > FAR * at.remainder.dof and at.fit.chi2 - fitted.fit.chi2 < KEPT_PROMISE * item.gain:
+            if far(at) and at.fit.chi2 - fitted.fit.chi2 < KEPT_PROMISE * item.gain:
                 again = added_from_short(self.problem, self.short(), at, item)
                 fitted = min(fitted, again, key=lambda one: one.fit.chi2)
             self.seen[key] = fitted
@@ -69,27 +68,31 @@ class Attempts:
             self.shorter = problem(self.problem.records, self.problem.rig, FIRST_S)
         return self.shorter
 
-    def on_short(self, base: Hypothesis) -> tuple["Attempts", Hypothesis]:
-        """A search of its own in short segments, and the bare model there; effects bend those less."""
+    def on_short(self) -> "Attempts":
+        """A search of its own in short segments; effects bend those less."""
         cut, starts = self.short()
-        point = replace(base.fit.point, starts=starts)
+        point = replace(self.bare.fit.point, starts=starts)
         bare = hypothesis(cut, (), fit(cut, point, slots_of(point, (), cut), iterations=FINE))
-        return Attempts(cut, self.library, {bare.key: bare}, {}, self.on_step), bare
+        return Attempts(cut, self.library, {bare.key: bare}, {}, self.on_step)
 
-    def carried_over(self, short: Problem, found: Hypothesis, starts: NDArray[np.float64]) -> Hypothesis:
-        """A set that was found in short segments, fitted to these; `starts` begin where the short ones say nothing."""
-        point = replace(found.fit.point, starts=carried(short, found.fit.point, self.problem, starts))
-        long = fit(self.problem, point, slots_of(point, found.effects, self.problem), iterations=2 * FINE)
+    def carried_over(self, found: Hypothesis) -> Hypothesis:
+        """A set that was found in short segments, fitted to these."""
+        long = self._lengthened(found.fit, self.bare.fit.point.starts, iterations=2 * FINE)
         self.seen[found.key] = hypothesis(self.problem, found.effects, long)
         return self.unlocked(self.seen[found.key])
+
+    def _lengthened(self, near: Fit, starts: NDArray[np.float64], iterations: int) -> Fit:
+        """A fit in short segments carried on to these; `starts` begin where the short ones say nothing."""
+        cut, _ = self.short()
+        point = replace(near.point, starts=carried(cut, near.point, self.problem, starts))
+        return fit(self.problem, point, near.slots, iterations=iterations)
 
     def _best_shape(self, at: Hypothesis, scores: Scores, item: Score) -> Hypothesis:
         """Fit from the best shape; where there are several, from the best few."""
         leading = item.gain > LEADING * scores.ranking[0].gain
         starts = scores.shaped[item.effect.name][: STARTS if leading else 1]
-        far = at.remainder.chi2 > FAR * at.remainder.dof
         if item.effect.name in EVENTS or len(starts) == 1:
-            return added(self.problem, at, scores, item, iterations=ROUGH if far else FINE)
+            return added(self.problem, at, scores, item, iterations=ROUGH if far(at) else FINE)
         begun = [added(self.problem, at, scores, start, iterations=3) for start in starts]
         best = starts[min(range(len(begun)), key=lambda i: begun[i].fit.chi2)]
         return added(self.problem, at, scores, best, iterations=30)
@@ -100,9 +103,8 @@ class Attempts:
         if not closed(free) and at.effects:
             cut, starts = self.short()
             near = fit(cut, replace(free.fit.point, starts=starts), free.fit.slots, iterations=ROUGH)
-            back = replace(near.point, starts=carried(cut, near.point, self.problem, free.fit.point.starts))
-            long = unlocked(self.problem, fit(self.problem, back, free.fit.slots, iterations=FINE))
-            free = _better(self.problem, long, free)
+            long = self._lengthened(near, free.fit.point.starts, iterations=FINE)
+            free = _better(self.problem, unlocked(self.problem, long), free)
         self.seen[at.key] = free
         return free
 
@@ -111,7 +113,7 @@ class Attempts:
         key = at.key - {effect}
         if key not in self.seen:
             self.on_step(f"fit {', '.join(sorted(key))}")
-            fallen = dropped(self.problem, at, effect, self.b)
+            fallen = dropped(self.problem, at, effect, self.bare)
             parents = [self.seen[key - {name}] for name in key if key - {name} in self.scored]
             if parents and not closed(fallen):
                 parent = min(parents, key=lambda one: one.cost)
@@ -127,19 +129,20 @@ class Attempts:
         Of two related effects the one takes over what the other explains, where a fit from neither may get lost.
         """
         less = self.without(at, effect)
-        item = next((one for one in self.scores(less).ranking if one.effect.name == other), None)
+        item = self.scores(less).of(other)
         if item is None:
             return None
         found = self.with_one(less, self.scores(less), item)
-        if closed(at) and not closed(found):
-            beside = next(one for one in self.scores(at).ranking if one.effect.name == other)
+        beside = self.scores(at).of(other) if closed(at) and not closed(found) else None
+        if beside is not None:
             both = added(self.problem, at, self.scores(at), beside, iterations=0)
-            self.seen[found.key] = min(found, dropped(self.problem, both, effect, self.b), key=lambda one: one.fit.chi2)
-        return self.seen[found.key]
+            found = min(found, dropped(self.problem, both, effect, self.bare), key=lambda one: one.fit.chi2)
+            self.seen[found.key] = found
+        return found
 
     def _grown(self, at: Hypothesis, effect: str) -> Hypothesis:
         scores = self.scores(at)
-        item = next((one for one in scores.ranking if one.effect.name == effect), None)
+        item = scores.of(effect)
         return at if item is None else self._best_shape(at, scores, item)
 
     def again(self, at: Hypothesis, effect: str) -> Hypothesis:

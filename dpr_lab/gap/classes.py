@@ -82,7 +82,7 @@ def standing(selection: Selection, name: str, scores: Scores, calibration: Calib
         calibration: of the probabilities
     """
     without, chosen = selection.without[name], selection.chosen
-    own = next(item for item in scores.ranking if item.effect.name == name)
+    own = scores.shaped[name][0]
     others = {item.effect.name: item for item in scores.ranking if item is not own}
     near = {other: imitation(scores, own, item) for other, item in others.items()}
     twins = tuple(other for other, item in others.items() if _twin(selection, without, scores, own, item))

@@ -1,9 +1,9 @@
 """Grow a set of effects from the bare model: the score test names candidates, the best are fitted, two sets go on."""
 
-from dpr_lab.gap.attempts import FAR, Attempts
+from dpr_lab.gap.attempts import Attempts
 from dpr_lab.gap.hypothesis import Hypothesis
 from dpr_lab.gap.score import Score, Scores
-from dpr_lab.gap.worth import GAIN, KEEPS, LARGE, chance, closed, excess, worth
+from dpr_lab.gap.worth import GAIN, KEEPS, LARGE, chance, closed, excess, far, worth
 
 FITTED = 4
 FITTED_WHEN_FAR = 6
@@ -12,7 +12,7 @@ BEAM_WORSE = 4.0  # a second set goes on only while its excess is within this fa
 TWIN_GAIN = 1e-3  # relative difference of gains within which twins are not fitted twice
 
 
-def grow(search: Attempts, base: Hypothesis, begun: Hypothesis, max_effects: int) -> Hypothesis:
+def grow(search: Attempts, begun: Hypothesis, max_effects: int) -> Hypothesis:
     """The best set on the way from `begun` to `max_effects`, or as far as one effect more is worth it."""
     best, front = begun, [begun]
     for _ in range(max_effects - len(begun.effects)):
@@ -26,7 +26,7 @@ def grow(search: Attempts, base: Hypothesis, begun: Hypothesis, max_effects: int
             break
         ranked = sorted(level.values(), key=lambda item: item.cost)
         ranked = sorted([search.unlocked(ranked[0]), *ranked[1:]], key=lambda item: item.cost)
-        if not worth(base, best, ranked[0]):
+        if not worth(search.bare, best, ranked[0]):
             break
         best = ranked[0]
         others = [item for item in ranked[1:] if not _contains(search, item, best)]
@@ -36,15 +36,15 @@ def grow(search: Attempts, base: Hypothesis, begun: Hypothesis, max_effects: int
     return best
 
 
-def leanest(search: Attempts, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
+def leanest(search: Attempts, grown: Hypothesis) -> Hypothesis:
     """The smallest set that was seen to explain nearly as much: growth may have passed it by on another branch."""
     lean = [
         item
         for item in search.seen.values()
         if 0 < len(item.effects) < len(grown.effects)
         and excess(item) < KEEPS * excess(grown)
-        and excess(item) - excess(grown) < LARGE * excess(base)
-        and (not closed(grown) or (closed(item) and item.cost - grown.cost < chance(base, item, grown)))
+        and excess(item) - excess(grown) < LARGE * excess(search.bare)
+        and (not closed(grown) or (closed(item) and item.cost - grown.cost < chance(search.bare, item, grown)))
     ]
     return min(lean, key=lambda item: (len(item.effects), item.cost), default=grown)
 
@@ -66,7 +66,7 @@ def _candidates(at: Hypothesis, scores: Scores) -> list[Score]:
         for item in scores.ranking
         if item.gain > GAIN * max(0.5 * inflation, 1.0) and not set(item.effect.nested) & at.key
     ]
-    count = FITTED_WHEN_FAR if at.remainder.chi2 > FAR * at.remainder.dof else FITTED
+    count = FITTED_WHEN_FAR if far(at) else FITTED
     picked: list[Score] = []
     for item in promising:
         if any(_twins(item, other) for other in picked):

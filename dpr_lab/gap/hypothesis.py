@@ -11,10 +11,10 @@ from dpr_lab.gap.heldout import Remainder, folds, remainder, surprise
 from dpr_lab.gap.problem import Point, Problem, Slot, carried, effect_slots, rod_slots
 from dpr_lab.gap.score import Score, Scores
 from dpr_lab.gap.shooting import Fit, fit, moved
+from dpr_lab.rig import MASSES
 
 Array = NDArray[np.float64]
 
-WEIGHED = ("m1", "m2", "mb")
 PRICE = 9.0  # chi2 units that one more parameter has to earn: log of some 1e4 samples
 
 
@@ -48,7 +48,7 @@ def hypothesis(problem: Problem, effects: Iterable[str], found: Fit) -> Hypothes
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
     """Whether b is no mere scale: a known added mass, or friction by the force that weighed masses put on a joint."""
-    weighed = all(problem.rig.parameters[name].measured is not None for name in WEIGHED)
+    weighed = all(problem.rig.parameters[name].measured is not None for name in MASSES)
     weighs = weighed and any(EFFECTS[name].stage == "load" for name in effects)
     return weighs or any(item.run.added_mass for item in problem.records)
 
@@ -90,8 +90,8 @@ def added_from_short(problem: Problem, short: tuple[Problem, Array], before: Hyp
     return hypothesis(problem, effects, fit(problem, point, slots_of(point, effects, problem), iterations=12))
 
 
-def dropped(problem: Problem, before: Hypothesis, effect: str, b: float, iterations: int = 15) -> Hypothesis:
-    """Fit without one of the effects, from where the linearised fit puts the others; b where nothing shows it."""
+def dropped(problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis, iterations: int = 15) -> Hypothesis:
+    """Fit without one effect, from where the linearised fit puts the others; the bare model's b where none is seen."""
     names = tuple(name for name in before.effects if name != effect)
     linear, point = before.fit.linear, before.fit.point
     vector = point.vector.copy()
@@ -110,10 +110,10 @@ def dropped(problem: Problem, before: Hypothesis, effect: str, b: float, iterati
         :, :, 0
     ]
     slots = [before.fit.slots[i] for i in kept]
-    bare = replace(point, vector=vector)
-    guess = moved(bare, slots, step[kept], starts)
-    if not problem.cost(guess) < 10 * problem.cost(bare):
-        guess = bare
+    without = replace(point, vector=vector)
+    guess = moved(without, slots, step[kept], starts)
+    if not problem.cost(guess) < 10 * problem.cost(without):
+        guess = without
     if not scale_visible(names, problem):
-        guess = replace(guess, rods=np.append(guess.rods[:-1], b))
+        guess = replace(guess, rods=np.append(guess.rods[:-1], bare.fit.point.rods[-1]))
     return hypothesis(problem, names, fit(problem, guess, slots_of(guess, names, problem), iterations=iterations))

@@ -62,6 +62,10 @@ class Scores:
         """Columns of the fit itself."""
         return tuple(range(len(self.fit.slots)))
 
+    def of(self, effect: str) -> Score | None:
+        """The best of one effect; none where it was not scored."""
+        return self.shaped[effect][0] if effect in self.shaped else None
+
     def part(self, item: Score) -> Linear:
         """The linearisation with one candidate's columns beside the fit's."""
         chosen = [*self.active, *item.columns]

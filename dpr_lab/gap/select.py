@@ -18,12 +18,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from dpr_lab.effects.effect import Effect
-from dpr_lab.gap.attempts import FAR, FINE, Attempts
+from dpr_lab.gap.attempts import FINE, Attempts
 from dpr_lab.gap.grow import grow, leanest
 from dpr_lab.gap.hypothesis import Hypothesis, added, dropped
 from dpr_lab.gap.problem import Problem
 from dpr_lab.gap.score import Scores, imitation
-from dpr_lab.gap.worth import GAIN, IN_DOUBT, SLOW, chance, closed, doubt, excess, need
+from dpr_lab.gap.worth import GAIN, IN_DOUBT, SLOW, chance, closed, doubt, excess, far, need
 
 REVISIONS = 3  # times that a choice may be taken back for what was found while it was examined
 SWAPPED = 2  # candidates that are tried in the place of each effect
@@ -68,35 +68,35 @@ def select(
         on_step: told what is being done
     """
     search = Attempts(made, library, {base.key: base}, {}, on_step)
-    begun = _begun_short(search, base, max_effects) if base.remainder.chi2 > FAR * base.remainder.dof else base
-    grown = leanest(search, base, grow(search, base, begun, max_effects))
-    chosen = _simplify(search, base, _enrich(search, _prune(search, base, grown)))
-    chosen = _prune(search, base, _exchange(search, chosen))
+    begun = _begun_short(search, max_effects) if far(base) else base
+    grown = leanest(search, grow(search, begun, max_effects))
+    chosen = _simplify(search, _enrich(search, _prune(search, grown)))
+    chosen = _prune(search, _exchange(search, chosen))
     chosen = search.settled(_withdraw(search, chosen))
-    found = _selection(search, base, chosen)
+    found = _selection(search, chosen)
     for _ in range(REVISIONS):
-        better = _overtaken(search, base, chosen)
+        better = _overtaken(search, chosen)
         if better is None:
             break
-        chosen = search.settled(_prune(search, base, better))
-        found = _selection(search, base, chosen)
+        chosen = search.settled(_prune(search, better))
+        found = _selection(search, chosen)
     return found
 
 
-def _begun_short(search: Attempts, base: Hypothesis, max_effects: int) -> Hypothesis:
+def _begun_short(search: Attempts, max_effects: int) -> Hypothesis:
     """The set that short segments ask for: a gap far above the noise bends longer ones beyond what a fit can follow."""
-    near, bare = search.on_short(base)
-    found = leanest(near, bare, grow(near, bare, bare, max_effects))
-    found = _simplify(near, bare, _prune(near, bare, found))
-    carried = search.carried_over(near.problem, found, base.fit.point.starts) if found.effects else base
-    return min(carried, base, key=lambda item: item.cost)
+    near = search.on_short()
+    found = leanest(near, grow(near, near.bare, max_effects))
+    found = _simplify(near, _prune(near, found))
+    carried = search.carried_over(found) if found.effects else search.bare
+    return min(carried, search.bare, key=lambda item: item.cost)
 
 
-def _overtaken(search: Attempts, base: Hypothesis, chosen: Hypothesis) -> Hypothesis | None:
+def _overtaken(search: Attempts, chosen: Hypothesis) -> Hypothesis | None:
     """A set no larger that turned out to explain more, while twins were compared and sets taken apart."""
     rivals = [item for item in search.seen.values() if item.effects and len(item.effects) <= len(chosen.effects)]
     best = min(rivals, key=lambda item: item.cost, default=chosen)
-    found = chosen.cost - best.cost > chance(base, chosen, best) and best.key != chosen.key
+    found = chosen.cost - best.cost > chance(search.bare, chosen, best) and best.key != chosen.key
     return best if found and closed(best) >= closed(chosen) else None
 
 
@@ -110,7 +110,7 @@ def _withdraw(search: Attempts, chosen: Hypothesis) -> Hypothesis:
     return chosen
 
 
-def _selection(search: Attempts, base: Hypothesis, chosen: Hypothesis) -> Selection:
+def _selection(search: Attempts, chosen: Hypothesis) -> Selection:
     without = {name: search.without(chosen, name) for name in chosen.effects}
     around = {name: search.scores(item) for name, item in without.items()}
     for name, scores in around.items():
@@ -121,12 +121,12 @@ def _selection(search: Attempts, base: Hypothesis, chosen: Hypothesis) -> Select
         weakest = min(less, key=lambda name: less[name].cost)
         path.append((weakest, at))
         at = less[weakest]
-    return Selection(base, chosen, search.seen, search.scores(chosen), without, around, tuple(reversed(path)))
+    return Selection(search.bare, chosen, search.seen, search.scores(chosen), without, around, tuple(reversed(path)))
 
 
 def _try_rivals(search: Attempts, less: Hypothesis, scores: Scores, name: str, chosen: Hypothesis) -> None:
     """Fit what the linear scores can hardly tell from an effect, or like better: all are compared as they fit."""
-    own = next(item for item in scores.ranking if item.effect.name == name)
+    own = scores.shaped[name][0]
     related = {name, *own.effect.nested}
     for item in scores.ranking:
         form = item.effect.name in related or name in item.effect.nested
@@ -155,14 +155,14 @@ def _exchange(search: Attempts, current: Hypothesis) -> Hypothesis:
     return _exchange(search, best)
 
 
-def _prune(search: Attempts, base: Hypothesis, grown: Hypothesis) -> Hypothesis:
+def _prune(search: Attempts, grown: Hypothesis) -> Hypothesis:
     """Drop, one by one, effects that the remainder hardly misses; the first one stays for its share of the whole."""
     current = grown
     while len(current.effects) > 1:
         fewer = [search.without(current, name) for name in current.effects]
-        needs = [need(base, current, less) for less in fewer]
+        needs = [need(search.bare, current, less) for less in fewer]
         less = fewer[needs.index(min(needs))]
-        if min(needs) >= 1 and less.cost - current.cost > chance(base, less, current):
+        if min(needs) >= 1 and less.cost - current.cost > chance(search.bare, less, current):
             break
         current = less
     return current
@@ -175,19 +175,19 @@ def _enrich(search: Attempts, current: Hypothesis) -> Hypothesis:
         inner = [name for name in item.effect.nested if name in current.effects]
         if inner and item.gain > chance:
             both = added(search.problem, current, search.scores(current), item, iterations=FINE)
-            other = dropped(search.problem, both, inner[0], search.b)
+            other = dropped(search.problem, both, inner[0], search.bare)
             search.seen[other.key] = min(other, search.seen.get(other.key, other), key=lambda one: one.cost)
             if current.cost - other.cost > chance:
                 return other
     return current
 
 
-def _simplify(search: Attempts, base: Hypothesis, current: Hypothesis) -> Hypothesis:
+def _simplify(search: Attempts, current: Hypothesis) -> Hypothesis:
     """Replace an effect by a simpler one that it contains where that explains as much.
 
     While something else is left, a richer form may only be making up for that, and has to add more.
     """
-    indistinct = doubt(base, current, share=IN_DOUBT if closed(current) else CONTAINED)
+    indistinct = doubt(search.bare, current, share=IN_DOUBT if closed(current) else CONTAINED)
     for name in current.effects:
         for simpler in search.library[name].nested:
             if simpler not in search.library or simpler in current.effects:
@@ -197,5 +197,5 @@ def _simplify(search: Attempts, base: Hypothesis, current: Hypothesis) -> Hypoth
                 continue
             alike = closed(other) if closed(current) else excess(other) < SLOW * excess(current)
             if other.cost - current.cost < indistinct and alike:
-                return _simplify(search, base, other)
+                return _simplify(search, other)
     return current

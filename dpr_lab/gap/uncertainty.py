@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.gap.hypothesis import WEIGHED, Hypothesis
+from dpr_lab.gap.hypothesis import Hypothesis
 from dpr_lab.gap.problem import Problem
+from dpr_lab.rig import MASSES
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def covariance(made: Problem, at: Hypothesis) -> Array:
 def _otherwise(made: Problem) -> Iterator[Problem]:
     """The same problem as a finer integrator or a heavier part would have it."""
     yield replace(made, pieces=replace(made.pieces, step=made.pieces.step / 2))
-    for name in WEIGHED:
+    for name in MASSES:
         std = made.rig.parameters[name].std
         if std is not None:
             yield replace(made, known=made.known._replace(**{name: getattr(made.known, name) + std}))

@@ -3,6 +3,7 @@
 from dpr_lab.gap.hypothesis import Hypothesis
 
 CLOSED = 4.0  # standard deviations of the remainder that count as noise
+FAR = 20.0  # chi2 per degree of freedom above which fits may end in local minima
 GAIN = 30.0
 """Fall of chi2, in units of independent evidence, below which an effect is chance: the best of some 600 shapes."""
 EXTRA = 90.0  # the same for one effect more where nothing but noise is left
@@ -23,6 +24,11 @@ def excess(item: Hypothesis) -> float:
 def closed(item: Hypothesis) -> bool:
     """Whether nothing but noise is left."""
     return item.remainder.z < CLOSED
+
+
+def far(item: Hypothesis) -> bool:
+    """Whether so much is left that a linear score is only a hint."""
+    return item.remainder.chi2 > FAR * item.remainder.dof
 
 
 def doubt(base: Hypothesis, at: Hypothesis, *, independent: float = GAIN, share: float = IN_DOUBT) -> float:

@@ -11,7 +11,8 @@ from dpr_lab.paper.campaign import TRUTHS, Found
 from dpr_lab.paper.printed import POSES
 from dpr_lab.paper.swings import INSTANTS, swings
 from dpr_lab.report import style
-from dpr_lab.report.figures import AXES, write_to
+from dpr_lab.report.figures import AXES
+from dpr_lab.report.files import write_to
 from dpr_lab.rig import Rig
 
 

@@ -15,7 +15,7 @@ from dpr_lab.paper.figures import save_figures
 from dpr_lab.paper.printed import BEST_H, FIGURES, PERCENT_ERRORS
 from dpr_lab.paper.swings import READINGS
 from dpr_lab.paper.tables import Recomputed, Table, all_tables, recompute, verdicts
-from dpr_lab.report.figures import write_to
+from dpr_lab.report.files import write_to
 from dpr_lab.rig import Rig
 from dpr_lab.search.settings import IgaSettings
 

@@ -6,7 +6,7 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 
-from dpr_lab.report.figures import write_to
+from dpr_lab.report.files import write_to
 
 
 def template() -> str:
