@@ -42,12 +42,14 @@ class Body:
     g: float
     mass: float
     """Of both rods and the encoder on the inner one, kg."""
+    outer_mass: float
+    """Of the outer rod, kg."""
 
     @classmethod
     def of(cls, Z: NDArray[np.float64], L1: float, L2: float, g: float) -> "Body":
         """The body of a rig with the nine parameters Z."""
         a, b, d, e1, c1, c2 = base_parameters(Z, L1, g).tolist()
-        return cls(a, b, d, e1, d * g / L1, c1, c2, L1, L2, g, float(Z[2:5].sum()))
+        return cls(a, b, d, e1, d * g / L1, c1, c2, L1, L2, g, float(Z[2:5].sum()), float(Z[3]))
 
     def accelerations(
         self, theta1: float, theta2: float, omega1: float, omega2: float, tau1: float = 0.0, tau2: float = 0.0

@@ -88,6 +88,49 @@ def hertzian_joint1(body: Body, values: Values) -> Motion:
     return under(body, torques)
 
 
+def plastic_load_joint2(body: Body, values: Values) -> Motion:
+    """Friction of a plastic bush, by its contact area: tau2 = -K (|F| / 1 N)^(2/3) tanh(w / 0.05).
+
+    F is the force on joint 2, w = omega2 - omega1. The force follows from the accelerations without the friction, which is smaller by orders.
+
+    Source: Bowden & Tabor (1950), The friction and lubrication of solids, on contacts that give way elastically.
+    """
+    size, mass = values["torque_at_1N_Nm"], body.outer_mass
+    reach = body.e2 / body.g
+
+    def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
+        alpha1, alpha2 = body.accelerations(theta1, theta2, omega1, omega2)
+        sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
+        arm = mass * body.L1
+        across = arm * (cos1 * alpha1 - sin1 * omega1**2) + reach * (cos2 * alpha2 - sin2 * omega2**2)
+        up = mass * body.g - arm * (sin1 * alpha1 + cos1 * omega1**2) - reach * (sin2 * alpha2 + cos2 * omega2**2)
+        tau = -size * math.hypot(across, up) ** (2 / 3) * math.tanh((omega2 - omega1) / 0.05)
+        return -tau, tau
+
+    return under(body, torques)
+
+
+def warming_joint1(body: Body, values: Values) -> Motion:
+    """Grease that warms and then stays warm: tau1 = C (1 - exp(-t / T)) omega1, on top of c1."""
+    size, lasts = values["damping_Nms_per_rad"], values["lasts_s"]
+
+    def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
+        return size * (1 - math.exp(-max(t, 0.0) / lasts)) * omega1, 0.0
+
+    return under(body, torques)
+
+
+def seizing_joint2(body: Body, values: Values) -> Motion:
+    """A seal that runs dry within a moment: tau2 = -C w (1 + tanh((t - t0) / T)) / 2, w = omega2 - omega1."""
+    size, at, lasts = values["damping_Nms_per_rad"], values["at_s"], values["lasts_s"]
+
+    def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
+        tau = -size * (omega2 - omega1) * (1 + math.tanh((t - at) / lasts)) / 2
+        return -tau, tau
+
+    return under(body, torques)
+
+
 FRICTION = (
     Foreign(
         "asymmetric_friction_joint1",
@@ -141,6 +184,32 @@ FRICTION = (
         motion=hertzian_joint1,
         dissipative=True,
         family=("load_friction_joint1",),
+        held_back=True,
+    ),
+    Foreign(
+        "plastic_load_friction_joint2",
+        "friction of a plastic bush in joint 2 by the 2/3 power of its load",
+        Size("torque_at_1N_Nm", 5e-5, 3e-4),
+        motion=plastic_load_joint2,
+        dissipative=True,
+        family=("load_friction_joint2",),
+    ),
+    Foreign(
+        "warming_friction_joint1",
+        "grease of joint 1 that thins until it is warm",
+        Size("damping_Nms_per_rad", 5e-5, 2e-4),
+        shape=(Size("lasts_s", 2.0, 6.0),),
+        motion=warming_joint1,
+        family=("friction_drift_joint1",),
+    ),
+    Foreign(
+        "seizing_friction_joint2",
+        "a seal of joint 2 that runs dry within a moment",
+        Size("damping_Nms_per_rad", 2e-5, 1e-4),
+        shape=(Size("at_s", 2.0, 5.0), Size("lasts_s", 0.5, 2.0)),
+        motion=seizing_joint2,
+        dissipative=True,
+        family=("friction_drift_joint2",),
         held_back=True,
     ),
 )

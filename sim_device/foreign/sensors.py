@@ -36,6 +36,29 @@ def shrinking_latency_joint2(joints: Array, moment: Moment, values: Values) -> A
     return _with_joint(2, joints, -values["delay_ms"] * 1e-3 * omega / (1 + np.abs(omega) / values["speed_rad_per_s"]))
 
 
+def beating_latency_joint2(joints: Array, moment: Moment, values: Values) -> Array:
+    """Encoder 2 is polled by a clock of its own, which slides past the other's: error = -T frac(t / P) w."""
+    omega = moment.states[:, 3] - moment.states[:, 2]
+    late = values["delay_ms"] * 1e-3 * np.mod(moment.t / values["beat_s"], 1.0)
+    return _with_joint(2, joints, -late * omega)
+
+
+def bent_scale_joint1(joints: Array, moment: Moment, values: Values) -> Array:
+    """A potentiometer's track that bends: error = A (q / pi)^3, q the angle from hanging."""
+    return _with_joint(1, joints, values["error_rad"] * ((joints[:, 0] - np.pi) / np.pi) ** 3)
+
+
+def peaked_eccentricity_joint2(joints: Array, moment: Moment, values: Values) -> Array:
+    """A magnet nearest at one place: error = A (exp(K (cos(q - q0) - 1)) - its mean near 1 / 4)."""
+    peak = np.exp(values["narrowness"] * (np.cos(joints[:, 1] - values["place_rad"]) - 1))
+    return _with_joint(2, joints, values["error_rad"] * (peak - 0.25))
+
+
+def folded_scale_joint2(joints: Array, moment: Moment, values: Values) -> Array:
+    """A scale that is longer on one side than on the other: error = A max(q, 0)."""
+    return _with_joint(2, joints, values["error_per_rad"] * np.maximum(joints[:, 1], 0.0))
+
+
 def emi_bursts(joints: Array, moment: Moment, values: Values) -> Array:
     """Pulses into encoder 2 while the inner rod passes one place; all of one sign, of random size."""
     near = np.exp(BURST_NARROWNESS * (np.cos(joints[:, 0] - values["place_rad"]) - 1))
@@ -119,6 +142,40 @@ SENSORS = (
         shape=(Size("speed_rad_per_s", 10.0, 30.0),),
         reading=shrinking_latency_joint2,
         family=("latency_joint2",),
+        held_back=True,
+    ),
+    Foreign(
+        "beating_latency_joint2",
+        "encoder 2 is polled late, by a clock that slides",
+        Size("delay_ms", 0.5, 3.0),
+        shape=(Size("beat_s", 2.0, 8.0),),
+        reading=beating_latency_joint2,
+        family=("latency_joint2",),
+    ),
+    Foreign(
+        "bent_scale_joint1",
+        "encoder 1 has a scale that bends",
+        Size("error_rad", 2e-3, 1e-2),
+        sign="any",
+        reading=bent_scale_joint1,
+        family=("encoder_scale_joint1",),
+    ),
+    Foreign(
+        "peaked_eccentricity_joint2",
+        "encoder 2 errs most at one place",
+        Size("error_rad", 1e-3, 5e-3),
+        shape=(Size("narrowness", 2.0, 6.0), Size("place_rad", -1.5, 1.5)),
+        reading=peaked_eccentricity_joint2,
+        family=("encoder_eccentricity_joint2",),
+        held_back=True,
+    ),
+    Foreign(
+        "folded_scale_joint2",
+        "encoder 2 has another scale on each side",
+        Size("error_per_rad", 5e-4, 3e-3),
+        sign="any",
+        reading=folded_scale_joint2,
+        family=("encoder_scale_joint2",),
         held_back=True,
     ),
     Foreign(

@@ -46,6 +46,22 @@ def power_drag_outer(body: Body, values: Values) -> Motion:
     return under(body, torques)
 
 
+def tip_drag_outer(body: Body, values: Values) -> Motion:
+    """Drag of something wide at the tip of the outer rod alone: F = -K |v| v against the speed of the tip."""
+    size = values["drag_N_s2_per_m2"]
+
+    def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
+        inner, outer = body.L1 * omega1, body.L2 * omega2
+        meet = math.cos(theta1 - theta2)
+        speed = math.sqrt(max(inner * inner + outer * outer + 2 * inner * outer * meet, 0.0))
+        return (
+            -size * speed * body.L1 * (inner + outer * meet),
+            -size * speed * body.L2 * (outer + inner * meet),
+        )
+
+    return under(body, torques)
+
+
 def softening_spring_joint1(body: Body, values: Values) -> Motion:
     """A cable that gives way: tau1 = -T tanh((q - q0) / Q), q the angle from hanging."""
     torque, width, rest = values["torque_Nm"], values["width_rad"], values["rest_rad"]
@@ -56,6 +72,18 @@ def hardening_spring_joint2(body: Body, values: Values) -> Motion:
     """A cable that winds up: tau2 = -K q sqrt(1 + (q / Q)^2), q the relative angle."""
     stiffness, width = values["stiffness_Nm_per_rad"], values["width_rad"]
     return under(body, at_joint2(lambda angle, omega: -stiffness * angle * math.hypot(1.0, angle / width)))
+
+
+def loose_spring_joint2(body: Body, values: Values) -> Motion:
+    """A loop of cable with slack on both sides: tau2 = -K (|q| - Q) sign(q) for |q| > Q, q the relative angle."""
+    stiffness, slack = values["stiffness_Nm_per_rad"], values["slack_rad"]
+    return under(body, at_joint2(lambda angle, omega: -stiffness * math.copysign(max(abs(angle) - slack, 0.0), angle)))
+
+
+def slack_spring_joint1(body: Body, values: Values) -> Motion:
+    """A cable that only pulls once it is taut: tau1 = -K (q - q0) for q > q0, q the angle from hanging."""
+    stiffness, taut = values["stiffness_Nm_per_rad"], values["taut_rad"]
+    return under(body, at_joint1(lambda angle, omega: -stiffness * max(angle - taut, 0.0)))
 
 
 def sawtooth_detent_joint1(body: Body, values: Values) -> Motion:
@@ -93,6 +121,15 @@ TORQUES = (
         family=("air_drag_outer", "air_drag_both"),
     ),
     Foreign(
+        "tip_drag_outer",
+        "air drag of something wide at the tip of the outer rod",
+        Size("drag_N_s2_per_m2", 5e-4, 2e-3),
+        motion=tip_drag_outer,
+        dissipative=True,
+        family=("air_drag_outer", "air_drag_both"),
+        held_back=True,
+    ),
+    Foreign(
         "softening_spring_joint1",
         "a cable on joint 1 that gives way",
         Size("torque_Nm", 2e-3, 1e-2),
@@ -108,6 +145,23 @@ TORQUES = (
         shape=(Size("width_rad", 4.0, 10.0),),
         motion=hardening_spring_joint2,
         family=("spring_joint2",),
+    ),
+    Foreign(
+        "loose_spring_joint2",
+        "a loop of cable on joint 2 with slack",
+        Size("stiffness_Nm_per_rad", 1e-4, 1e-3),
+        shape=(Size("slack_rad", 0.2, 0.6),),
+        motion=loose_spring_joint2,
+        family=("spring_joint2",),
+        held_back=True,
+    ),
+    Foreign(
+        "slack_spring_joint1",
+        "a cable on joint 1 that pulls on one side only",
+        Size("stiffness_Nm_per_rad", 1e-3, 1e-2),
+        shape=(Size("taut_rad", -1.5, -0.3),),
+        motion=slack_spring_joint1,
+        family=("spring_joint1",),
     ),
     Foreign(
         "sawtooth_detent_joint1",
