@@ -91,7 +91,8 @@ def hertzian_joint1(body: Body, values: Values) -> Motion:
 def plastic_load_joint2(body: Body, values: Values) -> Motion:
     """Friction of a plastic bush, by its contact area: tau2 = -K (|F| / 1 N)^(2/3) tanh(w / 0.05).
 
-    F is the force on joint 2, w = omega2 - omega1. The force follows from the accelerations without the friction, which is smaller by orders.
+    F is the force on joint 2 and w = omega2 - omega1. The force follows from the accelerations without the friction,
+    which is smaller by orders.
 
     Source: Bowden & Tabor (1950), The friction and lubrication of solids, on contacts that give way elastically.
     """
