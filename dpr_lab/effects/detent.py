@@ -33,6 +33,7 @@ _JOINT1, DETENT_JOINT2 = pair(
         shape("order", "1", 12.0, tuple(float(order) for order in range(1, 41))),
     ),
     stage="torque",
+    potential=True,
     bench_check=(
         "Turn joint {j} slowly by hand with the rod balanced: a detent is felt at evenly spaced angles. Take the motor"
         " off and repeat: a detent goes, a centroid off the axis stays."

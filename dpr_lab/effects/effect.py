@@ -63,6 +63,8 @@ class Effect:
     source: str
     dissipative: bool = False
     """Whether it can only take energy out of the rods (presliding gives back no more than it has stored)."""
+    potential: bool = False
+    """Whether its torque is a function of the joint's angle alone."""
     twins: tuple[str, ...] = ()
     """Effects that free swings tell from this one not at all or hardly."""
     nested: tuple[str, ...] = ()

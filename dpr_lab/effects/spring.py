@@ -25,6 +25,7 @@ SPRING = pair(
         EffectParameter("cubic_Nm_per_rad3", "N m/rad^3", 2e-5),
     ),
     stage="torque",
+    potential=True,
     bench_check="Take the cable of joint {j} off (or add a second one) and repeat: a spring goes (or doubles).",
     source="Elastic restoring torque with Duffing's cubic term, e.g. Nayfeh & Mook (1979), Nonlinear Oscillations.",
 )

@@ -5,20 +5,29 @@ encoder. What a map does to the readings is projected free of ratios and start s
 is ever taken from differentiated angles. A map's share of the excess chi2 says how much of the gap can lie there.
 """
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.effects.quantities import SMOOTHING
+from dpr_lab.gap.coordinates import (
+    angle_hats,
+    encoder_angle,
+    encoder_speed,
+    joint_force,
+    load_hats,
+    speed_hats,
+    time_hats,
+    under_torque,
+)
 from dpr_lab.gap.hypothesis import Hypothesis
 from dpr_lab.gap.problem import Problem
 from dpr_lab.gap.response import Course, course
 
 Array = NDArray[np.float64]
 
-BINS = 10
 CONVINCING = 0.6
 """Share of the excess from which a place is said to explain the gap."""
 WORTH_SAYING = 3.0  # standard deviations of the remainder below which there is nothing to locate
@@ -80,71 +89,35 @@ class _Columns:
     unit: str
 
 
-def _hats(x: Array, knots: Array) -> Array:
-    """(n, k) piecewise linear functions that sum to one."""
-    place = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1 - 1e-9)
-    lower = place.astype(int)
-    hats = np.zeros((len(x), len(knots)))
-    hats[np.arange(len(x)), lower] = 1 - (place - lower)
-    hats[np.arange(len(x)), lower + 1] = place - lower
-    return hats
-
-
-def _round_hats(angle: Array) -> tuple[Array, Array]:
-    """(n, k) hats around the circle, and their knots."""
-    knots = np.linspace(-math.pi, math.pi, BINS + 1)
-    hats = _hats((angle + math.pi) % (2 * math.pi) - math.pi, knots)
-    hats[:, 0] += hats[:, -1]
-    return hats[:, :-1], knots[:-1]
-
-
-def _speed_hats(speed: Array) -> tuple[Array, Array]:
-    """(n, k) hats over signed roots of the speed, closer together where dry friction lives."""
-    top = max(float(np.quantile(np.abs(speed), 0.99)), 1e-3)
-    roots = np.linspace(-1, 1, BINS)
-    knots = np.sign(roots) * roots**2 * top
-    return _hats(speed, knots), knots
-
-
-def _torque(along: Course, joint: int, torque: Array) -> Array:
-    """(samples, 2, k) readings under joint torques (n, k)."""
-    pair = np.stack([torque, np.zeros_like(torque)] if joint == 0 else [-torque, torque], axis=1)
-    return along.readings(np.ascontiguousarray(pair))
-
-
 def _torque_by_angle(problem: Problem, along: Course, joint: int) -> _Columns:
-    hats, knots = _round_hats(along.joint_angle[:, joint])
-    return _Columns(_torque(along, joint, hats), knots, "N m")
+    hats, knots = angle_hats(along.joint_angle[:, joint])
+    return _Columns(under_torque(along, joint, hats), knots, "N m")
 
 
 def _torque_by_speed(problem: Problem, along: Course, joint: int) -> _Columns:
-    hats, knots = _speed_hats(along.joint_speed[:, joint])
-    return _Columns(_torque(along, joint, hats), knots, "N m")
+    hats, knots = speed_hats(along.joint_speed[:, joint])
+    return _Columns(under_torque(along, joint, hats), knots, "N m")
 
 
 def _friction_by_time(problem: Problem, along: Course, joint: int) -> _Columns:
-    knots = np.linspace(0, float(along.t.max()), BINS)
-    return _Columns(
-        _torque(along, joint, -_hats(along.t, knots) * along.joint_speed[:, joint, None]), knots, "N m s/rad"
-    )
+    hats, knots = time_hats(along.t)
+    return _Columns(under_torque(along, joint, -hats * along.joint_speed[:, joint, None]), knots, "N m s/rad")
 
 
 def _friction_by_load(problem: Problem, along: Course, joint: int) -> _Columns:
-    force = _joint_force(problem, along, joint)
-    knots = np.quantile(force, np.linspace(0.01, 0.99, 5))
-    slides = np.tanh(along.joint_speed[:, joint] / 0.02)
-    return _Columns(_torque(along, joint, -_hats(force, knots) * (force * slides)[:, None]), knots, "m")
+    force = joint_force(problem, along, joint)
+    hats, knots = load_hats(force)
+    slides = np.tanh(along.joint_speed[:, joint] / SMOOTHING)
+    return _Columns(under_torque(along, joint, -hats * (force * slides)[:, None]), knots, "m")
 
 
 def _error_by_angle(problem: Problem, along: Course, joint: int) -> _Columns:
-    turned = problem.measured[:, joint] - (math.pi if joint == 0 or not problem.relative else 0.0)
-    hats, knots = _round_hats(turned)
+    hats, knots = angle_hats(encoder_angle(problem, joint))
     return _Columns(_read(hats, joint), knots, "rad")
 
 
 def _error_by_speed(problem: Problem, along: Course, joint: int) -> _Columns:
-    speed = np.interp(along.at, np.arange(len(along.t)), along.joint_speed[:, joint])
-    hats, knots = _speed_hats(speed)
+    hats, knots = speed_hats(encoder_speed(along, joint))
     return _Columns(_read(hats, joint), knots, "rad")
 
 
@@ -163,21 +136,6 @@ MAPS: Mapping[str, Callable[[Problem, Course, int], _Columns]] = {
     "error by speed": _error_by_speed,
 }
 """Every map that is drawn of each joint."""
-
-
-def _joint_force(problem: Problem, along: Course, joint: int) -> Array:
-    """(n,) force that a joint carries, N, from masses times accelerations of equation (1)."""
-    known, sin, cos = problem.known, np.sin(along.theta), np.cos(along.theta)
-    across = cos * along.alpha - sin * along.omega**2
-    up = -sin * along.alpha - cos * along.omega**2
-    inner, outer = along.base[3] / known.g, along.base[2] / known.L1
-    if joint == 0:
-        weight = (known.m1 + known.m2 + known.mb) * known.g
-        lengths = np.array([inner, outer])
-    else:
-        weight = known.m2 * known.g
-        lengths = np.array([known.m2 * known.L1, outer])
-    return np.hypot(across @ lengths, up @ lengths + weight)
 
 
 def _place(

@@ -169,6 +169,10 @@ class Problem:
         segment, place = self._rows
         return whitened.reshape(len(whitened), -1, 2)[segment, place]
 
+    def readings(self, point: Point) -> Array:
+        """(samples, 2) what the encoders would read at a point, rad."""
+        return readings(point.base, point.vector, self.known, self.pieces, point.starts)
+
     def predict(self, point: Point, slots: Sequence[Slot] = ()) -> tuple[Array, Array]:
         """Readings at a point, and their derivatives by forward differences at twice the integrator's step.
 
@@ -187,20 +191,19 @@ class Problem:
         for j in range(4):
             starts[count - 4 + j, :, j] += START_STEPS[j]
         bases = rods[:, 5:] * base_from_ratios(rods[:, :5])
-        # The effects that remember are not to feel the start of the segment before.
-        memory = np.full((count, len(self.run), 5), np.nan)
-        memory[-4:] = memories(point.base, point.vector, self.known, self.pieces, point.starts)
+        # The effects that remember are not to feel the start of the segment before, nor the difference of the steps.
         coarse = replace(self.pieces, step=COARSER * self.pieces.step)
+        memory = np.full((count, len(self.run), 5), np.nan)
+        memory[-4:] = memories(point.base, point.vector, self.known, coarse, point.starts)
         angles = readings_batch(bases, vectors, self.known, coarse, starts, memory)
         steps = np.array([*(slot.step for slot in slots), *START_STEPS])
         slopes = np.moveaxis(angles[1:] - angles[0], 0, -1) / steps
-        return readings(point.base, point.vector, self.known, self.pieces, point.starts), slopes
+        return self.readings(point), slopes
 
     def costs(self, point: Point) -> Array:
         """(segments,) sum of squared whitened residuals; inf where a segment cannot be simulated."""
-        angles = readings(point.base, point.vector, self.known, self.pieces, point.starts)
         with np.errstate(over="ignore", invalid="ignore"):
-            squares = np.sum(((self.measured - angles) * self.weight) ** 2, axis=1)
+            squares = np.sum(((self.measured - self.readings(point)) * self.weight) ** 2, axis=1)
         return np.nan_to_num(np.add.reduceat(squares, self.offsets[:-1]), nan=np.inf)
 
     def cost(self, point: Point) -> float:

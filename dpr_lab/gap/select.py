@@ -11,6 +11,7 @@ later one too, and what was found is pruned, swapped and simplified before it is
     simplify  an effect gives way to a simpler one that it contains and that explains as much
     exchange  while something is left, another effect is tried in the place of each
     withdraw  an effect that makes one release harder to predict from the others is not named
+    own       while something is left, an effect that only makes up for another form of the rest is not named
     overtake  a set no larger that turns out better while rivals are fitted takes its place
 """
 
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 
 from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.attempts import FINE, Attempts
+from dpr_lab.gap.forms import own_share
 from dpr_lab.gap.grow import grow, leanest
 from dpr_lab.gap.hypothesis import Hypothesis, added, dropped
 from dpr_lab.gap.problem import Problem
@@ -28,6 +30,8 @@ from dpr_lab.gap.worth import GAIN, IN_DOUBT, SLOW, chance, closed, doubt, exces
 REVISIONS = 3  # times that a choice may be taken back for what was found while it was examined
 SWAPPED = 2  # candidates that are tried in the place of each effect
 CONTAINED = 0.003  # share of the explained excess that a richer form of an effect must add while something is left
+OWN = 0.15  # share of what an effect explains that no other form of the rest explains, while something is left
+OPEN = 0.5  # share of the gap that the rest must not leave open then
 TWIN_COSINE = 0.999
 """Of the signatures of two effects above which a recording hardly tells them apart."""
 
@@ -72,13 +76,13 @@ def select(
     grown = leanest(search, grow(search, begun, max_effects))
     chosen = _simplify(search, _enrich(search, _prune(search, grown)))
     chosen = _prune(search, _exchange(search, chosen))
-    chosen = search.settled(_withdraw(search, chosen))
+    chosen = search.settled(_with_own_part(search, _withdraw(search, chosen)))
     found = _selection(search, chosen)
     for _ in range(REVISIONS):
         better = _overtaken(search, chosen)
         if better is None:
             break
-        chosen = search.settled(_prune(search, better))
+        chosen = search.settled(_with_own_part(search, _prune(search, better)))
         found = _selection(search, chosen)
     return found
 
@@ -108,6 +112,21 @@ def _withdraw(search: Attempts, chosen: Hypothesis) -> Hypothesis:
         if (chosen.surprise - less.surprise > tolerance).any():
             return _withdraw(search, less)
     return chosen
+
+
+def _with_own_part(search: Attempts, chosen: Hypothesis) -> Hypothesis:
+    """While something is left: without effects that explain hardly more than another form of the rest would."""
+    if closed(chosen) or len(chosen.effects) < 2:
+        return chosen
+    least, rest = OWN, chosen
+    for name in chosen.effects:
+        less = search.without(chosen, name)
+        scores = search.scores(less)
+        item = scores.of(name)
+        if item is not None and excess(less) < OPEN * excess(search.bare):
+            share = own_share(search.problem, less, scores, item)
+            least, rest = (share, less) if share < least else (least, rest)
+    return chosen if rest is chosen else _with_own_part(search, rest)
 
 
 def _selection(search: Attempts, chosen: Hypothesis) -> Selection:

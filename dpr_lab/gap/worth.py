@@ -8,6 +8,7 @@ GAIN = 30.0
 """Fall of chi2, in units of independent evidence, below which an effect is chance: the best of some 600 shapes."""
 EXTRA = 90.0  # the same for one effect more where nothing but noise is left
 IN_DOUBT = 5e-4  # share of what is explained that the integrator's steps leave in doubt
+IN_DOUBT_CLOSED = 5e-5  # the same where a set leaves only noise, and so vouches for the steps
 SLOW = 1.3  # factor by which one effect more must at least shrink the excess, unless it is large
 KEEPS = 3.0  # factor by which the remainder must grow without an effect, for the effect to stay
 KEEPS_IF_LARGE = 1.3  # the same for an effect that explains at least `LARGE` of the whole gap
@@ -40,6 +41,8 @@ def chance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     """Fall of cost from one set to a larger one that means nothing."""
     if not before.effects:
         return GAIN * after.remainder.inflation
+    if closed(after) and not closed(before):
+        return doubt(base, after, share=IN_DOUBT_CLOSED)
     return doubt(base, after, independent=EXTRA if closed(before) else GAIN)
 
 

@@ -36,16 +36,17 @@ def shrinking_latency_joint2(joints: Array, moment: Moment, values: Values) -> A
     return _with_joint(2, joints, -values["delay_ms"] * 1e-3 * omega / (1 + np.abs(omega) / values["speed_rad_per_s"]))
 
 
-def beating_latency_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """Encoder 2 is polled by a clock of its own, which slides past the other's: error = -T frac(t / P) w."""
+def swaying_latency_joint2(joints: Array, moment: Moment, values: Values) -> Array:
+    """Encoder 2 is late, more so while its bus is busy: error = -T (1 + sin(2 pi t / P)) w / 2."""
     omega = moment.states[:, 3] - moment.states[:, 2]
-    late = values["delay_ms"] * 1e-3 * np.mod(moment.t / values["beat_s"], 1.0)
-    return _with_joint(2, joints, -late * omega)
+    busy = (1 + np.sin(2 * np.pi * moment.t / values["period_s"])) / 2
+    return _with_joint(2, joints, -values["delay_ms"] * 1e-3 * busy * omega)
 
 
-def bent_scale_joint1(joints: Array, moment: Moment, values: Values) -> Array:
-    """A potentiometer's track that bends: error = A (q / pi)^3, q the angle from hanging."""
-    return _with_joint(1, joints, values["error_rad"] * ((joints[:, 0] - np.pi) / np.pi) ** 3)
+def warming_scale_joint1(joints: Array, moment: Moment, values: Values) -> Array:
+    """A scale that changes until the electronics are warm: error = A (1 - exp(-t / T)) q, q the angle from hanging."""
+    warm = -np.expm1(-np.maximum(moment.t, 0.0) / values["lasts_s"])
+    return _with_joint(1, joints, values["error_per_rad"] * warm * (joints[:, 0] - np.pi))
 
 
 def peaked_eccentricity_joint2(joints: Array, moment: Moment, values: Values) -> Array:
@@ -145,19 +146,20 @@ SENSORS = (
         held_back=True,
     ),
     Foreign(
-        "beating_latency_joint2",
-        "encoder 2 is polled late, by a clock that slides",
+        "swaying_latency_joint2",
+        "encoder 2 is late, more so while its bus is busy",
         Size("delay_ms", 0.5, 3.0),
-        shape=(Size("beat_s", 2.0, 8.0),),
-        reading=beating_latency_joint2,
+        shape=(Size("period_s", 2.0, 8.0),),
+        reading=swaying_latency_joint2,
         family=("latency_joint2",),
     ),
     Foreign(
-        "bent_scale_joint1",
-        "encoder 1 has a scale that bends",
-        Size("error_rad", 2e-3, 1e-2),
+        "warming_scale_joint1",
+        "encoder 1 has a scale that changes until it is warm",
+        Size("error_per_rad", 5e-4, 3e-3),
         sign="any",
-        reading=bent_scale_joint1,
+        shape=(Size("lasts_s", 1.0, 4.0),),
+        reading=warming_scale_joint1,
         family=("encoder_scale_joint1",),
     ),
     Foreign(

@@ -1,0 +1,45 @@
+"""What an effect explains by itself, and what another form of the rest would explain as well."""
+
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.base_fit import fit_base, nominal_rods
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.forms import own_share
+from dpr_lab.gap.hypothesis import added
+from dpr_lab.gap.record import record
+from dpr_lab.gap.score import score
+from sim_device.config import PlantConfig, load_plant
+from sim_device.direct import record as recorded_from
+
+
+@pytest.fixture(scope="module")
+def bush(paper):
+    """Three releases of a rig with friction by the 2/3 power of the load, which the library has in the first."""
+    foreign = {"plastic_load_friction_joint2": {"torque_at_1N_Nm": 3e-3}}
+    return recorded_from(PlantConfig.model_validate(load_plant("paper", 1).model_dump() | {"foreign": foreign}), paper)
+
+
+def share_beside(runs, rig, first: str, second: str) -> float:
+    made, base = fit_base([record(run, rig) for run in runs], rig, nominal_rods(rig))
+    begun = score(made, base.fit, EFFECTS.values())
+    one = added(made, base, begun, begun.shaped[first][0], iterations=10)
+    scores = score(made, one.fit, [EFFECTS[second]])
+    return own_share(made, one, scores, scores.ranking[0])
+
+
+def test_dry_friction_only_makes_up_for_the_form_of_friction_by_load(bush, paper):
+    assert share_beside(bush, paper, "load_friction_joint2", "coulomb_joint2") < 0.1
+
+
+def test_an_effect_of_its_own_explains_what_no_other_form_of_the_first_does(recorded, two_effects, paper):
+    first, second = two_effects
+    assert share_beside(recorded(two_effects), paper, first, second) > 0.5
+    assert share_beside(recorded(two_effects), paper, second, first) > 0.5
+
+
+@pytest.mark.slow
+def test_an_effect_in_another_form_is_named_alone_and_the_rest_admitted(bush, paper):
+    found = diagnose(bush, paper)
+    assert [effect.name for effect in found.effects] == ["load_friction_joint2"]
+    assert found.verdict == "partly_explained"
