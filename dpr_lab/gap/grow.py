@@ -1,5 +1,7 @@
 """Grow a set of effects from the bare model: the score test names candidates, the best are fitted, two sets go on."""
 
+from collections.abc import Iterator
+
 from dpr_lab.gap.attempts import Attempts
 from dpr_lab.gap.hypothesis import Hypothesis
 from dpr_lab.gap.score import Score, Scores
@@ -9,6 +11,7 @@ FITTED = 4
 FITTED_WHEN_FAR = 6
 BEAM = 2
 BEAM_WORSE = 4.0  # a second set goes on only while its excess is within this factor of the best
+AS_PROMISING = 0.5  # share of what a set gained by closing the gap that another effect must promise to be fitted too
 TWIN_GAIN = 1e-3  # relative difference of gains within which twins are not fitted twice
 
 
@@ -18,10 +21,7 @@ def grow(search: Attempts, begun: Hypothesis, max_effects: int) -> Hypothesis:
     for _ in range(max_effects - len(begun.effects)):
         level: dict[frozenset[str], Hypothesis] = {}
         for at in front:
-            scores = search.scores(at)
-            for item in _candidates(at, scores):
-                after = search.with_one(at, scores, item)
-                level[after.key] = after
+            level |= {after.key: after for after in _one_more(search, at)}
         if not level:
             break
         ranked = sorted(level.values(), key=lambda item: item.cost)
@@ -34,6 +34,17 @@ def grow(search: Attempts, begun: Hypothesis, max_effects: int) -> Hypothesis:
         if closed(best):
             front = [best]
     return best
+
+
+def _one_more(search: Attempts, at: Hypothesis) -> Iterator[Hypothesis]:
+    """The set with each of the most promising effects; once nothing but noise is left, only those as promising."""
+    scores, least = search.scores(at), 0.0
+    for item in _candidates(at, scores):
+        if item.gain > least:
+            after = search.with_one(at, scores, item)
+            if closed(after):
+                least = max(least, AS_PROMISING * (at.fit.chi2 - after.fit.chi2))
+            yield after
 
 
 def leanest(search: Attempts, grown: Hypothesis) -> Hypothesis:

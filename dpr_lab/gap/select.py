@@ -197,7 +197,7 @@ def _enrich(search: Attempts, current: Hypothesis) -> Hypothesis:
             other = dropped(search.problem, both, inner[0], search.bare)
             search.seen[other.key] = min(other, search.seen.get(other.key, other), key=lambda one: one.cost)
             if current.cost - other.cost > chance:
-                return other
+                return search.unlocked(other)
     return current
 
 
