@@ -184,6 +184,7 @@ SENSORS = (
         "emi_bursts",
         "pulses into encoder 2 at one place of the inner rod",
         Size("error_rad", 2e-3, 1e-2),
+        most=0.3,
         shape=(Size("place_rad", -1.0, 1.0),),
         reading=emi_bursts,
     ),
