@@ -1,10 +1,12 @@
 """From the angles of the joints to those that their encoders read: timing, play and distortion."""
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.step import Model
-from dpr_lab.effects.folded import held, misread, plays, shifts
+from dpr_lab.effects.folded import held, misread, plays, shifts, switched
+from dpr_lab.effects.quantities import Known
 from dpr_lab.kernels import njit
 
 
@@ -29,6 +31,33 @@ def distort(angles: NDArray[np.float64], t: NDArray[np.float64], run: int, model
         added1, added2 = misread(angles[k, 0], angles[k, 1], t[k], run, model.known, model.vector, model.on)
         angles[k, 0] += added1
         angles[k, 1] += added2
+
+
+@njit(parallel=True)
+def misread_batch(
+    angles: NDArray[np.float64],
+    t: NDArray[np.float64],
+    run: NDArray[np.int64],
+    known: Known,
+    vectors: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """(n, N, 2) what the encoders make of the same angles under many effects; nothing is integrated for it.
+
+    Args:
+        angles: (N, 2) joint 1 absolute, joint 2 as its encoder has it, rad
+        t: (N,) device time since the release, s
+        run: (N,) number of the release, from 0
+        known: the rig
+        vectors: (n, SIZE) effects, of which those of encoders count
+    """
+    read = np.empty((len(vectors), len(t), 2))
+    for c in numba.prange(len(vectors)):
+        on = switched(vectors[c])
+        for k in range(len(t)):
+            added1, added2 = misread(angles[k, 0], angles[k, 1], t[k], run[k], known, vectors[c], on)
+            read[c, k, 0] = angles[k, 0] + added1
+            read[c, k, 1] = angles[k, 1] + added2
+    return read
 
 
 @njit

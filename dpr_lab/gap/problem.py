@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import RATIOS, base_from_ratios
 from dpr_lab.dynamics.known import known_of
 from dpr_lab.dynamics.readings import Pieces, memories, pieces, readings, readings_batch, started
-from dpr_lab.effects import SLICES
+from dpr_lab.dynamics.sensors import misread_batch
+from dpr_lab.effects import EFFECTS, SLICES
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.quantities import Known
 from dpr_lab.gap.record import Record, cuts, start_states
@@ -110,6 +111,14 @@ def effect_slots(
     return tuple(slots)
 
 
+OF_ENCODERS = [slot.at for effect in EFFECTS.values() if effect.stage == "encoder" for slot in effect_slots(effect)]
+"""Places in the vector of the amplitudes of what encoders misread."""
+
+
+def _of_encoder(slot: Slot) -> bool:
+    return slot.effect is not None and EFFECTS[slot.effect].stage == "encoder"
+
+
 @dataclass(frozen=True, slots=True)
 class Problem:
     """Segments of all runs, padded to one length: row 2 k + j of a segment is its sample k of joint j + 1."""
@@ -181,21 +190,31 @@ class Problem:
         Returns:
             (samples, 2), rad, and (samples, 2, slots + 4), the last four by the start state of each segment
         """
-        count = 1 + len(slots) + 4
-        rods, vectors = np.tile(point.rods, (count, 1)), np.tile(point.vector, (count, 1))
-        starts = np.tile(point.starts, (count, 1, 1))
+        rows = 1 + len(slots)  # that of the point itself, and one for each slot; the start states come after
+        rods, vectors = np.tile(point.rods, (rows + 4, 1)), np.tile(point.vector, (rows + 4, 1))
+        starts = np.tile(point.starts, (rows + 4, 1, 1))
         for i, slot in enumerate(slots, start=1):
             for at, value in slot.overrides:
                 vectors[i, at] = value
             (rods if slot.rods else vectors)[i, slot.at] += slot.step
         for j in range(4):
-            starts[count - 4 + j, :, j] += START_STEPS[j]
-        bases = rods[:, 5:] * base_from_ratios(rods[:, :5])
+            starts[rows + j, :, j] += START_STEPS[j]
         # The effects that remember are not to feel the start of the segment before, nor the difference of the steps.
         coarse = replace(self.pieces, step=COARSER * self.pieces.step)
-        memory = np.full((count, len(self.run), 5), np.nan)
-        memory[-4:] = memories(point.base, point.vector, self.known, coarse, point.starts)
-        angles = readings_batch(bases, vectors, self.known, coarse, starts, memory)
+        memory = np.full((rows + 4, len(self.run), 5), np.nan)
+        memory[rows:] = memories(point.base, point.vector, self.known, coarse, point.starts)
+        # What encoders misread moves no rod: the swing of the point does for all of it.
+        misread = np.array([True, *(_of_encoder(slot) for slot in slots), *[False] * 4])
+        moving = np.flatnonzero(~misread)
+        swung = [0, *moving]
+        bases = rods[swung, 5:] * base_from_ratios(rods[swung, :5])
+        seen = vectors[swung]
+        seen[0, OF_ENCODERS] = 0.0
+        swings = readings_batch(bases, seen, self.known, coarse, starts[swung], memory[swung])
+        angles = np.empty((rows + 4, len(self.t), 2))
+        angles[moving] = swings[1:]
+        runs = np.repeat(self.run, np.diff(self.offsets))
+        angles[misread] = misread_batch(swings[0], self.t, runs, self.known, vectors[misread])
         steps = np.array([*(slot.step for slot in slots), *START_STEPS])
         slopes = np.moveaxis(angles[1:] - angles[0], 0, -1) / steps
         return self.readings(point), slopes
