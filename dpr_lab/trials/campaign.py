@@ -3,13 +3,17 @@
 campaign.json    what is tried; a folder holds one campaign
 trials.jsonl     one line for each trial done
 summary.json     what came out
+.lock            held while a campaign runs
 """
 
 import json
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock, Timeout
 
 from dpr_lab import __version__
 from dpr_lab.errors import DprError, RunError
@@ -21,7 +25,7 @@ from dpr_lab.trials.score import Outcome, read_outcome
 from dpr_lab.trials.sealing import Kind, Level
 from dpr_lab.trials.workers import Case, Done, on_cluster, on_this_machine
 
-SETTINGS, TRIALS = "campaign.json", "trials.jsonl"
+SETTINGS, TRIALS, LOCK = "campaign.json", "trials.jsonl", ".lock"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +95,38 @@ def run_campaign(
         on_trial: told how many are done, at the start and after each, and what the last one came to
 
     Raises:
-        RunError: the folder holds another campaign.
+        RunError: the folder holds another campaign, or one that is running.
         DprError: a file cannot be written, or the workers are gone; what was done is kept.
     """
+    with _alone(folder):
+        return _run(campaign, n, folder, jobs, scheduler, on_trial)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a folder; the system lets go of it when a process is killed."""
+    lock = FileLock(folder / LOCK, timeout=0)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout:
+        raise RunError(f"{folder}: a campaign is running in it; wait for its end, or give another folder") from None
+    except OSError as error:
+        raise DprError(f"{folder}: cannot be written: {error.strerror}") from error
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _run(
+    campaign: Campaign,
+    n: int,
+    folder: Path,
+    jobs: int,
+    scheduler: str | None,
+    on_trial: Callable[[int, Outcome | Failure | None], None],
+) -> Tried:
     _claim(folder, campaign)
     kept = {number: outcome for number, outcome in read_trials(folder).items() if number < n}
     failures: list[Failure] = []

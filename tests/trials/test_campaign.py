@@ -90,6 +90,21 @@ def test_a_folder_holds_one_campaign(tmp_path: Path) -> None:
         run_campaign(Campaign((Kind.CLEAN,), seed=12), 1, tmp_path)
 
 
+def test_a_folder_holds_one_running_campaign(tmp_path: Path) -> None:
+    refused: list[str] = []
+
+    def once_more(done: int, last: object) -> None:
+        with pytest.raises(RunError) as error:
+            run_campaign(CLEAN, 1, tmp_path)
+        refused.append(str(error.value))
+
+    (tmp_path / "trials.jsonl").write_bytes(lines(tmp_path, 0))
+    run_campaign(CLEAN, 1, tmp_path, on_trial=once_more)
+    assert len(refused) == 1
+    assert "a campaign is running in it; wait" in refused[0]
+    assert len(run_campaign(CLEAN, 1, tmp_path).outcomes) == 1
+
+
 def test_kinds_come_in_turn_and_seeds_one_after_the_other() -> None:
     cases = Campaign((Kind.CLEAN, Kind.PAIR), seed=5).cases(range(1, 4))
     assert [(case["number"], case["kind"], case["seed"]) for case in cases] == [
