@@ -70,20 +70,28 @@ def lugre_joint2(body: Body, values: Values) -> Motion:
     return Motion(slope, memory=(0.0,))
 
 
-def hertzian_joint1(body: Body, values: Values) -> Motion:
-    """Rolling friction by Hertz' contact: tau1 = -K (|F| / 1 N)^(4/3) tanh(omega1 / 0.05), F the force on joint 1.
+def joint_force(
+    body: Body, moment: float, mass: float, theta1: float, theta2: float, omega1: float, omega2: float
+) -> float:
+    """Force on a joint that carries `mass`, N; `moment` is what of it turns with the inner rod, kg m.
 
-    The force follows from the accelerations without the friction, which is smaller by orders.
+    It follows from the accelerations without friction, which is smaller by orders.
     """
-    size = values["torque_at_1N_Nm"]
-    p1, p2 = body.e1 / body.g, body.e2 / body.g
+    alpha1, alpha2 = body.accelerations(theta1, theta2, omega1, omega2)
+    sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
+    outer = body.e2 / body.g
+    across = moment * (cos1 * alpha1 - sin1 * omega1**2) + outer * (cos2 * alpha2 - sin2 * omega2**2)
+    up = mass * body.g - moment * (sin1 * alpha1 + cos1 * omega1**2) - outer * (sin2 * alpha2 + cos2 * omega2**2)
+    return math.hypot(across, up)
+
+
+def hertzian_joint1(body: Body, values: Values) -> Motion:
+    """Rolling friction by Hertz' contact: tau1 = -K (|F| / 1 N)^(4/3) tanh(omega1 / 0.05), F the force on joint 1."""
+    size, moment = values["torque_at_1N_Nm"], body.e1 / body.g
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
-        alpha1, alpha2 = body.accelerations(theta1, theta2, omega1, omega2)
-        sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
-        across = p1 * (cos1 * alpha1 - sin1 * omega1**2) + p2 * (cos2 * alpha2 - sin2 * omega2**2)
-        up = body.mass * body.g - p1 * (sin1 * alpha1 + cos1 * omega1**2) - p2 * (sin2 * alpha2 + cos2 * omega2**2)
-        return -size * math.hypot(across, up) ** (4 / 3) * math.tanh(omega1 / 0.05), 0.0
+        force = joint_force(body, moment, body.mass, theta1, theta2, omega1, omega2)
+        return -size * force ** (4 / 3) * math.tanh(omega1 / 0.05), 0.0
 
     return under(body, torques)
 
@@ -91,21 +99,15 @@ def hertzian_joint1(body: Body, values: Values) -> Motion:
 def plastic_load_joint2(body: Body, values: Values) -> Motion:
     """Friction of a plastic bush, by its contact area: tau2 = -K (|F| / 1 N)^(2/3) tanh(w / 0.05).
 
-    F is the force on joint 2 and w = omega2 - omega1. The force follows from the accelerations without the friction,
-    which is smaller by orders.
+    F is the force on joint 2 and w = omega2 - omega1.
 
     Source: Bowden & Tabor (1950), The friction and lubrication of solids, on contacts that give way elastically.
     """
-    size, mass = values["torque_at_1N_Nm"], body.outer_mass
-    reach = body.e2 / body.g
+    size, moment = values["torque_at_1N_Nm"], body.outer_mass * body.L1
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
-        alpha1, alpha2 = body.accelerations(theta1, theta2, omega1, omega2)
-        sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
-        arm = mass * body.L1
-        across = arm * (cos1 * alpha1 - sin1 * omega1**2) + reach * (cos2 * alpha2 - sin2 * omega2**2)
-        up = mass * body.g - arm * (sin1 * alpha1 + cos1 * omega1**2) - reach * (sin2 * alpha2 + cos2 * omega2**2)
-        tau = -size * math.hypot(across, up) ** (2 / 3) * math.tanh((omega2 - omega1) / 0.05)
+        force = joint_force(body, moment, body.outer_mass, theta1, theta2, omega1, omega2)
+        tau = -size * force ** (2 / 3) * math.tanh((omega2 - omega1) / 0.05)
         return -tau, tau
 
     return under(body, torques)
