@@ -11,7 +11,7 @@ from dpr_lab.dynamics.base import RATIOS, base_from_ratios
 from dpr_lab.dynamics.known import known_of
 from dpr_lab.dynamics.readings import Pieces, memories, pieces, readings, readings_batch, started
 from dpr_lab.dynamics.sensors import misread_batch
-from dpr_lab.effects import EFFECTS, SLICES
+from dpr_lab.effects import EFFECTS, SLICES, place
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.quantities import Known
 from dpr_lab.gap.record import Record, cuts, start_states
@@ -24,6 +24,8 @@ RELATIVE_STEP = 1e-5
 OF_SHAPE = 1e-5  # the same of a shape: a frequency off by 1e-3 is out of phase after ten seconds
 OF_TYPICAL = 1e-3  # forward step of an effect's parameter, of its typical size
 
+ARM = [place("arm_compliance", name) for name in ("coupling_per_kg", "frequency_hz")]
+PER_PERIOD = 40.0  # steps of the integrator in a period of the arm, at least
 COARSER = 2.0  # the integrator's step for derivatives, in steps for readings
 
 FIRST_S = 0.25
@@ -180,7 +182,13 @@ class Problem:
 
     def readings(self, point: Point) -> Array:
         """(samples, 2) what the encoders would read at a point, rad."""
-        return readings(point.base, point.vector, self.known, self.pieces, point.starts)
+        return readings(point.base, point.vector, self.known, self._stepped(point), point.starts)
+
+    def _stepped(self, point: Point) -> Pieces:
+        """The segments with steps that are short enough for the arm to vibrate as it would."""
+        if point.vector[ARM[0]] == 0.0:
+            return self.pieces
+        return replace(self.pieces, step=min(self.pieces.step, 1 / (PER_PERIOD * point.vector[ARM[1]])))
 
     def predict(self, point: Point, slots: Sequence[Slot] = ()) -> tuple[Array, Array]:
         """Readings at a point, and their derivatives by forward differences at twice the integrator's step.
@@ -200,7 +208,8 @@ class Problem:
         for j in range(4):
             starts[rows + j, :, j] += START_STEPS[j]
         # The effects that remember are not to feel the start of the segment before, nor the difference of the steps.
-        coarse = replace(self.pieces, step=COARSER * self.pieces.step)
+        fine = self._stepped(point)
+        coarse = replace(fine, step=COARSER * fine.step)
         memory = np.full((rows + 4, len(self.run), 5), np.nan)
         memory[rows:] = memories(point.base, point.vector, self.known, coarse, point.starts)
         # What encoders misread moves no rod: the swing of the point does for all of it.

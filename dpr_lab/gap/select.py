@@ -109,7 +109,8 @@ def _withdraw(search: Attempts, chosen: Hypothesis) -> Hypothesis:
     tolerance = GAIN * chosen.remainder.inflation
     for name in chosen.effects:
         less = search.without(chosen, name)
-        if (chosen.surprise - less.surprise > tolerance).any():
+        followed = excess(less) <= excess(search.bare)  # or its fit got lost, and foretells nothing
+        if followed and (chosen.surprise - less.surprise > tolerance).any():
             return _withdraw(search, less)
     return chosen
 

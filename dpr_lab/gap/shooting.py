@@ -200,6 +200,8 @@ def _search(
     otherwise hold back all others.
     """
     share, own, followed = 1.0, np.ones(len(starts)), np.isfinite(before)
+    if not followed.any():
+        return None, float(before.sum())
     for attempt in range(TRIES):
         trial = moved(point, slots, share * step, (share * own)[:, None] * starts)
         costs = problem.costs(trial)
