@@ -25,7 +25,7 @@ from dpr_lab.gap.grow import grow, leanest
 from dpr_lab.gap.hypothesis import Hypothesis, added, dropped
 from dpr_lab.gap.problem import Problem
 from dpr_lab.gap.score import Scores, imitation
-from dpr_lab.gap.worth import GAIN, IN_DOUBT, SLOW, chance, closed, doubt, excess, far, need
+from dpr_lab.gap.worth import DECISIVE, GAIN, IN_DOUBT, SLOW, chance, closed, doubt, excess, far, need
 
 REVISIONS = 3  # times that a choice may be taken back for what was found while it was examined
 SWAPPED = 2  # candidates that are tried in the place of each effect
@@ -116,15 +116,20 @@ def _withdraw(search: Attempts, chosen: Hypothesis) -> Hypothesis:
 
 
 def _with_own_part(search: Attempts, chosen: Hypothesis) -> Hypothesis:
-    """While something is left: without effects that explain hardly more than another form of the rest would."""
+    """While something is left: without effects that explain hardly more than another form of the rest would.
+
+    One that leaves hardly anything of what it explains is no makeshift, and not asked.
+    """
     if closed(chosen) or len(chosen.effects) < 2:
         return chosen
     least, rest = OWN, chosen
     for name in chosen.effects:
         less = search.without(chosen, name)
+        if excess(less) > min(DECISIVE * excess(chosen), OPEN * excess(search.bare)):
+            continue
         scores = search.scores(less)
         item = scores.of(name)
-        if item is not None and excess(less) < OPEN * excess(search.bare):
+        if item is not None:
             share = own_share(search.problem, less, scores, item)
             least, rest = (share, less) if share < least else (least, rest)
     return chosen if rest is chosen else _with_own_part(search, rest)
