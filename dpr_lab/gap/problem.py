@@ -25,7 +25,7 @@ OF_SHAPE = 1e-5  # the same of a shape: a frequency off by 1e-3 is out of phase 
 OF_TYPICAL = 1e-3  # forward step of an effect's parameter, of its typical size
 
 ARM = [place("arm_compliance", name) for name in ("coupling_per_kg", "frequency_hz")]
-PER_PERIOD = 40.0  # steps of the integrator in a period of the arm, at least
+PER_PERIOD, FINEST = 40.0, 4.0  # steps of the integrator in a period of the arm, and how much finer they get for it
 COARSER = 2.0  # the integrator's step for derivatives, in steps for readings
 
 FIRST_S = 0.25
@@ -186,9 +186,11 @@ class Problem:
 
     def _stepped(self, point: Point) -> Pieces:
         """The segments with steps that are short enough for the arm to vibrate as it would."""
-        if point.vector[ARM[0]] == 0.0:
+        coupling, frequency = point.vector[ARM]
+        if coupling == 0.0:
             return self.pieces
-        return replace(self.pieces, step=min(self.pieces.step, 1 / (PER_PERIOD * point.vector[ARM[1]])))
+        finer = min(max(PER_PERIOD * frequency * self.pieces.step, 1.0), FINEST)
+        return replace(self.pieces, step=self.pieces.step / finer)
 
     def predict(self, point: Point, slots: Sequence[Slot] = ()) -> tuple[Array, Array]:
         """Readings at a point, and their derivatives by forward differences at twice the integrator's step.
