@@ -10,7 +10,7 @@ from dpr_lab.effects import EFFECTS, SLICES, place
 from dpr_lab.gap.heldout import Remainder, folds, remainder, surprise
 from dpr_lab.gap.problem import Point, Problem, Slot, carried, effect_slots, rod_slots
 from dpr_lab.gap.score import Score, Scores
-from dpr_lab.gap.shooting import Fit, fit, moved
+from dpr_lab.gap.shooting import Fit, fit, moved, start_steps
 from dpr_lab.rig import MASSES
 
 Array = NDArray[np.float64]
@@ -105,13 +105,9 @@ def dropped(problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis,
     A = linear.A.reshape(-1, linear.A.shape[2])
     step = fallen.copy()
     step[kept] = np.linalg.lstsq(A[:, kept], linear.e.ravel() - A @ fallen, rcond=1e-10)[0]
-    left = linear.residual - linear.slopes @ step
-    starts = np.asarray(np.linalg.solve(linear.R, linear.Q.transpose(0, 2, 1) @ left[:, :, None]), dtype=np.float64)[
-        :, :, 0
-    ]
     slots = [before.fit.slots[i] for i in kept]
     without = replace(point, vector=vector)
-    guess = moved(without, slots, step[kept], starts)
+    guess = moved(without, slots, step[kept], start_steps(linear, step))
     if not problem.cost(guess) < 10 * problem.cost(without):
         guess = without
     if not scale_visible(names, problem):

@@ -170,7 +170,8 @@ class Problem:
     def whitened(self, values: Array) -> Array:
         """(segments, m) or (segments, m, k) from (samples, 2) or (samples, 2, k): weighted, padded with zeros."""
         segment, place = self._rows
-        weighted = values * self.weight.reshape(*self.weight.shape, *[1] * (values.ndim - 2))
+        with np.errstate(over="ignore"):
+            weighted = values * self.weight.reshape(*self.weight.shape, *[1] * (values.ndim - 2))
         padded = np.zeros((len(self.run), int(np.diff(self.offsets).max()), *values.shape[1:]))
         padded[segment, place] = weighted
         return padded.reshape(len(padded), -1, *values.shape[2:])

@@ -54,7 +54,14 @@ class Linear:
     @property
     def cost(self) -> float:
         """Sum of squared residuals."""
-        return float(np.sum(self.residual**2))
+        with np.errstate(over="ignore"):
+            return float(self.by_segment.sum())
+
+    @property
+    def by_segment(self) -> Array:
+        """(segments,) the same by segment; inf where one cannot be followed."""
+        with np.errstate(over="ignore"):
+            return np.sum(self.residual**2, axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +81,7 @@ class Fit:
     @property
     def chi2_by_segment(self) -> Array:
         """(segments,) the same by segment."""
-        return np.sum(self.linear.residual**2, axis=1)
+        return self.linear.by_segment
 
     @property
     def values(self) -> Array:
@@ -115,8 +122,8 @@ def fit(
     damping, converged = 1e-9, False
     for _ in range(iterations):
         step = _bounded_step(linear, point, slots, damping)
-        starts = _start_steps(linear, step)
-        trial, cost = _search(problem, point, slots, step, starts, np.sum(linear.residual**2, axis=1))
+        starts = start_steps(linear, step)
+        trial, cost = _search(problem, point, slots, step, starts, linear.by_segment)
         if trial is None:
             damping *= 1e3
             converged = damping > 1e-1
@@ -184,7 +191,7 @@ def _bounded_step(linear: Linear, point: Point, slots: tuple[Slot, ...], damping
     return bounded_solution(H, gradient * scale, lower) * scale
 
 
-def _start_steps(linear: Linear, step: Array) -> Array:
+def start_steps(linear: Linear, step: Array) -> Array:
     """(segments, 4) the start states' own least-squares steps, given that of the slots."""
     left = np.where(np.isfinite(linear.residual), linear.residual, 0.0) - linear.slopes @ step
     target = linear.Q.transpose(0, 2, 1) @ left[:, :, None]
