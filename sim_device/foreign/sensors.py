@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import i0e
 
 from sim_device.foreign.engine import Body, Motion, undisturbed
 from sim_device.foreign.foreign import Array, Foreign, Moment, Size, Values
@@ -50,9 +51,10 @@ def warming_scale_joint1(joints: Array, moment: Moment, values: Values) -> Array
 
 
 def peaked_eccentricity_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """A magnet nearest at one place: error = A (exp(K (cos(q - q0) - 1)) - its mean near 1 / 4)."""
-    peak = np.exp(values["narrowness"] * (np.cos(joints[:, 1] - values["place_rad"]) - 1))
-    return _with_joint(2, joints, values["error_rad"] * (peak - 0.25))
+    """A magnet nearest at one place: error = A (exp(K (cos(q - q0) - 1)) less its mean over a turn, exp(-K) I0(K))."""
+    narrowness = values["narrowness"]
+    peak = np.exp(narrowness * (np.cos(joints[:, 1] - values["place_rad"]) - 1))
+    return _with_joint(2, joints, values["error_rad"] * (peak - i0e(narrowness)))
 
 
 def folded_scale_joint2(joints: Array, moment: Moment, values: Values) -> Array:
