@@ -98,7 +98,7 @@ class Plant:
     def misread(self, theta: Theta, t: Theta, run: int) -> Theta:
         """(n, 3) angles as the encoders misread them at the device times `t` (n,) since the release number `run`."""
         angles = np.column_stack([theta[:, 1], self.joint2(theta[:, 1], theta[:, 2])])
-        distort(angles, t, run, self._model)
+        distort(angles, t, run, self._model.known, self._model.vector, self._model.on)
         return self.with_joint2(np.column_stack([theta[:, 0], angles[:, 0]]), angles[:, 1])
 
     def reveal(self) -> dict[str, dict[str, object]]:

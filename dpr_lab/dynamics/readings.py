@@ -299,7 +299,7 @@ def _segment(
             _hand_over((handed - now) / h, h, x, y, hold - angle2(1.0, h, x, y, relative2), model, after)
         now += h
         x = y
-    distort(angles, t, run, model)
+    distort(angles, t, run, model.known, model.vector, model.on)
 
 
 @njit(inline="always")

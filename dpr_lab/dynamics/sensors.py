@@ -18,17 +18,26 @@ def read_at(t: float, model: Model) -> tuple[float, float]:
 
 
 @njit
-def distort(angles: NDArray[np.float64], t: NDArray[np.float64], run: int, model: Model) -> None:
+def distort(
+    angles: NDArray[np.float64],
+    t: NDArray[np.float64],
+    run: int,
+    known: Known,
+    vector: NDArray[np.float64],
+    on: NDArray[np.bool_],
+) -> None:
     """Add to (n, >= 2) angles of joints 1 and 2 what their encoders misread, in place.
 
     Args:
         angles: joint 1 absolute, joint 2 as its encoder has it, rad
         t: (n,) device time since the release, s
         run: number of the release, from 0
-        model: the rig and its effects
+        known: the rig
+        vector: (SIZE,) effects, of which those of encoders count
+        on: (effects,) which of them are on
     """
     for k in range(len(t)):
-        added1, added2 = misread(angles[k, 0], angles[k, 1], t[k], run, model.known, model.vector, model.on)
+        added1, added2 = misread(angles[k, 0], angles[k, 1], t[k], run, known, vector, on)
         angles[k, 0] += added1
         angles[k, 1] += added2
 
@@ -37,6 +46,7 @@ def distort(angles: NDArray[np.float64], t: NDArray[np.float64], run: int, model
 def misread_batch(
     angles: NDArray[np.float64],
     t: NDArray[np.float64],
+    offsets: NDArray[np.int64],
     run: NDArray[np.int64],
     known: Known,
     vectors: NDArray[np.float64],
@@ -46,17 +56,17 @@ def misread_batch(
     Args:
         angles: (N, 2) joint 1 absolute, joint 2 as its encoder has it, rad
         t: (N,) device time since the release, s
-        run: (N,) number of the release, from 0
+        offsets: (S + 1,) where segments begin among them
+        run: (S,) number of the release of each, from 0
         known: the rig
         vectors: (n, SIZE) effects, of which those of encoders count
     """
     read = np.empty((len(vectors), len(t), 2))
     for c in numba.prange(len(vectors)):
-        on = switched(vectors[c])
-        for k in range(len(t)):
-            added1, added2 = misread(angles[k, 0], angles[k, 1], t[k], run[k], known, vectors[c], on)
-            read[c, k, 0] = angles[k, 0] + added1
-            read[c, k, 1] = angles[k, 1] + added2
+        read[c], on = angles, switched(vectors[c])
+        for s in range(len(run)):
+            own = slice(offsets[s], offsets[s + 1])
+            distort(read[c, own], t[own], run[s], known, vectors[c], on)
     return read
 
 

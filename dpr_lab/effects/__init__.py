@@ -99,6 +99,13 @@ def effect_vector(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float
     return vector
 
 
+def switched_off(vector: NDArray[np.float64], effect: str) -> NDArray[np.float64]:
+    """The flat vector with one effect as it is where nobody names it."""
+    vector = vector.copy()
+    vector[SLICES[effect]] = _DEFAULTS[SLICES[effect]]
+    return vector
+
+
 def place(effect: str, parameter: str) -> int:
     """Index in the flat vector of one parameter of one effect.
 

@@ -48,9 +48,8 @@ def gap_torque(made: Problem, at: Hypothesis) -> dict[str, float]:
             hat = np.maximum(0.0, 1 - np.abs(share - k))
             torque[first:last, 0, k] = hat
             torque[first:last, 0, TORQUE_HATS + k], torque[first:last, 1, TORQUE_HATS + k] = -hat, hat
-    columns = made.whitened(along.readings(torque))
     linear = at.fit.linear
-    columns -= linear.Q @ (linear.Q.transpose(0, 2, 1) @ columns)
+    columns = linear.projected(made.whitened(along.readings(torque)))
     scale = 1 / np.maximum(np.sqrt(np.sum(columns**2, axis=(0, 1))), 1e-300)
     columns = columns * scale
     G = columns.transpose(0, 2, 1) @ columns + 1e-9 * np.eye(len(scale))

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects import EFFECTS, SLICES
+from dpr_lab.effects import EFFECTS, SLICES, switched_off
 from dpr_lab.gap.along import ALONG
 from dpr_lab.gap.coordinates import (
     angle_hats,
@@ -23,7 +23,7 @@ from dpr_lab.gap.coordinates import (
     under_torque,
 )
 from dpr_lab.gap.hypothesis import Hypothesis
-from dpr_lab.gap.problem import Point, Problem
+from dpr_lab.gap.problem import Problem
 from dpr_lab.gap.response import Course, course
 from dpr_lab.gap.score import Score, Scores
 
@@ -42,9 +42,9 @@ def own_share(problem: Problem, less: Hypothesis, scores: Scores, item: Score) -
         item: the effect, from that
     """
     along = course(problem, less.fit.point)
-    forms = problem.whitened(np.concatenate([_other_forms(problem, along, less, n) for n in less.effects], axis=2))
+    readings = np.concatenate([_other_forms(problem, along, less, name) for name in less.effects], axis=2)
     linear = scores.linear
-    forms -= linear.Q @ (linear.Q.transpose(0, 2, 1) @ forms)
+    forms = linear.projected(problem.whitened(readings))
     known = linear.A[:, :, list(scores.active)]
     own = linear.A[:, :, list(item.columns)]
     before, alone, others, both = (
@@ -66,7 +66,8 @@ def _other_forms(problem: Problem, along: Course, at: Hypothesis, name: str) -> 
     """(samples, 2, k) readings under what an effect of a set would do in other forms."""
     effect, joints = EFFECTS[name], _joints(name)
     if effect.stage not in ALONG and effect.stage != "load":
-        error = problem.readings(at.fit.point) - problem.readings(_without(at, name))
+        point = at.fit.point
+        error = problem.readings(point) - problem.readings(replace(point, vector=switched_off(point.vector, name)))
         free = [_free(encoder_angle(problem, j), encoder_speed(along, j), problem.t) for j in joints]
         return np.nan_to_num(error)[:, :, None] * np.concatenate(free, axis=1)[:, None, :]
     if effect.stage == "load":
@@ -92,12 +93,3 @@ def _joints(name: str) -> tuple[int, ...]:
 def _free(angle: Array, speed: Array, t: Array) -> Array:
     """(n, k) hats over angle, speed and time."""
     return np.concatenate([angle_hats(angle)[0], speed_hats(speed)[0], time_hats(t)[0]], axis=1)
-
-
-def _without(at: Hypothesis, name: str) -> Point:
-    """The point of a set with one effect switched off."""
-    vector = at.fit.point.vector.copy()
-    for i, parameter in enumerate(EFFECTS[name].parameters, start=SLICES[name].start):
-        if parameter.role == "amplitude":
-            vector[i] = 0.0
-    return replace(at.fit.point, vector=vector)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects import EFFECTS, SLICES, place
+from dpr_lab.effects import EFFECTS, SLICES, switched_off
 from dpr_lab.gap.heldout import Remainder, folds, remainder, surprise
 from dpr_lab.gap.problem import Point, Problem, Slot, carried, effect_slots, rod_slots
 from dpr_lab.gap.score import Score, Scores
@@ -94,19 +94,16 @@ def dropped(problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis,
     """Fit without one effect, from where the linearised fit puts the others; the bare model's b where none is seen."""
     names = tuple(name for name in before.effects if name != effect)
     linear, point = before.fit.linear, before.fit.point
-    vector = point.vector.copy()
     fallen = np.zeros(len(before.fit.slots))
     for i, slot in enumerate(before.fit.slots):
         if slot.effect == effect and EFFECTS[effect].parameters[slot.at - SLICES[effect].start].role == "amplitude":
             fallen[i] = -slot.read(point)
-    for p in EFFECTS[effect].parameters:
-        vector[place(effect, p.name)] = p.default
     kept = [i for i, slot in enumerate(before.fit.slots) if slot.effect != effect]
     A = linear.A.reshape(-1, linear.A.shape[2])
     step = fallen.copy()
     step[kept] = np.linalg.lstsq(A[:, kept], linear.e.ravel() - A @ fallen, rcond=1e-10)[0]
     slots = [before.fit.slots[i] for i in kept]
-    without = replace(point, vector=vector)
+    without = replace(point, vector=switched_off(point.vector, effect))
     guess = moved(without, slots, step[kept], start_steps(linear, step))
     if not problem.cost(guess) < 10 * problem.cost(without):
         guess = without

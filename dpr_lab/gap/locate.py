@@ -149,8 +149,7 @@ def _place(
 ) -> Place:
     made = make(problem, along, joint)
     linear = base.fit.linear
-    columns = problem.whitened(made.readings)
-    columns -= linear.Q @ (linear.Q.transpose(0, 2, 1) @ columns)
+    columns = linear.projected(problem.whitened(made.readings))
     flat = columns.reshape(-1, columns.shape[2])
     flat = flat - known @ (known.T @ flat)
     scale = 1 / np.maximum(np.linalg.norm(flat, axis=0), 1e-300)

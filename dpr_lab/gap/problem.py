@@ -225,8 +225,7 @@ class Problem:
         swings = readings_batch(bases, seen, self.known, coarse, starts[swung], memory[swung])
         angles = np.empty((rows + 4, len(self.t), 2))
         angles[moving] = swings[1:]
-        runs = np.repeat(self.run, np.diff(self.offsets))
-        angles[misread] = misread_batch(swings[0], self.t, runs, self.known, vectors[misread])
+        angles[misread] = misread_batch(swings[0], self.t, self.offsets, self.run, self.known, vectors[misread])
         steps = np.array([*(slot.step for slot in slots), *START_STEPS])
         slopes = np.moveaxis(angles[1:] - angles[0], 0, -1) / steps
         return self.readings(point), slopes

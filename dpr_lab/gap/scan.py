@@ -71,7 +71,7 @@ def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along
     """(shapes,) fall of chi2 that the two leading amplitudes promise, start states and fitted slots projected out."""
     amplitudes = [place(effect.name, p.name) for p in effect.amplitudes[:2]]
     one_signed = [p.sign == "positive" for p in effect.amplitudes] == [True]
-    e, Q, A = fit.linear.e, fit.linear.Q, fit.linear.A
+    e, A = fit.linear.e, fit.linear.A
     known = A.reshape(-1, A.shape[2])
     known = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
     gains = np.zeros(len(every))
@@ -79,8 +79,8 @@ def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along
     for first in range(0, len(every), block):
         chosen = every[first : first + block]
         vectors = np.array([_unit(effect, at, shape) for shape in chosen for at in amplitudes])
-        columns = problem.whitened(along.readings(ALONG[effect.stage](problem, along, vectors)))
-        columns -= Q @ (Q.transpose(0, 2, 1) @ columns)
+        readings = along.readings(ALONG[effect.stage](problem, along, vectors))
+        columns = fit.linear.projected(problem.whitened(readings))
         flat = columns.reshape(-1, columns.shape[2])
         onto = known.T @ flat
         G, b = flat.T @ flat - onto.T @ onto, flat.T @ e.ravel() - onto.T @ (known.T @ e.ravel())

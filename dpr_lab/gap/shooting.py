@@ -51,6 +51,10 @@ class Linear:
     R: Array
     """(segments, 4, 4)"""
 
+    def projected(self, columns: Array) -> Array:
+        """(segments, m, k) whitened columns without their part along the start states."""
+        return columns - self.Q @ (self.Q.transpose(0, 2, 1) @ columns)
+
     @property
     def cost(self) -> float:
         """Sum of squared residuals."""

@@ -99,7 +99,20 @@ def run_campaign(
         DprError: a file cannot be written, or the workers are gone; what was done is kept.
     """
     with _alone(folder):
-        return _run(campaign, n, folder, jobs, scheduler, on_trial)
+        _claim(folder, campaign)
+        kept = {number: outcome for number, outcome in read_trials(folder).items() if number < n}
+        failures: list[Failure] = []
+        on_trial(len(kept), None)
+        cases = campaign.cases([number for number in range(n) if number not in kept])
+        for case, result in _done(cases, jobs, scheduler):
+            if "error" in result:
+                last = Failure(case["number"], result["error"])
+                failures.append(last)
+            else:
+                _append(folder / TRIALS, {"number": case["number"], **result})
+                last = kept[case["number"]] = read_outcome(result["outcome"])
+            on_trial(len(kept) + len(failures), last)
+        return Tried(tuple(kept[number] for number in sorted(kept)), tuple(failures))
 
 
 @contextmanager
@@ -117,30 +130,6 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
-
-
-def _run(
-    campaign: Campaign,
-    n: int,
-    folder: Path,
-    jobs: int,
-    scheduler: str | None,
-    on_trial: Callable[[int, Outcome | Failure | None], None],
-) -> Tried:
-    _claim(folder, campaign)
-    kept = {number: outcome for number, outcome in read_trials(folder).items() if number < n}
-    failures: list[Failure] = []
-    on_trial(len(kept), None)
-    cases = campaign.cases([number for number in range(n) if number not in kept])
-    for case, result in _done(cases, jobs, scheduler):
-        if "error" in result:
-            last = Failure(case["number"], result["error"])
-            failures.append(last)
-        else:
-            _append(folder / TRIALS, {"number": case["number"], **result})
-            last = kept[case["number"]] = read_outcome(result["outcome"])
-        on_trial(len(kept) + len(failures), last)
-    return Tried(tuple(kept[number] for number in sorted(kept)), tuple(failures))
 
 
 def _done(cases: list[Case], jobs: int, scheduler: str | None) -> Iterator[Done]:
