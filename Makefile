@@ -5,15 +5,17 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 OUT    ?= out/demo
 FUZZ_SECONDS ?= 120
+# Many tests wait for a device or a terminal: more at a time than there are processors.
+CORES   := $(shell getconf _NPROCESSORS_ONLN)
 
-.PHONY: demo test check bench fuzz format clean
+.PHONY: demo test check docs bench fuzz format clean
 
 demo: $(STAMP)  ## record a simulated pendulum through the real protocol, identify it, compare, draw; then a blind trial
 	$(BIN)/dpr-lab demo --out $(OUT)
 
 test: $(STAMP)  ## fast tests first, then the slow ones
-	$(BIN)/pytest -m "not slow and not hardware" -n auto
-	$(BIN)/pytest -m "slow and not hardware" -n auto
+	$(BIN)/pytest -m "not slow and not hardware" -n $$((2 * $(CORES)))
+	$(BIN)/pytest -m "slow and not hardware" -n $$(($(CORES) + 1))
 
 check: $(STAMP)  ## style, types, import contracts
 	$(BIN)/ruff check .
@@ -21,9 +23,16 @@ check: $(STAMP)  ## style, types, import contracts
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
+docs: $(STAMP)  ## the documentation as a site in out/site; a warning is an error
+	$(BIN)/python -c 'import sphinx, furo, myst_parser' 2>/dev/null || $(BIN)/python -m pip install --quiet --editable '.[docs]'
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs out/site
+	@echo "out/site/index.html"
+
 bench: $(STAMP)  ## speed and reliability figures, printed beside their targets
 	for name in evaluator wall_time uncertainty identify mujoco_sysid tui_redraw; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 	$(BIN)/python benchmarks/diagnosis.py --quick
+	$(BIN)/python benchmarks/clean_rigs.py --quick
+	$(BIN)/python benchmarks/drift.py --quick
 	$(BIN)/python benchmarks/soak.py --minutes 10
 
 fuzz: $(STAMP)  ## every reader of foreign bytes against inputs made to break it, FUZZ_SECONDS each

@@ -1,4 +1,4 @@
-"""E(Z) of equation (2) by other means than lanes: the peers of the batch evaluator.
+"""E(Z), docs/theory.md equation (2), by other means than lanes: the peers of the batch evaluator.
 
 Each maker takes a `Problem` and returns a function that gives the costs of its first n candidates, summed over poses.
 All but `solve_ivp` make the same Runge-Kutta steps. None uses more than one thread.
@@ -46,7 +46,7 @@ class Problem:
 
 
 def problem(candidates: int, samples: int = SAMPLES, repeats: int = 1) -> Problem:
-    """Random candidates within the paper rig's bounds; its three poses, over and over if asked."""
+    """Random candidates within the bounds of the rig `paper`; its three poses, over and over if asked."""
     rig = load_rig("paper")
     L1, g = rig.rig.L1, rig.rig.g
     poses = np.array([[*pose.theta[1:], 0.0, 0.0] for pose in rig.poses.values()])

@@ -11,7 +11,8 @@ from mujoco import sysid
 from mujoco.sysid import SignalType, optimize
 
 from dpr_lab.dynamics.base import base_parameters, ratios
-from dpr_lab.estimation.segments import Segment, cut
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.identification.ratio_fit import segmented
 from dpr_lab.rig import PARAMETERS, Rig
 
 mujoco: Any = import_module("mujoco")  # its stubs lack half of it
@@ -71,28 +72,29 @@ def parameters_of(rig: Rig) -> sysid.ParameterDict:
     return declared
 
 
-def sequences(pieces: list[Segment], rig: Rig) -> sysid.ModelSequences:
+def sequences(problem: Problem, states: Array, rig: Rig) -> sysid.ModelSequences:
     """Segments with their start states, in joint angles."""
-    spec = mujoco.MjSpec.from_string(RODS.format(step=STEP, g=rig.rig.g, L1=rig.rig.L1))
+    spec = mujoco.MjSpec.from_string(RODS.format(step=STEP, g=rig.g, L1=rig.L1))
     model = spec.compile()
     observed = [("joint1", SignalType.MjStateQPos), ("joint2", SignalType.MjStateQPos)]
     starts, idle, angles = [], [], []
-    for piece in pieces:
-        t, start = piece.t - piece.t[0], piece.start
-        joints = np.column_stack([piece.theta[:, 0], piece.theta[:, 1] - piece.theta[:, 0]])
-        qpos, qvel = np.array([start[0], start[1] - start[0]]), np.array([start[2], start[3] - start[2]])
-        starts.append(sysid.create_initial_state(model, qpos, qvel))
+    cuts, of_rods = problem.segments.offsets[1:-1], problem.joints.of_rods
+    for instants, joints, start in zip(
+        np.split(problem.t, cuts), np.split(problem.measured, cuts), states, strict=True
+    ):
+        t = instants - instants[0]
+        starts.append(sysid.create_initial_state(model, of_rods(start[:2]), of_rods(start[2:])))
         idle.append(sysid.TimeSeries(t, np.zeros((len(t), 1))))
         angles.append(sysid.TimeSeries.from_names(t, joints, model, observed))
-    names = [f"segment {i}" for i in range(len(pieces))]
+    names = [f"segment {i}" for i in range(len(states))]
     return sysid.ModelSequences("rods", spec, names, starts, idle, angles, allow_missing_sensors=True)
 
 
 def toolbox(trial: Trial, rig: Rig, length: float) -> Array:
     """(5,) ratios that the toolbox finds."""
-    pieces = [s for i, e in enumerate(trial.evidence) for s in cut(i, e.run, e.states, length)]
-    residual = sysid.build_residual_fn(models_sequences=[sequences(pieces, rig)])
+    problem, states = segmented(trial.runs, rig, length)
+    residual = sysid.build_residual_fn(models_sequences=[sequences(problem, states, rig)])
     with contextlib.redirect_stdout(io.StringIO()):  # it prints every iteration
         found, _ = optimize(parameters_of(rig), residual, verbose=False, max_iters=60)
     Z = np.array([found[name].value[0] for name in PARAMETERS])
-    return ratios(base_parameters(Z, rig.rig.L1, rig.rig.g))
+    return ratios(base_parameters(Z, rig.L1, rig.g))

@@ -10,7 +10,7 @@ import numpy as np
 from _trial_cases import Case, hidden, opened
 
 from dpr_lab.run import Run
-from sim_device.direct import record
+from sim_device.trials.offline_recorder import record
 
 THINNED = 5
 """The prototype works at 200 Hz."""

@@ -1,4 +1,4 @@
-"""Random rigs for benchmarks: a truth drawn near the paper's values, its three recordings, boxes to search in."""
+"""Random rigs for benchmarks: a truth drawn near the rig `paper`, its three recordings, boxes to search in."""
 
 from dataclasses import dataclass
 
@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.dynamics.simulate import simulate
-from dpr_lab.estimation.evidence import Evidence, conditions, gather
-from dpr_lab.estimation.least_squares import information
-from dpr_lab.estimation.segments import Segment
+from dpr_lab.fitting.estimate import unknown_ratios
+from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
+from dpr_lab.identification.ratio_fit import information, rods_estimate, segmented
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.run import Run
 
@@ -31,28 +31,27 @@ class Trial:
     """(9,) true parameters, SI."""
     ratios: Array
     """(5,) true ratios."""
-    evidence: list[Evidence]
+    runs: list[PreprocessedRun]
     cramer_rao_std: Array
     """(5,) least standard deviations of the ratios from three whole swings with unknown start states."""
 
 
 def draw(seed: int, rate_hz: int = RATE_HZ) -> Trial:
-    """A rig within 15 % of the paper's, three poses of 10 s, 14 bits, half a count of noise."""
+    """A rig within 15 % of the rig `paper`, three poses of 10 s, 14 bits, half a count of noise."""
     rig = load_rig("paper")
-    L1, g = rig.rig.L1, rig.rig.g
+    L1, g = rig.L1, rig.g
     rng = np.random.default_rng(seed)
     Z = rig.nominal * rng.uniform(1 - WITHIN, 1 + WITHIN, len(PARAMETERS))
     base = base_parameters(Z, L1, g)
     recorded = [_record(rig, base, name, rate_hz, rng) for name in rig.poses]
-    evidence = [gather(run, rig) for run, _ in recorded]
-    whole = [Segment(i, e.run.t, e.run.theta[:, 1:], recorded[i][1]) for i, e in enumerate(evidence)]
-    true = ratios(base)
-    known = information(true, whole, conditions(evidence, rig))
-    return Trial(Z, true, evidence, np.sqrt(np.diag(np.linalg.inv(known))))
+    runs = [preprocess(run, rig) for run, _ in recorded]
+    whole, _ = segmented(runs, rig, np.inf)
+    known = information(whole, rods_estimate(unknown_ratios(base), np.array([start for _, start in recorded])))
+    return Trial(Z, ratios(base), runs, np.sqrt(np.diag(np.linalg.inv(known))))
 
 
 def boxed(box: str) -> Rig:
-    """The paper's rig with wider or narrower bounds."""
+    """The rig `paper` with wider or narrower bounds."""
     below, above = BOXES[box]
     described = load_rig("paper").model_dump()
     for parameter in described["parameters"].values():
@@ -68,7 +67,7 @@ def _record(rig: Rig, base: Array, pose: str, rate_hz: int, rng: np.random.Gener
     start += rng.normal(0, [PLACEMENT_STD] * 2 + [RELEASE_SPEED_STD] * 2)
     theta = np.zeros((len(t), 3))
     theta[t < 0, 1:] = start[:2]
-    theta[t >= 0, 1:] = simulate(base, rig.rig.L1, rig.rig.g, start, t[t >= 0], TRUTH_STEP)[:, :2]
+    theta[t >= 0, 1:] = simulate(base, rig.L1, rig.g, start, t[t >= 0], TRUTH_STEP)[:, :2]
     noise = rng.normal(0, rig.encoders.noise_counts, theta.shape)
     counts = np.rint(rig.positions(theta) + noise).astype(np.int64)
     return Run(pose, t, rig.theta(counts), counts, pose, rig.name, "", rate_hz), start

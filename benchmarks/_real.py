@@ -10,8 +10,8 @@ from _bars import Bar, at_least, at_most
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.diagnosis import Diagnosis
-from dpr_lab.rig import PARAMETERS, Encoders, Frame, Parameter, Rig, load_rig
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.rig import PARAMETERS, Encoders, Parameter, Rig, RigGeometry, load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 
@@ -95,7 +95,7 @@ def dfki_rig(told: dict[str, Any]) -> Rig:
     }
     counts = round(2 * np.pi / told["quantisation_step_rad"])
     return Rig(
-        rig=Frame(name="dfki_design_a", L1=L1, L2=L2),
+        rig=RigGeometry(name="dfki_design_a", L1=L1, L2=L2),
         parameters=parameters,
         encoders=Encoders(counts_per_rev=(counts, counts, counts)),
     )

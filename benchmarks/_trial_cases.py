@@ -10,13 +10,15 @@ from typing import Any
 
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
-from dpr_lab.trials.score import Outcome, cause_named, score
+from dpr_lab.trials.score import TrialOutcome, cause_named, score
 from dpr_lab.trials.truth import Truth, read_truth
-from sim_device.assemble import plant_of
-from sim_device.config import PlantConfig, load_plant
-from sim_device.direct import record
-from sim_device.draw import draw_plant, parse_wanted, weighed
-from sim_device.seal import truth
+from sim_device.plant.config import PlantConfig, load_plant
+from sim_device.plant.hidden import plant_of
+from sim_device.trials.draw import draw_plant
+from sim_device.trials.offline_recorder import record
+from sim_device.trials.parameters import weighed
+from sim_device.trials.request import parse_request
+from sim_device.trials.seal import truth
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
@@ -28,7 +30,7 @@ class Case:
     group: str
     """What it counts for in the table."""
     draw: str
-    """Text of `sim_device.draw.parse_wanted`."""
+    """Text of `sim_device.trials.request.parse_request`."""
     seed: int
 
 
@@ -37,7 +39,7 @@ class Scored:
     """One trial done."""
 
     case: Case
-    outcome: Outcome
+    outcome: TrialOutcome
     said: dict[str, Any]
     """The diagnosis as JSON."""
     true: tuple[bool, ...]
@@ -47,7 +49,7 @@ class Scored:
 def hidden(case: Case) -> tuple[PlantConfig, Rig]:
     """The plant of a case, and the rig file that the lab is given: masses weighed, the rest unknown within bounds."""
     base, rig = weighed(load_plant("paper", case.seed), load_rig("paper"))
-    return draw_plant(parse_wanted(case.draw), base, rig), rig
+    return draw_plant(parse_request(case.draw), base, rig), rig
 
 
 def opened(plant: PlantConfig, rig: Rig) -> Truth:

@@ -22,11 +22,11 @@ from _prototype import prototype_score
 from _real import real_bars
 from _trial_cases import Case, Scored, hidden, run_all, warm_up
 
-from dpr_lab.trials.score import Outcome
+from dpr_lab.trials.score import TrialOutcome
 from dpr_lab.trials.summary import share, summary
-from sim_device.direct import record
-from sim_device.draw import visible_effects
-from sim_device.foreign import FOREIGN, FORMS, OUTSIDE
+from sim_device.plant.foreign import FOREIGN, FORMS, OUTSIDE
+from sim_device.trials.draw import visible_effects
+from sim_device.trials.offline_recorder import record
 
 
 def _foreign(names: Sequence[str], held_back: bool) -> list[str]:
@@ -77,15 +77,15 @@ def _case(group: str, first: int, number: int) -> Case:
     return Case(group, draw, first + number)
 
 
-Rate = Callable[[Outcome], bool]
+Rate = Callable[[TrialOutcome], bool]
 
 
-def often(name: str, outcomes: Sequence[Outcome], holds: Rate, target: float) -> list[Bar]:
+def often(name: str, outcomes: Sequence[TrialOutcome], holds: Rate, target: float) -> list[Bar]:
     """A share that should be high; no bar without trials."""
     return [at_least(f"{name} (of {len(outcomes)})", share(outcomes, holds), target)] if outcomes else []
 
 
-def seldom(name: str, outcomes: Sequence[Outcome], holds: Rate, target: float) -> list[Bar]:
+def seldom(name: str, outcomes: Sequence[TrialOutcome], holds: Rate, target: float) -> list[Bar]:
     """A share that should be low; no bar without trials."""
     return [at_most(f"{name} (of {len(outcomes)})", share(outcomes, holds), target)] if outcomes else []
 
@@ -113,7 +113,7 @@ def bars(done: Sequence[Scored]) -> list[Bar]:
     ]
 
 
-def form_bars(name: str, outcomes: Sequence[Outcome]) -> list[Bar]:
+def form_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
     """Library effects in another form."""
     return [
         *often(f"{name}: right family first", outcomes, lambda o: o.first, 0.95),
@@ -121,7 +121,7 @@ def form_bars(name: str, outcomes: Sequence[Outcome]) -> list[Bar]:
     ]
 
 
-def outside_bars(name: str, outcomes: Sequence[Outcome]) -> list[Bar]:
+def outside_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
     """Effects that the library does not hold."""
     return [
         *seldom(f"{name}: wrong name above 0.5", outcomes, lambda o: o.wrong_name, 0.03),
@@ -129,7 +129,7 @@ def outside_bars(name: str, outcomes: Sequence[Outcome]) -> list[Bar]:
     ]
 
 
-def measure_bars(outcomes: Sequence[Outcome]) -> list[Bar]:
+def measure_bars(outcomes: Sequence[TrialOutcome]) -> list[Bar]:
     """Probabilities over all trials; sizes, gap and time over those that the library can explain."""
     known = summary([o for o in outcomes if o.kind in ("single", "pair", "triple", "clean")])
     coverage = known["interval_coverage"]
@@ -143,7 +143,7 @@ def measure_bars(outcomes: Sequence[Outcome]) -> list[Bar]:
     ]
 
 
-def _there(outcomes: Sequence[Outcome], effect: bool) -> list[Outcome]:
+def _there(outcomes: Sequence[TrialOutcome], effect: bool) -> list[TrialOutcome]:
     return [o for o in outcomes if bool(o.truth) == effect]
 
 
@@ -205,7 +205,7 @@ def main() -> None:
         print("\n".join(wrong))
 
 
-def is_astray(outcome: Outcome) -> bool:
+def is_astray(outcome: TrialOutcome) -> bool:
     """Whether something that was there has not been named, or something else has."""
     if not outcome.truth:
         return not outcome.silent

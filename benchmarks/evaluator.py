@@ -1,6 +1,6 @@
 """Speed of the batch evaluator: beside its peers, on more threads, for more work, and what it takes to compile.
 
-One evaluation is E(Z) of equation (2): three poses of 10 s, 2000 Runge-Kutta steps each, four signals.
+One evaluation is E(Z), docs/theory.md equation (2): three poses of 10 s, 2000 Runge-Kutta steps each, four signals.
 
     python benchmarks/evaluator.py [--quick] [--json] [--limit path/to/rk4_limit.c]
 

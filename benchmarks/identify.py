@@ -2,11 +2,11 @@
 
     python benchmarks/identify.py [--quick] [--json] [--rigs N] [--processes N] [--evaluations N] [--only SEARCH]
 
-Each rig is drawn within 15 % of the paper's values and recorded from three poses for 10 s at 200 Hz through 14-bit
+Each rig is drawn within 15 % of the rig `paper` and recorded from three poses for 10 s at 200 Hz through 14-bit
 encoders with half a count of noise, by a hand that places the rods 10 mrad off. A search works in a box around the
-paper's values and is stopped at the first generation that has used up the evaluations; the segment least squares of
-`dpr_lab.identify` then starts from its best. Two rows without a search show what the local solver does alone: from
-the middle of the box, which here is never far from the truth, and from a random point of it.
+values of that rig and is stopped at the first generation that has used up the evaluations; the segment least squares of
+`dpr_lab.identification` then starts from its best. Two rows without a search show what the local solver does alone:
+from the middle of the box, which here is never far from the truth, and from a random point of it.
 
 before   median over rigs of the largest relative error of the three undamped ratios, a/b, d/b, e1/b
 basin    share of the rigs where the search's cost fell below twice the cost at the truth
@@ -28,8 +28,8 @@ from _bars import Bar, at_least, options, show
 from _random_rigs import BOXES, Array, Trial, boxed, draw
 
 from dpr_lab.dynamics.base import base_parameters, ratios
-from dpr_lab.identify import polish
-from dpr_lab.objectives import segment_objective
+from dpr_lab.identification.identify import polish
+from dpr_lab.identification.objectives import segment_objective
 from dpr_lab.rig import Rig
 from dpr_lab.search import ALGORITHMS, load_search
 from dpr_lab.search.settings import SearchSettings
@@ -85,7 +85,7 @@ def searched(search: str, trial: Trial, rig: Rig, evaluations: int, seed: int) -
         return rig.bounds.mean(axis=0), 0
     if search == "random point":
         return rng.uniform(rig.bounds[0], rig.bounds[1]), 0
-    objective = segment_objective(trial.evidence, rig)
+    objective = segment_objective(trial.runs, rig)
     for generation in ALGORITHMS[search].run(objective, rig.bounds, settings_of(search), rng):
         if generation.evaluations >= evaluations:
             return generation.best, generation.evaluations
@@ -98,10 +98,10 @@ def outcome(search: str, box: str, trial: Trial, evaluations: int, seed: int) ->
     began = time.perf_counter()
     best, used = searched(search, trial, rig, evaluations, seed)
     search_s = time.perf_counter() - began
-    costs = segment_objective(trial.evidence, rig)(np.array([best, trial.Z])).sum(axis=1)
-    found = ratios(base_parameters(best, rig.rig.L1, rig.rig.g))
+    costs = segment_objective(trial.runs, rig)(np.array([best, trial.Z])).sum(axis=1)
+    found = ratios(base_parameters(best, rig.L1, rig.g))
     began = time.perf_counter()
-    fit = polish(best, trial.evidence, rig)
+    fit = polish(best, trial.runs, rig)
     return Outcome(
         box=box,
         search=search,

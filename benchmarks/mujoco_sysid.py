@@ -31,8 +31,8 @@ from scipy.optimize import least_squares
 
 from dpr_lab.dynamics.base import base_from_ratios, base_parameters, ratios
 from dpr_lab.dynamics.simulate import simulate
-from dpr_lab.estimation.segments import cut
-from dpr_lab.identify import polish
+from dpr_lab.identification.identify import polish
+from dpr_lab.identification.ratio_fit import segmented
 from dpr_lab.rig import Rig
 
 SEGMENTS_S = (0.25, 1.0)
@@ -55,21 +55,21 @@ class Row:
 
 def states_kept(trial: Trial, rig: Rig, length: float) -> Array:
     """What the toolbox does, by the simulation of `dpr-lab`: joint angles of segments from given start states."""
-    L1, g = rig.rig.L1, rig.rig.g
-    pieces = [s for i, e in enumerate(trial.evidence) for s in cut(i, e.run, e.states, length)]
+    problem, starts = segmented(trial.runs, rig, length)
+    pieces = np.split(problem.t, problem.segments.offsets[1:-1])
 
     def residual(q: Array) -> Array:
         base = base_from_ratios(q)
-        errors = [simulate(base, L1, g, piece.start, piece.t)[:, :2] - piece.theta for piece in pieces]
-        return np.concatenate([np.column_stack([e[:, 0], e[:, 1] - e[:, 0]]).ravel() for e in errors])
+        swings = [simulate(base, rig.L1, rig.g, start, t) for start, t in zip(starts, pieces, strict=True)]
+        return (problem.joints.of_rods(np.concatenate(swings)[:, :2]) - problem.measured).ravel()
 
-    middle = ratios(base_parameters(rig.bounds.mean(axis=0), L1, g))
+    middle = ratios(base_parameters(rig.bounds.mean(axis=0), rig.L1, rig.g))
     return least_squares(residual, middle, bounds=(0, np.inf), x_scale=middle).x
 
 
 def no_search(trial: Trial, rig: Rig) -> Array:
     """The local solver alone."""
-    return polish(rig.bounds.mean(axis=0), trial.evidence, rig).ratios
+    return polish(rig.bounds.mean(axis=0), trial.runs, rig).ratios
 
 
 def programs() -> dict[str, Program]:

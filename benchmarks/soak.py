@@ -47,8 +47,9 @@ def resident_mb() -> float:
 
 def record(name: str, seconds: float, folder: str) -> dict[str, float]:
     """One capture; what it lost and what it took."""
-    from dpr_lab.capture import PROGRESS_S, CaptureOptions, Progress, Recorded, capture
-    from dpr_lab.device import Device
+    from dpr_lab.acquisition.capture import CaptureOptions, Progress, SwingReading, capture
+    from dpr_lab.acquisition.device import Device
+    from dpr_lab.acquisition.settings import CAPTURE_SETTINGS
     from dpr_lab.rig import load_rig
     from dpr_lab.transports import open_transport
 
@@ -59,7 +60,7 @@ def record(name: str, seconds: float, folder: str) -> dict[str, float]:
 
     def on_progress(event: Progress) -> None:
         now = time.monotonic()
-        if isinstance(event, Recorded) and event.t > 1.0:
+        if isinstance(event, SwingReading) and event.t > 1.0:
             heard[1] = max(heard[1], now - heard[0])
         heard[0] = now
         if not memory or now - memory[-1][0] >= MEMORY_EVERY_S:
@@ -75,8 +76,8 @@ def record(name: str, seconds: float, folder: str) -> dict[str, float]:
     return {
         "lost": sum(captured.lost.values()),
         "seconds": captured.duration,
-        "ok": captured.verdict.ok,
-        "late_ms": 1e3 * max(0.0, heard[1] - PROGRESS_S),
+        "ok": captured.quality.ok,
+        "late_ms": 1e3 * max(0.0, heard[1] - CAPTURE_SETTINGS.report_s),
         "core_percent": 100 * used / took,
         "memory_mb": float(resident[-1]),
         "growth_mb_per_hour": float(np.polyfit(at - at[0], resident, 1)[0]) * 3600 if len(at) > 2 else 0.0,

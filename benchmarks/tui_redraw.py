@@ -36,11 +36,11 @@ def operate(folder: str, seconds: float) -> None:
     from textual.pilot import Pilot
     from textual.screen import Screen
 
-    from dpr_lab.capture import CaptureOptions
+    from dpr_lab.acquisition.capture import CaptureOptions
     from dpr_lab.tui.app import DprApp
-    from dpr_lab.tui.attempt import Phase
-    from dpr_lab.tui.bench import Bench
-    from dpr_lab.tui.capture import CaptureStep
+    from dpr_lab.tui.recorder.attempt import Phase
+    from dpr_lab.tui.steps.capture import CaptureStep
+    from dpr_lab.tui.workspace import Workspace
 
     class Counted(DprApp):
         frames = 0
@@ -51,8 +51,8 @@ def operate(folder: str, seconds: float) -> None:
 
     async def pilot_it(pilot: Pilot[object]) -> None:
         step = app.query_one(CaptureStep)
-        await app.connect()
-        await reach(pilot, lambda: app.line.connected is not None)
+        await app.services.connect()
+        await reach(pilot, lambda: app.device.connected is not None)
         await pilot.press("3")
         step.options = CaptureOptions(duration=seconds, pose_timeout=60.0, rest_timeout=60.0)
         await pilot.press("s")
@@ -68,7 +68,7 @@ def operate(folder: str, seconds: float) -> None:
             "frames_per_s": (Counted.frames - frames) / took,
             "cores": (time.process_time() - used) / took,
             "lost": sum(captured.lost.values()),
-            "ok": captured.verdict.ok,
+            "ok": captured.quality.ok,
         }
         (Path(folder) / "seen.json").write_text(json.dumps(seen))
         app.exit()
@@ -77,7 +77,7 @@ def operate(folder: str, seconds: float) -> None:
         while not condition():
             await pilot.pause(pause_s)
 
-    app = Counted(Bench(link="sim://?seed=1", out=Path(folder) / "bench"), Path(folder) / "state")
+    app = Counted(Workspace(link="sim://?seed=1", out=Path(folder) / "bench"), Path(folder) / "state")
     app.run(auto_pilot=pilot_it)
 
 

@@ -2,9 +2,9 @@
 
     python benchmarks/uncertainty.py [--rigs 200] [--rates 200 1000] [--processes N] [--quick] [--json]
 
-Random rigs within 15 % of the paper's, three poses of 10 s, 14 bits, half a count of noise, rods placed by hand; the
-truth is integrated in steps of a quarter of a millisecond. The local solver starts within 2 % of the truth: whether the
-search gets that far is what benchmarks/identify.py asks.
+Random rigs within 15 % of the rig `paper`, three poses of 10 s, 14 bits, half a count of noise, rods placed by hand;
+the truth is integrated in steps of a quarter of a millisecond. The local solver starts within 2 % of the truth: whether
+the search gets that far is what benchmarks/identify.py asks.
 """
 
 import os
@@ -15,7 +15,8 @@ from _bars import Bar, at_most, options, show
 from _random_rigs import draw
 
 from dpr_lab.dynamics.base import RATIOS
-from dpr_lab.identify import polish
+from dpr_lab.identification.identify import polish
+from dpr_lab.identification.uncertainty import uncertainty
 from dpr_lab.rig import load_rig
 
 START_WITHIN = 0.02
@@ -27,12 +28,11 @@ def one(job: tuple[int, int]) -> tuple[list[float], list[float], list[bool], flo
     trial = draw(seed, rate_hz)
     rng = np.random.default_rng([seed, 1])
     start = trial.Z * rng.uniform(1 - START_WITHIN, 1 + START_WITHIN, len(trial.Z))
-    fit = polish(start, trial.evidence, load_rig("paper"))
-    error = fit.ratios - trial.ratios
-    inside = [low <= true <= high for i, true in enumerate(trial.ratios) for low, high in [fit.interval90(i)]]
-    stated = np.sqrt(np.diag(fit.covariance))
-    over_bound, over_std = (error / trial.cramer_rao_std).tolist(), (error / stated).tolist()
-    return over_bound, over_std, inside, fit.chi2_per_dof, len(fit.segments)
+    found = polish(start, trial.runs, load_rig("paper"))
+    sure, error = uncertainty(found), found.ratios - trial.ratios
+    inside = [low <= true <= high for i, true in enumerate(trial.ratios) for low, high in [sure.interval90(i)]]
+    over_bound, over_std = (error / trial.cramer_rao_std).tolist(), (error / sure.std).tolist()
+    return over_bound, over_std, inside, found.chi2_per_dof, found.segments
 
 
 def _single_thread() -> None:

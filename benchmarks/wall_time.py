@@ -1,11 +1,11 @@
-"""Seconds that a user waits: `identify` on three recordings, and the paper's own search.
+"""Seconds that a user waits: `identify` on three recordings, and the published search.
 
     python benchmarks/wall_time.py [--quick] [--json]
 
 `identify` is the improved genetic algorithm, the local solver and the intervals, from three poses of 10 s at 200 Hz;
-median of several seeds, everything compiled before. The paper's search is M = 200, 1000 generations, E(Z) over 10 s
-from three poses; with --quick it ends after 50 generations and its seconds are scaled. Both are clock seconds on all
-cores, which other load on the machine lengthens: the load is printed, and the same on one thread.
+median of several seeds, everything compiled before. The published search (docs/theory.md) is M = 200, 1000 generations,
+E(Z) over 10 s from three poses; with --quick it ends after 50 generations and its seconds are scaled. Both are clock
+seconds on all cores, which other load on the machine lengthens: the load is printed, and the same on one thread.
 """
 
 import os
@@ -17,8 +17,8 @@ import numba
 from _bars import Bar, at_most, options, show
 from _random_rigs import draw
 
-from dpr_lab.identify import identify
-from dpr_lab.paper.campaign import Job, run_job
+from dpr_lab.identification.identify import identify
+from dpr_lab.paper.campaign import SearchCase, run_search
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 from dpr_lab.search import load_search
@@ -39,10 +39,10 @@ def identified(runs: list[Run], seeds: int) -> float:
 
 
 def searched(generations: int) -> tuple[float, int]:
-    """Seconds of the paper's search, scaled to all its generations, and the evaluations that it made."""
+    """Seconds of the published search, scaled to all its generations, and the evaluations that it made."""
     rig, settings = load_rig("paper"), load_search("paper")
     assert isinstance(settings, IgaSettings)
-    found = run_job(Job("sum", "off", 0), rig, settings.model_copy(update={"generations": generations}))
+    found = run_search(SearchCase("sum", "off", 0), rig, settings.model_copy(update={"generations": generations}))
     return found.wall_s * settings.generations / generations, found.evaluations
 
 
@@ -59,15 +59,15 @@ def on(threads: int, measure: Callable[[], float]) -> float:
 def measure(quick: bool) -> list[Bar]:
     """All bars of the table."""
     threads = numba.get_num_threads()
-    runs, seeds = [item.run for item in draw(0).evidence], 3 if quick else 7
+    runs, seeds = [item.run for item in draw(0).runs], 3 if quick else 7
     identified(runs, 1)
     searched(1)
     paper_s, evaluations = searched(FEW if quick else 1000)
     return [
         at_most(f"identify on {threads} threads, s", identified(runs, seeds), IDENTIFY_S),
         Bar("identify on one thread, s", "-", on(1, lambda: identified(runs, seeds)), None),
-        at_most(f"the paper's search on {threads} threads, s", paper_s, PAPER_S),
-        Bar("the paper's search on one thread, scaled, s", "-", on(1, lambda: searched(FEW)[0]), None),
+        at_most(f"the published search on {threads} threads, s", paper_s, PAPER_S),
+        Bar("the published search on one thread, scaled, s", "-", on(1, lambda: searched(FEW)[0]), None),
         Bar("evaluations of the search that was run", "-", evaluations, None),
     ]
 

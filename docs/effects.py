@@ -4,27 +4,30 @@ from pathlib import Path
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.families import FAMILIES, Family
 
 PAGE = Path(__file__).with_suffix(".md")
 
 HEAD = """# The effect library
 
 What `dpr-lab diagnose` can name. Each effect is one file in `dpr_lab/effects`; a parameter of zero switches it off.
-Twins look alike in a free swing; the bench check tells them apart. This page is written by `docs/effects.py`.
+Twins look alike in a free swing; the bench check tells them apart. Numbers of equations are those
+of [theory.md](theory.md). This page is written by `docs/effects.py`.
 """
 
 
 def page() -> str:
     """The whole page, as Markdown."""
-    return "\n".join([HEAD, *map(section, EFFECTS.values())])
+    return "\n".join([HEAD, *map(section, EFFECTS.values()), "## Together\n", *map(together, FAMILIES), ""])
 
 
 def section(effect: Effect) -> str:
     """One effect: equation, parameters, twins, bench check, source."""
+    equation = effect.equation.replace("`", "")  # it stands in code marks itself
     lines = [
-        f"## `{effect.name}`",
+        f"## {effect.words[0].upper()}{effect.words[1:]}: `{effect.name}`",
         "",
-        f"Site: {effect.site}. {'Only takes energy out. ' if effect.dissipative else ''}`{effect.equation}`",
+        f"Site: {effect.site}. {'Only takes energy out. ' if effect.dissipative else ''}`{equation}`",
         "",
         "| parameter | unit | typical | sign | role |",
         "|---|---|---|---|---|",
@@ -36,6 +39,13 @@ def section(effect: Effect) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def together(family: Family) -> str:
+    """What several effects together are."""
+    marks, rest = (", ".join(f"`{name}`" for name in names) for names in (family.marks, family.parts))
+    words = f"{family.words[0].upper()}{family.words[1:]}"
+    return f"- {words}, `{family.name}`: two or more of {rest}, one at least of {marks}."
 
 
 def row(parameter: EffectParameter) -> str:

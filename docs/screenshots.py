@@ -1,29 +1,38 @@
 """Pictures of the bench screen for the documentation, taken from the real app at work with a simulated rig.
 
-    python docs/screenshots.py [--out docs/img] [--size 110x32] [--theme dpr-dark]
+    python docs/screenshots.py [--out docs/img] [--sizes 80x24 120x40 200x60] [--themes dpr-dark dpr-light dpr-contrast]
 
-Writes tui-connect.svg, tui-rig.svg, tui-capture.svg, tui-identify.svg, tui-compare.svg and tui-diagnose.svg; takes some
-minutes, since everything shown is really recorded, identified and diagnosed.
+Writes tui-STEP-SIZE-THEME.svg for each of the six steps at each size in each theme; takes some minutes, since
+everything shown is really recorded, identified and diagnosed.
 """
 
 import argparse
 import asyncio
+import contextlib
 import re
 import tempfile
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from textual.pilot import Pilot
+from textual.widgets import Static
 
 from dpr_lab.tui.app import DprApp
-from dpr_lab.tui.attempt import Phase
-from dpr_lab.tui.bench import Bench
-from dpr_lab.tui.capture import CaptureStep
+from dpr_lab.tui.recorder.attempt import Phase
+from dpr_lab.tui.steps.capture import CaptureStep
+from dpr_lab.tui.themes import THEMES
+from dpr_lab.tui.workspace import Workspace
 
 RIG = "sim://?plant=dry&seed=1"
 PATIENCE_S = 1800.0
-MID_SWING_S = 6.0
+MID_SWING_S = 3.0
+SETTLING_S = 1.0
+"""After a new size or theme, until everything is drawn."""
+RELEASES = 3
+"""Tell effects apart."""
 WORKING = ("4", "5", "6")
 """Keys of the steps that are started by `s` and take their time."""
 
@@ -37,15 +46,45 @@ async def until(pilot: Pilot[None], condition: Callable[[], object]) -> None:
         await pilot.pause(0.1)
 
 
-async def take(app: DprApp, pilot: Pilot[None], out: Path) -> None:
-    """Save what is shown, once charts are drawn and notices gone."""
-    app.clear_notifications()
-    await pilot.pause(1.0)
-    name = f"tui-{app.bench.step.lower()}"
-    picture = app.export_screenshot(title=f"dpr-lab tui: {app.bench.step}")
-    # The font is to come from the reader's computer, never from the network.
-    (out / f"{name}.svg").write_text(re.sub(r"@font-face \{.*?\}", "", picture, flags=re.DOTALL), encoding="utf-8")
-    print(out / f"{name}.svg")
+class Watched:
+    """The sight of a screen that this script watches: it has no terminal that could confirm what it drew."""
+
+    async def seen(self, patience_s: float) -> float:
+        """At once."""
+        return 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """Which pictures to take, and where they go."""
+
+    out: Path
+    sizes: Sequence[tuple[int, int]]
+    themes: Sequence[str]
+
+    async def take(self, app: DprApp, pilot: Pilot[None], themes: Sequence[str] = ()) -> None:
+        """Save what is shown, at each size and in each theme, once charts are drawn and notices gone."""
+        for theme in themes or self.themes:
+            app.theme = theme
+            for width, height in self.sizes:
+                await pilot.resize_terminal(width, height)
+                app.clear_notifications()
+                await pilot.pause(SETTLING_S)
+                name = f"tui-{app.workspace.step.lower()}-{width}x{height}-{theme.removeprefix('dpr-')}.svg"
+                picture = app.export_screenshot(title=f"dpr-lab tui: {app.workspace.step}", simplify=True)
+                (self.out / name).write_text(compact(picture), encoding="utf-8")
+                print(self.out / name, flush=True)
+        app.theme = self.themes[0]
+
+
+def compact(picture: str) -> str:
+    """The same picture in half the bytes, with a font of the reader's computer, never from the network."""
+    picture = re.sub(r"@font-face \{.*?\}", "", picture, flags=re.DOTALL)
+    picture = re.sub(r'<clipPath id="[^"]*-line-\d+">.*?</clipPath>', "", picture, flags=re.DOTALL)
+    picture = re.sub(r' clip-path="url\(#[^"]*-line-\d+\)"| shape-rendering="crispEdges"', "", picture)
+    picture = re.sub(r"terminal-\d+-(\w)", r"\1", picture)
+    picture = picture.replace("<style>", "<style>rect { shape-rendering: crispEdges }", 1)
+    return re.sub(r"\s*\n\s*", "\n", picture)
 
 
 async def release(pilot: Pilot[None], step: CaptureStep, mid_swing: Callable[[], Awaitable[object]]) -> None:
@@ -64,38 +103,42 @@ def _recorded(step: CaptureStep) -> float:
     return attempt.recorded.t if attempt is not None and attempt.recorded is not None else 0.0
 
 
-async def tour(app: DprApp, size: tuple[int, int], out: Path) -> None:
-    """Go through all steps."""
-    async with app.run_test(size=size) as pilot:
+async def tour(app: DprApp, pictures: Pictures) -> None:
+    """Go through all steps; each release is pictured in a theme of its own."""
+    async with app.run_test(size=pictures.sizes[0]) as pilot:
         await pilot.press("c")
-        await until(pilot, lambda: app.line.connected)
-        await pilot.press("x")
-        await pilot.pause(4.0)
-        await take(app, pilot, out)
+        await until(pilot, lambda: app.device.connected)
+        await pilot.press("l")
+        await until(pilot, lambda: "link test  ✔" in str(app.query_one("#device", Static).content))
+        await pictures.take(app, pilot)
         await pilot.press("2")
-        await take(app, pilot, out)
+        await pictures.take(app, pilot)
         await pilot.press("3")
         step = app.query_one(CaptureStep)
-        for number in range(3):
-            await release(pilot, step, lambda number=number: take(app, pilot, out) if number == 1 else pilot.pause())
+        for number in range(max(RELEASES, len(pictures.themes))):
+            themes = pictures.themes[number : number + 1]
+            await release(pilot, step, partial(pictures.take, app, pilot, themes) if themes else pilot.pause)
         for key in WORKING:
             await pilot.press(key, "s")
-            await until(pilot, lambda: app.current.outcome())
-            await take(app, pilot, out)
+            await until(pilot, lambda: app.current.outcome() and not app.current.work)
+            await pictures.take(app, pilot)
 
 
 def main() -> None:
     """Take the pictures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "img")
-    parser.add_argument("--size", default="110x32", help="columns x rows")
-    parser.add_argument("--theme", default="dpr-dark")
+    parser.add_argument("--sizes", nargs="+", default=["80x24", "120x40", "200x60"], help="columns x rows")
+    parser.add_argument("--themes", nargs="+", default=[theme.name for theme in THEMES])
     chosen = parser.parse_args()
-    width, height = map(int, chosen.size.split("x"))
+    sizes = [(int(width), int(height)) for width, height in (size.split("x") for size in chosen.sizes)]
     chosen.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
-        bench = Bench(link=RIG, out=Path(folder) / "bench", theme=chosen.theme)
-        asyncio.run(tour(DprApp(bench, Path(folder)), (width, height), chosen.out))
+        bench = Workspace(link=RIG, theme=chosen.themes[0])
+        app = DprApp(bench, Path(folder), sight=Watched())
+        pictures = Pictures(chosen.out.resolve(), sizes, chosen.themes)
+        with contextlib.chdir(folder):
+            asyncio.run(tour(app, pictures))
 
 
 if __name__ == "__main__":

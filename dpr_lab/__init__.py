@@ -1,3 +1,111 @@
-"""Identify a rotary double pendulum and explain why its simulation differs from the rig."""
+"""Identify a rotary double pendulum and explain why its simulation differs from the rig.
 
-__version__ = "0.1.0"
+    import dpr_lab as dpr
+
+    rig = dpr.load_rig("paper")
+    runs = [dpr.load_run(file, rig=rig) for file in ("x1.mcap", "x2.mcap", "x3.mcap")]
+    model = dpr.identify(runs, rig, seed=0)
+    found = dpr.diagnose(runs, rig)
+    dpr.plot_response([dpr.compare(run, rig, model) for run in runs]).savefig("response.png")
+
+Names without an underscore in `__all__` are kept from one minor version to the next; one that is to go warns for a
+minor version before it does. Everything else may change.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.version import __version__ as __version__
+
+if TYPE_CHECKING:
+    from dpr_lab.errors import DprError
+    from dpr_lab.gap.diagnose import diagnose
+    from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.identification.compare import Comparison
+    from dpr_lab.identification.compare import compare_run as compare
+    from dpr_lab.identification.identifiability import identifiability
+    from dpr_lab.identification.identify import identify
+    from dpr_lab.identification.model import Model, load_model
+    from dpr_lab.report.data_frame import to_dataframe
+    from dpr_lab.report.figures import error_figure as plot_error
+    from dpr_lab.report.figures import evolution_figure as plot_search
+    from dpr_lab.report.figures import response_figure as plot_response
+    from dpr_lab.report.figures import run_figure as plot_run
+    from dpr_lab.report.gap.figures import horizon_figure as plot_horizon
+    from dpr_lab.report.gap.figures import waterfall_figure as plot_waterfall
+    from dpr_lab.report.gap.figures import where_figure as plot_where
+    from dpr_lab.rig import Rig, load_rig
+    from dpr_lab.run import Run
+    from dpr_lab.storage.csv_import import ImportOptions
+    from dpr_lab.storage.csv_import import import_csv as import_table
+    from dpr_lab.storage.reader import load_run
+
+__all__ = [
+    "Comparison",
+    "Diagnosis",
+    "DprError",
+    "ImportOptions",
+    "Model",
+    "Rig",
+    "Run",
+    "compare",
+    "diagnose",
+    "identifiability",
+    "identify",
+    "import_table",
+    "load_model",
+    "load_rig",
+    "load_run",
+    "plot_error",
+    "plot_horizon",
+    "plot_response",
+    "plot_run",
+    "plot_search",
+    "plot_waterfall",
+    "plot_where",
+    "to_dataframe",
+]
+
+_PLACES = {
+    "errors": ("DprError",),
+    "gap.diagnose": ("diagnose",),
+    "gap.result.diagnosis": ("Diagnosis",),
+    "identification.compare": ("Comparison", "compare=compare_run"),
+    "identification.identifiability": ("identifiability",),
+    "identification.identify": ("identify",),
+    "identification.model": ("Model", "load_model"),
+    "report.data_frame": ("to_dataframe",),
+    "report.figures": (
+        "plot_error=error_figure",
+        "plot_search=evolution_figure",
+        "plot_response=response_figure",
+        "plot_run=run_figure",
+    ),
+    "report.gap.figures": (
+        "plot_horizon=horizon_figure",
+        "plot_waterfall=waterfall_figure",
+        "plot_where=where_figure",
+    ),
+    "rig": ("Rig", "load_rig"),
+    "run": ("Run",),
+    "storage.csv_import": ("ImportOptions", "import_table=import_csv"),
+    "storage.reader": ("load_run",),
+}
+"""Module -> its names here, each `name` or `name=name there`; imported when asked for: commands start fast."""
+
+_FROM = {
+    name.partition("=")[0]: (f"dpr_lab.{module}", name.rpartition("=")[2])
+    for module, names in _PLACES.items()
+    for name in names
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _FROM:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, there = _FROM[name]
+    return getattr(import_module(module), there)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

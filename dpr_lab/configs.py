@@ -44,29 +44,40 @@ def read_config(path: Path, model: type[Model]) -> Model:
             one line for each fault, naming the file, the key and the value.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is not text in UTF-8, byte {error.start}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: is not valid TOML: {error}") from error
+    return parse_config(text, str(path), model)
+
+
+def parse_config(text: str, source: str, model: type[Model]) -> Model:
+    """A pydantic model of TOML text; `source` is what sentences call it.
+
+    Raises:
+        ConfigError: not TOML, or a key that is unknown, missing or out of range.
+    """
+    try:
+        table = tomllib.loads(text)
     except RecursionError as error:
-        raise ConfigError(f"{path}: is nested too deeply") from error
+        raise ConfigError(f"{source}: is nested too deeply") from error
+    except ValueError as error:  # a number of thousands of digits is one too
+        raise ConfigError(f"{source}: is not valid TOML: {error}") from error
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        raise ConfigError("\n".join(_sentence(path, fault) for fault in error.errors())) from error
+        raise ConfigError("\n".join(_sentence(source, fault) for fault in error.errors())) from error
 
 
-def _sentence(path: Path, fault: object) -> str:
+def _sentence(path: str, fault: object) -> str:
     assert isinstance(fault, dict)
     key = ".".join(str(part) for part in fault["loc"]) or "the file"
-    said = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
-    if said is None:
-        said = str(fault["msg"]).removeprefix("Value error, ")
+    message = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
+    if message is None:
+        message = str(fault["msg"]).removeprefix("Value error, ")
     shown = "" if isinstance(fault["input"], dict) else f" = {fault['input']!r}"
-    return f"{path}: {key}{shown}: {said}"
+    return f"{path}: {key}{shown}: {message}"
 
 
 def sha256_of(path: Path) -> str:

@@ -16,11 +16,24 @@ Each class carries the exit code that `dpr-lab` ends with. A wrong argument from
 a bad candidate in a search is a value (cost `inf`), a bug is an `assert`.
 """
 
+import re
+
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""What moves a terminal's cursor, turns the direction of text, or is no character."""
+
+
+def printable(text: str) -> str:
+    """Text that a file, a device or a file's name may have said, as it can be shown: controls are spelled out."""
+    return _CONTROL.sub(lambda control: control[0].encode("unicode_escape").decode(), text)
+
 
 class DprError(Exception):
     """Anything the operator can act on."""
 
     exit_code = 1
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class ConfigError(DprError):

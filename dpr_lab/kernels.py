@@ -1,80 +1,44 @@
-"""Compiled kernels: `njit` with a disk cache that cannot return an outdated answer.
+"""Compiled kernels: `njit` with a disk cache that cannot return an outdated answer (`dpr_lab.kernel_cache`)."""
 
-Numba's own cache looks only at the file of the function it compiles. A kernel that calls a function of another file
-keeps its old machine code when that other file changes. Here the cache lies in a folder named by a hash of every
-kernel source, so any change starts an empty one.
-"""
-
-import hashlib
 import os
-import shutil
-import tempfile
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import Any, TypeVar, overload
 
 import numba
 import numba.core.config as numba_config
-from platformdirs import user_cache_path
+from numba.core import event
+
+from dpr_lab.kernel_cache import CACHE, compiling
 
 # Threads that wait by spinning make a parallel kernel slower than a serial one wherever something else runs too. OpenMP
 # reads this when the first parallel kernel starts.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
-KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation/likelihood.py", "gap/along.py", "gap/response.py")
-"""Every file or folder of this package that holds a compiled function."""
-
-KEPT = 4
-PRUNE_AFTER_S = 7 * 86400.0  # another process may still be writing to a folder that is not ours
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def source_hash(package: Path, sources: Iterable[str] = KERNEL_SOURCES) -> str:
-    """Hash of the names and bytes of all kernel sources under `package`."""
-    digest = hashlib.sha256()
-    for source in sources:
-        path = package / source
-        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-            digest.update(f"{file.relative_to(package).as_posix()}\0".encode())
-            digest.update(file.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]
+class _Compiling(event.Listener):
+    """Tells that a kernel is being compiled; one that comes out of the cache is not."""
+
+    def on_start(self, event: event.Event) -> None:
+        """A pass of the compiler begins."""
+        told: Any = event.data
+        if told["name"].startswith("translate_bytecode") and told["module"].startswith("dpr_lab"):  # the first pass
+            compiling()
+
+    def on_end(self, event: event.Event) -> None:
+        """Nobody asks."""
 
 
-def prune(root: Path, now: float) -> None:
-    """Remove the cache folders under `root` that are neither among the newest `KEPT` nor of the last week."""
-    aged = sorted(((folder.stat().st_mtime, folder) for folder in root.iterdir() if folder.is_dir()), reverse=True)
-    for modified, folder in aged[KEPT:]:
-        if now - modified > PRUNE_AFTER_S:
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def open_cache(root: Path, name: str) -> Path | None:
-    """The folder `name` under `root`, made and marked as used; None where nothing can be written."""
-    folder = root / name
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
-        os.utime(folder)
-    except OSError:
-        return None
-    with suppress(OSError):  # two processes may prune at once
-        prune(root, time.time())
-    return folder
-
-
-_ROOT = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("dpr-lab")) / "kernels"
-CACHE = open_cache(_ROOT, source_hash(Path(__file__).parent))
-"""Folder of the machine code of this version; None on a read-only home: kernels are then compiled in every process."""
+event.register("numba:run_pass", _Compiling())
 
 
 @overload
 def njit(function: Function) -> Function: ...
 @overload
-def njit(*, parallel: bool = False, inline: str = "never") -> Callable[[Function], Function]: ...
+def njit(*, parallel: bool = False, forceinline: bool = False) -> Callable[[Function], Function]: ...
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """`numba.njit` for every kernel: cached, IEEE strict, without the GIL, division by zero giving inf or nan.
 
@@ -84,12 +48,47 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     if function is None:
         return partial(njit, **options)
     compiled = partial(numba.njit, error_model="numpy", nogil=True, **options)
+    return _cached(compiled, function)
+
+
+def inlined(function: Function) -> Function:
+    """`njit` for a short kernel that becomes part of every loop that calls it, where it turns into vector instructions.
+
+    Left to itself the compiler inlines only what it thinks cheap, and a loop with a call in it is no vector loop.
+    """
+    return njit(forceinline=True)(function)
+
+
+def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
+    """A kernel compiled by itself, which others take as an argument and call through a pointer.
+
+    Whatever calls a kernel in the ordinary way compiles all of its code once more, and again at each level above. A
+    pointer costs some nanoseconds a call instead, and is for kernels that are long and do much at a time.
+
+    Args:
+        function: a kernel that returns nothing, not yet compiled
+        examples: arguments like those it will get
+    """
+    signature = numba.void(*map(numba.typeof, examples))
+    return _cached(partial(numba.cfunc, signature, error_model="numpy"), function)
+
+
+def _cached(compiled: Callable[..., Any], function: Callable[..., Any]) -> Any:
     if CACHE is None:
         return compiled()(function)
     # Numba reads the folder while it decorates; other libraries' kernels keep the folder they had.
     config: Any = numba_config
     before, config.CACHE_DIR = config.CACHE_DIR, str(CACHE)
     try:
-        return compiled(cache=True)(function)
+        kernel = compiled(cache=True)(function)
+    except OSError:  # the disk is full
+        return compiled()(function)
     finally:
         config.CACHE_DIR = before
+    kernel._cache.save_overload = partial(_save_if_there_is_room, kernel._cache.save_overload)
+    return kernel
+
+
+def _save_if_there_is_room(save: Callable[..., None], *compiled: Any) -> None:
+    with suppress(OSError):
+        save(*compiled)

@@ -1,16 +1,20 @@
 """The rig: what was measured on the bench, what is searched for, how its encoders are read."""
 
+import hashlib
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, model_validator
 
-from dpr_lab.configs import find_config, read_config, sha256_of
+from dpr_lab.configs import find_config, parse_config, read_config, sha256_of
+from dpr_lab.errors import printable
+from dpr_lab.joint_angles import JointAngles
 
 PARAMETERS = ("l1", "l2", "m1", "m2", "mb", "c1", "c2", "J1", "J2")
-"""Names of the kinetic parameters Z, in the order of the paper's tables."""
+"""Names of the kinetic parameters Z, in the order of the published tables (docs/theory.md, section 1)."""
 
 MASSES = ("m1", "m2", "mb")
 """Those of Z that a balance measures."""
@@ -18,22 +22,41 @@ MASSES = ("m1", "m2", "mb")
 JOINTS = 3
 """Arm (0), inner rod (1), outer rod (2)."""
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=1e6, strict=True)]
+"""SI; nothing on a bench is larger."""
+
+
+def _shown(name: str) -> str:
+    if printable(name) != name or not name.isprintable():
+        raise ValueError("holds characters that cannot be shown")
+    return name
+
+
+Name = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_shown)]
+Length = Annotated[float, Field(gt=0, le=10, strict=True)]
+"""m, of a rig on a bench: one in millimetres is seen."""
+Angle = Annotated[float, Field(ge=-100, le=100, strict=True)]
+"""rad: some turns at most."""
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class Parameter(_Table):
     """One kinetic parameter: searched for between bounds, or measured with a standard uncertainty."""
 
     nominal: Positive
+    """The best guess: where a search and a diagnosis start."""
     lower: Positive | None = None
+    """Of the search, together with `upper`; both may be left out where the value is measured. A friction that may be
+    none is given a small one, such as 1e-6: the search works with ratios."""
     upper: Positive | None = None
+    """Of the search, together with `lower`."""
     measured: Positive | None = None
+    """What a balance or a calliper said, together with `std`: the search holds it, the result's scale rests on it."""
     std: Positive | None = None
+    """Standard uncertainty of `measured`."""
 
     @model_validator(mode="after")
     def _consistent(self) -> "Parameter":
@@ -48,6 +71,11 @@ class Parameter(_Table):
         return self
 
 
+CountsPerRev = Annotated[int, Field(ge=4, le=1 << 31, strict=True)]
+Count = Annotated[int, Field(ge=-(1 << 31), lt=1 << 31, strict=True)]
+"""What a 32-bit counter can say."""
+
+
 class Encoders(_Table):
     """How counts become angles.
 
@@ -55,26 +83,34 @@ class Encoders(_Table):
     hanging rest (pi for the rods, 0 for the arm and for a relative joint 2).
     """
 
-    counts_per_rev: tuple[int, int, int] = (16384, 16384, 16384)
-    noise_counts: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.5
+    counts_per_rev: tuple[CountsPerRev, CountsPerRev, CountsPerRev] = (16384, 16384, 16384)
+    """Of arm, inner and outer rod, as the device says it too."""
+    noise_counts: Annotated[float, Field(ge=0, le=1e6, strict=True)] = 0.5
+    """Standard deviation of a reading at rest, counts; limits of rest and rounding come from it."""
     joint2: Literal["relative", "absolute"] = "relative"
-    zero_counts: tuple[int, int, int] = (0, 0, 0)
+    """Whether the encoder of joint 2 reads the outer rod against the inner one, or against the arm."""
+    zero_counts: tuple[Count, Count, Count] = (0, 0, 0)
+    """What the encoders read with the rods hanging and the arm at 0; capture warns when they do not."""
     direction: tuple[Literal[-1, 1], Literal[-1, 1], Literal[-1, 1]] = (1, 1, 1)
+    """-1 for an encoder that counts backwards."""
 
-    @model_validator(mode="after")
-    def _positive_counts(self) -> "Encoders":
-        if min(self.counts_per_rev) < 4:
-            raise ValueError(f"counts_per_rev must be at least 4, not {min(self.counts_per_rev)}")
-        return self
+    @property
+    def joint_angles(self) -> JointAngles:
+        """The map between absolute rod angles and what the encoders turn by."""
+        return JointAngles(self.joint2 == "relative")
 
 
 class Pose(_Table):
     """Where the rods are held before a release: absolute angles, 0 = upright, pi = hanging, rad."""
 
-    theta0: Finite = 0.0
-    theta1: Finite
-    theta2: Finite
+    theta0: Angle = 0.0
+    """The arm, rad."""
+    theta1: Angle
+    """The inner rod, rad."""
+    theta2: Angle
+    """The outer rod, rad."""
     tolerance: Positive = 0.05
+    """How far a rod may be off when it is let go, rad."""
 
     @property
     def theta(self) -> NDArray[np.float64]:
@@ -86,54 +122,130 @@ class AddedMass(_Table):
     """A known mass clamped to a rod, as good as a point: one more release with it fixes the scale of all masses."""
 
     rod: Literal["inner", "outer"]
+    """Which rod carries it."""
     mass: Positive
     """kg"""
     position: Positive
     """Distance from that rod's pivot, m."""
 
 
-class Link(_Table):
+Mounting = Literal["both", "inner", "outer", "clamped"]
+"""What swings: both rods, the inner or the outer one alone on joint 1, or both with the elbow clamped."""
+
+
+class Rods(_Table):
+    """Which rods hang on the rig while it is recorded. One alone hangs on joint 1, and encoder 1 reads it.
+
+    The encoder of joint 2 stays on the inner rod, and comes off with it.
+    """
+
+    mounted: Literal["both", "inner", "outer"] = "both"
+    """Which rods hang on it."""
+    elbow: Literal["free", "clamped"] = "free"
+    """Whether joint 2 can turn."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Rods":
+        if self.mounted != "both" and self.elbow == "clamped":
+            raise ValueError(f"one rod alone has no elbow to clamp: mounted is {self.mounted}")
+        return self
+
+    @property
+    def mounting(self) -> Mounting:
+        """Both keys in one word."""
+        return "clamped" if self.elbow == "clamped" else self.mounted
+
+
+class LinkSettings(_Table):
     """Where the device is and how fast it streams."""
 
     url: str = "sim://"
-    rate_hz: Annotated[int, Field(gt=0, le=10_000)] = 1000
+    """Where the device is, when no `--link` is given."""
+    rate_hz: Annotated[int, Field(gt=0, le=10_000, strict=True)] = 1000
+    """Samples a second."""
 
 
-class Frame(_Table):
+class RigGeometry(_Table):
     """What is measured on the rig and never searched for: lengths in m, gravity in m/s^2."""
 
-    name: Annotated[str, Field(min_length=1)]
-    L0: Positive = 0.3
-    L1: Positive
-    L2: Positive | None = None
-    g: Positive = 9.81
+    name: Name
+    """As runs and models carry it; a run belongs to rigs of this name, `L1` and `g`."""
+    L0: Length = 0.3
+    """Length of the arm, m; a swing with the arm clamped does not feel it."""
+    L1: Length
+    """Distance of the two joints along the inner rod, m."""
+    L1_std: Length | None = None
+    """Standard uncertainty of L1 where it is hardly known, as on video: a diagnosis then fits it."""
+    L2: Length | None = None
+    """Length of the outer rod, m; for drawings and exports alone."""
+    g: Annotated[float, Field(ge=0.1, le=100, strict=True)] = 9.81
+    """Gravity, m/s^2."""
+
+
+def refuse_other_parameters(names: Iterable[str]) -> None:
+    """Make sure that a file gives exactly the kinetic parameters.
+
+    Raises:
+        ValueError: one of `PARAMETERS` is missing, or another is there.
+    """
+    given = list(names)
+    missing = [name for name in PARAMETERS if name not in given]
+    unknown = [name for name in given if name not in PARAMETERS]
+    if missing or unknown:
+        raise ValueError(
+            f"parameters must be exactly {', '.join(PARAMETERS)};"
+            f" missing: {', '.join(missing) or 'none'}; unknown: {', '.join(unknown) or 'none'}"
+        )
+
+
+NO_ENCODER = {"nominal": 1e-6, "measured": 1e-6, "std": 1e-7}
+"""The encoder of joint 2, kg, of a rig that has no joint 2."""
 
 
 class Rig(_Table):
     """A rig file (`configs/rigs/*.toml`).
 
     Args of the file: `[rig]` lengths and gravity, `[parameters.*]` one table for each of `PARAMETERS`,
-    `[encoders]`, `[poses.*]`, `[link]`; `[added_mass]` while a known mass is clamped on.
+    `[encoders]`, `[poses.*]`, `[link]`; `[added_mass]` while a known mass is clamped on, `[rods]` while not both rods
+    hang on it.
     """
 
-    rig: Frame
+    rig: RigGeometry
     parameters: dict[str, Parameter]
     encoders: Encoders = Encoders()
-    poses: dict[str, Pose] = {}
+    poses: dict[Name, Pose] = {}
     added_mass: AddedMass | None = None
-    link: Link = Link()
+    rods: Rods = Rods()
+    link: LinkSettings = LinkSettings()
     _path: Path | None = PrivateAttr(default=None)
     _sha256: str = PrivateAttr(default="")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_one_rod(cls, table: Any) -> Any:
+        """A rod alone is placed by theta1, and theta2 follows it; a rig that has no other rod need not say what it is.
+
+        The rod that is not there then counts as one like it, and the encoder of joint 2 as next to nothing: neither
+        moves what swings.
+        """
+        match table:
+            case {"rods": {"mounted": "inner" | "outer" as mounted}, "parameters": dict(parameters)}:
+                own, other = ("1", "2") if mounted == "inner" else ("2", "1")
+                alike = {f"{q}{other}": parameters[f"{q}{own}"] for q in "lmcJ" if f"{q}{own}" in parameters}
+                table = {**table, "parameters": {"mb": NO_ENCODER, **alike, **parameters}}
+        match table:
+            case {"rods": {"mounted": "inner" | "outer"}, "poses": dict(poses)}:
+                follow = {
+                    name: {**pose, "theta2": pose["theta1"]}
+                    for name, pose in poses.items()
+                    if isinstance(pose, dict) and "theta1" in pose
+                }
+                table = {**table, "poses": {**poses, **follow}}
+        return table
+
     @model_validator(mode="after")
     def _nine_parameters(self) -> "Rig":
-        missing = [name for name in PARAMETERS if name not in self.parameters]
-        unknown = [name for name in self.parameters if name not in PARAMETERS]
-        if missing or unknown:
-            raise ValueError(
-                f"parameters must be exactly {', '.join(PARAMETERS)};"
-                f" missing: {', '.join(missing) or 'none'}; unknown: {', '.join(unknown) or 'none'}"
-            )
+        refuse_other_parameters(self.parameters)
         return self
 
     @property
@@ -141,11 +253,48 @@ class Rig(_Table):
         """The rig's name, as runs and models carry it."""
         return self.rig.name
 
+    @property
+    def L0(self) -> float:
+        """Length of the arm, m; it drops out of a swing with the arm clamped."""
+        return self.rig.L0
+
+    @property
+    def L1(self) -> float:
+        """Distance of the two joints along the inner rod, m."""
+        return self.rig.L1
+
+    @property
+    def unsure(self) -> tuple[str, ...]:
+        """Names of what is hardly known and therefore fitted, of L1."""
+        return ("L1",) if self.rig.L1_std is not None else ()
+
+    @property
+    def L2(self) -> float | None:
+        """Length of the outer rod, m; None where nobody gave it."""
+        return self.rig.L2
+
+    @property
+    def g(self) -> float:
+        """Gravity, m/s^2."""
+        return self.rig.g
+
     def read_from(self, path: Path) -> "Rig":
         """The same rig, remembering the file it came from."""
         rig = self.model_copy()
         rig._path, rig._sha256 = path, sha256_of(path)
         return rig
+
+    def with_rods(self, mounted: str | None = None, elbow: str | None = None) -> "Rig":
+        """The rig with other rods on it; itself where nothing is said.
+
+        Raises:
+            ValueError: an elbow clamped that is not there.
+        """
+        said = {key: value for key, value in (("mounted", mounted), ("elbow", elbow)) if value is not None}
+        rods = {**self.rods.model_dump(), **said}
+        if rods == self.rods.model_dump():
+            return self
+        return Rig.model_validate({**self.model_dump(exclude_none=True), "rods": rods})
 
     @property
     def path(self) -> Path | None:
@@ -188,9 +337,8 @@ class Rig(_Table):
             (..., 3) theta0, theta1, theta2, rad; 0 = upright, pi = hanging
         """
         turned = (np.asarray(counts) - np.array(self.encoders.zero_counts)) * self.radians_per_count
-        theta0, joint1, joint2 = np.moveaxis(turned, -1, 0)
-        base2 = joint1 if self.encoders.joint2 == "relative" else 0.0
-        return np.stack([theta0, np.pi + joint1, np.pi + joint2 + base2], axis=-1)
+        rods = np.pi + self.encoders.joint_angles.to_rods(turned[..., 1:])
+        return np.concatenate([turned[..., :1], rods], axis=-1)
 
     def positions(self, theta: ArrayLike) -> NDArray[np.float64]:
         """What ideal encoders read at the given absolute angles; the inverse of `theta`, not rounded.
@@ -201,9 +349,8 @@ class Rig(_Table):
         Returns:
             (..., 3) positions, counts
         """
-        theta0, theta1, theta2 = np.moveaxis(np.asarray(theta, dtype=np.float64), -1, 0)
-        joint2 = theta2 - theta1 if self.encoders.joint2 == "relative" else theta2 - np.pi
-        turned = np.stack([theta0, theta1 - np.pi, joint2], axis=-1)
+        absolute, joints = np.asarray(theta, dtype=np.float64), self.encoders.joint_angles
+        turned = np.concatenate([absolute[..., :1], joints.of_rods(absolute[..., 1:]) - joints.hanging], axis=-1)
         return turned / self.radians_per_count + np.array(self.encoders.zero_counts)
 
     def _ordered(self) -> list[Parameter]:
@@ -218,3 +365,14 @@ def load_rig(name: str | Path) -> Rig:
     """
     path = find_config("rigs", name)
     return read_config(path, Rig).read_from(path)
+
+
+def parse_rig(text: str) -> Rig:
+    """The rig of a rig file's text, with the hash of that text.
+
+    Raises:
+        ConfigError: not valid.
+    """
+    rig = parse_config(text, "the rig file", Rig)
+    rig._sha256 = hashlib.sha256(text.encode()).hexdigest()
+    return rig

@@ -8,14 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig import AddedMass
+from dpr_lab.rig import AddedMass, Mounting
+from dpr_lab.setup import Setup, Torques
+from dpr_lab.shown import Shown
 
-LOSS_CAUSES = ("device_overrun", "crc", "framing", "tick_gap")
-"""Why a sample can be missing: the device was late, the link damaged it, or it never arrived."""
+LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
+"""Why a sample can be missing: the device was late, the link damaged it, the device said two things of its tick, or it
+never arrived."""
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
+@dataclass(frozen=True, slots=True, repr=False)
+class Run(Shown):
     """What was measured during one release.
 
     Time is the device's: t = (tick - release tick) / rate, so t = 0 is the release, and the samples with t < 0 are the
@@ -38,14 +41,38 @@ class Run:
     """Nominal sample rate; the real instants are in `t`."""
     added_mass: AddedMass | None = None
     """The known mass that was clamped on, if any."""
+    mounting: Mounting = "both"
+    """What swung; of one rod alone theta2 is theta1."""
+    torques: NDArray[np.float64] | None = None
+    """(n, 2) known torques of joint 1 and 2, N m, each held until the next sample; None for a free swing."""
     complete: bool = True
     """Whether the file was finished; a recovered or cut one is not."""
     lost: Mapping[str, int] = field(default_factory=dict)
     """Samples lost, by cause (`LOSS_CAUSES`)."""
+    clock: Mapping[str, float] = field(default_factory=dict)
+    """Fit of the device's time to the host's (`rate_ppm`, `rate_ppm_std`, ...); empty where none was made."""
     file: Path | None = None
     sha256: str = ""
     notes: tuple[str, ...] = ()
     """What the reader or importer wants the operator to know (gaps kept, doubled rows left out)."""
+
+    def _heading(self) -> str:
+        pose = f", pose {self.pose}" if self.pose else ""
+        whole = "" if self.complete else ", not complete"
+        told = f"{len(self.t)} samples at {self.rate_hz:g} Hz, {self.duration:.3g} s"
+        return f"Run {self.name} of rig {self.rig_name}{pose}: {told}{whole}"
+
+    @property
+    def elbow(self) -> float:
+        """Angle theta2 - theta1 at which the elbow is clamped, rad; zero where it is not."""
+        clamped = self.mounting == "clamped" and len(self.t)
+        return float(np.median(self.theta[:, 2] - self.theta[:, 1])) if clamped else 0.0
+
+    @property
+    def setup(self) -> Setup:
+        """What hung on the rig, and what drove it."""
+        drives = None if self.torques is None else Torques(self.t, self.torques)
+        return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives)
 
     @property
     def rest(self) -> NDArray[np.float64]:
@@ -68,7 +95,69 @@ class Run:
 
     def _cut(self, keep: NDArray[np.bool_]) -> "Run":
         counts = None if self.counts is None else self.counts[keep]
-        return replace(self, t=self.t[keep], theta=self.theta[keep], counts=counts)
+        torques = None if self.torques is None else self.torques[keep]
+        return replace(self, t=self.t[keep], theta=self.theta[keep], counts=counts, torques=torques)
+
+
+@dataclass(frozen=True, slots=True)
+class MountingSettings:
+    """What readings may do that contradicts what is said to be mounted."""
+
+    still: float = 0.1
+    """Turn of joint 2, rad, that a clamp or an encoder without a rod gives at most: play, and a bearing's drag."""
+    tail: float = 0.01
+    """Share of the readings, at either end, that may lie beyond: single faults."""
+
+
+MOUNTED = MountingSettings()
+
+
+def as_mounted(
+    theta: NDArray[np.float64], mounting: Mounting, name: str, settings: MountingSettings = MOUNTED
+) -> NDArray[np.float64]:
+    """(n, 3) angles of a run in which that was mounted: of one rod alone theta2 is theta1.
+
+    Raises:
+        RunError: joint 2 moves although nothing, or a clamp, is said to be there.
+    """
+    turned = elbow_turn(theta, mounting, settings)
+    if turned > settings.still:
+        said = "the elbow is said to be clamped" if mounting == "clamped" else f"only the {mounting} rod is mounted"
+        raise RunError(
+            f"{name}: joint 2 turns by {turned:.2f} rad although {said}: both rods swing here; leave --rods and --elbow"
+            " out, or name the column of the rod that swings theta1"
+        )
+    return theta[:, [0, 1, 1]] if mounting in ("inner", "outer") else theta
+
+
+def elbow_turn(theta: NDArray[np.float64], mounting: Mounting, settings: MountingSettings = MOUNTED) -> float:
+    """By how much joint 2 turns that cannot, rad; zero of both rods. Angles (n, 3)."""
+    if mounting == "both" or not len(theta):
+        return 0.0
+    tails = [settings.tail, 1 - settings.tail]
+    apart, outer = (float(np.diff(np.quantile(x, tails))[0]) for x in (theta[:, 2] - theta[:, 1], theta[:, 2]))
+    return apart if mounting == "clamped" else min(apart, outer)  # an absolute encoder without a rod stands still
+
+
+def clock_error(clock: Mapping[str, float], sigmas: float = 5.0) -> float:
+    """By how much a device's clock runs wrong at least, parts per million: what its own uncertainty cannot explain."""
+    rate, std = clock.get("rate_ppm"), clock.get("rate_ppm_std")
+    return max(0.0, abs(rate) - sigmas * std) if rate is not None and std is not None else 0.0
+
+
+def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
+    """Make sure that the seconds of every recording are seconds.
+
+    Raises:
+        RunError: the device's clock is further off the host's than any crystal.
+    """
+    for run in runs:
+        if clock_error(run.clock) > limit_ppm:
+            raise RunError(
+                f"{run.file}: its clock runs {run.clock['rate_ppm']:+.0f} ppm off the host's (limit {limit_ppm:g}; a"
+                " crystal keeps to some 100): every time and every result in seconds would be as wrong. Mend the"
+                " device's sample timer and record again, or take the run as it is with --any-clock"
+            )
 
 
 def refuse_repeated(runs: Sequence[Run]) -> None:

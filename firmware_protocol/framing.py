@@ -12,7 +12,9 @@ from firmware_protocol.errors import LocalProtocolError, RemoteProtocolError
 from firmware_protocol.messages import MAX_DATA, Frame
 
 MAX_ID = 0x7FF
+"""Of 11 bits, as on a CAN bus."""
 MIN_PACKET = 4
+"""Bytes of a frame without data: identifier and CRC."""
 MAX_PACKET = MIN_PACKET + MAX_DATA
 MAX_ENCODED = MAX_PACKET + 1
 """Bytes of the longest packet after COBS, without the zero that ends it."""

@@ -37,6 +37,7 @@ KEEPALIVE_S = 0.1
 RETRY_S = 0.1
 """How long an answer may take before the command is sent again."""
 RETRIES = 5
+"""How often it is sent again before the device counts as silent."""
 
 
 @dataclass(frozen=True, slots=True)

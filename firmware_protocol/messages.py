@@ -17,10 +17,12 @@ from firmware_protocol.definition import DATABASE, PROTOCOL_VERSION, SCHEMA_HASH
 from firmware_protocol.errors import LocalProtocolError, RemoteProtocolError
 
 MAX_DATA = 8
+"""Bytes of data in a frame, as in one of classic CAN."""
 DEVICE_NODE = 1
 """The node of a device that was given no other."""
 FIRST_HOST_NUMBER = 32
 """Numbers below come from the device, numbers from here on from the host."""
+# Together the 11 bits of a CAN identifier.
 _NODE_BITS, _NUMBER_BITS = 5, 6
 _NUMBER_MASK = (1 << _NUMBER_BITS) - 1
 
@@ -309,6 +311,13 @@ _EXPLAINED: dict[type[NakCode | Fault | EventKind], tuple[str, str]] = {
     Fault: ("STATUS", "fault"),
     EventKind: ("EVENT", "kind"),
 }
+
+
+def explain_fault(number: int) -> str:
+    """What the fault that an EVENT names means and what to do, also of one that dpr.dbc does not know."""
+    if number in tuple(Fault):
+        return " ".join(explain(Fault(number)))
+    return f"The device reports fault {number}, which is not in dpr.dbc. Read its documentation, then clear it."
 
 
 def explain(code: NakCode | Fault | EventKind) -> tuple[str, str]:

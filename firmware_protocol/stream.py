@@ -11,6 +11,12 @@ HALF_RANGE = 0x7FFF
 """Counts or ticks by which two messages may differ and still be told apart from a turn of the low 16 bits."""
 
 
+REMEMBERED = 1024
+"""So many samples are kept to compare those that come again with."""
+LATE_IN_A_ROW = 6
+"""Samples in a row whose ticks had passed: no link swaps so many."""
+
+
 class Row(NamedTuple):
     """One sample: ticks since STREAM, and the multi-turn counters of arm, inner and outer rod, counts."""
 
@@ -35,6 +41,9 @@ class SampleStream:
     After a gap longer than `blind_ticks` a counter may have gone round unseen: samples are left out until POSITION, ten
     times a second, has told every joint's whole counter again. A tick that leaps so far is believed once a second
     sample follows it, since a damaged one would hide all that come before it.
+
+    Of two samples of one tick with other counts nobody can say which is right. A link that doubles or swaps frames
+    makes late ones, but none that differ, and not several in a row: then the device's count went back.
     """
 
     def __init__(self) -> None:
@@ -42,6 +51,12 @@ class SampleStream:
         """Samples that never arrived: ticks missing between those that did."""
         self.out_of_order = 0
         """Samples left out because their tick had been there or was passed."""
+        self.contradicted = 0
+        """Ticks that came again with other counts."""
+        self.went_back = False
+        """Whether the device's ticks went back: what comes after has no time."""
+        self._recent: dict[int, Sample] = {}
+        self._late = 0
         self.unanchored = 0
         """Samples left out because a joint's whole counter was not known yet."""
         self.position_slips = 0
@@ -55,6 +70,8 @@ class SampleStream:
     def restart(self, blind_ticks: int = HALF_RANGE) -> None:
         """Begin again at tick 0: call once, before STREAM is sent. Positions stay known."""
         self._blind, self._tick, self._leap, self._told_at = blind_ticks, -1, None, [-1, -1, -1]
+        self._late, self.went_back = 0, False
+        self._recent.clear()
 
     def feed(self, message: Message) -> Row | None:
         """Take the next message; a SAMPLE in order gives a row, any other message None."""
@@ -72,9 +89,12 @@ class SampleStream:
         step = (sample.tick - self._tick) & 0xFFFF
         if not 0 < step < 0x8000:
             self.out_of_order += 1
+            self._doubt(sample)
             return None
         if step > self._blind and not self._after_gap(sample.tick, self._tick + step):
             return None
+        self._late = 0
+        self._recent[sample.tick % REMEMBERED] = sample
         self._tick += step
         self.lost_tick_gap += step - 1
         near0, near1, near2 = self._counts
@@ -88,6 +108,19 @@ class SampleStream:
         )
         self._counts[:] = counts
         return Row(self._tick, counts)
+
+    def contradicts(self, row: Row, sample: Sample) -> bool:
+        """Whether a sample says something else of a row's tick than the row did."""
+        low = tuple(count & 0xFFFF for count in row.counts)
+        return sample.tick == row.tick & 0xFFFF and low != (sample.position0, sample.position1, sample.position2)
+
+    def _doubt(self, late: Sample) -> None:
+        if self._tick < 0:
+            return  # left over from the stream before
+        before = self._recent.get(late.tick % REMEMBERED)
+        self.contradicted += before is not None and before.tick == late.tick and before != late
+        self._late += 1
+        self.went_back |= self._late >= LATE_IN_A_ROW
 
     def _after_gap(self, low: int, tick: int) -> bool:
         """Whether a leap of the tick is believed; then counters that nobody told of since are forgotten."""

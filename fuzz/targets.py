@@ -14,7 +14,7 @@ import numpy as np
 
 from dpr_lab.configs import read_config
 from dpr_lab.errors import ConfigError, RunError
-from dpr_lab.model import load_model
+from dpr_lab.identification.model import load_model
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from dpr_lab.errors import DprError
 
 if TYPE_CHECKING:
-    from sim_device.assemble import Options
+    from sim_device.options import Options
 
 DESCRIPTION = """\
 A device made of software. It speaks the same protocol as the board, over a pseudo terminal (serial, or CAN in SLCAN) or
@@ -35,7 +35,8 @@ draw the effects too, from the seed: single, pair, triple, clean, dirty, form, o
 
 SEAL_HELP = """\
 draw a plant, keep its truth in FOLDER, print its seal (a salted hash) and the rig file that goes with it as JSON, and
-exit; --plant FOLDER/plant.toml then is that plant"""
+exit; --plant FOLDER/plant.toml then is that plant. With - nothing is written: the rig file comes in as one line of JSON
+text on standard input, and the truth is told once another line comes"""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -43,6 +44,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="sim_device: %(message)s")
     try:
+        if options.seal == Path("-"):
+            return _hold(options)
         return _tell(options) if options.reveal or options.seal or options.unseal else _run(options)
     except DprError as error:
         print(error, file=sys.stderr)
@@ -105,17 +108,29 @@ def _tell(options: argparse.Namespace) -> int:
     return 0
 
 
+def _hold(options: argparse.Namespace) -> int:
+    """A sealed plant whose truth is in memory alone, and gone with whoever started this."""
+    from dpr_lab.rig import parse_rig
+    from sim_device.trials.trial import drawn_trial
+
+    trial = drawn_trial(_chosen(options), parse_rig(json.loads(sys.stdin.readline())))
+    print(json.dumps(trial.told(direct=True)), flush=True)
+    if sys.stdin.readline():
+        print(json.dumps(trial.kept), flush=True)
+    return 0
+
+
 def _told(options: argparse.Namespace) -> dict[str, Any]:
     if options.unseal:
-        from sim_device.seal import opened
+        from sim_device.trials.seal import opened
 
         return opened(options.unseal)
     if options.seal:
-        from sim_device.trial import sealed_trial
+        from sim_device.trials.trial import sealed_trial
 
         return sealed_trial(_chosen(options), options.seal, direct=options.direct)
     from sim_device.assemble import hidden_plant
-    from sim_device.seal import truth
+    from sim_device.trials.seal import truth
 
     return truth(hidden_plant(_chosen(options)))
 
@@ -128,14 +143,14 @@ def _run(options: argparse.Namespace) -> int:
     _stop_on_signals(stop)
     if options.exit_with_parent:
         threading.Thread(target=_watch_parent, args=(stop,), daemon=True).start()
-    device, link, faults = assemble(_chosen(options))
-    print(json.dumps({"url": link.line.url}), flush=True)
+    device, link, faults = assemble(_chosen(options), at_once=True)
+    print(json.dumps({"url": link.address.url}), flush=True)
     serve(device, link, faults, stop.is_set)
     return 0
 
 
 def _chosen(options: argparse.Namespace) -> "Options":
-    from sim_device.assemble import Options
+    from sim_device.options import Options
 
     return Options(**{field.name: getattr(options, field.name) for field in fields(Options)})
 

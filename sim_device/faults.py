@@ -7,11 +7,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS
 from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import NUMBERS, Event, Frame
-from sim_device.chance import Stream, generator
+from sim_device.random_streams import RandomStream, generator
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ FAULTS: dict[str, FaultKind] = {
     "stuck_encoder": FaultKind(
         "encoder", "joint (0, 1, 2) whose counter stays where it was at the release", JOINTS - 1, whole=True
     ),
-    "missed_counts": FaultKind(
+    MISSED_COUNTS.name: FaultKind(
         "encoder", "counts that encoder 2 misses at once, a quarter of a second into the swing", 32767, whole=True
     ),
     "stall_ms": FaultKind("time", "ms for which nothing passes the link, again and again while streaming", 60_000),
@@ -50,15 +51,18 @@ FAULTS: dict[str, FaultKind] = {
 """Name on the command line -> kind. Everything here can be given several times and combined."""
 
 STRAY_BYTES = 24
+"""What `garbage` puts in front of a write."""
+
 MISSED_AFTER_S = 0.25
+"""When an encoder misses counts at once, after the release."""
 
 
 class Faults:
-    """The faults asked for, and their own stream of chance."""
+    """The faults asked for, and their own random stream."""
 
     def __init__(self, values: dict[str, float] | None = None, seed: int = 0) -> None:
         self._values = values or {}
-        self._chance = generator(seed, Stream.FAULTS, 1)
+        self._rng = generator(seed, RandomStream.FAULTS, 1)
         self._events_to_lose = self._values.get("lose_events", 0.0)
 
     def value(self, name: str) -> float | None:
@@ -75,10 +79,10 @@ class Faults:
         frames = self._without_events(frames) if self._events_to_lose else frames
         if not frames or drop == twice == swap == 0.0:
             return frames
-        kept = [frame for frame, u in zip(frames, self._chance.random(len(frames)), strict=True) if u >= drop]
-        copies = 1 + (self._chance.random(len(kept)) < twice)
+        kept = [frame for frame, u in zip(frames, self._rng.random(len(frames)), strict=True) if u >= drop]
+        copies = 1 + (self._rng.random(len(kept)) < twice)
         arrived = [frame for frame, n in zip(kept, copies, strict=True) for _ in range(n)]
-        for at in np.flatnonzero(self._chance.random(max(0, len(arrived) - 1)) < swap):
+        for at in np.flatnonzero(self._rng.random(max(0, len(arrived) - 1)) < swap):
             arrived[at], arrived[at + 1] = arrived[at + 1], arrived[at]
         return arrived
 
@@ -90,14 +94,14 @@ class Faults:
     def framed(self, data: bytes) -> bytes:
         """What a frame's bytes are when they leave."""
         share = self._values.get("truncate", 0.0)
-        if not share or len(data) < 2 or self._chance.random() >= share:
+        if not share or len(data) < 2 or self._rng.random() >= share:
             return data
-        return data[: self._chance.integers(1, len(data))]
+        return data[: self._rng.integers(1, len(data))]
 
     def taken(self, count: int) -> NDArray[np.bool_]:
         """(count,) which samples the board is in time to take."""
         late = self._values.get("overrun", 0.0)
-        return self._chance.random(count) >= late if late else np.ones(count, dtype=np.bool_)
+        return self._rng.random(count) >= late if late else np.ones(count, dtype=np.bool_)
 
     def identity(self, info: DeviceInfo) -> DeviceInfo:
         """What the device says it is."""
@@ -107,7 +111,7 @@ class Faults:
     def to_host(self, data: bytes) -> bytes:
         """The bytes that arrive at the host."""
         garbage = self._values.get("garbage", 0.0)
-        stray = self._chance.bytes(STRAY_BYTES) if data and garbage and self._chance.random() < garbage else b""
+        stray = self._rng.bytes(STRAY_BYTES) if data and garbage and self._rng.random() < garbage else b""
         return stray + self.flipped(data)
 
     def flipped(self, data: bytes) -> bytes:
@@ -116,8 +120,8 @@ class Faults:
         if not data or not flip:
             return data
         octets = np.frombuffer(data, dtype=np.uint8)
-        bits = np.uint8(1) << self._chance.integers(0, 8, len(octets), dtype=np.uint8)
-        struck = np.where(self._chance.random(len(octets)) < flip, octets ^ bits, octets)
+        bits = np.uint8(1) << self._rng.integers(0, 8, len(octets), dtype=np.uint8)
+        struck = np.where(self._rng.random(len(octets)) < flip, octets ^ bits, octets)
         return struck.tobytes()
 
     def counts(
@@ -130,7 +134,7 @@ class Faults:
             released_at: (3,) those at the release
             since: (n,) time since the release, s
         """
-        joint, missed = self._values.get("stuck_encoder"), self._values.get("missed_counts", 0.0)
+        joint, missed = self._values.get("stuck_encoder"), self._values.get(MISSED_COUNTS.name, 0.0)
         if joint is None and not missed:
             return counts
         given = counts.copy()

@@ -5,9 +5,9 @@ import time
 from collections.abc import Callable
 
 from firmware_protocol.messages import NUMBERS, Event, EventKind, Frame
-from sim_device.board import Board
 from sim_device.faults import Faults
-from sim_device.links import Link
+from sim_device.firmware.board import Board
+from sim_device.links.link import DeviceLink
 
 log = logging.getLogger(__name__)
 
@@ -15,23 +15,31 @@ STREAMING_PAUSE = 0.002
 """Longest wait while streaming, s: samples go out in twos at 1 kHz, which halves the cost of sending each alone."""
 
 IDLE_PAUSE = 0.02
+"""Longest wait while nothing is streamed, s."""
 
 STALL_EVERY_S = 1.0
+"""From the start of one stall asked for to that of the next."""
 
 
 def serve(
-    device: Board, link: Link, faults: Faults, stopped: Callable[[], bool], wall: Callable[[], float] = time.monotonic
+    device: Board,
+    link: DeviceLink,
+    faults: Faults,
+    stopped: Callable[[], bool],
+    wall: Callable[[], float] = time.monotonic,
 ) -> None:
     """Run until `stopped()`, or until the link is cut on request; closes the link."""
     reset_after = faults.value("reset_after_s")
     line = _Line(link, faults)
     while not stopped():
-        # Read before looking at the lease: keepalives that waited while this process slept were sent in time.
-        frames = [answer for frame in line.receive(device, wall()) for answer in device.receive(frame, wall())]
+        # The lease is looked at after reading and as of before it: keepalives that waited while this process slept were
+        # sent in time, whether it slept before it read or has since.
+        now = wall()
+        frames = [answer for frame in line.receive(device, now) for answer in device.receive(frame, now)]
         if faults.value("cut_at_release") and any(map(_tells_release, frames)):
             log.info("the link is cut at the release, as asked for")
             break
-        frames += device.service(wall(), link.blocked)
+        frames += device.service(now, link.blocked)
         device.note_dropped(line.send(frames))
         if _reached(device, faults.value("cut_after_s")):
             log.info("the link is cut, as asked for")
@@ -55,7 +63,7 @@ def _reached(device: Board, seconds: float | None) -> bool:
 class _Line:
     """A link that stalls or falls silent on request."""
 
-    def __init__(self, link: Link, faults: Faults) -> None:
+    def __init__(self, link: DeviceLink, faults: Faults) -> None:
         self._link = link
         self._stall = (faults.value("stall_ms") or 0.0) / 1000
         self._bus_off_after = faults.value("bus_off_after_s")

@@ -4,6 +4,7 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: tests run side by side
 
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -22,6 +23,9 @@ settings.register_profile(
 )
 settings.load_profile("repeatable")
 
+# A shell starts what runs in its background deaf to Ctrl-C, and so would be every program that a test interrupts.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 STOP_TIMEOUT_S = 5.0
 
 
@@ -33,6 +37,54 @@ def rng() -> np.random.Generator:
 @pytest.fixture(scope="session")
 def paper() -> Rig:
     return load_rig("paper")
+
+
+@pytest.fixture(scope="session")
+def recorded(paper: Rig) -> Callable[..., list[Any]]:
+    """(effects, seed, duration, encoders) -> one run of a simulated rig from each pose.
+
+    The plant integrates ten times finer than the lab.
+    """
+    from sim_device.plant.config import EncoderConfig, PlantConfig, load_plant
+    from sim_device.trials.offline_recorder import record
+
+    def made(effects: Any, seed: int = 1, duration: float = 5.0, **encoders: object) -> list[Any]:
+        plant = load_plant("paper", seed).model_dump()
+        told = {"effects": effects, "encoders": EncoderConfig.model_validate(encoders)}
+        return record(PlantConfig.model_validate(plant | told), paper, duration)
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def screened(paper: Rig) -> Callable[..., Any]:
+    """(runs, rig) -> `Recordings`."""
+    from dpr_lab.gap.data.record import record
+    from dpr_lab.gap.data.recordings import Recordings
+
+    return lambda runs, rig=paper: Recordings(tuple(record(run, rig) for run in runs), rig)
+
+
+@pytest.fixture(scope="session")
+def bare(screened: Callable[..., Any]) -> Callable[..., Any]:
+    """(runs[, rig]) -> their segments and the bare model fitted to them."""
+    from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
+
+    def fitted(*args: Any) -> Any:
+        recordings = screened(*args)
+        return fit_bare_model(recordings, nominal_ratios(recordings.rig))[1:]
+
+    return fitted
+
+
+@pytest.fixture(scope="session")
+def tested() -> Callable[..., Any]:
+    """(problem, fit, effects) -> score test of effects whose shapes need nothing of the recordings."""
+    from dpr_lab.effects.effect import Recorded
+    from dpr_lab.gap.selection.score import score_test
+
+    nothing = Recorded((None,), lambda: [])
+    return lambda problem, fit, effects: score_test(problem, fit, effects, nothing)
 
 
 @dataclass(frozen=True)
@@ -48,7 +100,7 @@ class Served:
 def library() -> Any:
     """The firmware in C on this machine; skips where it cannot be compiled."""
     from dpr_lab.errors import ConfigError
-    from sim_device.c_firmware import load
+    from sim_device.firmware.c_firmware import load
 
     try:
         return load()
@@ -58,8 +110,9 @@ def library() -> Any:
 
 @pytest.fixture
 def simulated(request: pytest.FixtureRequest) -> Iterator[Callable[..., Served]]:
-    """(what `sim_device.assemble.Options` takes) -> a device that is served until the test ends."""
-    from sim_device.assemble import Options, assemble
+    """(what `sim_device.options.Options` takes) -> a device that is served until the test ends."""
+    from sim_device.assemble import assemble
+    from sim_device.options import Options
     from sim_device.serve import serve
 
     stop, threads = threading.Event(), list[threading.Thread]()
@@ -71,7 +124,7 @@ def simulated(request: pytest.FixtureRequest) -> Iterator[Callable[..., Served]]
         thread = threading.Thread(target=serve, args=(board, link, faults, stop.is_set))
         thread.start()
         threads.append(thread)
-        return Served(link.line.url, board, thread)
+        return Served(link.address.url, board, thread)
 
     yield start
     stop.set()

@@ -13,30 +13,45 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+WITH_COMMANDS = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+
+
+def blocks(language: str, text: str = README) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
+def test_the_tutorial_with_a_table_runs(tmp_path: Path) -> None:
+    steps = "\n".join(blocks("sh", (ROOT / "docs" / "tutorials" / "your-table.md").read_text(encoding="utf-8")))
+    subprocess.run(["sh", "-e", "-c", steps], cwd=tmp_path, env=WITH_COMMANDS, check=True, timeout=600)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_the_site_builds_without_a_warning_or_a_network(tmp_path: Path) -> None:
+    pytest.importorskip("sphinx")
+    build = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", str(ROOT / "docs"), "site"]
+    done = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    page = (tmp_path / "site" / "reference" / "command-line.html").read_text(encoding="utf-8")
+    assert "dpr-lab trials draw" in page
+    assert "dpr_lab.diagnose" in (tmp_path / "site" / "reference" / "python.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_the_quickstart_and_the_python_example_run(tmp_path: Path) -> None:
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     steps = "\n".join(blocks("sh"))
-    subprocess.run(["sh", "-e", "-c", steps], cwd=tmp_path, env=environment, check=True, timeout=280)
+    subprocess.run(["sh", "-e", "-c", steps], cwd=tmp_path, env=WITH_COMMANDS, check=True, timeout=600)
     assert (tmp_path / "report" / "report.html").is_file()
     shutil.copy(next((tmp_path / "runs").glob("*.mcap")), tmp_path / "runs" / "first.mcap")
     (example,) = blocks("python")
     done = subprocess.run(
         [sys.executable, "-c", example], cwd=tmp_path, check=True, timeout=120, capture_output=True, text=True
     )
-    value, interval = done.stdout.split(maxsplit=1)
-    low, high = numbers_in(interval)
-    assert low < float(value) < high
-
-
-def numbers_in(text: str) -> tuple[float, float]:
-    low, high = re.findall(r"[-+0-9.e]+", text)
-    return float(low), float(high)
+    assert "a/b" in done.stdout
+    assert (tmp_path / "response.png").is_file()
 
 
 def test_every_file_the_readme_names_exists() -> None:
@@ -48,3 +63,53 @@ def test_every_make_target_the_readme_names_exists() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"`make (\w+)`", README) + re.findall(r"^ +make (\w+)", README, flags=re.MULTILINE):
         assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
+
+
+THEORY = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
+PAGES = ("README.md", "CONTRIBUTING.md", *(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")))
+
+
+def numbered() -> list[int]:
+    """The numbers at the ends of lines of the theory's code blocks."""
+    formulas = re.findall(r"```\n(.*?)```", THEORY, flags=re.DOTALL)
+    return [int(n) for block in formulas for n in re.findall(r" \((\d+)\)$", block, flags=re.MULTILINE)]
+
+
+def placed() -> dict[int, list[str]]:
+    """Equation -> the files that the theory's table names."""
+    found = {}
+    for numbers, files in re.findall(r"^\| ([\d, -]+) \| (`.+`) \|$", THEORY, flags=re.MULTILINE):
+        for first, last in re.findall(r"(\d+)(?:-(\d+))?", numbers):
+            found |= dict.fromkeys(range(int(first), int(last or first) + 1), re.findall(r"`([^`]+)`", files))
+    return found
+
+
+def test_equations_are_numbered_once_and_each_has_a_place() -> None:
+    assert numbered() == list(range(1, len(numbered()) + 1))
+    assert list(placed()) == numbered()
+
+
+@pytest.mark.parametrize("file", sorted({file for files in placed().values() for file in files}))
+def test_the_file_of_an_equation_exists(file: str) -> None:
+    assert (ROOT / file).is_file()
+
+
+def test_an_equation_that_code_cites_exists() -> None:
+    cited = re.compile(r"docs/theory\.md,? (?:equations? )?\(?(\d+)(?:-(\d+))?\)?")
+    for folder in ("dpr_lab", "sim_device", "firmware_protocol", "tests", "benchmarks", "configs"):
+        for path in (path for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".toml")):
+            for numbers in cited.findall(path.read_text(encoding="utf-8")):
+                assert {int(n) for n in numbers if n} <= set(numbered()), f"{path}: equation {numbers}"
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_file_a_page_links_to_exists(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    for target in re.findall(r"\]\((?!https?:|#)([^)#]+)[^)]*\)", text):
+        assert ((ROOT / page).parent / target).exists(), target
+
+
+def test_every_file_that_contributors_are_told_of_exists() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    for target in re.findall(r"`(?:python )?((?:dpr_lab|sim_device|tests|docs|benchmarks|configs)/[\w./]+)", text):
+        assert "NAME" in target or (ROOT / target).exists(), target

@@ -9,4 +9,4 @@ DOCS = Path(__file__).parents[1] / "docs"
 def test_the_page_of_effects_is_what_the_library_says():
     page = runpy.run_path(str(DOCS / "effects.py"))["page"]()
     assert (DOCS / "effects.md").read_text(encoding="utf-8") == page
-    assert all(f"## `{name}`" in page for name in EFFECTS)
+    assert all(f": `{name}`\n" in page for name in EFFECTS)

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.compare import compare_run
-from dpr_lab.identify import identify
+from dpr_lab.identification.compare import compare_run
+from dpr_lab.identification.identify import identify
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 

@@ -1,12 +1,24 @@
 """The `dpr-lab` command line: a thin shell over the library."""
 
+import _thread
+import atexit
+import errno
+import io
 import os
 import signal
 import sys
+import threading
+from collections.abc import Callable
+from typing import NoReturn
 
 from dpr_lab.errors import DprError
 
 INTERRUPTED = 130
+"""Exit code after Ctrl-C or SIGTERM: 128 and the number of SIGINT, as shells have it."""
+
+
+REFUSED = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO, errno.EBADF)
+"""What a disk, a pipe or a closed stream says: no bug of ours."""
 
 
 def main() -> None:
@@ -14,25 +26,113 @@ def main() -> None:
 
     Errors for the operator become one message on stderr; everything else is a bug and keeps its traceback.
     """
-    # Our matrices are small: threads of the linear algebra cost more than they give, and lanes already use the cores.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from dpr_lab.cli.app import app
-    from dpr_lab.cli.console import complain
-
     signal.signal(signal.SIGTERM, _terminate)
+    for number in (signal.SIGINT, signal.SIGTERM):  # while Python is being taken down it is too late
+        atexit.register(signal.signal, number, signal.SIG_IGN)
+    try:
+        # Our matrices are small: threads of the linear algebra cost more than they give, and lanes already use the
+        # cores.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        _open_streams()
+        sys.unraisablehook = _keep_interrupt
+        from dpr_lab.cli.app import app
+
+        _run(app)
+    except DprError as error:
+        _end(str(error), error.exit_code)
+    except KeyboardInterrupt as stopped:
+        _end(str(stopped) or "interrupted", INTERRUPTED)
+    except OSError as error:
+        if error.errno not in REFUSED:
+            raise
+        if error.filename is not None:
+            _end(f"{error.filename}: {error.strerror}: make room there, or choose another folder", 1)
+        _leave_stdout()
+        if error.errno != errno.EPIPE:
+            from dpr_lab.cli.console import say
+
+            say(f"dpr-lab: the result cannot be written to the output: {error.strerror}")
+        sys.exit(1)
+
+
+def _end(message: str, exit_code: int) -> NoReturn:
+    """Say why, and leave; whoever presses Ctrl-C again meanwhile has been heard."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        from dpr_lab.cli.console import complain, json_mode
+
+        if "--json" in sys.argv:  # the command may not have come to look
+            json_mode(True)
+        complain(message, exit_code)
+        sys.stdout.flush()
+    except OSError:
+        _leave_stdout()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    sys.exit(exit_code)
+
+
+def _leave_stdout() -> None:
+    """The reader of our output went away (`dpr-lab ... | head`), or its disk is full: Python is not to complain."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
+
+
+def _run(app: Callable[[], object]) -> None:
+    """The command, all of it: its output is on its way, and an interrupt is one whatever library it broke into."""
     try:
         app()
-    except DprError as error:
-        complain(str(error), error.exit_code)
-        sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        complain("interrupted", INTERRUPTED)
-        sys.exit(INTERRUPTED)
-    except BrokenPipeError:
-        # The reader of our output went away (`dpr-lab ... | head`); keep the interpreter from complaining at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
+    except SystemExit as ended:
+        if ended.code == INTERRUPTED and (stopped := _interrupt_behind(ended)) is not None:
+            raise stopped from None
+        sys.stdout.flush()
+        raise
+    except Exception as error:
+        # A compiler that an interrupt broke off says that it failed.
+        if isinstance(error, DprError) or (stopped := _interrupt_behind(error)) is None:
+            raise
+        raise stopped from None
+    sys.stdout.flush()
+
+
+def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
+    """The interrupt that an exception came of."""
+    seen: BaseException | None = error
+    while seen is not None:
+        if isinstance(seen, KeyboardInterrupt):
+            return seen
+        seen = seen.__cause__ or seen.__context__
+    return None
+
+
+def _keep_interrupt(unraisable: "sys.UnraisableHookArgs") -> None:
+    """An interrupt that struck where none can be raised, as in a callback of the compiler, strikes again."""
+    if issubclass(unraisable.exc_type, KeyboardInterrupt):
+        again = threading.Timer(0.05, _interrupt_main_thread)  # at once it would strike in here
+        again.daemon = True
+        again.start()
+    else:
+        sys.__unraisablehook__(unraisable)
+
+
+def _interrupt_main_thread() -> None:
+    main = threading.main_thread().ident
+    if main is None or not hasattr(signal, "pthread_kill"):
+        _thread.interrupt_main()
+    else:
+        signal.pthread_kill(main, signal.SIGINT)  # ends a wait too
 
 
 def _terminate(signum: int, frame: object) -> None:
     raise KeyboardInterrupt
+
+
+def _open_streams() -> None:
+    """Streams that were closed before the start lead nowhere; what an output cannot spell is spelled out."""
+    for fd, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if getattr(sys, name) is None:
+            opened = os.open(os.devnull, os.O_RDWR)
+            if opened != fd:
+                os.dup2(opened, fd)
+            setattr(sys, name, open(fd, mode, encoding="utf-8", closefd=False))
+        elif mode == "w" and isinstance(stream := getattr(sys, name), io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")

@@ -2,18 +2,23 @@
 
 import typer
 
-from dpr_lab import __version__
-from dpr_lab.cli import runs, trials
+from dpr_lab.cli import rigs, runs, trials
 from dpr_lab.cli.capture import capture
+from dpr_lab.cli.certify import certify, verify
+from dpr_lab.cli.check import check
 from dpr_lab.cli.compare import compare
+from dpr_lab.cli.conform import conform
 from dpr_lab.cli.demo import demo
 from dpr_lab.cli.diagnose import diagnose
 from dpr_lab.cli.doctor import doctor
+from dpr_lab.cli.drift import drift
+from dpr_lab.cli.export import export
 from dpr_lab.cli.identifiability import identifiability
 from dpr_lab.cli.identify import identify
 from dpr_lab.cli.import_table import import_app
 from dpr_lab.cli.paper import paper
 from dpr_lab.cli.tui import tui
+from dpr_lab.version import __version__
 
 HELP = """Identify a rotary double pendulum and explain why its simulation differs from the rig.
 
@@ -49,8 +54,25 @@ def _root(
     pass
 
 
-for command in (demo, tui, capture, identify, identifiability, compare, diagnose, paper, doctor):
+for command in (
+    demo,
+    tui,
+    capture,
+    identify,
+    identifiability,
+    compare,
+    diagnose,
+    check,
+    certify,
+    verify,
+    drift,
+    export,
+    paper,
+    doctor,
+    conform,
+):
     app.command()(command)
 app.add_typer(import_app, name="import")
+app.add_typer(rigs.app, name="rig")
 app.add_typer(runs.app, name="run")
 app.add_typer(trials.app, name="trials")

@@ -1,16 +1,14 @@
 """What is wrong with the arguments of a command, said before the work begins."""
 
 import math
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import typer
 
-from dpr_lab.errors import ConfigError
-
-if TYPE_CHECKING:
-    from dpr_lab.rig import Rig
+from dpr_lab.cli.console import folded
 
 
 def positive(value: float | None) -> float | None:
@@ -24,23 +22,94 @@ def positive(value: float | None) -> float | None:
     return value
 
 
-def refuse_file(out: Path) -> None:
-    """Make sure that results can go into a folder, before the work for them begins.
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """The names that an option takes, perhaps several with commas between; looked up when they are needed."""
 
-    Raises:
-        ConfigError: a file stands there.
-    """
-    if out.exists() and not out.is_dir():
-        raise ConfigError(f"{out}: is a file: name a folder for --out")
+    what: str
+    names: Callable[[], Iterable[str]]
+
+    def complete(self, incomplete: str) -> list[str]:
+        """What the last name, after any comma, can become."""
+        before, comma, begun = incomplete.rpartition(",")
+        return [f"{before}{comma}{name}" for name in self.names() if name.startswith(begun)]
+
+    def check(self, value: str | None) -> str | None:
+        """A callback of an option.
+
+        Raises:
+            BadParameter: a name that there is not.
+        """
+        self._refuse([] if value is None else value.split(","))
+        return value
+
+    def check_each(self, value: list[str] | None) -> list[str] | None:
+        """A callback of an option that may be given again.
+
+        Raises:
+            BadParameter: a name that there is not.
+        """
+        self._refuse(value or [])
+        return value
+
+    def _refuse(self, given: Iterable[str]) -> None:
+        known = list(self.names())
+        unknown = [name for name in map(str.strip, given) if name not in known]
+        if unknown:
+            named = ", ".join(name or "''" for name in unknown)
+            said = f"no {self.what} named {named}; there are: {', '.join(known)}"
+            raise typer.BadParameter(folded(said, sys.stderr, len("Error: Invalid value for '--objective': ")))
 
 
-def refuse_unknown_poses(rig: "Rig", names: "Sequence[str]") -> None:
-    """Make sure that the rig has every pose named, before the first is recorded.
+def _searches() -> Iterable[str]:
+    from dpr_lab.search import ALGORITHMS
 
-    Raises:
-        ConfigError: it lacks one.
-    """
-    unknown = [name for name in names if name not in rig.poses]
-    if unknown:
-        where, there = rig.path or rig.name, ", ".join(rig.poses) or "none"
-        raise ConfigError(f"{where}: has no pose {' and no pose '.join(map(repr, unknown))} (there are: {there})")
+    return ALGORITHMS
+
+
+def _objectives() -> Iterable[str]:
+    from dpr_lab.identification.objectives import OBJECTIVES
+
+    return OBJECTIVES
+
+
+def _effects() -> Iterable[str]:
+    from dpr_lab.effects import EFFECTS
+
+    return EFFECTS
+
+
+def built_in_rigs() -> list[str]:
+    """Names of the rig files that come with dpr-lab."""
+    from dpr_lab.configs import BUILTIN
+
+    return sorted(path.stem for path in (BUILTIN / "rigs").glob("*.toml"))
+
+
+def complete_rig(incomplete: str) -> list[str]:
+    """Built-in rigs, and rig files below the folder typed so far."""
+    from pathlib import Path
+
+    files = [str(path) for path in Path().glob(f"{incomplete}*") if path.is_dir() or path.suffix == ".toml"]
+    return [name for name in built_in_rigs() if name.startswith(incomplete)] + files
+
+
+def _exports() -> Iterable[str]:
+    from dpr_lab.exports import FORMATS
+
+    return FORMATS
+
+
+Rods = Annotated[
+    Literal["both", "inner", "outer"] | None,
+    typer.Option(help="Which rods hang on the rig; one alone hangs on joint 1. As the rig file says when left out."),
+]
+Elbow = Annotated[
+    Literal["free", "clamped"] | None,
+    typer.Option(help="Whether joint 2 can turn. As the rig file says when left out."),
+]
+
+SEARCHES = Choices("search", _searches)
+OBJECTIVE_NAMES = Choices("objective", _objectives)
+EFFECT_NAMES = Choices("effect", _effects)
+EXPORT_NAMES = Choices("format", _exports)

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from dpr_lab.cli.checks import refuse_file
-from dpr_lab.cli.console import emit, json_mode, table
+from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.workflows.compare import compare as compare_runs
 
 
 def compare(
@@ -20,18 +20,14 @@ def compare(
     Example: dpr-lab compare runs/*.mcap --model model.json --out report
     """
     json_mode(as_json)
-    from dpr_lab.compare import compare_run
-    from dpr_lab.model import load_model
-    from dpr_lab.report.saving import save_comparison
+    from dpr_lab.cli.listener import Listener
     from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows
-    from dpr_lab.storage.reader import load_run, stored_rig
+    from dpr_lab.workflows.compare import CompareRequest
 
-    refuse_file(out)
-    identified = load_model(model)
-    comparisons = [compare_run(load_run(path), stored_rig(path), identified) for path in runs]
-    saved = save_comparison(identified, comparisons, out)
+    with Listener() as listener:
+        compared = compare_runs(CompareRequest(tuple(runs), model, out), listener)
     if as_json:
-        emit(saved)
+        emit(compared.saved)
         return
-    table("Measured against simulated", COMPARISON_COLUMNS, comparison_rows(comparisons))
-    print(f"report: {saved['report']}")
+    table("Measured against simulated", COMPARISON_COLUMNS, comparison_rows(compared.comparisons))
+    line(f"report: {compared.saved['report']}")

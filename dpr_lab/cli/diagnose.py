@@ -1,49 +1,50 @@
 """`dpr-lab diagnose`: why simulation and rig differ."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import refuse_file
-from dpr_lab.cli.console import emit, json_mode, progress, say, table
-from dpr_lab.errors import ConfigError
+from dpr_lab.cli.checks import EFFECT_NAMES, complete_rig
+from dpr_lab.cli.console import emit, json_mode, line, say, table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from dpr_lab.effects.effect import Effect
-    from dpr_lab.gap.diagnosis import Diagnosis
-    from dpr_lab.rig import Rig
-    from dpr_lab.run import Run
-
-
-def complete_effect(incomplete: str) -> list[str]:
-    """Effects that an option's last name, after any comma, can become."""
-    from dpr_lab.effects import EFFECTS
-
-    before, comma, begun = incomplete.rpartition(",")
-    return [f"{before}{comma}{name}" for name in EFFECTS if name.startswith(begun)]
+    from dpr_lab.gap.result.diagnosis import Diagnosis
 
 
 def diagnose(
     runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap); three releases or more tell effects apart.")],
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.")],
+    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
     model: Annotated[Path | None, typer.Option(help="A model that `identify` wrote, to start from.")] = None,
     held_out: Annotated[
-        list[Path] | None, typer.Option(help="Run that only measures how far the gap closes; may be given again.")
+        list[Path] | None,
+        typer.Option(help="Run that names must carry over to, not fitted; may be given again."),
     ] = None,
     library: Annotated[
         str | None,
-        typer.Option(help="Effects to choose from, by comma; all by default.", autocompletion=complete_effect),
+        typer.Option(
+            help="Effects to choose from, by comma; all by default.",
+            callback=EFFECT_NAMES.check,
+            autocompletion=EFFECT_NAMES.complete,
+        ),
     ] = None,
     without: Annotated[
         list[str] | None,
-        typer.Option(help="Effect to leave out; may be given again.", autocompletion=complete_effect),
+        typer.Option(
+            help="Effect to leave out; may be given again.",
+            callback=EFFECT_NAMES.check_each,
+            autocompletion=EFFECT_NAMES.complete,
+        ),
     ] = None,
     max_effects: Annotated[int, typer.Option(min=1, max=8, help="At most so many effects at once.")] = 4,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder of report, figures, corrected model and exports.")] = None,
+    any_clock: Annotated[
+        bool, typer.Option("--any-clock", help="Take runs of a device whose clock is further off than a crystal's.")
+    ] = False,
+    fail_on: Annotated[
+        str | None, typer.Option(help="End with 1 on any of these, by comma: gap, unexplained, unsure, sensor.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Say where simulation and rig differ, which effect causes it, how sure that is and how much of it closes.
@@ -51,76 +52,49 @@ def diagnose(
     Example: dpr-lab diagnose runs/*.mcap --rig paper --out out/diagnosis
     """
     json_mode(as_json)
-    from dpr_lab.model import load_model
-    from dpr_lab.report.saving import save_diagnosis
-    from dpr_lab.rig import load_rig
-    from dpr_lab.run import refuse_repeated
-    from dpr_lab.storage.reader import load_run
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.workflows.diagnose import DiagnoseRequest, failures, refuse_reasons
+    from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
 
-    described = load_rig(rig)
-    loaded = [load_run(path, rig=described) for path in runs]
-    unseen = [load_run(path, rig=described) for path in held_out or []]
-    refuse_repeated([*loaded, *unseen])
-    if out:
-        refuse_file(out)
-    found = diagnose_with_progress(
-        loaded,
-        described,
-        held_out=unseen,
-        library=chosen_library(library, without or []),
-        max_effects=max_effects,
-        start=load_model(model).starting_point(described) if model else None,
-        seed=seed,
+    request = DiagnoseRequest(
+        tuple(runs),
+        rig,
+        tuple(held_out or ()),
+        model,
+        _names(library),
+        tuple(without or ()),
+        max_effects,
+        seed,
+        out,
+        any_clock=any_clock,
     )
-    written = save_diagnosis(found, loaded, described, out) if out else {}
+    reasons = _names(fail_on) or ()
+    refuse_reasons(reasons)
+    with Listener() as listener:
+        done = diagnose_runs(request, listener)
     if as_json:
-        emit(found.to_json() | ({"files": written} if written else {}))
-        return
-    show(found)
-    for name, path in written.items():
-        say(f"{name}: {path}")
+        emit(done.to_json())
+    else:
+        show(done.diagnosis)
+        for name, path in done.files.items():
+            say(f"{name}: {path}")
+    if failed := failures(done.diagnosis, reasons):
+        for sentence in failed:
+            say(sentence)
+        raise typer.Exit(1)
 
 
-def chosen_library(names: str | None, without: "Sequence[str]") -> "Mapping[str, Effect]":
-    """The effects to choose from.
-
-    Raises:
-        ConfigError: a name that is no effect, or none left.
-    """
-    from dpr_lab.effects import EFFECTS
-
-    wanted = list(EFFECTS) if names is None else [name.strip() for name in names.split(",") if name.strip()]
-    unknown = [name for name in (*wanted, *without) if name not in EFFECTS]
-    if unknown:
-        raise ConfigError(f"no effect named {', '.join(unknown)}; there are: {', '.join(EFFECTS)}")
-    library = {name: EFFECTS[name] for name in EFFECTS if name in wanted and name not in without}
-    if not library:
-        raise ConfigError(f"--library and --without leave no effect to choose from; there are: {', '.join(EFFECTS)}")
-    return library
-
-
-def diagnose_with_progress(runs: "Sequence[Run]", rig: "Rig", **chosen: Any) -> "Diagnosis":
-    """`dpr_lab.gap.diagnose.diagnose` with a progress bar on a terminal."""
-    from dpr_lab.gap.diagnose import STEPS
-    from dpr_lab.gap.diagnose import diagnose as diagnose_runs
-
-    with progress("diagnose", len(STEPS)) as bar:
-        done = 0
-
-        def on_step(text: str) -> None:
-            nonlocal done
-            done += text in STEPS
-            bar(done - 1, text)
-
-        return diagnose_runs(runs, rig, on_step=on_step, **chosen)
+def _names(library: str | None) -> tuple[str, ...] | None:
+    return None if library is None else tuple(name.strip() for name in library.split(",") if name.strip())
 
 
 def show(found: "Diagnosis") -> None:
     """The diagnosis on stdout: the verdict first."""
-    from dpr_lab.report import gap_tables as tables
+    from dpr_lab.report.gap import tables
+    from dpr_lab.report.words import in_words
 
-    print(found.sentence)
-    print(found.where_sentence)
+    line(tables.sentence(found))
+    line(in_words(found.where_sentence))
     if found.effects:
         table("Which effects", tables.EFFECT_COLUMNS, tables.effect_rows(found), prose=True, note=tables.EFFECT_NOTE)
     if len(found.effects) > 1:
@@ -134,6 +108,8 @@ def show(found: "Diagnosis") -> None:
         table("Where the gap can lie", tables.PLACE_COLUMNS, tables.place_rows(found), prose=True)
     if found.sensor_findings:
         table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(found), prose=True)
-    print("What to do next")
+    if found.checks:
+        table("Checks", tables.CHECK_COLUMNS, tables.check_rows(found), prose=True, note=tables.CHECK_NOTE)
+    line("What to do next")
     for number, step in enumerate(tables.next_steps(found), 1):
-        print(f"{number}. {step}")
+        line(f"{number}. {step}")

@@ -3,7 +3,7 @@
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Annotated, Literal
@@ -15,13 +15,17 @@ from dpr_lab.errors import DprError
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class SystemCheck:
     """One thing looked at."""
 
     what: str
     state: Literal["ok", "note", "wrong"]
-    said: str
+    message: str
     """What was found, and what to do where it is wrong."""
+
+    def to_json(self) -> dict[str, str]:
+        """As `doctor --json` prints it."""
+        return {"what": self.what, "state": self.state, "said": self.message}
 
 
 def doctor(
@@ -36,19 +40,24 @@ def doctor(
     Example: dpr-lab doctor --link sim:// --rig paper
     """
     json_mode(as_json)
+    from dpr_lab.cli.listener import Listener
+
     failed: list[DprError] = []
-    findings = list(_examine(link, rig, failed))
+    with Listener():
+        findings = list(_examine(link, rig, failed))
     if as_json:
-        emit({"ok": not any(f.state == "wrong" for f in findings), "findings": [asdict(f) for f in findings]})
+        emit({"ok": not any(f.state == "wrong" for f in findings), "findings": [f.to_json() for f in findings]})
     else:
-        table("dpr-lab doctor", ("what", "state", "found"), [(f.what, f.state, f.said) for f in findings], prose=True)
+        table(
+            "dpr-lab doctor", ("what", "state", "found"), [(f.what, f.state, f.message) for f in findings], prose=True
+        )
     if failed:
         raise typer.Exit(failed[0].exit_code)
     if any(f.state == "wrong" for f in findings):
         raise typer.Exit(1)
 
 
-def _examine(link: str | None, rig: str | None, failed: list[DprError]) -> Iterator[Finding]:
+def _examine(link: str | None, rig: str | None, failed: list[DprError]) -> Iterator[SystemCheck]:
     yield _python()
     yield from _packages()
     yield _disk()
@@ -59,51 +68,53 @@ def _examine(link: str | None, rig: str | None, failed: list[DprError]) -> Itera
         yield _try("device", lambda: _device(link, rig), failed)
 
 
-def _python() -> Finding:
-    return Finding("Python", "ok", f"{sys.version.split()[0]}, {sys.executable}")
+def _python() -> SystemCheck:
+    return SystemCheck("Python", "ok", f"{sys.version.split()[0]}, {sys.executable}")
 
 
-def _packages() -> Iterator[Finding]:
+def _packages() -> Iterator[SystemCheck]:
     for requirement in requires("dpr-lab") or []:
         name = requirement.split(";")[0].split("[")[0].split(">")[0].split("<")[0].split("=")[0].strip()
         extra = requirement.partition("extra == ")[2].strip("'\" ")
         if name == "dpr-lab" or extra == "dev":
             continue
         try:
-            yield Finding(name, "ok", version(name))
+            yield SystemCheck(name, "ok", version(name))
         except PackageNotFoundError:
             remedy = f"pip install 'dpr-lab[{extra}]'" if extra else f"pip install {name}"
-            yield Finding(name, "note" if extra else "wrong", f"not installed: {remedy}")
+            yield SystemCheck(name, "note" if extra else "wrong", f"not installed: {remedy}")
 
 
-def _disk() -> Finding:
+def _disk() -> SystemCheck:
     free = shutil.disk_usage(Path.cwd()).free / 1e9
     hours = free / (0.1 * 3.6)  # a run at 1 kHz writes less than 100 kB/s
-    return Finding("disk", "ok" if free > 1 else "wrong", f"{free:.0f} GB free here, {hours:.0f} h of runs at 1 kHz")
+    return SystemCheck(
+        "disk", "ok" if free > 1 else "wrong", f"{free:.0f} GB free here, {hours:.0f} h of runs at 1 kHz"
+    )
 
 
-def _links() -> Iterator[Finding]:
+def _links() -> Iterator[SystemCheck]:
     from dpr_lab.transports.discover import discover
 
     found = discover()
     for port in found.serial:
         url = f"serial://{port.device}"
         described = ", ".join(text for text in (port.description, port.serial_number) if text not in ("", "n/a"))
-        yield Finding(url, "wrong" if port.problem else "ok", port.problem or described or "serial port")
+        yield SystemCheck(url, "wrong" if port.problem else "ok", port.problem or described or "serial port")
     if not found.serial:
-        yield Finding("serial ports", "note", "none found: plug the device in, or use sim:// to try without one")
+        yield SystemCheck("serial ports", "note", "none found: plug the device in, or use sim:// to try without one")
     for interface in found.can_interfaces:
-        yield Finding(f"can://socketcan/{interface}", "ok", "CAN interface")
+        yield SystemCheck(f"can://socketcan/{interface}", "ok", "CAN interface")
     if not found.can_interfaces:
-        yield Finding("CAN interfaces", "note", f"none up; adapters by python-can: {', '.join(found.can_backends)}")
+        yield SystemCheck("CAN interfaces", "note", f"none up; adapters by python-can: {', '.join(found.can_backends)}")
 
 
-def _try(what: str, look: Callable[[], str], failed: list[DprError]) -> Finding:
+def _try(what: str, look: Callable[[], str], failed: list[DprError]) -> SystemCheck:
     try:
-        return Finding(what, "ok", look())
+        return SystemCheck(what, "ok", look())
     except DprError as error:
         failed.append(error)
-        return Finding(what, "wrong", str(error))
+        return SystemCheck(what, "wrong", str(error))
 
 
 def _rig(name: str) -> str:
@@ -114,8 +125,8 @@ def _rig(name: str) -> str:
 
 
 def _device(url: str, rig: str | None) -> str:
-    from dpr_lab.capture import check_encoders
-    from dpr_lab.device import Device
+    from dpr_lab.acquisition.capture import check_encoders
+    from dpr_lab.acquisition.device import Device
     from dpr_lab.rig import load_rig
     from dpr_lab.transports import open_transport
 

@@ -7,20 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.console import emit, json_mode, say, table
-from dpr_lab.errors import ConfigError
+from dpr_lab.cli.checks import complete_rig
+from dpr_lab.cli.console import emit, json_mode, line, table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from dpr_lab.identifiability import Identifiability
-    from dpr_lab.rig import Rig
-
-WIDTH = 80
+    from dpr_lab.identification.identifiability import Identifiability
 
 
 def identifiability(
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.")],
+    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
     runs: Annotated[
         list[Path] | None, typer.Argument(help="Run files (.mcap); none: releases simulated from the rig's poses.")
     ] = None,
@@ -31,50 +26,21 @@ def identifiability(
     Example: dpr-lab identifiability runs/*.mcap --rig paper
     """
     json_mode(as_json)
-    from dpr_lab.rig import load_rig
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.workflows.identifiability import IdentifiabilityRequest
+    from dpr_lab.workflows.identifiability import identifiability as judge
 
-    described = load_rig(rig)
-    found = _from_runs(runs, described) if runs else _from_poses(described)
+    with Listener() as listener:
+        result = judge(IdentifiabilityRequest(rig, tuple(runs or ())), listener)
     if as_json:
-        emit(found.to_json() | {"rig": described.name, "runs": [str(path) for path in runs or []]})
+        emit(result.found.to_json() | {"rig": result.rig, "runs": [str(path) for path in runs or []]})
     else:
-        show(found)
-
-
-def _from_poses(rig: "Rig") -> "Identifiability":
-    from dpr_lab.estimation.expected import expected_information
-    from dpr_lab.identifiability import identifiability as judge
-
-    if not rig.poses:
-        raise ConfigError(f"{rig.path}: poses: there are none to simulate; add [poses.X1], or name recorded runs")
-    say(f"no runs given: simulated releases from {', '.join(rig.poses)}, at the rig file's values")
-    return judge(expected_information(rig.nominal, rig), rig)
-
-
-def _from_runs(paths: "Sequence[Path]", rig: "Rig") -> "Identifiability":
-    import numpy as np
-
-    from dpr_lab.estimation.anchors import anchor
-    from dpr_lab.estimation.evidence import gather
-    from dpr_lab.identifiability import identifiability as judge
-    from dpr_lab.identify import polish
-    from dpr_lab.run import refuse_repeated
-    from dpr_lab.storage.reader import load_run
-
-    runs = [load_run(path, rig=rig) for path in paths]
-    refuse_repeated(runs)
-    evidence = [gather(run, rig) for run in runs]
-    fit = polish(rig.nominal, evidence, rig)
-    if not fit.converged:
-        say("warning: the fit from the rig file's values did not settle; run `dpr-lab identify` for a global search")
-    nine, _ = anchor(fit.unknowns, fit.covariance, rig)
-    # What the model misses is no better than noise of that size.
-    return judge(fit.information / max(1.0, fit.chi2_per_dof), rig, np.array([value.value for value in nine.values()]))
+        show(result.found)
 
 
 def show(found: "Identifiability") -> None:
     """The findings as tables and sentences on stdout, at most 80 columns wide."""
-    from dpr_lab.estimation.directions import described
+    from dpr_lab.identification.directions import described
     from dpr_lab.report.digits import plus_minus
 
     sizes = ", ".join(f"{value:.2g}" for value in found.singular_values)
@@ -133,4 +99,4 @@ def _show_advice(found: "Identifiability") -> None:
 
 
 def _print(text: str) -> None:
-    print(textwrap.fill(text, WIDTH, subsequent_indent="  " if text[0] in "-123456789" else ""))
+    line(textwrap.fill(text, 80, subsequent_indent="  " if text[0] in "-123456789" else ""))

@@ -1,16 +1,21 @@
-"""`dpr-lab import csv`: any logger's table becomes a run."""
+"""`dpr-lab import table`: a recording of any logger becomes a run."""
 
+import math
 from dataclasses import asdict
-from itertools import count
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from dpr_lab.cli.checks import positive
-from dpr_lab.cli.console import emit, json_mode, say
+from dpr_lab.cli.checks import Elbow, Rods, complete_rig, positive
+from dpr_lab.cli.console import emit, json_mode, line, say, table
+
+if TYPE_CHECKING:
+    from dpr_lab.storage.preview import Preview
 
 import_app = typer.Typer(help="Turn foreign recordings into runs.", no_args_is_help=True, rich_markup_mode=None)
+
+AXES = ("theta0", "theta1", "theta2")
 
 
 @import_app.callback()
@@ -18,34 +23,53 @@ def _group() -> None:
     pass
 
 
-@import_app.command("csv")
-def import_csv(
-    file: Annotated[Path, typer.Argument(help="The table: one row a sample, a header naming the columns.")],
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.")],
+def import_table(
+    file: Annotated[Path, typer.Argument(help="A table, .mat, .npz, .h5, .parquet, .mcap, or the folder of a bag.")],
+    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
     pose: Annotated[str | None, typer.Option(help="The rig's pose that the swing started from.")] = None,
     angles: Annotated[
         Literal["absolute", "relative"], typer.Option(help="theta2 to the vertical, or to the inner rod.")
     ] = "absolute",
     zero: Annotated[Literal["upright", "hanging"], typer.Option(help="Where the angles are zero.")] = "upright",
-    unit: Annotated[Literal["rad", "deg", "counts"], typer.Option(help="What the angles are in.")] = "rad",
-    time_unit: Annotated[Literal["s", "ms", "us"], typer.Option(help="What the time is in.")] = "s",
+    unit: Annotated[
+        Literal["rad", "deg", "counts"] | None, typer.Option(help="What the angles are in; else as the columns say.")
+    ] = None,
+    time_unit: Annotated[
+        Literal["s", "ms", "us"] | None, typer.Option(help="What the time is in; else as its column says.")
+    ] = None,
     columns: Annotated[
         str | None, typer.Option(help="Which column is which, e.g. t=time,theta1=q1,theta2=q2; guessed when left out.")
     ] = None,
+    take: Annotated[
+        str | None, typer.Option(help="What of the file: a bag's topic, arrays or groups, the points PIVOT,ELBOW,TIP.")
+    ] = None,
+    rate_hz: Annotated[float | None, typer.Option(callback=positive, help="Rows a second, without times.")] = None,
+    wrap: Annotated[
+        float | None, typer.Option(callback=positive, help="Where the logger wraps, in its unit, e.g. 360 or 4096.")
+    ] = None,
+    scale: Annotated[str | None, typer.Option(help="Multiply the angles: -1, or theta1=-1,theta2=0.5.")] = None,
+    offset: Annotated[str | None, typer.Option(help="Then add, in their unit: 90, or theta1=90.")] = None,
+    torque: Annotated[
+        Literal["measured", "commanded", "none"] | None,
+        typer.Option(help="Which torques drove the joints, of a table that holds both; none: take it as a free swing."),
+    ] = None,
+    rods: Rods = None,
+    elbow: Elbow = None,
     start_s: Annotated[float, typer.Option(min=0, help="Leave out so much of the beginning.")] = 0.0,
     duration_s: Annotated[float | None, typer.Option(callback=positive, help="Keep only so much.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what was understood, write nothing.")] = False,
     out: Annotated[Path, typer.Option(help="Folder of the run.")] = Path("runs"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Import a table of angles. Gaps and uneven time stamps are kept; a doubled row is left out and counted.
+    """Import a recording of any logger; gaps and uneven time stamps are kept, a doubled row is left out and counted.
 
-    Example: dpr-lab import csv swing.csv --rig paper --pose X1 --angles relative --zero hanging --unit deg --out runs
+    Text in any form, .mat, .npz, Parquet, HDF5, JointState in MCAP or a ROS 2 bag, points of Tracker or DeepLabCut.
+
+    Example: dpr-lab import table swing.mat --rig paper --pose X1 --angles relative --zero hanging --dry-run
     """
     json_mode(as_json)
-    from dpr_lab.rig import load_rig
     from dpr_lab.storage.csv_import import ImportOptions
-    from dpr_lab.storage.csv_import import import_csv as import_table
-    from dpr_lab.storage.inspect import info
+    from dpr_lab.workflows.import_table import ImportRequest, import_table, preview_table
 
     options = ImportOptions(
         angles=angles,
@@ -53,33 +77,80 @@ def import_csv(
         unit=unit,
         time_unit=time_unit,
         columns=_mapping(columns) if columns else {},
+        take=tuple(part.strip() for part in take.split(",")) if take else (),
+        rate_hz=rate_hz,
+        wrap=wrap,
+        scale=_numbers("scale", scale),
+        offset=_numbers("offset", offset),
         start_s=start_s,
         duration_s=duration_s,
         pose=pose,
+        torque=torque,
     )
-    target = _unused(out, file.stem)
-    import_table(file, load_rig(rig), options, target)
-    found = info(target)
-    if as_json:
-        emit(asdict(found))
+    request = ImportRequest(file, rig, out, options, rods, elbow)
+    if dry_run:
+        _show(preview_table(request), as_json)
         return
-    for note in found.notes:
+    imported = import_table(request)
+    if as_json:
+        emit(asdict(imported.info))
+        return
+    for note in imported.info.notes:
         say(note)
-    print(f"{target}: {found.samples} samples, {found.duration_s:.3f} s")
+    line(f"{imported.file}: {imported.info.samples} samples, {imported.info.duration_s:.3f} s")
 
 
-def _mapping(text: str) -> dict[str, str]:
+import_app.command("table")(import_table)
+import_app.command("csv", help="The same as `import table`. Example: dpr-lab import csv swing.csv --rig paper")(
+    import_table
+)
+
+
+def _show(understood: "Preview", as_json: bool) -> None:
+    """What was understood of a table; nothing was written."""
+    from dpr_lab.report.text_plot import text_plot
+
+    if as_json:
+        emit(understood.to_json())
+        return
+    table(
+        f"{understood.file.name}, nothing written yet",
+        ("", "understood as"),
+        list(understood.facts().items()),
+        prose=True,
+    )
+    rows = [[f"{value:.6f}" for value in row] for row in understood.first_rows()]
+    table("First rows (rad; 0 upright)", ("t_s", *AXES), rows)
+    for axis in (1, 2):
+        line(f"{AXES[axis]} over {understood.duration_s:.4g} s")
+        for drawn in text_plot(understood.t, understood.theta[:, axis]):
+            line(drawn)
+    for note in understood.notes:
+        say(note)
+
+
+def _numbers(option: str, text: str | None) -> dict[str, float]:
+    """A number for both rods, or one for each axis that is named."""
+    if not text:
+        return {}
+    pairs = _mapping(text, AXES) if "=" in text else dict.fromkeys(AXES[1:], text)
+    try:
+        numbers = {axis: float(number) for axis, number in pairs.items()}
+    except ValueError as error:
+        raise typer.BadParameter(
+            f"--{option} takes numbers, e.g. -1 or theta1=-1,theta2=0.5, not {text[:50]!r}"
+        ) from error
+    if not all(map(math.isfinite, numbers.values())) or (option == "scale" and 0.0 in numbers.values()):
+        raise typer.BadParameter(f"--{option} {text[:50]} is no finite number above or below 0")
+    return numbers
+
+
+def _mapping(text: str, names: tuple[str, ...] = ("t", *AXES)) -> dict[str, str]:
     pairs = [[part.strip() for part in pair.split("=", 1)] for pair in text.split(",")]
     if any(len(pair) != 2 or not all(pair) for pair in pairs):
         raise typer.BadParameter(f"write name=column pairs, e.g. t=time,theta1=q1,theta2=q2, not {text!r}")
     mapping = dict(pairs)
-    unknown = set(mapping) - {"t", "theta0", "theta1", "theta2"}
+    unknown = set(mapping) - set(names)
     if unknown:
-        raise typer.BadParameter(f"there are t, theta0, theta1, theta2; not {', '.join(sorted(unknown))}")
+        raise typer.BadParameter(f"there are {', '.join(names)}; not {', '.join(sorted(unknown))}")
     return mapping
-
-
-def _unused(folder: Path, stem: str) -> Path:
-    """A file name not taken yet: an import never overwrites a run."""
-    names = (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap" for number in count(1))
-    return next(folder / name for name in names if not (folder / name).exists())

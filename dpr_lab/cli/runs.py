@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dpr_lab.cli.console import emit, json_mode, say, table
+from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.errors import RunError
 
 app = typer.Typer(help="Look at, check, repair and export run files.", no_args_is_help=True, rich_markup_mode=None)
@@ -53,7 +53,7 @@ def verify(files: RunFiles, as_json: JsonEach = False) -> None:
 
     def show(found: dict[str, Any]) -> None:
         if found["ok"]:
-            print(f"{found['file']}: whole and unchanged")
+            line(f"{found['file']}: whole and unchanged")
 
     _each(files, check, show, as_json)
 
@@ -77,16 +77,18 @@ def recover(
     if as_json:
         emit({"out": str(out), **kept})
     else:
-        print(f"{out}: {kept['samples']} samples, {kept['duration_s']:.3f} s kept")
+        line(f"{out}: {kept['samples']} samples, {kept['duration_s']:.3f} s kept")
 
 
 @app.command()
 def export(
     file: RunFile,
-    out: Annotated[Path, typer.Option(help="File to write; its ending is the format: .csv .parquet .h5 .hdf5 .mat")],
+    out: Annotated[
+        Path, typer.Option(help="File to write; its ending is the format: .csv .parquet .h5 .hdf5 .mat .mcap")
+    ],
     as_json: Json = False,
 ) -> None:
-    """Write a run as CSV, Parquet, HDF5 or MATLAB file; angles in the paper's convention (absolute, upright = 0).
+    """Write a run as CSV, Parquet, HDF5 or MATLAB file, or JointState for ROS 2 (MCAP); absolute angles, upright = 0.
 
     Example: dpr-lab run export runs/20261121T101500Z_X1_1a2b3c4d.mcap --out run.csv
     """
@@ -98,7 +100,7 @@ def export(
     if as_json:
         emit({"out": str(out)})
     else:
-        print(out)
+        line(out)
 
 
 def _each(

@@ -1,21 +1,17 @@
 """`dpr-lab trials draw|run|open|campaign`: the diagnosis tried on plants whose effects are withheld."""
 
-import sys
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.console import Bar, emit, json_mode, progress, say, table
+from dpr_lab.cli.checks import complete_rig
+from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.trials.sealing import DRAWN, Kind, Level
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from dpr_lab.gap.diagnosis import Diagnosis
-    from dpr_lab.trials.campaign import Campaign, Failure, Tried
     from dpr_lab.trials.protocol import Opened, Trial
-    from dpr_lab.trials.score import Outcome
 
 HELP = """Try the diagnosis on plants whose effects are withheld.
 
@@ -36,7 +32,12 @@ HIDDEN = (
     " outside the library; none or one, with faulty encoders (dirty)"
 )
 
-RigName = Annotated[str, typer.Option(help="Rig file, or the name of a built-in one, that the rig is drawn around.")]
+RigName = Annotated[
+    str,
+    typer.Option(
+        help="Rig file, or the name of a built-in one, that the rig is drawn around.", autocompletion=complete_rig
+    ),
+]
 PlantName = Annotated[str, typer.Option(help="Plant file that the plant is drawn around; never read here.")]
 Size = Annotated[Level, typer.Option(help="How visible: a gap of at least twice the noise, or of about it.")]
 Folder = Annotated[Path, typer.Argument(help="Folder that `trials draw` wrote.")]
@@ -51,7 +52,11 @@ def draw(
     rig: RigName = "paper",
     plant: PlantName = "paper",
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Draws the same plant again; fresh chance when left out.")
+        int | None,
+        typer.Option(
+            min=0,
+            help="Draws the same plant again, for whoever tries seeds too; 128 bits of fresh chance when left out.",
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -60,15 +65,18 @@ def draw(
     Example: dpr-lab trials draw --kind pair --out trial
     """
     json_mode(as_json)
-    from dpr_lab.trials.protocol import draw as draw_trial
-    from dpr_lab.trials.sealing import Wanted
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.trials.sealing import PlantRequest
+    from dpr_lab.workflows.trial import TrialRequest
+    from dpr_lab.workflows.trial import draw as draw_trial
 
-    trial = draw_trial(Wanted(kind, level, seed, rig, plant), out, say)
+    with Listener() as listener:
+        trial = draw_trial(TrialRequest(PlantRequest(kind, level, seed, rig, plant), out), listener)
     if as_json:
         emit({"trial": str(out), "seal": trial.seal, "asked": trial.asked, "runs": [str(run) for run in trial.runs]})
         return
-    print(f"seal: {trial.seal}")
-    print(f"next: dpr-lab trials run {out}")
+    line(f"seal: {trial.seal}")
+    line(f"next: dpr-lab trials run {out}")
 
 
 @app.command()
@@ -79,30 +87,17 @@ def run(folder: Folder, as_json: Json = False) -> None:
     """
     json_mode(as_json)
     from dpr_lab.cli.diagnose import show
-    from dpr_lab.trials.protocol import read_trial
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.workflows.trial import DiagnoseTrialRequest, diagnose_trial
 
-    trial = read_trial(folder)
-    found, files = diagnosed(trial)
+    with Listener() as listener:
+        done = diagnose_trial(DiagnoseTrialRequest(folder), listener)
     if as_json:
-        emit(found.to_json() | {"files": files})
+        emit(done.diagnosis.to_json() | {"files": done.files})
         return
-    show(found)
-    print(f"report: {files['report']}")
-    print(f"next: dpr-lab trials open {folder}")
-
-
-def diagnosed(trial: "Trial", **chosen: Any) -> "tuple[Diagnosis, dict[str, str]]":
-    """Diagnose a trial and write the diagnosis down; also the paths of its files by name."""
-    from dpr_lab.cli.diagnose import diagnose_with_progress
-    from dpr_lab.report.saving import save_diagnosis
-    from dpr_lab.trials.protocol import keep_diagnosis, recordings, refuse_opened
-
-    refuse_opened(trial)
-    runs, rig = recordings(trial), trial.rig
-    found = diagnose_with_progress(runs, rig, **chosen)
-    files = save_diagnosis(found, runs, rig, trial.folder / "diagnosis")
-    keep_diagnosis(trial, found.to_json())
-    return found, files | {"diagnosis": str(trial.diagnosis)}
+    show(done.diagnosis)
+    line(f"report: {done.files['report']}")
+    line(f"next: dpr-lab trials open {folder}")
 
 
 @app.command("open")
@@ -137,26 +132,18 @@ def opening(opened: "Opened") -> dict[str, Any]:
 
 def show_opened(opened: "Opened", trial: "Trial") -> None:
     """The truth beside the diagnosis, on stdout."""
+    from dpr_lab.cli.listener import listed, named_by
     from dpr_lab.trials.beside import COLUMNS, beside
 
     outcome = opened.outcome
     drawn = "{kind}:{level}, seed {seed}".format(**opened.truth.drawn)
-    print(f"the seal holds: {outcome.seal} ({drawn})")
+    line(f"the seal holds: {outcome.seal} ({drawn})")
     if rows := beside(opened, trial.rig):
         table("Truth and diagnosis", COLUMNS, rows, prose=True)
     if opened.truth.drawn["kind"] == "dirty":
         found, missed = outcome.sensor_findings, outcome.faults_missed
-        print(f"the encoders were faulty: found {_listed(found)}, missed {_listed(missed)}")
-    print(f"there was {_listed(outcome.truth)}; the diagnosis said {_said(outcome)}: {outcome.grade}")
-
-
-def _said(outcome: "Outcome") -> str:
-    verdict = outcome.verdict.replace("_", " ")
-    return f"{_listed(outcome.named)} ({verdict})" if outcome.named else verdict
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names) or "nothing"
+        line(f"the encoders were faulty: found {listed(found)}, missed {listed(missed)}")
+    line(f"there was {listed(outcome.truth)}; the diagnosis said {named_by(outcome)}: {outcome.grade}")
 
 
 @app.command()
@@ -182,63 +169,25 @@ def campaign(
     Example: dpr-lab trials campaign --n 500 --kind single --kind clean --out out/campaign
     """
     json_mode(as_json)
-    import os
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.report.trials.html import sentence
+    from dpr_lab.report.trials.tables import KIND_COLUMNS, SCORE_COLUMNS, kind_rows, score_rows
+    from dpr_lab.trials.campaign import Campaign
+    from dpr_lab.trials.workers import exposure
+    from dpr_lab.workflows.campaign import CampaignRequest, run_campaign
 
-    from dpr_lab.report.trials_html import sentence
-    from dpr_lab.report.trials_tables import KIND_COLUMNS, SCORE_COLUMNS, kind_rows, score_rows
-    from dpr_lab.trials.campaign import Campaign, run_campaign
-
+    if scheduler is not None and (warning := exposure(scheduler)):
+        say(warning)
     tried_on = Campaign(tuple(kind or DRAWN), level, seed, rig, plant)
-    with progress("trials", n) as bar:
-        tried = run_campaign(
-            tried_on, n, out, jobs=jobs or os.cpu_count() or 1, scheduler=scheduler, on_trial=_teller(bar, n)
-        )
-    counted, files = _saved(tried, tried_on, out)
+    with Listener() as listener:
+        done = run_campaign(CampaignRequest(tried_on, n, out, jobs or os.cpu_count() or 1, scheduler), listener)
     if as_json:
-        emit(counted | {"failures": [failure.error for failure in tried.failures], "files": files})
+        emit(done.summary | {"failures": [failure.error for failure in done.failures], "files": done.files})
     else:
-        table("Scores", SCORE_COLUMNS, score_rows(counted))
-        table("By what was hidden", KIND_COLUMNS, kind_rows(counted))
-        print(sentence(counted))
-        print(f"page: {files['page']}")
-    if tried.failures:
-        say(f"{len(tried.failures)} trials ended in an error; run it again to repeat them")
+        table("Scores", SCORE_COLUMNS, score_rows(done.summary))
+        table("By what was hidden", KIND_COLUMNS, kind_rows(done.summary))
+        line(sentence(done.summary))
+        line(f"page: {done.files['page']}")
+    if done.failures:
+        say(f"{len(done.failures)} trials ended in an error; run it again to repeat them")
         raise typer.Exit(1)
-
-
-def _teller(bar: Bar, n: int) -> "Callable[[int, Outcome | Failure | None], None]":
-    """Progress: a bar on a terminal, a line for each trial elsewhere; what failed is told on both."""
-
-    def on_trial(done: int, last: "Outcome | Failure | None") -> None:
-        from dpr_lab.trials.campaign import Failure
-
-        bar(done, f"{done} of {n}")
-        if isinstance(last, Failure):
-            say(f"trial {last.number}: {last.error}")
-        elif sys.stderr.isatty():
-            return
-        elif last is not None:
-            say(f"{done} of {n}: there was {_listed(last.truth)}; said {_said(last)}: {last.grade}")
-        elif done:
-            say(f"{done} of {n} trials are there already")
-
-    return on_trial
-
-
-def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """Write summary, figures and page; the summary, and the paths by name."""
-    from dpr_lab.report.saving import write_json
-    from dpr_lab.report.trials_figures import save_trial_figures
-    from dpr_lab.report.trials_html import write_trials_report
-    from dpr_lab.trials.summary import summary
-
-    counted = summary(tried.outcomes)
-    figures = save_trial_figures(counted, out)
-    setting = (
-        f"Hidden in turn: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig “{campaign.rig}” and"
-        f" plant “{campaign.plant}”, seeds from {campaign.seed} on."
-    )
-    failures = [f"trial {failure.number}: {failure.error}" for failure in tried.failures]
-    page = write_trials_report(counted, setting, failures, out, figures)
-    write_json(counted, out / "summary.json")
-    return counted, {"page": str(page), "summary": str(out / "summary.json"), "trials": str(out / "trials.jsonl")}

@@ -7,13 +7,24 @@ from typing import Annotated
 
 import typer
 
+from dpr_lab.cli.checks import complete_rig
 from dpr_lab.errors import DprError
 
 
 def tui(
-    rig: Annotated[str | None, typer.Option(help="Rig file, or the name of a built-in one; the last one's.")] = None,
+    rig: Annotated[
+        str | None,
+        typer.Option(help="Rig file, or the name of a built-in one; the last one's.", autocompletion=complete_rig),
+    ] = None,
     link: Annotated[str | None, typer.Option(help="Where the device is; the last one, or the rig file's.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of runs, model, report and diagnosis; the last one.")] = None,
+    allow_release: Annotated[
+        bool,
+        typer.Option(
+            "--allow-release",
+            help="In a browser: whoever reaches the page may open the latch, seen from the bench or not.",
+        ),
+    ] = False,
 ) -> None:
     """Work at the rig on one screen: connect, capture, identify, compare, diagnose.
 
@@ -21,17 +32,21 @@ def tui(
 
     Example: dpr-lab tui --rig paper --link sim:// --out bench
     """
-    if not sys.stdout.isatty():
+    served = "web_driver" in os.environ.get("TEXTUAL_DRIVER", "")
+    if not sys.stdout.isatty() and not served:
         raise DprError("the bench screen needs a terminal; without one use capture, identify, compare and diagnose")
     from dpr_lab.tui import FRAMES_PER_S
 
     os.environ.setdefault("TEXTUAL_FPS", str(FRAMES_PER_S))
     from dpr_lab.tui.app import KEYED, DprApp
-    from dpr_lab.tui.bench import load, state_folder
     from dpr_lab.tui.keys import keys_file, load_keymap
+    from dpr_lab.tui.workspace import load, state_folder
 
     keymap = load_keymap(keys_file(), DprApp, KEYED)
-    bench, notices = load(state_folder())
-    bench.rig, bench.link = rig or bench.rig, link or bench.link
-    bench.out = (out or bench.out).resolve()
-    DprApp(bench, state_folder(), keymap, notices).run()
+    workspace, notices = load(state_folder())
+    workspace.rig, workspace.link = rig or workspace.rig, link or workspace.link
+    workspace.out = (out or workspace.out).resolve()
+    app = DprApp(workspace, state_folder(), keymap, notices, allow_release=allow_release)
+    app.run()
+    if app.return_code:
+        raise typer.Exit(app.return_code)

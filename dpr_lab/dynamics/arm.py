@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.equation import coupled, solved
-from dpr_lab.effects.quantities import Motion, Mount, Rods, Terms
+from dpr_lab.effects.quantities import ArmModel, BaseParameters, Motion, Terms
 from dpr_lab.kernels import njit
 
 Mode = Literal["clamped", "free", "driven"]
@@ -32,7 +32,7 @@ MODES: tuple[Mode, ...] = ("clamped", "free", "driven")
 CLAMPED, FREE, DRIVEN = range(3)
 
 
-class Arm(NamedTuple):
+class ArmParameters(NamedTuple):
     """The arm: inertia kg m^2, viscous friction N m s/rad, spring N m/rad, and what holds it."""
 
     J0: float = 0.0
@@ -41,43 +41,50 @@ class Arm(NamedTuple):
     mode: Mode = "clamped"
 
 
-def rods_of(base: ArrayLike, L1: float, g: float) -> Rods:
-    """The rods from their base parameters (6,) a, b, d, e1, c1, c2, SI."""
+def with_gravity(base: ArrayLike, L1: float, g: float) -> BaseParameters:
+    """Base parameters (6,) a, b, d, e1, c1, c2, SI, and the e2 that goes with them."""
     a, b, d, e1, c1, c2 = np.asarray(base, dtype=np.float64).tolist()
-    return Rods(a, b, d, e1, d * g / L1, c1, c2)
+    return BaseParameters(a, b, d, e1, d * g / L1, c1, c2)
 
 
-def mounted(Z: ArrayLike, frame: tuple[float, float, float], arm: Arm) -> tuple[Rods, Mount]:
+def mounted(Z: ArrayLike, frame: tuple[float, float, float], arm: ArmParameters) -> tuple[BaseParameters, ArmModel]:
     """Rods and arm of a rig with the nine parameters Z and frame (L0, L1, g)."""
     L0, L1, g = frame
     m1, m2, mb = np.asarray(Z, dtype=np.float64)[2:5].tolist()
-    mount = Mount(float(arm.J0) + (m1 + m2 + mb) * L0**2, L0 / g, float(arm.c0), float(arm.k0))
-    return rods_of(base_parameters(Z, L1, g), L1, g), mount
+    model = ArmModel(float(arm.J0) + (m1 + m2 + mb) * L0**2, L0 / g, float(arm.c0), float(arm.k0))
+    return with_gravity(base_parameters(Z, L1, g), L1, g), model
 
 
 @njit
-def mass_matrix(motion: Motion, rods: Rods, mount: Mount) -> tuple[float, float, float]:
-    """(M00, M01, M02), kg m^2: how the arm's inertia feels the rods."""
-    turning = mount.inertia + rods.a * motion.sin1 * motion.sin1 + rods.b * motion.sin2 * motion.sin2
-    turning += 2.0 * rods.d * motion.sin1 * motion.sin2
-    return turning, mount.reach * rods.e1 * motion.cos1, mount.reach * rods.e2 * motion.cos2
+def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[float, float, float]:
+    """(M00, M01, M02), kg m^2: how the arm's inertia feels the base."""
+    turning = arm.inertia + base.a * motion.sin1 * motion.sin1 + base.b * motion.sin2 * motion.sin2
+    turning += 2.0 * base.d * motion.sin1 * motion.sin2
+    return turning, arm.reach * base.e1 * motion.cos1, arm.reach * base.e2 * motion.cos2
 
 
-@njit
-def arm_accelerations(
-    motion: Motion, rods: Rods, terms: Terms, mount: Mount, mode: int, drive: float
-) -> tuple[float, float, float]:
-    """Angular accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2.
+class ReducedRods(NamedTuple):
+    """The rods' two equations with the arm eliminated from them, and what the arm then does.
 
-    Args:
-        motion: angles and speeds
-        rods: base parameters
-        terms: what effects add
-        mount: the arm, unused while it is clamped
-        mode: CLAMPED (alpha0 = 0, equation (1)), FREE (a torque acts) or DRIVEN (alpha0 is prescribed)
-        drive: FREE: torque tau0 on the arm, N m; DRIVEN: acceleration u of the arm, rad/s^2; CLAMPED: unused
+    Its acceleration is push0 - reach1 alpha1 - reach2 alpha2.
     """
-    a, b, d, e1, e2, c1, c2 = rods
+
+    inertia1: float
+    inertia2: float
+    coupling: float
+    torque1: float
+    torque2: float
+    push0: float
+    reach1: float
+    reach2: float
+
+
+@njit
+def reduced_rods(
+    motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
+) -> ReducedRods:
+    """What the rods' accelerations follow from; arguments as for `arm_accelerations`."""
+    a, b, d, e1, e2, c1, c2 = base
     sin1, cos1, sin2, cos2 = motion.sin1, motion.cos1, motion.sin2, motion.cos2
     omega0, omega1, omega2 = motion.omega0, motion.omega1, motion.omega2
     coupling, torque1, torque2 = coupled(sin1, cos1, sin2, cos2, omega1, omega2, d, e1, e2, c1, c2)
@@ -86,17 +93,40 @@ def arm_accelerations(
     torque2 += terms.torque2
     inertia1, inertia2 = a + terms.a, b + terms.b
     if mode == CLAMPED:
-        alpha1, alpha2 = solved(inertia1, inertia2, coupling, torque1, torque2)
-        return 0.0, alpha1, alpha2
+        return ReducedRods(inertia1, inertia2, coupling, torque1, torque2, 0.0, 0.0, 0.0)
     lever1, lever2 = (a * sin1 + d * sin2) * cos1, (b * sin2 + d * sin1) * cos2
     whirl = omega0 * omega0
-    free1, free2 = solved(inertia1, inertia2, coupling, torque1 + whirl * lever1, torque2 + whirl * lever2)
-    turning, cross1, cross2 = mass_matrix(motion, rods, mount)
-    carried1, carried2 = solved(inertia1, inertia2, coupling, cross1, cross2)
-    alpha0 = drive
-    if mode == FREE:
-        torque0 = drive - mount.friction * omega0 - mount.stiffness * motion.theta0
-        torque0 -= 2.0 * omega0 * (lever1 * omega1 + lever2 * omega2)
-        torque0 += mount.reach * (e1 * sin1 * omega1 * omega1 + e2 * sin2 * omega2 * omega2)
-        alpha0 = (torque0 - cross1 * free1 - cross2 * free2) / (turning - cross1 * carried1 - cross2 * carried2)
-    return alpha0, free1 - carried1 * alpha0, free2 - carried2 * alpha0
+    torque1 += whirl * lever1
+    torque2 += whirl * lever2
+    turning, cross1, cross2 = mass_matrix(motion, base, arm)
+    if mode != FREE:
+        return ReducedRods(
+            inertia1, inertia2, coupling, torque1 - cross1 * drive, torque2 - cross2 * drive, drive, 0.0, 0.0
+        )
+    torque0 = drive - arm.friction * omega0 - arm.stiffness * motion.theta0
+    torque0 -= 2.0 * omega0 * (lever1 * omega1 + lever2 * omega2)
+    torque0 += arm.reach * (e1 * sin1 * omega1 * omega1 + e2 * sin2 * omega2 * omega2)
+    push0, reach1, reach2 = torque0 / turning, cross1 / turning, cross2 / turning
+    return ReducedRods(
+        inertia1 - cross1 * reach1, inertia2 - cross2 * reach2, coupling - cross1 * reach2,
+        torque1 - cross1 * push0, torque2 - cross2 * push0, push0, reach1, reach2,
+    )  # fmt: skip
+
+
+@njit
+def arm_accelerations(
+    motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
+) -> tuple[float, float, float]:
+    """Angular accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2, whose joints all slide.
+
+    Args:
+        motion: angles and speeds
+        base: base parameters
+        terms: what effects add
+        arm: the arm, unused while it is clamped
+        mode: CLAMPED (alpha0 = 0, equation (1)), FREE (a torque acts) or DRIVEN (alpha0 is prescribed)
+        drive: FREE: torque tau0 on the arm, N m; DRIVEN: acceleration u of the arm, rad/s^2; CLAMPED: unused
+    """
+    rods = reduced_rods(motion, base, terms, arm, mode, drive)
+    alpha1, alpha2 = solved(rods.inertia1, rods.inertia2, rods.coupling, rods.torque1, rods.torque2)
+    return rods.push0 - rods.reach1 * alpha1 - rods.reach2 * alpha2, alpha1, alpha2

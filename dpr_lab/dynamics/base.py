@@ -6,16 +6,33 @@ r"""Base parameters: the few combinations of the nine parameters that a free swi
 Equation (1) is homogeneous in a, b, d, e1, e2, c1, c2, so that a swing under no outside torque fixes only the five
 ratios to b.
 
+What hangs on the rig during a run has base parameters of its own. With p = m2 L1^2, which no swing of both rods tells
+from a,
+
+    both, clamped    a                b    d    e1                c1    c2
+    inner alone      a - p            -    -    e1 - p g / L1     c1    -
+    outer alone      b                -    -    d g / L1          c1    -
+
+A clamped elbow, theta2 = theta1 + delta, leaves one degree of freedom, equation (1) with joint 2 held:
+
+    (a + b + 2 d cos(delta)) alpha1 = e1 sin(theta1) + e2 sin(theta1 + delta) - c1 omega1.
+
+A rod alone is laid out as two equal halves on such an elbow.
+
 Nine parameters Z are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.rig import AddedMass
+from dpr_lab.rig import PARAMETERS, AddedMass
+from dpr_lab.setup import Setup
 
 BASE = ("a", "b", "d", "e1", "c1", "c2")
 """Order of base parameters: kg m^2, kg m^2, kg m^2, N m, N m s, N m s."""
+
+WHOLE = (*BASE, "p")
+"""Order of the base parameters of a whole rig: those of `BASE` and p, kg m^2."""
 
 RATIOS = ("a/b", "d/b", "e1/b", "c1/b", "c2/b")
 """Order of the ratios: 1, 1, 1/s^2, 1/s, 1/s."""
@@ -78,6 +95,46 @@ def added_base(added: AddedMass | None, L1: float, g: float) -> NDArray[np.float
     if added.rod == "inner":
         return np.array([m * r**2, 0.0, 0.0, m * r * g, 0.0, 0.0])
     return np.array([m * L1**2, m * r**2, m * L1 * r, m * L1 * g, 0.0, 0.0])
+
+
+def whole_parameters(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
+    """(..., 7) base parameters of a whole rig of (..., 9) parameters, SI."""
+    on_elbow = np.asarray(Z, dtype=np.float64)[..., PARAMETERS.index("m2")] * L1**2
+    return np.concatenate([base_parameters(Z, L1, g), on_elbow[..., None]], axis=-1)
+
+
+def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
+    """(..., 6) base parameters of what hung on the rig during a run.
+
+    Args:
+        whole: (..., 7) in the order of `WHOLE`, SI; (..., 6) where p is not asked for
+        setup: of the run
+        L1: length of the inner rod, m
+        g: gravity, m/s^2
+
+    Raises:
+        ValueError: a rod alone, of a rig whose p is not given.
+    """
+    whole = np.asarray(whole, dtype=np.float64)
+    if not setup.alone:
+        return whole[..., : len(BASE)] + added_base(setup.added, L1, g)
+    if whole.shape[-1] < len(WHOLE):
+        raise ValueError("a rod alone needs the base parameters of the whole rig, with p")
+    outer = setup.added is not None and setup.added.rod == "outer"
+    p = setup.added.mass * L1**2 if setup.added is not None and outer else 0.0
+    loaded_whole = whole + np.append(added_base(setup.added, L1, g), p)
+    return np.asarray(loaded_whole @ base_slopes(setup, L1, g).T, dtype=np.float64)
+
+
+def base_slopes(setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
+    """(6, 7) derivative of a run's base parameters by those of the whole rig."""
+    unit = np.eye(len(WHOLE))
+    if not setup.alone:
+        return unit[: len(BASE)]
+    a, b, d, e1, c1, _, p = unit
+    inertia, gravity = (a - p, e1 - p * g / L1) if setup.mounting == "inner" else (b, d * g / L1)
+    nothing = np.zeros(len(WHOLE))
+    return np.array([inertia / 2, inertia / 2, nothing, gravity, c1, nothing])
 
 
 def ratios(base: ArrayLike) -> NDArray[np.float64]:

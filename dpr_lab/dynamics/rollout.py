@@ -20,7 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.dynamics.equation import accelerations, coupled
-from dpr_lab.dynamics.segments import Segments, segments
+from dpr_lab.dynamics.schedule import sample_steps
+from dpr_lab.dynamics.segments import Segments, initial_states
+from dpr_lab.dynamics.segments import segments as cut
 from dpr_lab.kernels import njit
 
 LANES = 32
@@ -37,14 +39,14 @@ NUDGE_WEIGHT = 100.0
 
 # Rows of the workspace, as offsets in units of one number. The last twelve hold what one stage leaves to the next:
 # sines and cosines, the accelerations P, Q, R of the first three stages, and the nudge to the end of the step.
-B, D, E1, E2, C1, C2 = (row * LANES for row in range(6))
-THETA1, THETA2, OMEGA1, OMEGA2 = (row * LANES for row in range(6, 10))
-SIN1, COS1, SIN2, COS2 = (row * LANES for row in range(10, 14))
-OLD_THETA1, OLD_THETA2, OLD_OMEGA1, OLD_OMEGA2 = (row * LANES for row in range(14, 18))
-TURNED, COST = (row * LANES for row in range(18, 20))
-STAGE_SIN1, STAGE_COS1, STAGE_SIN2, STAGE_COS2 = (row * LANES for row in range(20, 24))
-P1, P2, Q1, Q2, R1, R2, NUDGE1, NUDGE2 = (row * LANES for row in range(24, 32))
 ROWS = 32
+"""Of the workspace."""
+
+(
+    B, D, E1, E2, C1, C2, THETA1, THETA2, OMEGA1, OMEGA2, SIN1, COS1, SIN2, COS2,
+    OLD_THETA1, OLD_THETA2, OLD_OMEGA1, OLD_OMEGA2, TURNED, COST, STAGE_SIN1, STAGE_COS1, STAGE_SIN2, STAGE_COS2,
+    P1, P2, Q1, Q2, R1, R2, NUDGE1, NUDGE2,
+) = (row * LANES for row in range(ROWS))  # fmt: skip
 
 
 def trajectory_errors(rows: ArrayLike, initial: ArrayLike, reference: ArrayLike, step: float) -> NDArray[np.float64]:
@@ -69,12 +71,16 @@ def trajectory_errors(rows: ArrayLike, initial: ArrayLike, reference: ArrayLike,
         raise ValueError(f"reference must have shape (poses, samples, 2 or 4), not {reference.shape}")
     poses, samples, _ = reference.shape
     t = step * np.arange(samples)
-    swings = segments([t] * poses, initial, max_step=step)
-    return segment_errors(rows, swings, reference.reshape(poses * samples, -1))
+    swings = cut([t] * poses, range(poses), step=step)
+    return segment_errors(rows, swings, initial, reference.reshape(poses * samples, -1))
 
 
 def segment_errors(
-    rows: ArrayLike, swings: Segments, targets: ArrayLike, whitening: ArrayLike | None = None
+    rows: ArrayLike,
+    segments: Segments,
+    initial: ArrayLike,
+    targets: ArrayLike,
+    whitening: ArrayLike | None = None,
 ) -> NDArray[np.float64]:
     """Sum of squared, whitened errors of each candidate over each segment.
 
@@ -82,12 +88,13 @@ def segment_errors(
 
     Args:
         rows: (n, 6) of `dpr_lab.dynamics.base.rows`
-        swings: the segments and their start states
+        segments: when there are samples; steps are cut between them
+        initial: (S, 4) state at each segment's first sample, rad and rad/s
         targets: (samples, 2 or 4) theta1, theta2 [, omega1, omega2] of all segments end to end
         whitening: (2, 2) W with W^T W the inverse covariance of the two angles, 1/rad; none: the identity
 
     Returns:
-        (n, segments); inf where the swing is not finite
+        (n, S); inf where the swing is not finite
 
     Raises:
         ValueError: shapes that do not fit.
@@ -95,11 +102,13 @@ def segment_errors(
     rows = np.ascontiguousarray(rows, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1] != 6:
         raise ValueError(f"rows must have shape (n, 6), not {rows.shape}")
-    measured, weigh_speeds = _targets(targets, len(swings.step))
+    starts = initial_states(initial, segments)
+    measured, weigh_speeds = _targets(targets, len(segments.t))
     weights = _weights(whitening, weigh_speeds)
     if not len(rows):
-        return np.empty((0, len(swings)))
-    return _costs(rows, swings.starts, swings.offsets, swings.step, swings.count, measured, weights)
+        return np.empty((0, len(segments)))
+    step, count = sample_steps(segments.t, segments.offsets, segments.step)
+    return _costs(rows, starts, segments.offsets, step, count, measured, weights)
 
 
 def _targets(targets: ArrayLike, samples: int) -> tuple[NDArray[np.float64], bool]:
@@ -205,8 +214,8 @@ def _accelerated(
 
 
 @njit
-def _turned(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Sine and cosine after a turn by h * omega or its half, the square of the angle given."""
+def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Sine and cosine after a small turn (see `GUARD`), the square of its angle given."""
     p = square * (1.0 / 362880.0) - 1.0 / 5040.0
     p = (p * square + 1.0 / 120.0) * square - 1.0 / 6.0
     turn = angle + angle * square * p
@@ -250,8 +259,8 @@ def _stage1(lanes: NDArray[np.float64], h: float) -> None:
         lanes[P1 + k], lanes[P2 + k] = _accelerated(lanes, k, sin1, cos1, sin2, cos2, omega1, omega2)
         turn1, turn2 = half * omega1, half * omega2
         square1, square2 = turn1 * turn1, turn2 * turn2
-        lanes[STAGE_SIN1 + k], lanes[STAGE_COS1 + k] = _turned(turn1, square1, sin1, cos1)
-        lanes[STAGE_SIN2 + k], lanes[STAGE_COS2 + k] = _turned(turn2, square2, sin2, cos2)
+        lanes[STAGE_SIN1 + k], lanes[STAGE_COS1 + k] = turned(turn1, square1, sin1, cos1)
+        lanes[STAGE_SIN2 + k], lanes[STAGE_COS2 + k] = turned(turn2, square2, sin2, cos2)
         lanes[TURNED + k] = square1 + square2
 
 
@@ -282,8 +291,8 @@ def _stage3(lanes: NDArray[np.float64], h: float) -> None:
         r1, r2 = _accelerated(lanes, k, sin1, cos1, sin2, cos2, v1, v2)
         turn1, turn2 = h * v1, h * v2
         square1, square2 = turn1 * turn1, turn2 * turn2
-        lanes[STAGE_SIN1 + k], lanes[STAGE_COS1 + k] = _turned(turn1, square1, lanes[SIN1 + k], lanes[COS1 + k])
-        lanes[STAGE_SIN2 + k], lanes[STAGE_COS2 + k] = _turned(turn2, square2, lanes[SIN2 + k], lanes[COS2 + k])
+        lanes[STAGE_SIN1 + k], lanes[STAGE_COS1 + k] = turned(turn1, square1, lanes[SIN1 + k], lanes[COS1 + k])
+        lanes[STAGE_SIN2 + k], lanes[STAGE_COS2 + k] = turned(turn2, square2, lanes[SIN2 + k], lanes[COS2 + k])
         nudge1, nudge2 = sixth * (lanes[P1 + k] - 2.0 * q1 + r1), sixth * (lanes[P2 + k] - 2.0 * q2 + r2)
         lanes[R1 + k], lanes[R2 + k], lanes[NUDGE1 + k], lanes[NUDGE2 + k] = r1, r2, nudge1, nudge2
         lanes[TURNED + k] += square1 + square2 + NUDGE_WEIGHT * (nudge1 * nudge1 + nudge2 * nudge2)

@@ -31,6 +31,27 @@ def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[NDArray[np.
     interval = np.diff(t)
     if not (np.isfinite(t).all() and (interval > 0).all()):
         raise ValueError("t must be finite and strictly increasing")
-    # The tolerance keeps an interval of 5 * max_step, up to rounding, at five steps.
-    count = np.maximum(1, np.ceil(interval / max_step - 1e-9)).astype(np.int64)
-    return np.concatenate([[0.0], interval / count]), np.concatenate([[0], count])
+    return sample_steps(t, np.array([0, len(t)]), np.array([max_step]))
+
+
+def sample_steps(
+    t: NDArray[np.float64], offsets: NDArray[np.int64], longest: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Equal steps from each sample of a segment to the next.
+
+    Args:
+        t: (N,) instants of all segments end to end, increasing within each, s
+        offsets: (S + 1,) where the segments begin among them
+        longest: (S,) longest step of each, s
+
+    Returns:
+        (N,) step before each sample, s, and (N,) number of such steps; both 0 at the first of a segment
+    """
+    first, interval = offsets[:-1], np.diff(t, prepend=t[0])
+    # The tolerance keeps an interval of five longest steps, up to rounding, at five steps.
+    wanted = np.ceil(interval / np.repeat(longest, np.diff(offsets)) - 1e-9)
+    wanted[first] = 1.0
+    count = np.maximum(1, wanted).astype(np.int64)
+    step = interval / count
+    step[first], count[first] = 0.0, 0
+    return step, count

@@ -1,4 +1,7 @@
-"""Segments: pieces of swings that all candidates integrate over the same instants from the same start states."""
+"""Segments: pieces of runs with a start state of their own, laid end to end; the one layout of the project.
+
+Initial states are no part of it: they are what is fitted, (S, 4) theta1, theta2, omega1, omega2 beside it.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,43 +9,115 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.dynamics.schedule import MAX_STEP, steps_between
+from dpr_lab.setup import BOTH, Setup
+
+STEP = 2.5e-3
+"""Runge-Kutta step of the fits, s. From any pose of the paper's rig it errs by less than 1e-6 rad over 0.5 s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Segments:
-    """Segments laid end to end; segment s owns the samples `offsets[s]` to `offsets[s + 1]`."""
+    """Segments in the order of runs and of time; segment s owns the samples offsets[s] to offsets[s + 1]."""
 
-    starts: NDArray[np.float64]
-    """(segments, 4) theta1, theta2, omega1, omega2 at each segment's first sample, rad and rad/s."""
+    t: NDArray[np.float64]
+    """(N,) time of each sample since the release of its run, s."""
     offsets: NDArray[np.int64]
-    """(segments + 1,) where the segments begin among all samples."""
+    """(S + 1,) where the segments begin among the samples."""
+    run: NDArray[np.int64]
+    """(S,) index of the run that each segment was cut from."""
+    setups: tuple[Setup, ...]
+    """What hung on the rig in each run, by the run's index."""
     step: NDArray[np.float64]
-    """(samples,) Runge-Kutta step on the way to each sample, s; 0 at a first sample."""
-    count: NDArray[np.int64]
-    """(samples,) number of such steps; 0 at a first sample."""
+    """(S,) longest Runge-Kutta step of each, s."""
 
     def __len__(self) -> int:
-        return len(self.starts)
+        return len(self.run)
+
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """(S,) numbers that the initial state of each segment has."""
+        return np.array([setup.starts for setup in self.setups], dtype=np.int64)[self.run]
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """(S,) where all that hangs on joint 1 turns as one."""
+        return np.array([setup.held for setup in self.setups], dtype=np.bool_)[self.run]
+
+    @property
+    def pushes(self) -> NDArray[np.float64]:
+        """(samples, 2) mean known torques on theta1, theta2 since the sample before, N m; zero in free swings."""
+        found = np.zeros((len(self.t), 2))
+        for s, run in enumerate(self.run):
+            if (torques := self.setups[run].torques) is not None:
+                mine = slice(*self.offsets[s : s + 2])
+                found[mine] = torques.mean_before(self.t[mine])
+        return found
+
+    def turning_as_one(self, initial: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(..., S, 4) initial states, with one speed for rods that turn as one."""
+        if self.held.any():
+            initial = initial.copy()
+            initial[..., self.held, 3] = initial[..., self.held, 2]
+        return initial
+
+    @property
+    def chains(self) -> NDArray[np.int64]:
+        """(runs + 1,) where the runs begin among the segments."""
+        return np.concatenate([[0], np.flatnonzero(np.diff(self.run)) + 1, [len(self)]]).astype(np.int64)
+
+    def samples_of(self, some: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Places of the samples of some segments, by their indices, end to end."""
+        return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in some])
+
+    def chosen(self, some: NDArray[np.int64]) -> "Segments":
+        """Some segments, by their indices in order, as a layout of their own."""
+        offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[some])])
+        return Segments(self.t[self.samples_of(some)], offsets, self.run[some], self.setups, self.step[some])
 
 
-def segments(times: Sequence[ArrayLike], starts: ArrayLike, max_step: float | Sequence[float] = MAX_STEP) -> Segments:
+def segments(
+    times: Sequence[ArrayLike],
+    run: ArrayLike | None = None,
+    setups: Sequence[Setup] = (),
+    step: ArrayLike = STEP,
+) -> Segments:
     """Segments from the instants of each.
 
     Args:
-        times: for each segment (n,) increasing instants, s; the start state holds at the first
-        starts: (segments, 4) start states, rad and rad/s
-        max_step: longest Runge-Kutta step, s; of all segments or of each
+        times: for each segment (n,) increasing times since the release, s
+        run: (S,) index of the run that each segment was cut from; in order, and within a run in order of time; none:
+            all of one run
+        setups: what hung on the rig in each run, by the run's index; both rods where it is shorter
+        step: longest Runge-Kutta step, s; of all segments or (S,) of each
 
     Raises:
-        ValueError: shapes that do not fit, or instants that do not increase.
+        ValueError: no segment, instants that do not increase, segments out of order, or a step that is not positive.
     """
-    starts = np.ascontiguousarray(starts, dtype=np.float64)
-    if starts.shape != (len(times), 4):
-        raise ValueError(f"starts must have shape ({len(times)}, 4), not {starts.shape}")
-    if not len(times):
-        raise ValueError("there must be at least one segment")
-    longest = np.broadcast_to(max_step, len(times))
-    steps, counts = zip(*(steps_between(t, float(h)) for t, h in zip(times, longest, strict=True)), strict=True)
-    offsets = np.cumsum([0, *(len(step) for step in steps)])
-    return Segments(starts, offsets, np.concatenate(steps), np.concatenate(counts))
+    arrays = [np.asarray(t, dtype=np.float64) for t in times]
+    indices = np.zeros(len(arrays), dtype=np.int64) if run is None else np.array(run, dtype=np.int64)
+    if not arrays or indices.shape != (len(arrays),):
+        raise ValueError(f"there must be at least one segment, and one run index for each: {len(arrays)} segments")
+    if not all(t.ndim == 1 and len(t) and np.isfinite(t).all() and (np.diff(t) > 0).all() for t in arrays):
+        raise ValueError("each segment needs finite, strictly increasing instants")
+    firsts = np.array([t[0] for t in arrays])
+    if (np.diff(indices) < 0).any() or (np.diff(firsts)[np.diff(indices) == 0] <= 0).any():
+        raise ValueError("segments must be in the order of runs, and of time within a run")
+    steps = np.array(np.broadcast_to(np.asarray(step, dtype=np.float64), len(arrays)))
+    if not (steps > 0).all():
+        raise ValueError(f"a step must be positive, not {steps.min()}")
+    runs = int(indices[-1]) + 1
+    known = (*setups, *[BOTH] * (runs - len(setups)))
+    offsets = np.cumsum([0, *(len(t) for t in arrays)])
+    return Segments(np.concatenate(arrays), offsets, indices, known, steps)
+
+
+def initial_states(states: ArrayLike, segments: Segments) -> NDArray[np.float64]:
+    """(S, 4) initial states of segments: theta1, theta2, omega1, omega2, rad and rad/s.
+
+    Raises:
+        ValueError: another shape.
+    """
+    states = np.array(states, dtype=np.float64, order="C")
+    if states.shape != (len(segments), 4):
+        raise ValueError(f"initial states must have shape ({len(segments)}, 4), not {states.shape}")
+    return states

@@ -5,22 +5,32 @@ dk = f_x (S + h a dk') + f_p. The result is the exact derivative of what `simula
 approximation of the derivative of the true swing.
 
 Columns of S: the ratios a/b, d/b, e1/b, c1/b, c2/b (with b = 1), then theta1, theta2, omega1, omega2 at the start.
+They are the lanes of the kernel. Within a step sines follow from those at its start by a series, exact to rounding.
 """
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.dynamics.equation import coupled, solved
-from dpr_lab.dynamics.schedule import MAX_STEP
-from dpr_lab.dynamics.segments import Segments, segments
+from dpr_lab.dynamics.rollout import GUARD, turned
+from dpr_lab.dynamics.schedule import MAX_STEP, sample_steps
+from dpr_lab.dynamics.segments import Segments, initial_states
+from dpr_lab.dynamics.segments import segments as cut
 from dpr_lab.kernels import njit
 
 STATES = 4
 RATIOS = 5
 COLUMNS = RATIOS + STATES
+
+WIDTH = 12
+"""Columns as the kernel holds them, side by side in a row: after those above that of 1 / b, by which torques count, and
+two more to fill vector registers."""
+
+# Rows of the workspace, each `WIDTH` numbers: S, S at the stage, the sum of dk, and f_p for the two accelerations.
+S, AT, TOTAL, F_P = (row * WIDTH for row in (0, 4, 8, 12))
+ROWS = 14 * WIDTH
 
 
 def swing_sensitivity(
@@ -42,107 +52,178 @@ def swing_sensitivity(
     Raises:
         ValueError: shapes that do not fit, or instants that do not increase.
     """
-    return sensitivities(ratios, L1, g, segments([t], np.atleast_2d(np.asarray(state, dtype=np.float64)), max_step))
+    return sensitivities(ratios, L1, g, cut([t], step=max_step), np.atleast_2d(np.asarray(state, dtype=np.float64)))
 
 
 def sensitivities(
-    ratios: ArrayLike, L1: float, g: float, swings: Segments
+    ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, of: int = STATES
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Many segments and their derivatives, in parallel; each with respect to its own start state.
+    """Many segments and their derivatives, each with respect to its own start state.
 
     Args:
-        ratios: (5,) a/b, d/b, e1/b, c1/b, c2/b
+        ratios: (5,) a/b, d/b, e1/b, c1/b, c2/b, or (S, 5) of each segment
         L1: length of the inner rod, m
         g: gravity, m/s^2
-        swings: the segments and their start states
+        segments: when there are samples; steps are cut between them
+        initial: (S, 4) state at each segment's first sample, rad and rad/s
+        of: derivatives of how many of the four states are wanted; of 2, the angles
 
     Returns:
-        (samples, 4) states of all segments end to end and (samples, 4, 9) their derivatives
+        (samples, 4) states of all segments end to end and (samples, `of`, 9) their derivatives
 
     Raises:
-        ValueError: not five ratios.
+        ValueError: not five ratios, or not one state for each segment.
     """
-    values = np.array(ratios, dtype=np.float64)
-    if values.shape != (RATIOS,):
-        raise ValueError(f"ratios must have shape ({RATIOS},), not {values.shape}")
-    return _sensitivities(values, g / L1, swings.starts, swings.offsets, swings.step, swings.count)
+    return _followed(ratios, L1, g, segments, initial, of)
 
 
-@njit(parallel=True)
-def _sensitivities(
+def driven(
+    values: NDArray[np.float64], L1: float, g: float, segments: Segments, initial: ArrayLike, of: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Segments under the torques of their runs; arguments as of `sensitivities`, which leaves them out.
+
+    Args:
+        values: (S, 6) the ratios of each segment, and 1 / b, by which torques count
+        L1: length of the inner rod, m
+        g: gravity, m/s^2
+        segments: when there are samples
+        initial: (S, 4)
+        of: derivatives of how many of the four states are wanted
+
+    Returns:
+        states and derivatives as of `sensitivities`, and (samples, `of`) derivatives by 1 / b
+    """
+    step, count = sample_steps(segments.t, segments.offsets, segments.step)
+    starts = initial_states(initial, segments)
+    return _integrate(
+        np.ascontiguousarray(values), g / L1, starts, segments.held, segments.pushes, segments.offsets, step, count, of
+    )
+
+
+def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> NDArray[np.float64]:
+    """(samples, 4) the states of `sensitivities` alone, at a third of the time."""
+    return _followed(ratios, L1, g, segments, initial, 0)[0]
+
+
+def _followed(
+    ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, of: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    values = np.asarray(ratios, dtype=np.float64)
+    if values.shape not in ((RATIOS,), (len(segments), RATIOS)):
+        raise ValueError(f"ratios must have shape ({RATIOS},), or that for each segment, not {values.shape}")
+    free = np.zeros((len(segments), RATIOS + 1))
+    free[:, :RATIOS] = values
+    step, count = sample_steps(segments.t, segments.offsets, segments.step)
+    starts, still = initial_states(initial, segments), np.zeros((len(segments.t), 2))
+    return _integrate(free, g / L1, starts, segments.held, still, segments.offsets, step, count, of)[:2]
+
+
+@njit
+def _integrate(
     ratios: NDArray[np.float64],
     gravity: float,
     starts: NDArray[np.float64],
+    held: NDArray[np.bool_],
+    pushes: NDArray[np.float64],
     offsets: NDArray[np.int64],
     step: NDArray[np.float64],
     count: NDArray[np.int64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    states = np.empty((len(step), STATES))
-    slopes = np.empty((len(step), STATES, COLUMNS))
-    for segment in numba.prange(len(starts)):
-        x, S = starts[segment].copy(), np.zeros((STATES, COLUMNS))
-        for i in range(STATES):
-            S[i, RATIOS + i] = 1.0
-        work_x, work_S = np.empty((3, STATES)), np.empty((3, STATES, COLUMNS))
+    of: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    states, by_push = np.empty((len(step), STATES)), np.zeros((len(step), of))
+    slopes = np.empty((len(step), of, COLUMNS))
+    for segment in range(len(starts)):
+        x, rows = starts[segment].copy(), np.zeros(ROWS if of else 0)
+        for i in range(STATES if of else 0):
+            rows[S + i * WIDTH + RATIOS + i] = 1.0
         for sample in range(offsets[segment], offsets[segment + 1]):
             for _ in range(count[sample]):
-                _runge_kutta(x, S, ratios, gravity, step[sample], work_x, work_S)
-            states[sample], slopes[sample] = x, S
-    return states, slopes
+                _runge_kutta(x, rows, ratios[segment], gravity, step[sample], held[segment], pushes[sample])
+            for i in range(STATES):
+                states[sample, i] = x[i]
+            for i in range(of):
+                for j in range(COLUMNS):
+                    slopes[sample, i, j] = rows[S + i * WIDTH + j]
+                by_push[sample, i] = rows[S + i * WIDTH + COLUMNS]
+    return states, slopes, by_push
 
 
 @njit
 def _runge_kutta(
     x: NDArray[np.float64],
-    S: NDArray[np.float64],
+    rows: NDArray[np.float64],
     ratios: NDArray[np.float64],
     gravity: float,
     h: float,
-    work_x: NDArray[np.float64],
-    work_S: NDArray[np.float64],
+    held: bool,
+    push: NDArray[np.float64],
 ) -> None:
-    """Advance state and derivative by one step, in place."""
-    k, total, at = work_x
-    dk, dtotal, dat = work_S
-    total[:], dtotal[:] = 0.0, 0.0
-    at[:], dat[:] = x, S
+    """Advance the state, and its derivative where there are rows, by one step in place; `held` is joint 2 or free."""
+    theta1, theta2, omega1, omega2 = x
+    e2 = ratios[1] * gravity
+    push1, push2 = ratios[5] * push[0], ratios[5] * push[1]
+    u1, u2 = omega1, omega2
+    sum1, sum2, speed1, speed2 = 0.0, 0.0, 0.0, 0.0
+    start1, start2 = (math.sin(theta1), math.cos(theta1)), (math.sin(theta2), math.cos(theta2))
+    sines1, sines2 = start1, start2
+    derived = len(rows) > 0
+    for j in range(STATES * WIDTH if derived else 0):
+        rows[AT + j] = rows[S + j]
+        rows[TOTAL + j] = 0.0
     for stage in range(4):
-        _differentiate(at, dat, ratios, gravity, k, dk)
         weight = 2.0 if stage in (1, 2) else 1.0
         ahead = h if stage == 2 else 0.5 * h
-        for i in range(STATES):
-            total[i] += weight * k[i]
-            at[i] = x[i] + ahead * k[i]
-            for j in range(COLUMNS):
-                dtotal[i, j] += weight * dk[i, j]
-                dat[i, j] = S[i, j] + ahead * dk[i, j]
-    for i in range(STATES):
-        x[i] += h / 6.0 * total[i]
-        for j in range(COLUMNS):
-            S[i, j] += h / 6.0 * dtotal[i, j]
+        coupling, torque1, torque2 = coupled(*sines1, *sines2, u1, u2, ratios[1], ratios[2], e2, ratios[3], ratios[4])
+        torque1, torque2 = torque1 + push1, torque2 + push2
+        alpha1, alpha2 = solved(ratios[0], 1.0, coupling, torque1, torque2)
+        if held:
+            alpha1 = alpha2 = (torque1 + torque2) / (ratios[0] + 1.0 + 2.0 * coupling)
+        if derived:
+            _differentiate(rows, sines1, sines2, (u1, u2), (alpha1, alpha2), ratios, gravity, weight, ahead, held, push)
+        sum1, sum2 = sum1 + weight * alpha1, sum2 + weight * alpha2
+        speed1, speed2 = speed1 + weight * u1, speed2 + weight * u2
+        sines1, sines2 = _after(ahead * u1, theta1, start1), _after(ahead * u2, theta2, start2)
+        u1, u2 = omega1 + ahead * alpha1, omega2 + ahead * alpha2
+    sixth = h / 6.0
+    x[0], x[1] = theta1 + sixth * speed1, theta2 + sixth * speed2
+    x[2], x[3] = omega1 + sixth * sum1, omega2 + sixth * sum2
+    for j in range(STATES * WIDTH if derived else 0):
+        rows[S + j] += sixth * rows[TOTAL + j]
+
+
+@njit
+def _after(turn: float, angle: float, sines: tuple[float, float]) -> tuple[float, float]:
+    """Sine and cosine after a turn from an angle whose own are given."""
+    square = turn * turn
+    if square > GUARD:
+        return math.sin(angle + turn), math.cos(angle + turn)
+    return turned(turn, square, sines[0], sines[1])
 
 
 @njit
 def _differentiate(
-    x: NDArray[np.float64],
-    S: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    sines1: tuple[float, float],
+    sines2: tuple[float, float],
+    omegas: tuple[float, float],
+    alphas: tuple[float, float],
     ratios: NDArray[np.float64],
     gravity: float,
-    k: NDArray[np.float64],
-    dk: NDArray[np.float64],
+    weight: float,
+    ahead: float,
+    held: bool,
+    push: NDArray[np.float64],
 ) -> None:
-    r"""Derivative in time k = f(x, p), and its own derivative dk = f_x S + f_p.
+    r"""Add dk = f_x S + f_p of one stage to the total, by its weight, and move S ahead to the next stage.
 
-    From M alpha = f follows M dalpha = df - dM alpha, for each column.
+    From M alpha = f follows M dalpha = df - dM alpha, for each column; with joint 2 held, the sum of its two rows.
     """
-    a, d, e1, c1, c2 = ratios
+    a, d, e1, c1, c2, _ = ratios
     e2 = d * gravity
-    theta1, theta2, omega1, omega2 = x
-    sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
+    (sin1, cos1), (sin2, cos2) = sines1, sines2
+    (omega1, omega2), (alpha1, alpha2) = omegas, alphas
     sin12, cos12 = sin1 * cos2 - cos1 * sin2, cos1 * cos2 + sin1 * sin2
-    coupling, torque1, torque2 = coupled(sin1, cos1, sin2, cos2, omega1, omega2, d, e1, e2, c1, c2)
-    alpha1, alpha2 = solved(a, 1.0, coupling, torque1, torque2)
-    k[0], k[1], k[2], k[3] = omega1, omega2, alpha1, alpha2
+    coupling = d * cos12
 
     # df - dM alpha for the difference angle t1 - t2, which M and the whirling torques share
     twist1 = -d * cos12 * omega2 * omega2 + d * sin12 * alpha2
@@ -150,17 +231,24 @@ def _differentiate(
     lift1, lift2 = e1 * cos1, e2 * cos2
     whirl1, whirl2 = -2.0 * d * sin12 * omega2, 2.0 * d * sin12 * omega1
     slide = omega1 - omega2
-    explicit1 = (-alpha1, -sin12 * omega2 * omega2 - cos12 * alpha2, sin1, -omega1, -slide)
-    explicit2 = (0.0, sin12 * omega1 * omega1 + gravity * sin2 - cos12 * alpha1, 0.0, 0.0, slide)
+    rows[F_P], rows[F_P + 1], rows[F_P + 2] = -alpha1, -sin12 * omega2 * omega2 - cos12 * alpha2, sin1
+    rows[F_P + 3], rows[F_P + 4] = -omega1, -slide
+    rows[F_P + WIDTH + 1], rows[F_P + WIDTH + 4] = sin12 * omega1 * omega1 + gravity * sin2 - cos12 * alpha1, slide
+    rows[F_P + COLUMNS], rows[F_P + WIDTH + COLUMNS] = push[0], push[1]
     scale = 1.0 / (a - coupling * coupling)
-    for j in range(COLUMNS):
-        t1, t2, w1, w2 = S[0, j], S[1, j], S[2, j], S[3, j]
+    for j in range(WIDTH):
+        t1, t2, w1, w2 = rows[AT + j], rows[AT + WIDTH + j], rows[AT + 2 * WIDTH + j], rows[AT + 3 * WIDTH + j]
         drag = c2 * (w1 - w2)
-        r1 = twist1 * (t1 - t2) + lift1 * t1 + whirl1 * w2 - c1 * w1 - drag
-        r2 = twist2 * (t1 - t2) + lift2 * t2 + whirl2 * w1 + drag
-        if j < RATIOS:
-            r1 += explicit1[j]
-            r2 += explicit2[j]
-        dk[0, j], dk[1, j] = w1, w2
-        dk[2, j] = (r1 - coupling * r2) * scale
-        dk[3, j] = (a * r2 - coupling * r1) * scale
+        r1 = twist1 * (t1 - t2) + lift1 * t1 + whirl1 * w2 - c1 * w1 - drag + rows[F_P + j]
+        r2 = twist2 * (t1 - t2) + lift2 * t2 + whirl2 * w1 + drag + rows[F_P + WIDTH + j]
+        dalpha1, dalpha2 = (r1 - coupling * r2) * scale, (a * r2 - coupling * r1) * scale
+        if held:
+            dalpha1 = dalpha2 = (r1 + r2) / (a + 1.0 + 2.0 * coupling)
+        rows[TOTAL + j] += weight * w1
+        rows[TOTAL + WIDTH + j] += weight * w2
+        rows[TOTAL + 2 * WIDTH + j] += weight * dalpha1
+        rows[TOTAL + 3 * WIDTH + j] += weight * dalpha2
+        rows[AT + j] = rows[S + j] + ahead * w1
+        rows[AT + WIDTH + j] = rows[S + WIDTH + j] + ahead * w2
+        rows[AT + 2 * WIDTH + j] = rows[S + 2 * WIDTH + j] + ahead * dalpha1
+        rows[AT + 3 * WIDTH + j] = rows[S + 3 * WIDTH + j] + ahead * dalpha2

@@ -1,19 +1,21 @@
 """One swing, by the classical Runge-Kutta rule at arbitrary instants."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.dynamics.arm import CLAMPED, FREE, MODES, Arm, mounted, rods_of
-from dpr_lab.dynamics.known import UNKNOWN
+from dpr_lab.dynamics.arm import CLAMPED, FREE, MODES, ArmParameters, mounted, with_gravity
+from dpr_lab.dynamics.rig_constants import UNKNOWN
 from dpr_lab.dynamics.schedule import MAX_STEP, steps_between
-from dpr_lab.dynamics.step import Model, State, model_of, stepped
-from dpr_lab.effects import SIZE
-from dpr_lab.effects.quantities import Known, Mount
+from dpr_lab.dynamics.step import RigModel, RigState, model_with, stepped
+from dpr_lab.effects import EFFECTS, SIZE
+from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED
+from dpr_lab.effects.quantities import HELD_ARM, RigConstants
 from dpr_lab.kernels import njit
 from dpr_lab.rig import MASSES, PARAMETERS
 
 _RODS = [1, 2, 4, 5]
-_HELD = Mount(1.0, 0.0, 0.0, 0.0)
 
 
 def simulate(
@@ -24,7 +26,7 @@ def simulate(
     t: ArrayLike,
     max_step: float = MAX_STEP,
     effects: ArrayLike | None = None,
-    known: Known | None = None,
+    constants: RigConstants | None = None,
 ) -> NDArray[np.float64]:
     """A free swing with the arm clamped, equation (1).
 
@@ -37,7 +39,7 @@ def simulate(
         max_step: longest Runge-Kutta step, s; each interval is cut into equal ones
         effects: (SIZE,) vector of `dpr_lab.effects`, SI; none: all off. Those that act between rods and counts do not
             show in states.
-        known: what was measured on the rig; none: an effect that needs more than L1 and g gives nan
+        constants: what was measured on the rig; none: an effect that needs more than L1 and g gives nan
 
     Returns:
         (n, 4) states at `t`; nan from where the swing is no longer finite
@@ -45,25 +47,25 @@ def simulate(
     Raises:
         ValueError: wrong shapes, or instants that do not increase.
     """
-    rods = rods_of(_vector(base, 6, "base"), L1, g)
-    vector = _effects(effects)
-    model = model_of(rods, (known or UNKNOWN)._replace(L1=L1, g=g), _HELD, vector)
+    parameters = with_gravity(_vector(base, 6, "base"), L1, g)
+    params = _effects(effects)
+    model = model_with(parameters, (constants or UNKNOWN)._replace(L1=L1, g=g), HELD_ARM, params)
     full = np.zeros(6)
     full[_RODS] = _vector(state, 4, "state")
-    mode = FREE if model.gives else CLAMPED
-    return integrate(model, mode, State._make([*full, 0.0, 0.0]), t, max_step)[:, _RODS]
+    mode = FREE if model.acts.arm else CLAMPED
+    return integrate(model, mode, at_release(full), t, max_step)[:, _RODS]
 
 
 def simulate_arm(
     Z: ArrayLike,
     frame: tuple[float, float, float],
-    arm: Arm,
+    arm: ArmParameters,
     state: ArrayLike,
     t: ArrayLike,
     max_step: float = MAX_STEP,
     effects: ArrayLike | None = None,
     drive: ArrayLike = 0.0,
-    known: Known | None = None,
+    constants: RigConstants | None = None,
 ) -> NDArray[np.float64]:
     """A swing of the whole rig with the arm clamped, free or driven.
 
@@ -77,40 +79,56 @@ def simulate_arm(
         effects: (SIZE,) vector of `dpr_lab.effects`, SI; none: all off
         drive: (n,) or one number, held from each instant to the next: torque on a free arm, N m, or acceleration of a
             driven one, rad/s^2
-        known: what was measured on the rig; none: the lengths of `frame` and the masses of Z
+        constants: what was measured on the rig; none: the lengths of `frame` and the masses of Z
 
     Returns:
         (n, 6) states at `t`; nan from where the swing is no longer finite
 
     Raises:
-        ValueError: wrong shapes, an unknown mode, an arm that is not clamped beside the effect `arm_compliance`, or
+        ValueError: wrong shapes, an unknown mode, an arm that is not clamped beside an effect that moves it, or
             instants that do not increase.
     """
-    model, mode = rig_model(Z, frame, arm, effects, known)
+    model, mode = rig_model(Z, frame, arm, effects, constants)
     start = _vector(state, 6, "state")
     if mode == CLAMPED:
         start[3] = 0.0
-    return integrate(model, mode, State._make([*start, 0.0, 0.0]), t, max_step, drive)[:, :6]
+    return integrate(model, mode, at_release(start), t, max_step, drive)[:, :6]
 
 
 def rig_model(
-    Z: ArrayLike, frame: tuple[float, float, float], arm: Arm, effects: ArrayLike | None, known: Known | None = None
-) -> tuple[Model, int]:
+    Z: ArrayLike,
+    frame: tuple[float, float, float],
+    arm: ArmParameters,
+    effects: ArrayLike | None,
+    constants: RigConstants | None = None,
+) -> tuple[RigModel, int]:
     """The whole rig for `integrate`, and how its arm is held; arguments as for `simulate_arm`."""
     if arm.mode not in MODES:
         raise ValueError(f"arm mode must be one of {', '.join(MODES)}, not {arm.mode!r}")
     values = _vector(Z, 9, "Z")
-    if known is None:
+    if constants is None:
         m1, m2, mb = values[[PARAMETERS.index(name) for name in MASSES]].tolist()
-        known = UNKNOWN._replace(m1=m1, m2=m2, mb=mb)
+        constants = UNKNOWN._replace(m1=m1, m2=m2, mb=mb)
     L0, L1, g = frame
-    rods, mount = mounted(values, frame, arm)
-    model = model_of(rods, known._replace(L0=L0, L1=L1, g=g), mount, _effects(effects))
-    if not model.gives:
+    base, held = mounted(values, frame, arm)
+    model = model_with(base, constants._replace(L0=L0, L1=L1, g=g), held, _effects(effects))
+    if not model.acts.arm:
         return model, MODES.index(arm.mode)
     if arm.mode != "clamped":
-        raise ValueError(f"the effect arm_compliance replaces what holds a clamped arm; this one is {arm.mode}")
+        (effect,) = (name for name, effect in EFFECTS.items() if effect.stage == "arm")
+        raise ValueError(f"the effect {effect} replaces what holds a clamped arm; this one is {arm.mode}")
     return model, FREE
+
+
+def at_release(state: Sequence[float] | NDArray[np.float64]) -> RigState:
+    """The state of angles and speeds (6,) at the release, where nothing is remembered yet."""
+    return as_state([*state, *AT_RELEASE[list(STEPPED)]])
+
+
+def as_state(values: Sequence[float] | NDArray[np.float64]) -> RigState:
+    """A state from one row of `integrate`."""
+    theta0, theta1, theta2, omega0, omega1, omega2, *internal = map(float, values)
+    return RigState(theta0, theta1, theta2, omega0, omega1, omega2, tuple(internal))
 
 
 def _vector(values: ArrayLike, size: int, name: str) -> NDArray[np.float64]:
@@ -125,7 +143,7 @@ def _effects(effects: ArrayLike | None) -> NDArray[np.float64]:
 
 
 def integrate(
-    model: Model, mode: int, start: State, t: ArrayLike, max_step: float = MAX_STEP, drive: ArrayLike = 0.0
+    model: RigModel, mode: int, start: RigState, t: ArrayLike, max_step: float = MAX_STEP, drive: ArrayLike = 0.0
 ) -> NDArray[np.float64]:
     """A swing from a full state, so that it can be computed piece by piece.
 
@@ -138,7 +156,7 @@ def integrate(
         drive: as for `simulate_arm`
 
     Returns:
-        (n, 8) states in the order of `State`; nan from where the swing is no longer finite
+        (n, 6 + internal) states in the order of `RigState`; nan from where the swing is no longer finite
 
     Raises:
         ValueError: instants that do not increase.
@@ -150,24 +168,29 @@ def integrate(
 
 @njit
 def _swing(
-    model: Model,
+    model: RigModel,
     mode: int,
-    start: State,
+    start: RigState,
     t: NDArray[np.float64],
     step: NDArray[np.float64],
     count: NDArray[np.int64],
     drives: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    states = np.full((len(step), 8), np.nan)
+    states = np.full((len(step), 6 + len(start.internal)), np.nan)
     x = start
     for i in range(len(step)):
         for k in range(count[i]):
             x = stepped(t[i - 1] + k * step[i], x, step[i], model, mode, drives[i - 1])
-        finite = True
-        for value in x:
-            finite = finite and np.isfinite(value)
-        if not finite:
+        _write(x, states[i])
+        if not np.isfinite(states[i]).all():
+            states[i] = np.nan
             break
-        for j in range(8):
-            states[i, j] = x[j]
     return states
+
+
+@njit
+def _write(x: RigState, into: NDArray[np.float64]) -> None:
+    into[0], into[1], into[2] = x.theta0, x.theta1, x.theta2
+    into[3], into[4], into[5] = x.omega0, x.omega1, x.omega2
+    for k, value in enumerate(x.internal):
+        into[6 + k] = value

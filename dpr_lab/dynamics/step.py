@@ -1,4 +1,4 @@
-"""One Runge-Kutta step of the rig with all its effects: the right-hand side that the simulator and the fits share."""
+"""One Runge-Kutta step of the rig with all its effects: the right-hand side as the simulator takes it."""
 
 import math
 from typing import NamedTuple
@@ -6,32 +6,47 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.arm import arm_accelerations
-from dpr_lab.effects.folded import given, gives, grips, loaded, loads, mechanics, moved, switched
-from dpr_lab.effects.quantities import NOTHING, Known, Motion, Mount, Rods, plus
+from dpr_lab.dynamics.arm import ReducedRods, reduced_rods
+from dpr_lab.dynamics.dry_friction import (
+    EVENTS,
+    correction,
+    direction_of,
+    held,
+    pushes,
+    slides,
+    stops_at,
+    yields_at,
+)
+from dpr_lab.effects.effect_kernels import (
+    Acting,
+    acting,
+    active_effects,
+    arm_model,
+    dry_limits,
+    effect_torques,
+    internal_after,
+    load_torques,
+)
+from dpr_lab.effects.quantities import NOTHING, ArmModel, BaseParameters, Motion, RigConstants, plus
 from dpr_lab.kernels import njit
 
 
-class Model(NamedTuple):
+class RigModel(NamedTuple):
     """A rig and its effects, as compiled code takes them."""
 
-    rods: Rods
-    known: Known
-    mount: Mount
-    vector: NDArray[np.float64]
+    base: BaseParameters
+    constants: RigConstants
+    arm: ArmModel
+    params: NDArray[np.float64]
     """(SIZE,) parameters of all effects."""
-    on: NDArray[np.bool_]
+    active: NDArray[np.bool_]
     """(effects,) which are on."""
-    gives: bool
-    """Whether one lets the arm move, which is then mounted as it says."""
-    moved: bool
-    """Whether any acts on the rods."""
-    loaded: bool
-    """Whether any that acts on the rods needs the joint forces."""
+    acts: Acting
+    """What they ask for."""
 
 
-class State(NamedTuple):
-    """Angles rad, speeds rad/s, presliding of both joints (-1 to 1)."""
+class RigState(NamedTuple):
+    """Angles rad, speeds rad/s, and the internal states of effects that move with a joint."""
 
     theta0: float
     theta1: float
@@ -39,22 +54,55 @@ class State(NamedTuple):
     omega0: float
     omega1: float
     omega2: float
-    grip1: float
-    grip2: float
+    internal: tuple[float, ...]
+    """In the order of `dpr_lab.effects.effect_kernels.STEPPED`."""
+
+
+def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, params: NDArray[np.float64]) -> RigModel:
+    """The rig with the effects of a vector; `arm` holds its arm unless an effect does."""
+    active = active_effects(params)
+    acts = Acting(*map(bool, acting(active)))
+    return RigModel(base, constants, arm_model(constants, arm, params, active), params, active, acts)
 
 
 @njit
-def model_of(rods: Rods, known: Known, mount: Mount, vector: NDArray[np.float64]) -> Model:
-    """The rig with the effects of a vector; `mount` holds its arm unless an effect does."""
-    on = switched(vector)
-    moves = gives(on)
-    if moves:
-        mount = given(known, vector)
-    return Model(rods, known, mount, vector, on, moves, moved(on), loaded(on))
+def motion_of(
+    t: float,
+    thetas: tuple[float, float, float],
+    omegas: tuple[float, float, float],
+    displacements: tuple[float, float],
+    forces: tuple[float, float],
+    directions: tuple[float, float],
+) -> Motion:
+    """The motion at time t, s, of angles (3,) and speeds (3,)."""
+    theta0, theta1, theta2 = thetas
+    omega0, omega1, omega2 = omegas
+    sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
+    return Motion(
+        t, theta0, theta1, theta2, omega0, omega1, omega2, sin1, cos1, sin2, cos2,
+        displacements[0], displacements[1], forces[0], forces[1], directions[0], directions[1],
+    )  # fmt: skip
 
 
 @njit
-def joint_forces(motion: Motion, alphas: tuple[float, float, float], rods: Rods, known: Known) -> tuple[float, float]:
+def under_load(motion: Motion, force1: float, force2: float) -> Motion:
+    """A motion with its joint forces known, N."""
+    return Motion(
+        motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
+        motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, force1, force2,
+        motion.direction1, motion.direction2,
+    )  # fmt: skip
+
+
+@njit
+def _length(x: float, y: float) -> float:
+    return math.sqrt(x * x + y * y)  # without the branches of hypot, for the lanes
+
+
+@njit
+def joint_forces(
+    motion: Motion, alphas: tuple[float, float, float], base: BaseParameters, constants: RigConstants
+) -> tuple[float, float]:
     """Forces that joint 1 and joint 2 carry, N: mass times acceleration less weight of all that hangs on them.
 
     Across and along the vertical; the part along the arm, which a held arm's rods lack, is left out.
@@ -63,62 +111,208 @@ def joint_forces(motion: Motion, alphas: tuple[float, float, float], rods: Rods,
     whirl1, whirl2 = motion.omega1 * motion.omega1, motion.omega2 * motion.omega2
     across1, up1 = motion.cos1 * alpha1 - motion.sin1 * whirl1, -motion.sin1 * alpha1 - motion.cos1 * whirl1
     across2, up2 = motion.cos2 * alpha2 - motion.sin2 * whirl2, -motion.sin2 * alpha2 - motion.cos2 * whirl2
-    moment1, moment2, carried = rods.e1 / known.g, rods.e2 / known.g, known.m2 * known.L1
-    whole, tip = known.m1 + known.m2 + known.mb, known.L0 * alpha0 if alpha0 != 0.0 else 0.0
-    force1 = math.hypot(
-        moment1 * across1 + moment2 * across2 + whole * tip, moment1 * up1 + moment2 * up2 + whole * known.g
+    moment1, moment2, carried = base.e1 / constants.g, base.e2 / constants.g, constants.m2 * constants.L1
+    whole, tip = constants.m1 + constants.m2 + constants.mb, constants.L0 * alpha0 if alpha0 != 0.0 else 0.0
+    force1 = _length(
+        moment1 * across1 + moment2 * across2 + whole * tip, moment1 * up1 + moment2 * up2 + whole * constants.g
     )
-    force2 = math.hypot(
-        carried * across1 + moment2 * across2 + known.m2 * tip, carried * up1 + moment2 * up2 + known.m2 * known.g
+    force2 = _length(
+        carried * across1 + moment2 * across2 + constants.m2 * tip,
+        carried * up1 + moment2 * up2 + constants.m2 * constants.g,
     )
     return force1, force2
 
 
 @njit
 def accelerations_at(
-    t: float, x: State, slip1: float, slip2: float, model: Model, mode: int, drive: float
+    t: float, x: RigState, displacement1: float, displacement2: float, model: RigModel, mode: int, drive: float
 ) -> tuple[float, float, float]:
-    """(alpha0, alpha1, alpha2), rad/s^2, of a state whose joints have turned by slip1, slip2 since its grips held."""
-    sin1, cos1, sin2, cos2 = math.sin(x.theta1), math.cos(x.theta1), math.sin(x.theta2), math.cos(x.theta2)
-    motion = Motion(
-        t, x.theta0, x.theta1, x.theta2, x.omega0, x.omega1, x.omega2,
-        sin1, cos1, sin2, cos2, x.grip1, x.grip2, slip1, slip2, 0.0, 0.0,
-    )  # fmt: skip
-    terms = NOTHING
-    if model.moved:
-        terms = mechanics(motion, model.rods, model.known, model.vector, model.on)
-    alphas = arm_accelerations(motion, model.rods, terms, model.mount, mode, drive)
-    if model.loaded:
-        force1, force2 = joint_forces(motion, alphas, model.rods, model.known)
-        motion = Motion(
-            t, x.theta0, x.theta1, x.theta2, x.omega0, x.omega1, x.omega2,
-            sin1, cos1, sin2, cos2, x.grip1, x.grip2, slip1, slip2, force1, force2,
-        )  # fmt: skip
-        terms = plus(terms, loads(motion, model.rods, model.known, model.vector, model.on))
-        alphas = arm_accelerations(motion, model.rods, terms, model.mount, mode, drive)
-    return alphas
+    """(alpha0, alpha1, alpha2), rad/s^2, of a state whose joints have turned since its internal states held, rad."""
+    directions = directions_at(t, x, model, mode, drive)
+    _, rods = _stage(t, x, (displacement1, displacement2), model, mode, drive, directions)
+    return held(rods, directions[0], directions[1])
 
 
 @njit
-def stepped(t: float, x: State, h: float, model: Model, mode: int, drive: float) -> State:
-    """The state one classical Runge-Kutta step of h later."""
-    k0, k1, k2 = accelerations_at(t, x, 0.0, 0.0, model, mode, drive)
+def _stage(
+    t: float,
+    x: RigState,
+    displacements: tuple[float, float],
+    model: RigModel,
+    mode: int,
+    drive: float,
+    directions: tuple[float, float],
+) -> tuple[Motion, ReducedRods]:
+    """The motion and what its accelerations follow from, while the joints slide in these directions or rest."""
+    motion = motion_of(
+        t,
+        (x.theta0, x.theta1, x.theta2),
+        (x.omega0, x.omega1, x.omega2),
+        displacements,
+        (0.0, 0.0),
+        directions,
+    )
+    base, constants, terms = model.base, model.constants, NOTHING
+    if model.acts.torques:
+        terms = effect_torques(motion, base, constants, x.internal, model.params, model.active)
+    rods = reduced_rods(motion, base, terms, model.arm, mode, drive)
+    if model.acts.loads:
+        alphas = held(rods, directions[0], directions[1])
+        motion = under_load(motion, *joint_forces(motion, alphas, base, constants))
+        terms = plus(terms, load_torques(motion, base, constants, x.internal, model.params, model.active))
+        rods = reduced_rods(motion, base, terms, model.arm, mode, drive)
+    return motion, rods
+
+
+@njit
+def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> tuple[float, float]:
+    """Directions in which the joints go on: 1 or -1, and 0 for those that dry friction holds at rest."""
+    directions = _directions(x, model)
+    if directions[0] != 0.0 and directions[1] != 0.0:
+        return directions
+    motion, rods = _stage(t, x, (0.0, 0.0), model, mode, drive, directions)
+    forward = dry_limits(motion, 1.0, 1.0, model.params, model.active)
+    backward = dry_limits(motion, -1.0, -1.0, model.params, model.active)
+    return slides(rods, directions, forward, backward)
+
+
+@njit
+def _directions(x: RigState, model: RigModel) -> tuple[float, float]:
+    """The signs of the joints' speeds; nan for a joint without dry friction, which nothing holds."""
+    first = direction_of(x.omega1) if model.acts.dry1 else math.nan
+    return first, direction_of(x.omega2 - x.omega1) if model.acts.dry2 else math.nan
+
+
+@njit
+def _spare(motion: Motion, rods: ReducedRods, model: RigModel, directions: tuple[float, float]) -> tuple[float, float]:
+    """By how much, N m, the limits of the joints at rest exceed what they have to withstand; inf for the others."""
+    push1, push2 = pushes(rods, directions[0], directions[1])
+    limit1, limit2 = dry_limits(motion, push1, push2, model.params, model.active)
+    spare1 = limit1 - abs(push1) if directions[0] == 0.0 else math.inf
+    return spare1, limit2 - abs(push2) if directions[1] == 0.0 else math.inf
+
+
+class TriedStep(NamedTuple):
+    """A step in unchanged directions: its end, the accelerations there, and what was to spare at start and end."""
+
+    end: RigState
+    alphas: tuple[float, float, float]
+    first: tuple[float, float]
+    last: tuple[float, float]
+
+
+@njit
+def _runge_kutta(
+    t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float, directions: tuple[float, float]
+) -> TriedStep:
+    """One classical Runge-Kutta step of h; accelerations and spare torques at its end are those of the last stage."""
+    resting = directions[0] == 0.0 or directions[1] == 0.0
+    motion, rods = _stage(t, x, (0.0, 0.0), model, mode, drive, directions)
+    first = _spare(motion, rods, model, directions) if resting else (math.inf, math.inf)
+    k0, k1, k2 = held(rods, directions[0], directions[1])
     p0, p1, p2 = x.omega0, x.omega1, x.omega2
     turn0, turn1, turn2, sum0, sum1, sum2 = p0, p1, p2, k0, k1, k2
     for stage in range(3):
         ahead, weight = (0.5 * h, 2.0) if stage < 2 else (h, 1.0)
-        slip1, slip2 = ahead * p1, ahead * (p2 - p1)
-        at = State(
+        displacements = ahead * p1, ahead * (p2 - p1)
+        at = RigState(
             x.theta0 + ahead * p0, x.theta1 + ahead * p1, x.theta2 + ahead * p2,
-            x.omega0 + ahead * k0, x.omega1 + ahead * k1, x.omega2 + ahead * k2, x.grip1, x.grip2,
+            x.omega0 + ahead * k0, x.omega1 + ahead * k1, x.omega2 + ahead * k2, x.internal,
         )  # fmt: skip
         p0, p1, p2 = at.omega0, at.omega1, at.omega2
-        k0, k1, k2 = accelerations_at(t + ahead, at, slip1, slip2, model, mode, drive)
+        motion, rods = _stage(t + ahead, at, displacements, model, mode, drive, directions)
+        k0, k1, k2 = held(rods, directions[0], directions[1])
         turn0, turn1, turn2 = turn0 + weight * p0, turn1 + weight * p1, turn2 + weight * p2
         sum0, sum1, sum2 = sum0 + weight * k0, sum1 + weight * k1, sum2 + weight * k2
+    last = _spare(motion, rods, model, directions) if resting else (math.inf, math.inf)
     sixth = h / 6.0
-    grip1, grip2 = grips(x.grip1, x.grip2, sixth * turn1, sixth * (turn2 - turn1), model.vector, model.on)
-    return State(
+    internal = internal_after(x.internal, sixth * turn1, sixth * (turn2 - turn1), model.params, model.active)
+    end = RigState(
         x.theta0 + sixth * turn0, x.theta1 + sixth * turn1, x.theta2 + sixth * turn2,
-        x.omega0 + sixth * sum0, x.omega1 + sixth * sum1, x.omega2 + sixth * sum2, grip1, grip2,
+        x.omega0 + sixth * sum0, x.omega1 + sixth * sum1, x.omega2 + sixth * sum2, internal,
     )  # fmt: skip
+    return TriedStep(end, (k0, k1, k2), first, last)
+
+
+@njit
+def _stopped(
+    x: RigState, joint: int, directions: tuple[float, float], later: float, alphas: tuple[float, float, float]
+) -> RigState:
+    """The state a moment later, in which a joint that slid is at rest."""
+    theta0 = x.theta0 + later * x.omega0
+    theta1, theta2 = x.theta1 + later * x.omega1, x.theta2 + later * x.omega2
+    omega0 = x.omega0 + later * alphas[0]
+    omega1, omega2 = x.omega1 + later * alphas[1], x.omega2 + later * alphas[2]
+    omega1 = 0.0 if joint == 1 else omega1
+    omega2 = omega1 if joint == 2 or directions[1] == 0.0 else omega2
+    return RigState(theta0, theta1, theta2, omega0, omega1, omega2, x.internal)
+
+
+@njit
+def _first_event(
+    x: RigState, tried: TriedStep, h: float, directions: tuple[float, float], released: bool
+) -> tuple[float, int]:
+    """Share of a step at which the first joint changes its direction, 1 where none does; and the joint that stops."""
+    share, joint = 1.0, 0
+    y, alphas = tried.end, tried.alphas
+    before, after = directions[0] * x.omega1, directions[0] * y.omega1
+    if directions[0] != 0.0 and after < 0.0:
+        share, joint = stops_at(before, after, directions[0] * h * alphas[1]), 1
+    before, after = directions[1] * (x.omega2 - x.omega1), directions[1] * (y.omega2 - y.omega1)
+    if directions[1] != 0.0 and after < 0.0:
+        stops = stops_at(before, after, directions[1] * h * (alphas[2] - alphas[1]))
+        share, joint = (stops, 2) if stops < share else (share, joint)
+    for k in range(2):
+        if released and tried.last[k] < 0.0:
+            yields = yields_at(tried.first[k], tried.last[k], h)
+            share, joint = (yields, 0) if yields < share else (share, joint)
+    return share, joint
+
+
+@njit
+def advanced(
+    t: float, x: RigState, h: float, events: int, model: RigModel, mode: int, drive: float
+) -> tuple[RigState, float, bool]:
+    """The state after a step of h, or after that part of it in which no joint changes its direction.
+
+    Args:
+        t: time since the release, s
+        x: the state there
+        h: step, s
+        events: how many the whole step has seen already
+        model: the rig and its effects
+        mode: how its arm is held
+        drive: what drives it
+
+    Returns:
+        the state, the time that has passed (s), and whether that was all of h
+    """
+    directions = math.nan, math.nan
+    if model.acts.dry1 or model.acts.dry2:
+        directions = directions_at(t, x, model, mode, drive) if events < EVENTS.most else _directions(x, model)
+    tried = _runge_kutta(t, x, h, model, mode, drive, directions)
+    if not (model.acts.dry1 or model.acts.dry2):
+        return tried.end, h, True
+    share, joint = _first_event(x, tried, h, directions, events < EVENTS.most)
+    if not share < 1.0:
+        return tried.end, h, True
+    if share < EVENTS.shortest:
+        return (_stopped(x, joint, directions, 0.0, tried.alphas) if joint else x), 0.0, False
+    part = share * h
+    tried = _runge_kutta(t, x, part, model, mode, drive, directions)
+    if joint == 0:
+        return tried.end, part, False
+    y, alphas = tried.end, tried.alphas
+    speed, gain = (y.omega1, alphas[1]) if joint == 1 else (y.omega2 - y.omega1, alphas[2] - alphas[1])
+    later = min(correction(speed, gain, part), h - part)
+    return _stopped(y, joint, directions, later, alphas), part + later, False
+
+
+@njit
+def stepped(t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float) -> RigState:
+    """The state one step of h later, cut where a joint stops or starts to slide."""
+    now, events, whole = t, 0, False
+    while not whole:
+        x, passed, whole = advanced(now, x, t + h - now if events else h, events, model, mode, drive)
+        now, events = now + passed, events + 1
+    return x

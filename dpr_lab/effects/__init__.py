@@ -17,10 +17,10 @@ from dpr_lab.effects.clock_rate import CLOCK_RATE
 from dpr_lab.effects.com_offset import COM_OFFSET_LINK1, COM_OFFSET_LINK2
 from dpr_lab.effects.coulomb import COULOMB
 from dpr_lab.effects.detent import DETENT_JOINT1, DETENT_JOINT2
-from dpr_lab.effects.effect import Effect
-from dpr_lab.effects.encoder_eccentricity import ENCODER_ECCENTRICITY_JOINT1, ENCODER_ECCENTRICITY_JOINT2
+from dpr_lab.effects.effect import Effect, Recorded, Shape
+from dpr_lab.effects.encoder_eccentricity import ENCODER_ECCENTRICITY
 from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2
-from dpr_lab.effects.encoder_scale import ENCODER_SCALE_JOINT1, ENCODER_SCALE_JOINT2
+from dpr_lab.effects.encoder_scale import ENCODER_SCALE
 from dpr_lab.effects.fold import slices
 from dpr_lab.effects.friction_curve import FRICTION_CURVE
 from dpr_lab.effects.friction_drift import FRICTION_DRIFT
@@ -60,10 +60,8 @@ EFFECTS: dict[str, Effect] = {
         BASE_VIBRATION,
         ENCODER_OFFSET_JOINT1,
         ENCODER_OFFSET_JOINT2,
-        ENCODER_SCALE_JOINT1,
-        ENCODER_SCALE_JOINT2,
-        ENCODER_ECCENTRICITY_JOINT1,
-        ENCODER_ECCENTRICITY_JOINT2,
+        *ENCODER_SCALE,
+        *ENCODER_ECCENTRICITY,
         LATENCY_JOINT2,
         CLOCK_RATE,
         MISSED_COUNTS,
@@ -71,14 +69,14 @@ EFFECTS: dict[str, Effect] = {
 }
 
 SLICES = slices(EFFECTS.values())
-"""Name of an effect -> its place in the flat vector."""
+"""Name of an effect -> where its parameters lie in the flat vector."""
 
 SIZE = sum(len(effect.parameters) for effect in EFFECTS.values())
 
 _DEFAULTS = np.array([parameter.default for effect in EFFECTS.values() for parameter in effect.parameters])
 
 
-def effect_vector(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float64]:
+def effect_params(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float64]:
     """The flat vector from named coefficients; amplitudes not named are zero, shapes not named have their default.
 
     Args:
@@ -90,23 +88,41 @@ def effect_vector(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float
     Raises:
         ValueError: an unknown effect or parameter.
     """
-    vector = _DEFAULTS.copy()
+    params = _DEFAULTS.copy()
     for name, coefficients in values.items():
         if name not in EFFECTS:
             raise ValueError(f"no effect {name!r}; there are: {', '.join(EFFECTS)}")
         for parameter, value in coefficients.items():
-            vector[place(name, parameter)] = value
-    return vector
+            params[param_index(name, parameter)] = value
+    return params
 
 
-def switched_off(vector: NDArray[np.float64], effect: str) -> NDArray[np.float64]:
+def named_params(params: NDArray[np.float64]) -> dict[str, dict[str, float]]:
+    """Named coefficients of the effects that are on; the inverse of `effect_params`."""
+    return {
+        name: dict(zip((p.name for p in effect.parameters), params[SLICES[name]].tolist(), strict=True))
+        for name, effect in EFFECTS.items()
+        if any(params[param_index(name, p.name)] != 0.0 for p in effect.amplitudes)
+    }
+
+
+def oversized(params: NDArray[np.float64]) -> tuple[str, ...]:
+    """Effects of a size that no rig has: what they stand for has their shape, and is something else."""
+    return tuple(
+        name
+        for name, effect in EFFECTS.items()
+        if any(abs(params[param_index(name, p.name)]) > p.most for p in effect.amplitudes)
+    )
+
+
+def without_effect(params: NDArray[np.float64], effect: str) -> NDArray[np.float64]:
     """The flat vector with one effect as it is where nobody names it."""
-    vector = vector.copy()
-    vector[SLICES[effect]] = _DEFAULTS[SLICES[effect]]
-    return vector
+    params = params.copy()
+    params[SLICES[effect]] = _DEFAULTS[SLICES[effect]]
+    return params
 
 
-def place(effect: str, parameter: str) -> int:
+def param_index(effect: str, parameter: str) -> int:
     """Index in the flat vector of one parameter of one effect.
 
     Raises:
@@ -118,10 +134,9 @@ def place(effect: str, parameter: str) -> int:
     return SLICES[effect].start + known.index(parameter)
 
 
-def effect_values(vector: NDArray[np.float64]) -> dict[str, dict[str, float]]:
-    """Named coefficients of the effects that are on; the inverse of `effect_vector`."""
-    return {
-        name: dict(zip((p.name for p in effect.parameters), vector[SLICES[name]].tolist(), strict=True))
-        for name, effect in EFFECTS.items()
-        if any(vector[place(name, p.name)] != 0.0 for p in effect.amplitudes)
-    }
+def proposed_shapes(effect: Effect, recorded: Recorded) -> list[Shape] | None:
+    """What an effect proposes for its shape parameters on these recordings; None where the grid of `scan` serves."""
+    proposed = effect.propose(recorded) if effect.propose else None
+    if proposed is None:
+        return None
+    return [tuple((param_index(effect.name, name), value) for name, value in item.items()) for item in proposed]

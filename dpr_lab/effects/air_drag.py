@@ -6,47 +6,49 @@ joint 2, at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The force against it is k 
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dpr_lab.effects.effect import Effect, EffectParameter
-from dpr_lab.effects.quantities import Known, Motion, Rods, Terms, torques
-from dpr_lab.kernels import njit
-
-_NODE = 0.5 / math.sqrt(3.0)
+from dpr_lab.effects.quantities import Motion, RigConstants, Terms, torques
+from dpr_lab.kernels import inlined
 
 
-@njit
+@inlined
+def _between(start: float, slope: float, low: float, high: float) -> tuple[float, float]:
+    """Integrals of v |v| and s v |v| where v keeps its sign, by two Gauss points."""
+    span, node = high - low, 0.5 / math.sqrt(3.0)
+    s1, s2 = low + (0.5 - node) * span, low + (0.5 + node) * span
+    v1, v2 = start + slope * s1, start + slope * s2
+    share1, share2 = 0.5 * span * v1 * abs(v1), 0.5 * span * v2 * abs(v2)
+    return share1 + share2, s1 * share1 + s2 * share2
+
+
+@inlined
 def moments(start: float, slope: float, length: float) -> tuple[float, float]:
     """Integrals of v |v| and s v |v| over 0 <= s <= length for v = start + slope s.
 
     Exact: v |v| is quadratic on either side of where v changes sign, and two Gauss points serve cubics.
     """
-    split = length if slope == 0.0 else min(max(-start / slope, 0.0), length)
-    force, moment = 0.0, 0.0
-    for low, span in ((0.0, split), (split, length - split)):
-        for node in (-_NODE, _NODE):
-            s = low + (0.5 + node) * span
-            v = start + slope * s
-            share = 0.5 * span * v * abs(v)
-            force += share
-            moment += s * share
-    return force, moment
+    turn = -start / slope
+    turn = turn if turn > 0.0 else 0.0
+    turn = turn if turn < length else length
+    split = length if slope == 0.0 else turn
+    force1, moment1 = _between(start, slope, 0.0, split)
+    force2, moment2 = _between(start, slope, split, length)
+    return force1 + force2, moment1 + moment2
 
 
-@njit
-def outer(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
-    """Drag on the outer rod, which the inner rod feels through joint 2; k = vector[at]."""
-    lever = known.L1 * (motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2)
-    force, moment = moments(lever * motion.omega1, motion.omega2, known.L2)
-    return torques(-vector[at] * lever * force, -vector[at] * moment)
+@inlined
+def outer(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) -> Terms:
+    """Drag on the outer rod, which the inner rod feels through joint 2."""
+    lever = constants.L1 * (motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2)
+    force, moment = moments(lever * motion.omega1, motion.omega2, constants.L2)
+    return torques(-coefficient_kg_per_m2 * lever * force, -coefficient_kg_per_m2 * moment)
 
 
-@njit
-def both(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
-    """Drag on both rods, of the same width; k = vector[at]."""
-    carried = outer(motion, rods, known, vector, at)
-    own = vector[at] * known.L1**4 / 4.0 * motion.omega1 * abs(motion.omega1)
+@inlined
+def both(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) -> Terms:
+    """Drag on both rods, of the same width."""
+    carried = outer(motion, constants, coefficient_kg_per_m2)
+    own = coefficient_kg_per_m2 * constants.L1**4 / 4.0 * motion.omega1 * abs(motion.omega1)
     return torques(carried.torque1 - own, carried.torque2)
 
 
@@ -62,6 +64,7 @@ _BENCH_CHECK = (
 
 AIR_DRAG_OUTER = Effect(
     name="air_drag_outer",
+    words="air drag, outer rod",
     equation=(
         "tau_i = -k integral along the outer rod of v |v| dv/domega_i ds, v = L1 omega1 cos(theta2 - theta1) + s omega2"
     ),
@@ -77,6 +80,7 @@ AIR_DRAG_OUTER = Effect(
 
 AIR_DRAG_BOTH = Effect(
     name="air_drag_both",
+    words="air drag, both rods",
     equation="as air_drag_outer, and tau1 = -k L1^4 omega1 |omega1| / 4 for the inner rod",
     parameters=_PARAMETERS,
     site="joint torque",

@@ -2,36 +2,55 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import Effect, EffectParameter, shape
-from dpr_lab.effects.quantities import Known, Mount
-from dpr_lab.kernels import njit
+from dpr_lab.effects.effect import Effect, EffectParameter, InternalState, Params, Recorded, shape
+from dpr_lab.effects.quantities import ArmModel, RigConstants
+from dpr_lab.kernels import inlined
 
 
-@njit
-def compliant(known: Known, vector: NDArray[np.float64], at: int) -> Mount:
+@inlined
+def compliant(constants: RigConstants, coupling_per_kg: float, frequency_hz: float, damping_ratio: float) -> ArmModel:
     """The arm of the whole rig's equation: A = L0^2 / coupling, k0 = A w^2, c0 = 2 zeta A w, w = 2 pi f."""
-    inertia = known.L0 * known.L0 / vector[at]
-    speed = 2.0 * math.pi * vector[at + 1]
-    return Mount(inertia, known.L0 / known.g, 2.0 * vector[at + 2] * inertia * speed, inertia * speed * speed)
+    inertia = constants.L0 * constants.L0 / coupling_per_kg
+    speed = 2.0 * math.pi * frequency_hz
+    return ArmModel(inertia, constants.L0 / constants.g, 2.0 * damping_ratio * inertia * speed, inertia * speed * speed)
+
+
+def propose(recorded: Recorded) -> list[dict[str, float]] | None:
+    """None of its frequencies where every arm was seen to stand still, else all of the grid."""
+    return [] if all(moves is False for moves in recorded.arm_moves) else None
+
+
+def longest_step(params: Params, *, per_period: float = 40.0, finest_s: float = 6.25e-4) -> float:
+    """40 steps to a period of the arm, which it needs to vibrate as it would; no finer than a quarter of 2.5 ms."""
+    return max(1.0 / (per_period * params["frequency_hz"]), finest_s)
 
 
 ARM_COMPLIANCE = Effect(
     name="arm_compliance",
+    words="arm that gives",
     equation=(
         "the three-coordinate equation of `dpr_lab.dynamics.arm` with theta0 on a spring: A = L0^2 / coupling (inertia"
         " of the arm with all masses at its tip), k0 = A (2 pi f)^2, c0 = 2 zeta A 2 pi f; held fast before the release"
     ),
     parameters=(
         EffectParameter("coupling_per_kg", "1/kg", 0.1, "positive"),
-        shape("frequency_hz", "Hz", 8.0, tuple(round(2.0 * 15.0 ** (k / 48.0), 4) for k in range(49))),
-        shape("damping_ratio", "1", 0.05, (0.02, 0.05, 0.12, 0.3)),
+        shape(
+            "frequency_hz",
+            "Hz",
+            8.0,
+            tuple(round(2.0 * 15.0 ** (k / 48.0), 4) for k in range(49)),
+            draw=(2.0, 20.0),
+            continuous=True,
+        ),
+        shape("damping_ratio", "1", 0.05, (0.02, 0.05, 0.12, 0.3), draw=(0.02, 0.3), continuous=True),
     ),
     site="base",
     stage="arm",
     kernel=compliant,
+    exported=lambda params: {"arm": True},
+    internal=(InternalState("angle", "rad"), InternalState("speed", "rad/s")),
+    propose=propose,
+    longest_step=longest_step,
     bench_check=(
         "Read the arm's encoder while the rods swing, clamp the arm to the table and repeat; tap the arm with the rods"
         " at rest and look for its frequency."

@@ -1,26 +1,27 @@
 """Play between joint 2 and its encoder: a loose coupling or a worn key."""
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import Effect, EffectParameter
-from dpr_lab.kernels import njit
+from dpr_lab.effects.effect import Effect, EffectParameter, InternalState
+from dpr_lab.kernels import inlined
 
 
-@njit
-def play(angle: float, held: float, vector: NDArray[np.float64], at: int) -> float:
-    """The angle that the encoder holds, dragged along once the joint has crossed the play vector[at], rad."""
-    half = 0.5 * abs(vector[at])
+@inlined
+def play(angle: float, held: float, play_rad: float) -> float:
+    """The angle that the encoder holds, dragged along once the joint has crossed the play, rad."""
+    half = 0.5 * abs(play_rad)
     return min(max(held, angle - half), angle + half)
 
 
 BACKLASH_JOINT2 = Effect(
     name="backlash_joint2",
+    words="play of the encoder, joint 2",
     equation="encoder 2 reads h, which stays until |q2 - h| = x / 2 and is then dragged along",
     parameters=(EffectParameter("play_rad", "rad", 5e-3, "positive"),),
     site="sensor",
     stage="play",
     kernel=play,
+    joints=(1,),
+    internal=(InternalState("lag", "rad"),),
+    hides_step=lambda params: params["play_rad"],
     bench_check="Hold the outer rod and turn the encoder's shaft by hand: play is felt, and read off the counts.",
     source="Play operator: Visintin (1994), Differential Models of Hysteresis, ch. III.",
 )

@@ -1,21 +1,18 @@
 """A device clock that runs fast or slow."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dpr_lab.effects.effect import Effect, EffectParameter
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import inlined
 
 
-@njit
-def fast(t: float, vector: NDArray[np.float64], at: int) -> tuple[float, float]:
-    """True time less device time at the device time t, s, for a clock that runs by vector[at] too fast."""
-    shift = t / (1.0 + vector[at]) - t
-    return shift, shift
+@inlined
+def fast(t: float, excess: float) -> float:
+    """True time less device time at the device time t, s, for a clock that runs by the excess too fast."""
+    return t / (1.0 + excess) - t
 
 
 CLOCK_RATE = Effect(
     name="clock_rate",
+    words="rate of the device's clock",
     equation="both encoders are read at t / (1 + x), t the device's time since the release",
     parameters=(EffectParameter("excess", "1", 1e-3),),
     site="timing",

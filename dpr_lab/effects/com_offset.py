@@ -4,35 +4,32 @@ The centroid lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot. For th
 difference angle D = t1 - t2, the kinetic energy gains p sin(D) w1 w2 and (m2 y^2 / 2) w2^2.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dpr_lab.effects.effect import Effect, EffectParameter
-from dpr_lab.effects.quantities import Known, Motion, Rods, Terms
-from dpr_lab.kernels import njit
+from dpr_lab.effects.quantities import Motion, RigConstants, Terms
+from dpr_lab.kernels import inlined
 
 
-@njit
-def inner(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
-    """tau1 = m1 g y cos(theta1) and m1 y^2 more inertia; y = vector[at], m."""
-    moment = known.m1 * vector[at]
-    return Terms(moment * vector[at], 0.0, 0.0, moment * known.g * motion.cos1, 0.0)
+@inlined
+def inner(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
+    """tau1 = m1 g y cos(theta1) and m1 y^2 more inertia; y the offset."""
+    moment = constants.m1 * offset_m
+    return Terms(moment * offset_m, 0.0, 0.0, moment * constants.g * motion.cos1, 0.0)
 
 
-@njit
-def outer(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
-    """Gravity, coupling inertia and whirl of the outer rod's centroid; y = vector[at], m."""
-    moment = known.m2 * vector[at]
+@inlined
+def outer(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
+    """Gravity, coupling inertia and whirl of the outer rod's centroid."""
+    moment = constants.m2 * offset_m
     sin12 = motion.sin1 * motion.cos2 - motion.cos1 * motion.sin2
     cos12 = motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2
-    carried = moment * known.L1
+    carried = moment * constants.L1
     whirl = carried * cos12
     return Terms(
         0.0,
-        moment * vector[at],
+        moment * offset_m,
         carried * sin12,
         whirl * motion.omega2 * motion.omega2,
-        moment * known.g * motion.cos2 - whirl * motion.omega1 * motion.omega1,
+        moment * constants.g * motion.cos2 - whirl * motion.omega1 * motion.omega1,
     )
 
 
@@ -40,11 +37,14 @@ _SOURCE = "Lagrange's equations of a rod whose centroid lies beside the line of 
 
 COM_OFFSET_LINK1 = Effect(
     name="com_offset_link1",
+    words="centroid off the axis, inner rod",
     equation="tau1 = m1 g y cos(theta1), M11 = a + m1 y^2",
     parameters=(EffectParameter("offset_m", "m", 2e-3),),
     site="geometry",
     stage="torque",
     kernel=inner,
+    exported=lambda params: {"offset": params["offset_m"]},
+    joints=(0,),
     twins=("detent_joint1",),
     bench_check=(
         "Hang the inner rod alone and compare where it rests with a plumb line. Clamp a known mass on its axis and"
@@ -56,6 +56,7 @@ COM_OFFSET_LINK1 = Effect(
 
 COM_OFFSET_LINK2 = Effect(
     name="com_offset_link2",
+    words="centroid off the axis, outer rod",
     equation=(
         "M12 = d cos(D) + p sin(D), M22 = b + m2 y^2, tau1 = p cos(D) omega2^2,"
         " tau2 = m2 g y cos(theta2) - p cos(D) omega1^2, p = m2 L1 y, D = theta1 - theta2"
@@ -64,6 +65,8 @@ COM_OFFSET_LINK2 = Effect(
     site="geometry",
     stage="torque",
     kernel=outer,
+    exported=lambda params: {"offset": params["offset_m"]},
+    joints=(1,),
     twins=("encoder_offset_joint2",),
     bench_check=("Lay the outer rod on a knife edge along its axis: a centroid off the axis tips it to that side."),
     source=_SOURCE,

@@ -1,29 +1,26 @@
 """Dry (Coulomb) friction in a rod joint."""
 
-import math
-
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import EffectParameter
-from dpr_lab.effects.joints import pair
-from dpr_lab.effects.quantities import SMOOTHING, Joint
-from dpr_lab.kernels import njit
+from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.quantities import Joint
+from dpr_lab.kernels import inlined
 
 
-@njit
-def dry(joint: Joint, vector: NDArray[np.float64], at: int) -> float:
-    """Torque -F tanh(u / v_s) on the rod beyond the joint, N m; F = vector[at]."""
-    return -vector[at] * math.tanh(joint.speed / SMOOTHING)
+@inlined
+def dry(joint: Joint, torque_Nm: float) -> float:
+    """Torque -F sgn(u) on the rod beyond the joint, N m."""
+    return -torque_Nm * joint.direction
 
 
 COULOMB = pair(
-    dry,
     "coulomb",
+    words="dry friction, joint {j}",
+    kernel=dry,
+    exported=lambda params: {"friction": params["torque_Nm"]},
     twins=("hysteresis",),
-    equation="tau = -F tanh(u / 0.02 rad/s) with u the speed of joint {j}",
+    equation="tau = -F sgn(u) with u the speed of joint {j}; at rest whatever holds it, up to F",
     parameters=(EffectParameter("torque_Nm", "N m", 1e-3, "positive"),),
     stage="torque",
+    dry=True,
     dissipative=True,
     bench_check=(
         "Let joint {j} alone swing by a few degrees until it rests: under dry friction the peaks fall along a straight"
@@ -31,7 +28,6 @@ COULOMB = pair(
     ),
     source=(
         "Armstrong-Helouvry, Dupont & Canudas de Wit (1994), A survey of models, analysis tools and compensation"
-        " methods for the control of machines with friction, Automatica 30(7), 1083-1138; the tanh instead of the jump"
-        " is ours."
+        " methods for the control of machines with friction, Automatica 30(7), 1083-1138."
     ),
 )

@@ -3,34 +3,39 @@
 import math
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import EffectParameter, shape
-from dpr_lab.effects.joints import pair
+from dpr_lab.effects.effect import EffectParameter, Params, Words, pair, shape
+from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import Joint
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import inlined
 
 
-@njit
-def cogging(joint: Joint, vector: NDArray[np.float64], at: int) -> float:
-    """Torque on the rod beyond the joint, N m: two harmonics of the order vector[at + 4]."""
-    phase = vector[at + 4] * joint.angle
-    cos, sin = math.cos(phase), math.sin(phase)
-    first = vector[at] * cos + vector[at + 1] * sin
-    return first + vector[at + 2] * (cos * cos - sin * sin) + vector[at + 3] * 2.0 * sin * cos
+@inlined
+def cogging(joint: Joint, cos1_Nm: float, sin1_Nm: float, cos2_Nm: float, sin2_Nm: float, order: float) -> float:
+    """Torque on the rod beyond the joint, N m: two harmonics of the order."""
+    phase = order * joint.angle
+    sin, cos = sincos(phase)
+    first = cos1_Nm * cos + sin1_Nm * sin
+    return first + cos2_Nm * (cos * cos - sin * sin) + sin2_Nm * 2.0 * sin * cos
+
+
+def harmonics(params: Params) -> Words:
+    """A cos(N q) + B sin(N q) = sqrt(A^2 + B^2) sin(N q + atan2(A, B)), of both harmonics."""
+    waves = [(k, params.get(f"cos{k}_Nm", 0.0), params.get(f"sin{k}_Nm", 0.0)) for k in (1, 2)]
+    return {"cogging": [(math.hypot(A, B), k * params["order"], math.atan2(A, B)) for k, A, B in waves if A or B]}
 
 
 _JOINT1, DETENT_JOINT2 = pair(
-    cogging,
     "detent",
+    words="magnetic detent, joint {j}",
+    kernel=cogging,
+    exported=harmonics,
     equation="tau = A1 cos(N q) + B1 sin(N q) + A2 cos(2 N q) + B2 sin(2 N q) with q the angle of joint {j}",
     parameters=(
         EffectParameter("cos1_Nm", "N m", 1e-3),
         EffectParameter("sin1_Nm", "N m", 1e-3),
         EffectParameter("cos2_Nm", "N m", 3e-4),
         EffectParameter("sin2_Nm", "N m", 3e-4),
-        shape("order", "1", 12.0, tuple(float(order) for order in range(1, 41))),
+        shape("order", "1", 12.0, tuple(float(order) for order in range(1, 41)), draw=(3.0, 24.0), whole=True),
     ),
     stage="torque",
     potential=True,

@@ -1,24 +1,33 @@
 """What an effect is: a physical cause of a difference between simulation and rig, as data and one kernel."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 Stage = Literal["torque", "load", "arm", "timing", "encoder", "play"]
-"""Where in the chain from forces to counts the kernel is called, and with what (`dpr_lab.effects.quantities`).
+"""Where in the chain from forces to counts the kernel is called, and what it may ask for by the names of its arguments.
 
-    torque   (motion, rods, known, vector, at) -> Terms           what moves the rods
-    load     the same, once more with the joint forces known      friction that follows the load
-    arm      (known, vector, at) -> Mount                         what holds the arm
-    timing   (t, vector, at) -> (shift1, shift2)                  s added to the instants at which joints are read
-    encoder  (angle1, angle2, t, run, known, vector, at) -> (added1, added2)    rad added to what encoders read
-    play     (angle, held, vector, at) -> held                    angle that the encoder of joint 2 still holds
+    stage     may ask for                      returns
+    torque    joint                            torque of its joint on the rod beyond, N m: what moves the rods
+              motion, base, constants          Terms
+    load      the same, joint forces known     the same: friction that follows the load
+    arm       constants                        ArmModel: what holds the arm
+    timing    t                                s added to the instant at which each of `joints` is read
+    encoder   encoder                          rad added to what the encoder of each of `joints` reads
+    play      angle, held                      angle that the encoder of joint 2 still holds, rad
 
-`vector` holds the parameters of all effects and `at` is the place of this effect's first one. A kernel is called only
-while one of its amplitudes is not zero.
+The quantities are those of `dpr_lab.effects.quantities`. After them a kernel takes its effect's internal states and
+parameters, each by its name. It is called only while one of the effect's amplitudes is not zero.
 """
 
 Site = Literal["joint torque", "geometry", "base", "sensor", "timing"]
+
+Params = Mapping[str, float]
+"""Parameters of one effect by name, SI."""
+
+Shape = tuple[tuple[int, float], ...]
+"""Shape parameters as (index in the flat vector, value)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +49,84 @@ class EffectParameter:
     """What a shape parameter is while nobody says otherwise; zero for an amplitude."""
     scan: tuple[float, ...] = ()
     """Values of a shape parameter to try before refining; empty: those that the recording offers (runs, instants)."""
+    draw: tuple[float, float] | None = None
+    """Range from which a blind trial draws a shape parameter; None: a third of its default to three times it."""
+    whole: bool = False
+    """Only whole values are physical; of an amplitude none below one in size."""
+    one_way: bool = False
+    """Blind trials draw this amplitude positive though either sign is physical: the other would drive the rods."""
+    continuous: bool = False
+    """Whether a shape parameter is refined after its scan; orders and instants are not."""
+    most: float = math.inf
+    """Largest size of an amplitude that any rig could have, in `unit`: beyond it the cause is another."""
 
 
-def shape(name: str, unit: str, default: float, scan: tuple[float, ...] = ()) -> EffectParameter:
+def shape(
+    name: str,
+    unit: str,
+    default: float,
+    scan: tuple[float, ...] = (),
+    draw: tuple[float, float] | None = None,
+    *,
+    whole: bool = False,
+    continuous: bool = False,
+) -> EffectParameter:
     """A shape parameter, positive, whose typical size is its default."""
-    return EffectParameter(name, unit, default, "positive", "shape", default, scan)
+    return EffectParameter(
+        name,
+        unit,
+        default,
+        "positive",
+        "shape",
+        default,
+        scan,
+        draw=draw,
+        whole=whole,
+        continuous=continuous,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class InternalState:
+    """What an effect remembers of the swing so far."""
+
+    name: str
+    """The argument by which kernels ask for its value, at the start of the step."""
+    unit: str
+    at_release: float = 0.0
+    after: Callable[..., float] | None = None
+    """Its transition over a turn of the effect's joint one way: a kernel that may ask for the state, `displacement`
+    (rad) and parameters. None where the stage says what becomes of it: a play is its own transition, and an arm moves
+    by the equation of the whole rig."""
+    sliding: Callable[[float], float] | None = None
+    """Kernel for its value in a run that is first seen after the release, from the joint's speed, rad/s. None: as at
+    the release."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What the recordings offer for shape parameters that no grid can hold."""
+
+    arm_moves: tuple[bool | None, ...]
+    """By run: whether encoder 0 saw the arm move; None where it was not read."""
+    steps: Callable[[], list[tuple[int, int, float]]]
+    """Joint (0 or 1), run and instant (s) of the steps that the readings speak for, the best first."""
+
+
+Words = Mapping[str, Any]
+"""An effect in the words that programs for rigid bodies share; each belongs to the effect's joint or rod, SI.
+
+    friction                 dry friction, N m
+    stiffness, rest_angle    a linear spring, N m/rad, and where it rests, rad from hanging straight
+    armature                 inertia that turns with the joint, kg m^2
+    cogging                  (amplitude N m, poles, phase rad) of each torque amplitude sin(poles q + phase)
+    presliding               (torque N m, length rad) of friction that gives way like a spring first
+    offset                   of the rod's centroid across the rod, m
+    added_length             how much longer the inner rod is than was measured, m
+    tilt                     of gravity in the plane of the rods, rad
+    arm                      True: the arm is free on what `arm_model` says
+    encoder_offset, encoder_scale    what the joint's encoder adds, rad, and its excess over the angle from hanging
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +134,8 @@ class Effect:
     """One physical effect."""
 
     name: str
+    words: str
+    """What it is to a person who reads it: `dry friction, joint 1`."""
     equation: str
     """What it adds, in the words of `physics.md`: torques on theta1, theta2, or changes of what is read."""
     parameters: tuple[EffectParameter, ...]
@@ -61,16 +145,37 @@ class Effect:
     bench_check: str
     """What to do at the rig to confirm it, or to tell it from its twins."""
     source: str
+    joints: tuple[int, ...] = (0, 1)
+    """The joints (0, 1) whose angle and speed it may depend on; both where it belongs to none."""
+    internal: tuple[InternalState, ...] = ()
     dissipative: bool = False
     """Whether it can only take energy out of the rods (presliding gives back no more than it has stored)."""
+    dry: bool = False
+    """Whether its torque is that of sliding, proportional to `Joint.direction` beside what it makes of the speed: at
+    rest it transmits whatever keeps the joint at rest, up to its torque at speed zero."""
     potential: bool = False
     """Whether its torque is a function of the joint's angle alone."""
+    event: bool = False
+    """Whether it happens once in one recording and is no property of the rig."""
     twins: tuple[str, ...] = ()
     """Effects that free swings tell from this one not at all or hardly."""
     nested: tuple[str, ...] = ()
     """Simpler effects to prefer when they explain as much."""
     absorbed_by: tuple[str, ...] = ()
     """Base parameters that take this effect up exactly, so that a free swing cannot show it."""
+    corrects: str = ""
+    """What of a rig file it corrects: where the file says how unsure that is (`Rig.unsure`), it is always fitted."""
+    propose: Callable[[Recorded], list[dict[str, float]] | None] | None = None
+    """Shape parameters worth trying on these recordings, by name; none of them: []; the grid of `scan`: None."""
+    longest_step: Callable[[Params], float] | None = None
+    """Longest step, s, by which it can be integrated; None: any that the rods allow."""
+    hides_step: Callable[[Params], float] | None = None
+    """Step of joint 2's readings, rad, up to which it explains one by itself; None: it explains none."""
+    implied: Callable[[Params], Params] | None = None
+    """What follows from the parameters and is worth saying beside them, by name; {} where nothing does."""
+    exported: Callable[[Params], Words] | None = None
+    """All of it in such words; none, or {} where these parameters have none: other programs call its kernel, or leave
+    it out."""
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
@@ -81,3 +186,42 @@ class Effect:
     def shapes(self) -> tuple[EffectParameter, ...]:
         """The parameters that say how, not how much."""
         return tuple(parameter for parameter in self.parameters if parameter.role == "shape")
+
+
+def pair(
+    family: str,
+    *,
+    words: str,
+    equation: str,
+    bench_check: str,
+    nested: tuple[str, ...] = (),
+    twins: tuple[str, ...] = (),
+    site: Site = "joint torque",
+    **fields: Any,
+) -> list[Effect]:
+    """The same effect at either joint: FAMILY_joint1 and FAMILY_joint2.
+
+    Args:
+        family: name without the joint
+        words: {j} in them stands for the number of the joint
+        equation: likewise
+        bench_check: likewise
+        nested: families of simpler effects at the same joint
+        twins: families of effects at the same joint that look alike
+        site: as of `Effect`
+        fields: the other fields of `Effect`
+    """
+    return [
+        Effect(
+            name=f"{family}_joint{j}",
+            joints=(j - 1,),
+            nested=tuple(f"{name}_joint{j}" for name in nested),
+            twins=tuple(f"{name}_joint{j}" for name in twins),
+            site=site,
+            words=words.replace("{j}", str(j)),
+            equation=equation.replace("{j}", str(j)),
+            bench_check=bench_check.replace("{j}", str(j)),
+            **fields,
+        )
+        for j in (1, 2)
+    ]

@@ -1,65 +1,64 @@
 """An encoder disc or magnet that sits off centre or tilted: an error that repeats with every turn."""
 
-import math
-
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import Effect, EffectParameter
-from dpr_lab.effects.quantities import Known
-from dpr_lab.kernels import njit
-
-HARMONICS = 6
+from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.elementary import sincos
+from dpr_lab.effects.quantities import EncoderReading
+from dpr_lab.kernels import inlined
 
 
-@njit
-def eccentric(angle: float, vector: NDArray[np.float64], at: int) -> float:
-    """Sum over k of A_k cos(k q) + B_k sin(k q), rad; A_k, B_k = vector[at + 2 k - 2], vector[at + 2 k - 1]."""
-    cos, sin = math.cos(angle), math.sin(angle)
+@inlined
+def eccentric(
+    encoder: EncoderReading,
+    cos1_rad: float,
+    sin1_rad: float,
+    cos2_rad: float,
+    sin2_rad: float,
+    cos3_rad: float,
+    sin3_rad: float,
+    cos4_rad: float,
+    sin4_rad: float,
+    cos5_rad: float,
+    sin5_rad: float,
+    cos6_rad: float,
+    sin6_rad: float,
+) -> float:
+    """Sum over k of A_k cos(k q) + B_k sin(k q), rad."""
+    sin, cos = sincos(encoder.angle)
     cos_k, sin_k, error = 1.0, 0.0, 0.0
-    for k in range(HARMONICS):
+    for A, B in (
+        (cos1_rad, sin1_rad),
+        (cos2_rad, sin2_rad),
+        (cos3_rad, sin3_rad),
+        (cos4_rad, sin4_rad),
+        (cos5_rad, sin5_rad),
+        (cos6_rad, sin6_rad),
+    ):
         cos_k, sin_k = cos_k * cos - sin_k * sin, sin_k * cos + cos_k * sin
-        error += vector[at + 2 * k] * cos_k + vector[at + 2 * k + 1] * sin_k
+        error += A * cos_k + B * sin_k
     return error
 
 
-@njit
-def eccentric1(
-    angle1: float, angle2: float, t: float, run: int, known: Known, vector: NDArray[np.float64], at: int
-) -> tuple[float, float]:
-    """What encoder 1 reads too much."""
-    return eccentric(angle1, vector, at), 0.0
+LARGEST_RAD = 0.1
+"""Of a disc a tenth of its radius off centre; of higher orders the less."""
 
-
-@njit
-def eccentric2(
-    angle1: float, angle2: float, t: float, run: int, known: Known, vector: NDArray[np.float64], at: int
-) -> tuple[float, float]:
-    """What encoder 2 reads too much."""
-    return 0.0, eccentric(angle2, vector, at)
-
-
-_PARAMETERS = tuple(
-    EffectParameter(f"{wave}{k}_rad", "rad", 3e-3 / k) for k in range(1, HARMONICS + 1) for wave in ("cos", "sin")
-)
-_SOURCE = (
-    "Eccentricity gives one cycle a turn and an oval track two: Synapticon Circulo encoder manual; 0.1 mm at a radius"
-    " of 15 mm is 7 mrad."
-)
-
-ENCODER_ECCENTRICITY_JOINT1, ENCODER_ECCENTRICITY_JOINT2 = (
-    Effect(
-        name=f"encoder_eccentricity_joint{j}",
-        equation=f"encoder {j} reads q{j} + sum over k = 1..6 of A_k cos(k q{j}) + B_k sin(k q{j})",
-        parameters=_PARAMETERS,
-        site="sensor",
-        stage="encoder",
-        kernel=kernel,
-        twins=(f"encoder_offset_joint{j}",),
-        bench_check=(
-            f"Take encoder {j} off, turn its disc or magnet by 90 degrees on its shaft and repeat: the error turns too."
-        ),
-        source=_SOURCE,
-    )
-    for j, kernel in ((1, eccentric1), (2, eccentric2))
+ENCODER_ECCENTRICITY = pair(
+    "encoder_eccentricity",
+    words="encoder off centre, joint {j}",
+    kernel=eccentric,
+    twins=("encoder_offset",),
+    equation="encoder {j} reads q{j} + sum over k = 1..6 of A_k cos(k q{j}) + B_k sin(k q{j})",
+    parameters=tuple(
+        EffectParameter(f"{wave}{k}_rad", "rad", 3e-3 / k, most=LARGEST_RAD / k)
+        for k in range(1, 7)
+        for wave in ("cos", "sin")
+    ),
+    site="sensor",
+    stage="encoder",
+    bench_check=(
+        "Take encoder {j} off, turn its disc or magnet by 90 degrees on its shaft and repeat: the error turns too."
+    ),
+    source=(
+        "Eccentricity gives one cycle a turn and an oval track two: Synapticon Circulo encoder manual; 0.1 mm at a"
+        " radius of 15 mm is 7 mrad."
+    ),
 )

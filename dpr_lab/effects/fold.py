@@ -1,11 +1,13 @@
-"""All effects of one stage as one compiled function: a zero amplitude switches an effect off, nothing is recompiled."""
+"""Effects of one stage as one compiled function: a zero amplitude switches an effect off, nothing is recompiled."""
 
-from collections.abc import Callable, Iterable
+import inspect
+import linecache
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numba
 
-from dpr_lab.effects.effect import Effect, Stage
+from dpr_lab.effects.effect import Effect
 
 
 def slices(effects: Iterable[Effect]) -> dict[str, slice]:
@@ -18,31 +20,26 @@ def slices(effects: Iterable[Effect]) -> dict[str, slice]:
     return places
 
 
-def fold(effects: Iterable[Effect], stage: Stage, signature: str, zero: Any, plus: Any) -> Callable[..., Any]:
-    """The sum of the kernels of one stage, of those effects that are on.
+def arguments(kernel: Callable[..., Any]) -> tuple[str, ...]:
+    """Names of what a kernel asks for."""
+    return tuple(inspect.signature(kernel).parameters)
+
+
+def call(kernel: str, wanted: Iterable[str], *offered: Mapping[str, str]) -> str:
+    """The source of a call that hands a kernel each argument by the first expression offered under its name."""
+    values = [next(source[name] for source in offered if name in source) for name in wanted]
+    return f"{kernel}({', '.join(values)})"
+
+
+def compiled(lines: Iterable[str], names: Mapping[str, Any]) -> Any:
+    """The function `folded` of some source lines, compiled.
 
     It is one function written out: a chain of closures that call each other costs ten times as much where all are off.
-    The disk cache cannot recognise it again; the kernels that call it are cached with its code inside.
-
-    Args:
-        effects: all effects, in the order of the vector
-        stage: which of them
-        signature: arguments that all kernels of the stage share, as in `motion, rods, known`
-        zero: the sum of none
-        plus: compiled sum of two
-
-    Returns:
-        compiled (*signature, vector, on) -> sum, with `on` of `dpr_lab.effects.switched`
+    The disk cache cannot recognise it again; the kernels that call it are cached with its code inside. `inspect` finds
+    its source.
     """
-    effects = tuple(effects)
-    names: dict[str, Any] = {"zero": zero, "plus": plus}
-    lines = [f"def folded({signature}, vector, on):", "    total = zero"]
-    for index, (effect, place) in enumerate(zip(effects, slices(effects).values(), strict=True)):
-        if effect.stage == stage:
-            names[effect.name] = effect.kernel
-            lines += [
-                f"    if on[{index}]:",
-                f"        total = plus(total, {effect.name}({signature}, vector, {place.start}))",
-            ]
-    exec("\n".join([*lines, "    return total"]), names)
-    return numba.njit(error_model="numpy", nogil=True)(names["folded"])
+    scope, source = dict(names), "\n".join(lines)
+    file = f"<{__name__} {len(linecache.cache)}>"
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    exec(compile(source, file, "exec"), scope)
+    return numba.njit(error_model="numpy", nogil=True)(scope["folded"])

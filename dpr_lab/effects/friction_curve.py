@@ -3,44 +3,54 @@
 At rest it may differ between the two directions, as a skewed seal or a preloaded bearing does.
 """
 
-import math
+from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.quantities import Joint
+from dpr_lab.kernels import inlined
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import EffectParameter
-from dpr_lab.effects.joints import pair
-from dpr_lab.effects.quantities import SMOOTHING, Joint
-from dpr_lab.kernels import njit
-
-KNOTS = (0.0, 0.3, 1.0, 3.0, 8.0)
-"""Speeds at which the curve bends, rad/s; the last lies within fast swings, where only viscous friction still grows."""
+_NAMES = ("forward", "backward", "rise1", "rise2", "rise3", "rise4")
 
 
-@njit
-def curve(joint: Joint, vector: NDArray[np.float64], at: int) -> float:
-    """Torque on the rod beyond the joint, N m: a step at rest, then one ramp between each two knots."""
-    speed = abs(joint.speed)
-    size = vector[at] if joint.speed > 0.0 else vector[at + 1]
-    for k in range(1, len(KNOTS)):
-        size += vector[at + 1 + k] * min(max((speed - KNOTS[k - 1]) / (KNOTS[k] - KNOTS[k - 1]), 0.0), 1.0)
-    return -size * math.tanh(joint.speed / SMOOTHING)
+@inlined
+def _ramp(speed: float, low: float, high: float) -> float:
+    return min(max((speed - low) / (high - low), 0.0), 1.0)
+
+
+@inlined
+def curve(
+    joint: Joint,
+    forward_Nm: float,
+    backward_Nm: float,
+    rise1_Nm: float,
+    rise2_Nm: float,
+    rise3_Nm: float,
+    rise4_Nm: float,
+) -> float:
+    """Torque on the rod beyond the joint, N m: a step at rest, then one ramp between each two speeds.
+
+    The last speed, rad/s, lies within fast swings, where only viscous friction still grows.
+    """
+    speed = joint.speed * joint.direction
+    size = forward_Nm if joint.direction > 0.0 else backward_Nm
+    size += rise1_Nm * _ramp(speed, 0.0, 0.3)
+    size += rise2_Nm * _ramp(speed, 0.3, 1.0)
+    size += rise3_Nm * _ramp(speed, 1.0, 3.0)
+    size += rise4_Nm * _ramp(speed, 3.0, 8.0)
+    return -size * joint.direction
 
 
 FRICTION_CURVE = pair(
-    curve,
     "friction_curve",
+    words="friction of any form, joint {j}",
+    kernel=curve,
     nested=("coulomb",),
     twins=("stribeck",),
     equation=(
-        "tau = -tanh(u / 0.02 rad/s) (F + sum_k rise_k ramp_k(|u|)), F = forward for u > 0 and backward for u < 0, each"
-        " ramp_k going from 0 to 1 between two of the speeds 0, 0.3, 1, 3, 8 rad/s of joint {j}"
+        "tau = -sgn(u) (F + sum_k rise_k ramp_k(|u|)), F = forward for u > 0 and backward for u < 0, each ramp_k going"
+        " from 0 to 1 between two of the speeds 0, 0.3, 1, 3, 8 rad/s of joint {j}; at rest whatever holds it, up to F"
     ),
-    parameters=tuple(
-        EffectParameter(f"{name}_Nm", "N m", 5e-4, "positive")
-        for name in ("forward", "backward", *(f"rise{k}" for k in range(1, len(KNOTS))))
-    ),
+    parameters=tuple(EffectParameter(f"{name}_Nm", "N m", 5e-4, "positive") for name in _NAMES),
     stage="torque",
+    dry=True,
     dissipative=True,
     bench_check=(
         "Drive joint {j} at constant speeds with a falling weight, or compare the decay of swings of different size:"

@@ -1,25 +1,22 @@
 """Viscous friction that changes while the rods swing: grease that warms, a seal that runs in."""
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import EffectParameter
-from dpr_lab.effects.joints import pair
+from dpr_lab.effects.effect import EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import inlined
 
 
-@njit
-def drifting(joint: Joint, vector: NDArray[np.float64], at: int) -> float:
-    """Torque -r t u on the rod beyond the joint, N m; r = vector[at], t the time since the release."""
-    return -vector[at] * joint.t * joint.speed
+@inlined
+def drifting(joint: Joint, rate_Nm_per_rad: float) -> float:
+    """Torque -r t u on the rod beyond the joint, N m; t the time since the release."""
+    return -rate_Nm_per_rad * joint.t * joint.speed
 
 
 FRICTION_DRIFT = pair(
-    drifting,
     "friction_drift",
+    words="friction that drifts, joint {j}",
+    kernel=drifting,
     equation="tau = -r t u: c{j}(t) = c{j} + r t, t the time since the release",
-    parameters=(EffectParameter("rate_Nm_per_rad", "N m/rad", 2e-5),),
+    parameters=(EffectParameter("rate_Nm_per_rad", "N m/rad", 2e-5, one_way=True),),
     stage="torque",
     bench_check=(
         "Let the rods hang for ten minutes and repeat the first release last: friction of joint {j} that drifts differs"

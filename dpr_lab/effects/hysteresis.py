@@ -1,46 +1,50 @@
 """Presliding: before it slides, a bearing or a cable gives way like a spring (Dahl)."""
 
-import math
-
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import EffectParameter, shape
-from dpr_lab.effects.joints import pair
-from dpr_lab.effects.quantities import Joint
-from dpr_lab.kernels import njit
+from dpr_lab.effects.effect import EffectParameter, InternalState, pair, shape
+from dpr_lab.effects.elementary import exp, tanh
+from dpr_lab.effects.quantities import SMOOTHING, Joint
+from dpr_lab.kernels import inlined
 
 
-@njit
-def gripped(grip: float, slip: float, length: float) -> float:
-    r"""Presliding after a turn of `slip` one way: the exact solution of Dahl's equation, stable for any step.
+@inlined
+def deflected(presliding: float, displacement: float, length_rad: float) -> float:
+    r"""Presliding after a turn one way: the exact solution of Dahl's equation, stable for any step.
 
-        dz/dx = (1 - z sgn(dx)) / length    =>    z = s + (z_0 - s) exp(-|slip| / length),    s = sgn(slip)
+        dz/dx = (1 - z sgn(dx)) / length    =>    z = s + (z_0 - s) exp(-|x| / length),    s = sgn(x)
 
     Args:
-        grip: z_0, -1 to 1
-        slip: turn since z_0, rad
-        length: turn over which the joint starts to slide, rad
+        presliding: z_0, -1 to 1
+        displacement: turn x since z_0, rad
+        length_rad: turn over which the joint starts to slide
     """
-    side = 1.0 if slip > 0.0 else -1.0
-    return side + (grip - side) * math.exp(-abs(slip) / length)
+    side = 1.0 if displacement > 0.0 else -1.0
+    return side + (presliding - side) * exp(-abs(displacement) / length_rad)
 
 
-@njit
-def dahl(joint: Joint, vector: NDArray[np.float64], at: int) -> float:
-    """Torque -F z on the rod beyond the joint, N m; F = vector[at], length = vector[at + 1]."""
-    return -vector[at] * gripped(joint.grip, joint.slip, vector[at + 1])
+@inlined
+def dahl(joint: Joint, presliding: float, torque_Nm: float, length_rad: float) -> float:
+    """Torque -F z on the rod beyond the joint, N m."""
+    return -torque_Nm * deflected(presliding, joint.displacement, length_rad)
+
+
+@inlined
+def sliding(speed: float) -> float:
+    """Presliding of a joint that has slid for long, with the sign of its speed."""
+    return tanh(speed / SMOOTHING)
 
 
 HYSTERESIS = pair(
-    dahl,
     "hysteresis",
+    words="presliding, joint {j}",
+    kernel=dahl,
+    exported=lambda params: {"presliding": (params["torque_Nm"], params["length_rad"])},
+    internal=(InternalState("presliding", "1", after=deflected, sliding=sliding),),
     nested=("coulomb",),
     twins=("coulomb",),
     equation="tau = -F z, dz/dx = (1 - z sgn(dx)) / length with x the angle of joint {j}",
     parameters=(
         EffectParameter("torque_Nm", "N m", 5e-4, "positive"),
-        shape("length_rad", "rad", 0.03, (0.01, 0.03, 0.1, 0.3)),
+        shape("length_rad", "rad", 0.03, (0.01, 0.03, 0.1, 0.3), draw=(0.01, 0.2), continuous=True),
     ),
     stage="torque",
     dissipative=True,

@@ -1,25 +1,24 @@
 """Joint 2 read later than joint 1."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dpr_lab.effects.effect import Effect, EffectParameter
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import inlined
 
 
-@njit
-def late(t: float, vector: NDArray[np.float64], at: int) -> tuple[float, float]:
-    """What is read as joint 2 at t was its angle vector[at] earlier, s."""
-    return 0.0, -vector[at]
+@inlined
+def late(delay_s: float) -> float:
+    """What is read as joint 2 at t was its angle a delay earlier, s."""
+    return -delay_s
 
 
 LATENCY_JOINT2 = Effect(
     name="latency_joint2",
+    words="late reading, joint 2",
     equation="encoder 2 reads q2(t - x), encoder 1 reads q1(t)",
     parameters=(EffectParameter("delay_s", "s", 1e-3),),
     site="timing",
     stage="timing",
     kernel=late,
+    joints=(1,),
     bench_check=(
         "Swap the two encoder cables at the board and repeat: a delay of the electronics changes sides; or latch both"
         " counters on one edge."

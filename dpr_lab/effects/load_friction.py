@@ -1,28 +1,27 @@
 """Friction that follows the force the bearing carries."""
 
-import math
-
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import EffectParameter
-from dpr_lab.effects.joints import pair
-from dpr_lab.effects.quantities import SMOOTHING, Joint
-from dpr_lab.kernels import njit
+from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.quantities import Joint
+from dpr_lab.kernels import inlined
 
 
-@njit
-def loaded(joint: Joint, vector: NDArray[np.float64], at: int) -> float:
-    """Torque -mu r |N| tanh(u / v_s) on the rod beyond the joint, N m; mu r = vector[at], |N| the joint force."""
-    return -vector[at] * joint.force * math.tanh(joint.speed / SMOOTHING)
+@inlined
+def loaded(joint: Joint, friction_radius_m: float) -> float:
+    """Torque -mu r |N| sgn(u) on the rod beyond the joint, N m; |N| the joint force."""
+    return -friction_radius_m * joint.force * joint.direction
 
 
 LOAD_FRICTION = pair(
-    loaded,
     "load_friction",
-    equation="tau = -mu r |N| tanh(u / 0.02 rad/s) with N the force that joint {j} carries and u its speed",
+    words="friction that follows the load, joint {j}",
+    kernel=loaded,
+    equation=(
+        "tau = -mu r |N| sgn(u) with N the force that joint {j} carries and u its speed; at rest whatever holds it, up"
+        " to mu r |N|"
+    ),
     parameters=(EffectParameter("friction_radius_m", "m", 1e-4, "positive"),),
     stage="load",
+    dry=True,
     dissipative=True,
     bench_check="Clamp a known mass to the rod and repeat: friction of joint {j} that follows the load grows with it.",
     source=(

@@ -2,38 +2,39 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import Effect, EffectParameter, shape
-from dpr_lab.effects.quantities import Known
-from dpr_lab.kernels import njit
+from dpr_lab.effects.effect import Effect, EffectParameter, Recorded, shape
+from dpr_lab.effects.quantities import EncoderReading
+from dpr_lab.kernels import inlined
 
 
-@njit
-def stepped(
-    angle1: float, angle2: float, t: float, run: int, known: Known, vector: NDArray[np.float64], at: int
-) -> tuple[float, float]:
-    """vector[at] counts more on joint vector[at + 1] from vector[at + 3] s on, in run vector[at + 2]."""
-    if run != round(vector[at + 2]) or t < vector[at + 3]:
-        return 0.0, 0.0
-    if round(vector[at + 1]) == 1:
-        return 2.0 * math.pi / known.counts_per_rev1 * vector[at], 0.0
-    return 0.0, 2.0 * math.pi / known.counts_per_rev2 * vector[at]
+@inlined
+def stepped(encoder: EncoderReading, counts: float, joint: float, run: float, time_s: float) -> float:
+    """So many counts more on one joint from an instant of one run on, rad."""
+    if encoder.number != round(joint) or encoder.run != round(run) or encoder.t < time_s:
+        return 0.0
+    return 2.0 * math.pi / encoder.counts_per_rev * counts
+
+
+def propose(recorded: Recorded) -> list[dict[str, float]]:
+    """Joint, run and instant of the steps that the readings speak for."""
+    return [{"joint": 1.0 + joint, "run": float(run), "time_s": t} for joint, run, t in recorded.steps()]
 
 
 MISSED_COUNTS = Effect(
     name="missed_counts",
+    words="counts that an encoder missed",
     equation="the encoder of one joint reads n counts more from an instant of one run on",
     parameters=(
-        EffectParameter("counts", "counts", 20.0),
-        shape("joint", "1", 2.0, (1.0, 2.0)),
-        EffectParameter("run", "1", 1.0, "positive", "shape"),
-        EffectParameter("time_s", "s", 5.0, "positive", "shape", 5.0),
+        EffectParameter("counts", "counts", 20.0, whole=True),
+        shape("joint", "1", 2.0, (1.0, 2.0), draw=(1.0, 2.0), whole=True),
+        EffectParameter("run", "1", 1.0, "positive", "shape", draw=(0.0, 2.0), whole=True),
+        shape("time_s", "s", 5.0, draw=(1.0, 9.0)),
     ),
     site="sensor",
     stage="encoder",
     kernel=stepped,
+    event=True,
+    propose=propose,
     bench_check=(
         "Compare the angle at which the rods hang before and after the run: it has moved by whole counts. Check shield"
         " and connector of that encoder, and that its edges stay below the counter's highest rate."

@@ -1,14 +1,15 @@
 """What kernels of effects read and return: plain tuples of numbers that compiled code passes in registers."""
 
+import math
 from typing import NamedTuple
 
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import inlined
 
 SMOOTHING = 0.02
-"""Speed below which dry friction fades linearly, rad/s: far below any swing, and still smooth for a 2.5 ms step."""
+"""Speed beyond which a joint counts as sliding where that is no matter of a law, rad/s: far below any swing."""
 
 
-class Known(NamedTuple):
+class RigConstants(NamedTuple):
     """What was measured on this rig: lengths m, gravity m/s^2, masses kg; counts per turn; how joint 2 is read.
 
     A length or mass that nobody gave is nan, and so is then whatever an effect makes of it.
@@ -27,7 +28,7 @@ class Known(NamedTuple):
     """1 where the encoder of joint 2 reads theta2 - theta1, 0 where it reads theta2."""
 
 
-class Rods(NamedTuple):
+class BaseParameters(NamedTuple):
     """Base parameters and e2 = d g / L1, absolute SI: kg m^2, N m, N m s/rad."""
 
     a: float
@@ -53,26 +54,42 @@ class Motion(NamedTuple):
     cos1: float
     sin2: float
     cos2: float
-    grip1: float
-    """Presliding of joint 1 at the start of the step, -1 to 1."""
-    grip2: float
-    slip1: float
+    displacement1: float
     """How far joint 1 has turned since the start of the step, rad."""
-    slip2: float
+    displacement2: float
     force1: float
     """Force that joint 1 carries, N; 0 outside the stage `load`."""
     force2: float
+    direction1: float
+    """Which way joint 1 slides, 1 or -1; 0 where dry friction holds it at rest, nan where there is none."""
+    direction2: float
 
 
 class Joint(NamedTuple):
-    """One joint: time s, angle rad (0 = hanging straight), speed rad/s; grip, slip and force as in `Motion`."""
+    """One joint: time s, angle rad (0 = hanging straight), speed rad/s; the rest as in `Motion`."""
 
     t: float
     angle: float
     speed: float
-    grip: float
-    slip: float
+    displacement: float
     force: float
+    direction: float
+
+
+class EncoderReading(NamedTuple):
+    """What one encoder is about to say."""
+
+    number: int
+    """1 or 2, as its joint."""
+    angle: float
+    """What it should read, rad."""
+    hanging: float
+    """What it reads where the rods hang, rad."""
+    counts_per_rev: float
+    t: float
+    """Device time since the release, s."""
+    run: int
+    """Number of the release, from 0."""
 
 
 class Terms(NamedTuple):
@@ -88,7 +105,7 @@ class Terms(NamedTuple):
 NOTHING = Terms(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-class Mount(NamedTuple):
+class ArmModel(NamedTuple):
     """The arm: inertia with all rods at its tip kg m^2, L0 / g s^2, friction N m s/rad, spring N m/rad."""
 
     inertia: float
@@ -97,13 +114,61 @@ class Mount(NamedTuple):
     stiffness: float
 
 
-@njit
+HELD_ARM = ArmModel(math.inf, 0.0, 0.0, 0.0)
+"""An arm that does not move."""
+
+
+@inlined
+def joint1(motion: Motion) -> Joint:
+    """Joint 1 in a motion of the rig."""
+    angle = motion.theta1 - math.pi
+    return Joint(motion.t, angle, motion.omega1, motion.displacement1, motion.force1, motion.direction1)
+
+
+@inlined
+def joint2(motion: Motion) -> Joint:
+    """Joint 2 in a motion of the rig."""
+    angle, speed = motion.theta2 - motion.theta1, motion.omega2 - motion.omega1
+    return Joint(motion.t, angle, speed, motion.displacement2, motion.force2, motion.direction2)
+
+
+@inlined
+def yielding(joint: Joint, push: float) -> Joint:
+    """A joint at rest that just begins to slide where a torque pushes it."""
+    return Joint(joint.t, joint.angle, 0.0, joint.displacement, joint.force, math.copysign(1.0, push))
+
+
+@inlined
+def encoder1(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
+    """The encoder of joint 1 at an absolute angle."""
+    return EncoderReading(1, angle, math.pi, constants.counts_per_rev1, t, run)
+
+
+@inlined
+def encoder2(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
+    """The encoder of joint 2 at an angle as it has it."""
+    return EncoderReading(2, angle, (1.0 - constants.relative2) * math.pi, constants.counts_per_rev2, t, run)
+
+
+@inlined
 def torques(torque1: float, torque2: float) -> Terms:
     """An effect that is nothing but generalised torques on theta1 and theta2, N m."""
     return Terms(0.0, 0.0, 0.0, torque1, torque2)
 
 
-@njit
+@inlined
+def torque_at1(torque: float) -> Terms:
+    """A torque of joint 1 on the inner rod, N m."""
+    return torques(torque, 0.0)
+
+
+@inlined
+def torque_at2(torque: float) -> Terms:
+    """A torque of joint 2 on the outer rod, whose reaction the inner rod feels, N m."""
+    return torques(-torque, torque)
+
+
+@inlined
 def plus(x: Terms, y: Terms) -> Terms:
     """The sum of two effects."""
     return Terms(x.a + y.a, x.b + y.b, x.coupling + y.coupling, x.torque1 + y.torque1, x.torque2 + y.torque2)

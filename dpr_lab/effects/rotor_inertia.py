@@ -1,34 +1,39 @@
 """A rotor that turns with a joint: motor, gear or encoder disc."""
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dpr_lab.effects.effect import Effect, EffectParameter
-from dpr_lab.effects.quantities import Known, Motion, Rods, Terms
-from dpr_lab.kernels import njit
+from dpr_lab.effects.effect import Effect, EffectParameter, Params, Words
+from dpr_lab.effects.quantities import Terms
+from dpr_lab.kernels import inlined
 
 
-@njit
-def rotor1(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
-    """Inertia J = vector[at] that turns at omega1."""
-    return Terms(vector[at], 0.0, 0.0, 0.0, 0.0)
+@inlined
+def rotor1(inertia_kgm2: float) -> Terms:
+    """Inertia J that turns at omega1."""
+    return Terms(inertia_kgm2, 0.0, 0.0, 0.0, 0.0)
 
 
-@njit
-def rotor2(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
-    """Inertia J = vector[at] that turns at omega2 - omega1: kinetic energy J (omega2 - omega1)^2 / 2."""
-    return Terms(vector[at], vector[at], -vector[at], 0.0, 0.0)
+@inlined
+def rotor2(inertia_kgm2: float) -> Terms:
+    """Inertia J that turns at omega2 - omega1: kinetic energy J (omega2 - omega1)^2 / 2."""
+    return Terms(inertia_kgm2, inertia_kgm2, -inertia_kgm2, 0.0, 0.0)
+
+
+def armature(params: Params) -> Words:
+    """Inertia that turns with the joint."""
+    return {"armature": params["inertia_kgm2"]}
 
 
 _SOURCE = "Spong, Hutchinson & Vidyasagar (2006), Robot Modeling and Control, sec. 7.5 (reflected actuator inertia)."
 
 ROTOR_INERTIA_JOINT1 = Effect(
     name="rotor_inertia_joint1",
+    words="inertia of a rotor, joint 1",
     equation="M11 = a + J",
     parameters=(EffectParameter("inertia_kgm2", "kg m^2", 1e-4, "positive"),),
     site="joint torque",
     stage="torque",
     kernel=rotor1,
+    joints=(0,),
+    exported=armature,
     absorbed_by=("a",),
     bench_check=(
         "A free swing cannot tell it from the inner rod's own inertia: take the rotor off, or swing the inner rod alone"
@@ -39,11 +44,14 @@ ROTOR_INERTIA_JOINT1 = Effect(
 
 ROTOR_INERTIA_JOINT2 = Effect(
     name="rotor_inertia_joint2",
+    words="inertia of a rotor, joint 2",
     equation="M11 = a + J, M22 = b + J, M12 = d cos(theta1 - theta2) - J",
     parameters=(EffectParameter("inertia_kgm2", "kg m^2", 1e-4, "positive"),),
     site="joint torque",
     stage="torque",
     kernel=rotor2,
+    joints=(1,),
+    exported=armature,
     bench_check=(
         "Clamp the inner rod and swing the outer one with and without what turns in joint 2 (motor, gear, disc): the"
         " period gives its inertia."

@@ -1,28 +1,60 @@
-"""A spring across a joint: a cable or a hose that is wound up."""
+"""A spring across a joint: a cable or a hose that is wound up, with its own angle of rest."""
 
-import numpy as np
-from numpy.typing import NDArray
+import math
 
-from dpr_lab.effects.effect import EffectParameter
-from dpr_lab.effects.joints import pair
+from dpr_lab.effects.effect import EffectParameter, Params, Words, pair
 from dpr_lab.effects.quantities import Joint
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import inlined
 
 
-@njit
-def elastic(joint: Joint, vector: NDArray[np.float64], at: int) -> float:
-    """Torque -(k q + k3 q^3) on the rod beyond the joint, N m; k = vector[at], k3 = vector[at + 1]."""
-    return -(vector[at] + vector[at + 1] * joint.angle * joint.angle) * joint.angle
+@inlined
+def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float, constant_Nm: float) -> float:
+    """Torque C - k q - k3 q^3 on the rod beyond the joint, N m.
 
+    A spring -K (q - q0) - K3 (q - q0)^3 has C = K q0 + K3 q0^3, k = K + 3 K3 q0^2 and k3 = K3; the rest of it,
+    3 K3 q0 q^2, is left out, so that all amplitudes stay linear. A twisted hose is C alone.
+    """
+    return constant_Nm - (stiffness_Nm_per_rad + cubic_Nm_per_rad3 * joint.angle * joint.angle) * joint.angle
+
+
+def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 20) -> Params:
+    """The angle, rad from hanging straight, at which the spring exerts nothing; none beyond half a turn.
+
+    By Newton's rule from C / k; farther away the torque is as good as constant.
+    """
+    k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
+    q = constant / k if k > 0.0 else math.inf
+    for _ in range(iterations if abs(q) <= most_rad else 0):
+        slope = k + 3.0 * cubic * q * q
+        q = q - (k * q + cubic * q**3 - constant) / slope if slope > 0.0 else math.inf
+    return {"rest_angle_rad": q} if abs(q) <= most_rad else {}
+
+
+def linear(params: Params) -> Words:
+    """Stiffness and angle of rest of a spring without a cubic term that rests somewhere."""
+    rest = rest_angle(params)
+    if params.get("cubic_Nm_per_rad3", 0.0) or not rest:
+        return {}
+    return {"stiffness": params["stiffness_Nm_per_rad"], "rest_angle": rest["rest_angle_rad"]}
+
+
+_NAMES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3", "constant_Nm")
 
 SPRING = pair(
-    elastic,
     "spring",
+    words="spring of a cable, joint {j}",
+    kernel=elastic,
+    implied=rest_angle,
+    exported=linear,
     twins=("encoder_scale",),
-    equation="tau = -(k q + k3 q^3) with q the angle of joint {j} from hanging straight, turns included",
+    equation=(
+        "tau = C - k q - k3 q^3 with q the angle of joint {j} from hanging straight, turns included; at rest where that"
+        " is zero"
+    ),
     parameters=(
         EffectParameter("stiffness_Nm_per_rad", "N m/rad", 1e-3, "positive"),
-        EffectParameter("cubic_Nm_per_rad3", "N m/rad^3", 2e-5),
+        EffectParameter("cubic_Nm_per_rad3", "N m/rad^3", 2e-5, one_way=True),
+        EffectParameter("constant_Nm", "N m", 4e-4),
     ),
     stage="torque",
     potential=True,

@@ -1,26 +1,25 @@
 """Viscous friction of the outer rod against the room instead of against the inner rod."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dpr_lab.effects.effect import Effect, EffectParameter
-from dpr_lab.effects.quantities import Known, Motion, Rods, Terms, torques
-from dpr_lab.kernels import njit
+from dpr_lab.effects.quantities import Motion, Terms, torques
+from dpr_lab.kernels import inlined
 
 
-@njit
-def viscous_ground(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
-    """tau2 = -c omega2, N m; c = vector[at]."""
-    return torques(0.0, -vector[at] * motion.omega2)
+@inlined
+def viscous_ground(motion: Motion, friction_Nms: float) -> Terms:
+    """tau2 = -c omega2, N m."""
+    return torques(0.0, -friction_Nms * motion.omega2)
 
 
 VISCOUS_GROUND = Effect(
     name="viscous_ground_link2",
+    words="viscous friction against the room, outer rod",
     equation="tau2 = -c omega2",
     parameters=(EffectParameter("friction_Nms", "N m s/rad", 1e-4, "positive"),),
     site="joint torque",
     stage="torque",
     kernel=viscous_ground,
+    joints=(1,),
     dissipative=True,
     twins=("air_drag_outer", "air_drag_both"),
     bench_check=(

@@ -1,27 +1,27 @@
 """An inner rod that is longer than was measured."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dpr_lab.effects.effect import Effect, EffectParameter
-from dpr_lab.effects.quantities import Known, Motion, Rods, Terms, torques
-from dpr_lab.kernels import njit
+from dpr_lab.effects.quantities import BaseParameters, Motion, RigConstants, Terms, torques
+from dpr_lab.kernels import inlined
 
 
-@njit
-def longer(motion: Motion, rods: Rods, known: Known, vector: NDArray[np.float64], at: int) -> Terms:
-    """e2 = d g / (L1 + x) in place of d g / L1; x = vector[at], m. The base parameters take up all else."""
-    return torques(0.0, rods.e2 * (known.L1 / (known.L1 + vector[at]) - 1.0) * motion.sin2)
+@inlined
+def longer(motion: Motion, base: BaseParameters, constants: RigConstants, added_m: float) -> Terms:
+    """e2 = d g / (L1 + x) in place of d g / L1. The base parameters take up all else."""
+    return torques(0.0, base.e2 * (constants.L1 / (constants.L1 + added_m) - 1.0) * motion.sin2)
 
 
 WRONG_LENGTH = Effect(
     name="wrong_length_L1",
+    words="wrong length, inner rod",
     equation="e2 = d g / (L1 + x) in place of e2 = d g / L1",
     parameters=(EffectParameter("added_m", "m", 2e-3),),
     site="geometry",
     stage="torque",
     kernel=longer,
+    exported=lambda params: {"added_length": params["added_m"]},
     twins=("clock_rate",),
+    corrects="L1",
     bench_check=(
         "Measure L1 between the axes of the joints with a calliper and look up the local gravity; a crystal is off by"
         " 0.01 % at most, so that an error above that is the length (or gravity)."

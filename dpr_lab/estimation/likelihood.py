@@ -5,10 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.estimation.chain import CHAIN, SAME_INTERVAL, fill_chain
 from dpr_lab.kernels import njit
-
-CHAIN = 4
-"""States of one rod: theta, omega, alpha, jerk."""
 
 
 @njit
@@ -33,9 +31,10 @@ def log_likelihood(
     total, interval = 0.0, 0.0
     for k in range(len(t)):
         if k:
-            if abs(t[k] - t[k - 1] - interval) > 1e-8 * interval:
+            if abs(t[k] - t[k - 1] - interval) > SAME_INTERVAL * interval:
                 interval = t[k] - t[k - 1]
-                _fill(interval, snap, f, Q)
+                fill_chain(interval, f, Q)
+                Q *= snap
             _predict(x, P, f, Q, work)
         variance = P[0, 0] + 1.0
         innovation = theta[k] - x[0]
@@ -43,18 +42,6 @@ def log_likelihood(
         if k >= CHAIN:
             total -= 0.5 * (math.log(variance) + innovation * innovation / variance)
     return total
-
-
-@njit
-def _fill(interval: float, snap: float, f: NDArray[np.float64], Q: NDArray[np.float64]) -> None:
-    """Transition and process noise of one chain over an interval, in place."""
-    for i in range(CHAIN):
-        for j in range(CHAIN):
-            left, right = CHAIN - 1 - i, CHAIN - 1 - j
-            power = left + right + 1
-            Q[i, j] = snap * interval**power / (math.gamma(left + 1.0) * math.gamma(right + 1.0) * power)
-            if j > i:
-                f[i, j] = interval ** (j - i) / math.gamma(j - i + 1.0)
 
 
 @njit

@@ -9,19 +9,35 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
+from dpr_lab.fitting.robust import NORMAL_MAD
+from dpr_lab.joint_angles import JointAngles
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
-REST_SAMPLES = 100
-"""Fewest samples of rest that are trusted: they give the standard deviation to 7 %."""
+NORMAL_Q90 = 1.6448536269514722
+"""Of a normal variable's absolute value nine of ten lie below so many standard deviations."""
 
 ORDER = 6
 """Order of the differences: a 5 Hz swing read at 200 Hz then leaks less than 1e-6 rad into them."""
 
-ROUNDING = 1e-9
-"""Deviation below which a table of angles has no noise, only rounding, rad."""
 
-_MAD = 1.482602218505602  # standard deviation of a normal over its median absolute deviation
+@dataclass(frozen=True, slots=True)
+class NoiseSettings:
+    """What a noise floor is trusted on."""
+
+    rest_samples: int = 100
+    """Fewest samples of rest: they give the standard deviation to 7 %."""
+    rounding_rad: float = 1e-9
+    """Deviation below which a table of angles has no noise, only rounding."""
+    correlated: float = 4.0
+    """Standard errors of an autocorrelation from which readings at rest share their errors."""
+    most_alike: float = 0.98
+    """Autocorrelation that counts at most: a hand that holds a rod trembles slowly, and is no noise of reading."""
+    wild: float = 8.0
+    """Deviations, by the quantile that nine of ten keep to, beyond which a reading at rest is a logger's fault."""
+
+
+SETTINGS = NoiseSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +48,17 @@ class NoiseFloor:
     """(2,) joint 1 and joint 2 as its encoder sees it (relative to rod 1, or absolute), rad."""
     source: Literal["rest", "differences", "quantisation"]
     """What it was measured on: the rest before the release, the swing itself, or only the size of a count."""
-    covariance: NDArray[np.float64]
-    """(2, 2) of (theta1, theta2), rad^2; a relative joint 2 makes them correlated."""
+    joints: JointAngles
+    """Where the encoder of joint 2 sits."""
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(2, 2) of (theta1, theta2), J diag(std_joint^2) J^T with J from joint to absolute angles, rad^2.
+
+        A relative joint 2 makes them correlated.
+        """
+        J = self.joints.to_rods_matrix
+        return J @ np.diag(self.std_joint**2) @ J.T
 
     @property
     def whitening(self) -> NDArray[np.float64]:
@@ -41,32 +66,26 @@ class NoiseFloor:
         return np.linalg.inv(np.linalg.cholesky(self.covariance)).astype(np.float64)
 
 
-def noise_covariance(run: Run, rig: Rig) -> NDArray[np.float64]:
-    """(2, 2) covariance of the recorded (theta1, theta2), rad^2; see `noise_floor`."""
-    return noise_floor(run, rig).covariance
-
-
 def noise_floor(run: Run, rig: Rig) -> NoiseFloor:
     """Noise of a recording.
 
     Measured on the rest before the release where there is enough of it, else on high-order differences of the swing;
-    never less than quantisation, count / sqrt(12), for a recording in counts. With J from joint to absolute angles,
-
-        covariance = J diag(std_joint^2) J^T,    J = [[1, 0], [1, 1]] for a relative joint 2, else the identity.
+    never less than quantisation, count / sqrt(12), for a recording in counts.
 
     Raises:
         RunError: too few samples to tell.
     """
     quantised = np.abs(rig.radians_per_count[1:]) / math.sqrt(12)
     source: Literal["rest", "differences"]
-    if len(run.rest) >= REST_SAMPLES:
-        source, std = "rest", _rest_std(run.t[run.t < 0], _joints(run.rest, rig))
+    joints = rig.encoders.joint_angles
+    if len(run.rest) >= SETTINGS.rest_samples:
+        source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]))
     else:
-        source, std = "differences", difference_std(run.t, _joints(run.theta, rig))
+        source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
     # A table of angles need not come from the rig's own encoders; only a noiseless one falls back on them.
-    floor = quantised if run.counts is not None else np.where(std > ROUNDING, 0.0, quantised)
+    floor = quantised if run.counts is not None else np.where(std > SETTINGS.rounding_rad, 0.0, quantised)
     std_joint = np.maximum(std, floor)
-    return NoiseFloor(std_joint, source if (std > floor).any() else "quantisation", _covariance(std_joint, rig))
+    return NoiseFloor(std_joint, source if (std > floor).any() else "quantisation", joints)
 
 
 def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -98,24 +117,41 @@ def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArr
     weights = 1 / np.prod(apart + np.eye(ORDER + 1), axis=2)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     neighbours = sliding_window_view(values, ORDER + 1, axis=0)[dense]
-    return _MAD * np.median(np.abs(np.einsum("kmj,kj->km", neighbours, weights)), axis=0)
+    median = np.median(np.abs(np.einsum("kmj,kj->km", neighbours, weights)), axis=0)
+    return NORMAL_MAD * median
 
 
-def _joints(theta: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
-    """(n, 2) what the two rod encoders see, from (n, 3) absolute angles."""
-    rods = theta[:, 1:].copy()
-    if rig.encoders.joint2 == "relative":
-        rods[:, 1] -= rods[:, 0]
-    return rods
+def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> NDArray[np.float64]:
+    """(2,) autocorrelation of the errors of joint 1 and 2 at rest, so many samples apart; 0 where none is to be seen.
+
+    White noise has one of 0 +- 1 / sqrt(n), a tracker or a filter leaves one.
+    """
+    rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
+    if len(rest) < max(SETTINGS.rest_samples, 2 * apart):
+        return np.zeros(2)
+    t = run.t[run.t < 0]
+    away = _away(np.vander(t - t.mean(), 2), rest, np.ones(len(rest), dtype=bool))
+    alike = (away[apart:] * away[:-apart]).mean(axis=0) / np.maximum((away**2).mean(axis=0), SETTINGS.rounding_rad**2)
+    return np.where(alike > SETTINGS.correlated / np.sqrt(len(rest)), np.clip(alike, 0.0, SETTINGS.most_alike), 0.0)
 
 
 def _rest_std(t: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Deviation about a straight line: a hand-held rod drifts a little."""
+    """Deviation about a straight line: a hand-held rod drifts a little. Single wild readings do not count."""
     line = np.vander(t - t.mean(), 2)
-    coefficients, *_ = np.linalg.lstsq(line, joints, rcond=None)
-    return np.sqrt(((joints - line @ coefficients) ** 2).sum(axis=0) / (len(t) - 2))
+    return np.array([_about(line, joint) for joint in joints.T])
 
 
-def _covariance(std_joint: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
-    J = np.array([[1.0, 0.0], [1.0 if rig.encoders.joint2 == "relative" else 0.0, 1.0]])
-    return J @ np.diag(std_joint**2) @ J.T
+def _about(line: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    kept = np.ones(len(values), dtype=bool)
+    away = _away(line, values, kept)
+    for _ in range(2):
+        usual = float(np.quantile(np.abs(away[kept]), 0.9)) / NORMAL_Q90
+        tame = np.abs(away) <= SETTINGS.wild * usual
+        if not usual or tame[kept].all():
+            break
+        kept, away = tame, _away(line, values, tame)
+    return float(np.sqrt((away[kept] ** 2).sum() / (kept.sum() - 2)))
+
+
+def _away(line: NDArray[np.float64], values: NDArray[np.float64], kept: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return values - line @ np.linalg.lstsq(line[kept], values[kept], rcond=None)[0]

@@ -23,27 +23,32 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.likelihood import CHAIN, log_likelihood
+from dpr_lab.estimation.chain import CHAIN, fill_chain
+from dpr_lab.estimation.likelihood import log_likelihood
 from dpr_lab.estimation.noise import NoiseFloor
+from dpr_lab.estimation.smoother import STATES, smooth_chains
 from dpr_lab.run import Run
 
-DEFAULT_SNAP = 1e8
-"""Strength for a live filter before anything was recorded, rad^2/s^7; right for rods of about 0.4 m."""
 
-DIFFUSE = np.array([1.0, 1e7, 1e7, 1e7])
-"""Variance of the first state, in filter units: the angle is as exact as the first reading, the rest unknown."""
+@dataclass(frozen=True, slots=True)
+class FilterSettings:
+    """What the filters suppose of the rods' motion."""
 
-MEMORIES = 10.0 ** np.arange(-1.0, 2.1, 0.25)
-"""Memories tried, in samples: from a wild swing at 30 Hz to a calm one at 10 kHz."""
+    live_snap: float = 1e8
+    """Process noise of a live filter before anything was recorded, rad^2/s^7; right for rods of about 0.4 m."""
+    prior: tuple[float, ...] = (1.0, 1e7, 1e7, 1e7)
+    """Variance of the first state in filter units: the angle is as exact as the first reading, the rest unknown."""
+    memories: tuple[float, float, float] = (-1.0, 2.0, 0.25)
+    """Memories tried, log10 of samples: first, last, step; from a wild swing at 30 Hz to a calm one at 10 kHz."""
+    stretch_s: float = 0.4
+    """Length over which the process noise is taken as one: a little less than half a swing of a 0.4 m rod."""
+    stretch_samples: int = 100
+    """Fewest samples of a stretch, which tell memories of up to ten samples."""
+    memories_per_stretch: int = 10
+    """A stretch cannot tell memories longer than this fraction of it."""
 
-STRETCH, STRETCH_SAMPLES = 0.4, 100
-"""Length over which the strength is taken as one: s, and at least so many samples."""
 
-MEMORIES_PER_STRETCH = 10
-"""A stretch cannot tell memories longer than this fraction of it."""
-
-_THETA, _OMEGA = [0, CHAIN], [1, CHAIN + 1]
-_FACTORIAL = np.array([math.factorial(k) for k in range(CHAIN)])
+SETTINGS = FilterSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +83,7 @@ class VelocityFilter:
         snap: process noise of each rod, rad^2/s^7
     """
 
-    def __init__(self, covariance: ArrayLike, rate_hz: float, snap: ArrayLike = DEFAULT_SNAP) -> None:
+    def __init__(self, covariance: ArrayLike, rate_hz: float, snap: ArrayLike = SETTINGS.live_snap) -> None:
         self._scale = _Scale.of(1.0 / rate_hz, np.asarray(covariance, dtype=np.float64), snap)
         self._filter: Any = None
         self._t = -math.inf
@@ -100,14 +105,14 @@ class VelocityFilter:
             self._predict(t - self._t)
         self._filter.update(scaled)
         self._t = t
-        return self._filter.x[_OMEGA] * self._scale.angle / self._scale.time
+        return self._filter.x[[1, CHAIN + 1]] * self._scale.angle / self._scale.time
 
     def _predict(self, interval: float) -> None:
         # Instants are sums of floating-point periods: equal but for rounding.
         if not math.isclose(interval, self._interval, rel_tol=1e-6):
-            scaled = np.array([interval / self._scale.time])
-            F, Q = _transitions(scaled, self._scale.snap)
-            self._interval, self._model = interval, (F[0], Q[0])
+            f, q = np.zeros((CHAIN, CHAIN)), np.empty((CHAIN, CHAIN))
+            fill_chain(interval / self._scale.time, f, q)
+            self._interval, self._model = interval, (np.kron(np.eye(2), f), np.kron(np.diag(self._scale.snap), q))
         self._filter.predict(F=self._model[0], Q=self._model[1])
 
 
@@ -126,13 +131,11 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
     strengths = tuned_snap(run, noise) if snap is None else np.asarray(snap, dtype=np.float64)
     strengths = np.array(np.broadcast_to(strengths, theta.shape))
     scale = _Scale.of(period, noise.covariance, np.exp(np.log(strengths).mean(axis=0)))
-    F, Q = _shared_transitions(np.diff(t) / scale.time, scale.scaled(strengths[1:]))
-    kalman = _kalman_filter(theta[0] / scale.angle, scale.noise)
-    means, covariances, nis = _forward(kalman, theta / scale.angle, F, Q)
-    # The filterpy convention: the matrices of sample k lead from k - 1 to k.
-    x, P, _, _ = kalman.rts_smoother(means, covariances, Fs=[F[0], *F], Qs=[Q[0], *Q])
+    x, P, nis = smooth_chains(
+        t / scale.time, theta / scale.angle, scale.noise, scale.scaled(strengths), np.array(SETTINGS.prior)
+    )
     units = np.concatenate([scale.angle, scale.angle / scale.time])
-    chosen = _THETA + _OMEGA
+    chosen = [0, CHAIN, 1, CHAIN + 1]  # theta1, theta2, omega1, omega2
     states = x[:, chosen] * units
     covariance = P[:, chosen][:, :, chosen] * np.outer(units, units)
     return Smoothed(t, states[:, :2], states[:, 2:], covariance, nis, strengths)
@@ -141,7 +144,7 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
 def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
     """Process noise that makes the innovations of each rod most likely, stretch by stretch.
 
-    The likelihood of each stretch is taken for each of `MEMORIES`, and its maximum refined by a parabola through the
+    The likelihood of each stretch is taken for each memory of a grid, and its maximum refined by a parabola through the
     neighbours. Between the middles of stretches the logarithm is interpolated. Each rod is judged by its own marginal
     noise.
 
@@ -158,8 +161,11 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
     t, theta, period = _swing(run)
     variance = np.diag(noise.covariance)
     stretches = _stretches(len(t), period)
-    longest = (stretches[0].stop - stretches[0].start) / MEMORIES_PER_STRETCH
-    grid = np.log10(MEMORIES[: max(3, np.searchsorted(MEMORIES, longest))])
+    longest = (stretches[0].stop - stretches[0].start) / SETTINGS.memories_per_stretch
+    first, last, step = SETTINGS.memories
+    grid = np.arange(first, last + step / 2, step)
+    grid = grid[: max(3, np.searchsorted(grid, math.log10(longest)))]
+    prior = np.array(SETTINGS.prior)
 
     def snap(log_memory: ArrayLike) -> NDArray[np.float64]:
         return variance * period / (period * 10 ** np.asarray(log_memory, dtype=np.float64)) ** (2 * CHAIN)
@@ -167,7 +173,7 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
     def likelihoods(log_memory: float) -> list[list[float]]:
         scale = _Scale.of(period, np.diag(variance), snap(log_memory))
         instants, rods = t / scale.time, np.ascontiguousarray((theta / scale.angle).T)
-        return [[log_likelihood(instants[s], rods[i, s], scale.snap[i], DIFFUSE) for i in (0, 1)] for s in stretches]
+        return [[log_likelihood(instants[s], rods[i, s], scale.snap[i], prior) for i in (0, 1)] for s in stretches]
 
     best = _peaks(grid, np.array([likelihoods(log_memory) for log_memory in grid]))
     middles = [(s.start + s.stop) / 2 for s in stretches]
@@ -209,61 +215,23 @@ def _swing(run: Run) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
 
 
 def _kalman_filter(theta: NDArray[np.float64], noise: NDArray[np.float64]) -> Any:
-    """A filter at rest at the first angles, ready to be updated with them."""
+    """A live filter at rest at the first angles, ready to be updated with them."""
     from filterpy.kalman import KalmanFilter  # 0.7 s to import, and only needed here
 
-    kalman = KalmanFilter(dim_x=2 * CHAIN, dim_z=2)
-    kalman.x = np.zeros(2 * CHAIN)
-    kalman.x[_THETA] = theta
-    kalman.P = np.diag(np.tile(DIFFUSE, 2))
-    kalman.H = np.zeros((2, 2 * CHAIN))
-    kalman.H[[0, 1], _THETA] = 1.0
+    kalman = KalmanFilter(dim_x=STATES, dim_z=2)
+    kalman.x = np.zeros(STATES)
+    kalman.x[[0, CHAIN]] = theta
+    kalman.P = np.diag(np.tile(SETTINGS.prior, 2))
+    kalman.H = np.zeros((2, STATES))
+    kalman.H[[0, 1], [0, CHAIN]] = 1.0
     kalman.R = noise
     return kalman
 
 
-def _transitions(
-    interval: NDArray[np.float64], snap: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(k, 8, 8) transition F and process noise Q over each of k intervals, in filter units."""
-    row, column = np.indices((CHAIN, CHAIN))
-    ahead = np.maximum(column - row, 0)
-    f = np.where(column >= row, interval[:, None, None] ** ahead / _FACTORIAL[ahead], 0.0)
-    left, right = CHAIN - 1 - row, CHAIN - 1 - column
-    power = left + right + 1
-    q = interval[:, None, None] ** power / (_FACTORIAL[left] * _FACTORIAL[right] * power)
-    return np.kron(np.eye(2), f).astype(np.float64), np.kron(np.diag(snap), q).astype(np.float64)
-
-
-def _shared_transitions(
-    intervals: NDArray[np.float64], snap: NDArray[np.float64]
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
-    """`_transitions` of every interval, each with its own process noise (k, 2); equal intervals share their F."""
-    distinct, place = np.unique(np.round(intervals, 8), return_inverse=True)
-    F, Q = _transitions(distinct, np.ones(2))
-    strengths = np.repeat(snap, CHAIN, axis=1)[:, :, None]
-    return [F[i] for i in place], list(Q[place] * strengths)
-
-
 def _stretches(samples: int, period: float) -> list[slice]:
-    length = max(STRETCH_SAMPLES, round(STRETCH / period))
+    length = max(SETTINGS.stretch_samples, round(SETTINGS.stretch_s / period))
     edges = np.linspace(0, samples, max(1, samples // length) + 1).astype(int)
     return [slice(start, stop) for start, stop in pairwise(edges)]
-
-
-def _forward(
-    kalman: Any, theta: NDArray[np.float64], F: list[NDArray[np.float64]], Q: list[NDArray[np.float64]]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    n = len(theta)
-    means, covariances = np.empty((n, 2 * CHAIN)), np.empty((n, 2 * CHAIN, 2 * CHAIN))
-    nis = np.empty(n)
-    for k in range(n):
-        if k:
-            kalman.predict(F=F[k - 1], Q=Q[k - 1])
-        kalman.update(theta[k])
-        means[k], covariances[k] = kalman.x, kalman.P
-        nis[k] = kalman.y @ kalman.SI @ kalman.y
-    return means, covariances, nis
 
 
 def _peaks(grid: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,15 +1,15 @@
-"""The paper's search over several seeds, with the true values on the coding grid and off it."""
+"""The published search over several seeds, with the true values on the coding grid and off it."""
 
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
-from multiprocessing import get_context
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.child_process import worker_pool
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.paper.printed import BEST_H, TRUE
 from dpr_lab.paper.swings import READINGS, errors, objective, swings
@@ -19,16 +19,17 @@ from dpr_lab.search.settings import IgaSettings
 
 Grid = Literal["on", "off"]
 
-_DRAW = np.random.default_rng(2012).uniform(0.85, 1.15, len(TRUE))
-
-TRUTHS: dict[Grid, NDArray[np.float64]] = {"on": TRUE, "off": TRUE * _DRAW}
-"""True parameters: the paper's, which the coding grid holds at its middle, and each times a factor drawn once."""
+TRUTHS: dict[Grid, NDArray[np.float64]] = {
+    "on": TRUE,
+    "off": TRUE * np.random.default_rng(2012).uniform(0.85, 1.15, len(TRUE)),
+}
+"""True parameters: the published ones, which the coding grid holds at its middle; each times a factor drawn once."""
 
 HISTORY = ("best_cost", "best_fitness", "population_fitness")
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class SearchCase:
     """One search to run."""
 
     reading: str
@@ -41,7 +42,7 @@ class Job:
 class Found:
     """What one search found."""
 
-    job: Job
+    case: SearchCase
     best: NDArray[np.float64]
     """(9,) parameters, SI."""
     H: float
@@ -60,23 +61,23 @@ class Found:
     @property
     def percent(self) -> NDArray[np.float64]:
         """(9,) signed errors of the nine parameters, %."""
-        return 100 * (self.best / TRUTHS[self.job.grid] - 1)
+        return 100 * (self.best / TRUTHS[self.case.grid] - 1)
 
     def ratio_percent(self, rig: Rig) -> NDArray[np.float64]:
         """(5,) signed errors of the five ratios a/b, d/b, e1/b, c1/b, c2/b, %."""
-        return ratio_percent(self.best, TRUTHS[self.job.grid], rig)
+        return ratio_percent(self.best, TRUTHS[self.case.grid], rig)
 
     @property
     def as_good_as_printed(self) -> bool:
-        """Whether H is no larger than that of the paper's best row."""
+        """Whether H is no larger than that of the published best row."""
         return self.H <= BEST_H
 
     def record(self, rig: Rig) -> dict[str, Any]:
         """Plain lists and numbers, for JSON."""
-        job = {field.name: getattr(self.job, field.name) for field in fields(Job)}
-        found = {field.name: getattr(self, field.name) for field in fields(Found) if field.name not in ("job", "E")}
+        case = {field.name: getattr(self.case, field.name) for field in fields(SearchCase)}
+        found = {field.name: getattr(self, field.name) for field in fields(Found) if field.name not in ("case", "E")}
         return (
-            job
+            case
             | found
             | {
                 "best": self.best.tolist(),
@@ -90,25 +91,25 @@ class Found:
 
 def ratio_percent(Z: NDArray[np.float64], truth: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
     """(5,) signed errors of the five ratios of one set of nine parameters, %."""
-    L1, g = rig.rig.L1, rig.rig.g
+    L1, g = rig.L1, rig.g
     return 100 * (ratios(base_parameters(Z, L1, g)) / ratios(base_parameters(truth, L1, g)) - 1)
 
 
-def jobs(seeds: int, readings: Sequence[str]) -> list[Job]:
+def search_cases(seeds: int, readings: Sequence[str]) -> list[SearchCase]:
     """Every search of a campaign, the costly readings first."""
     grids: tuple[Grid, ...] = ("on", "off")
-    return [Job(reading, grid, seed) for reading in readings for grid in grids for seed in range(seeds)]
+    return [SearchCase(reading, grid, seed) for reading in readings for grid in grids for seed in range(seeds)]
 
 
-def run_job(job: Job, rig: Rig, settings: IgaSettings) -> Found:
-    """Run one search to its end; the same job gives the same answer on any number of cores."""
-    reading, truth = READINGS[job.reading], swings(TRUTHS[job.grid], rig)
+def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> Found:
+    """Run one search to its end; the same case gives the same answer on any number of cores."""
+    reading, truth = READINGS[case.reading], swings(TRUTHS[case.grid], rig)
     wall, cpu = time.perf_counter(), time.process_time()
-    history = list(iga(objective(reading, truth, rig), rig.bounds, settings, np.random.default_rng(job.seed)))
+    history = list(iga(objective(reading, truth, rig), rig.bounds, settings, np.random.default_rng(case.seed)))
     last = history[-1]
     opened = (g.number for g in history if g.population_fitness > settings.alpha and g.best_fitness > settings.sigma)
     return Found(
-        job=job,
+        case=case,
         best=last.best,
         H=last.best_cost,
         E=errors(last.best, truth, rig),
@@ -121,7 +122,7 @@ def run_job(job: Job, rig: Rig, settings: IgaSettings) -> Found:
     )
 
 
-def run_jobs(wanted: Sequence[Job], rig: Rig, settings: IgaSettings, workers: int) -> Iterator[Found]:
+def run_searches(wanted: Sequence[SearchCase], rig: Rig, settings: IgaSettings, workers: int) -> Iterator[Found]:
     """Run searches side by side, each on one core, and yield them as they end.
 
     Side by side they waste nothing on waiting for one another, unlike the threads of a single search, whose batches
@@ -130,23 +131,12 @@ def run_jobs(wanted: Sequence[Job], rig: Rig, settings: IgaSettings, workers: in
     Args:
         wanted: the searches
         rig: bounds, lengths, poses
-        settings: the paper's, perhaps with fewer generations
+        settings: the published ones, perhaps with fewer generations
         workers: processes; with 1 everything happens in this one
     """
     if workers == 1:
-        yield from (run_job(job, rig, settings) for job in wanted)
+        yield from (run_search(case, rig, settings) for case in wanted)
         return
-    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_one_core) as pool:
-        pending = [pool.submit(run_job, job, rig, settings) for job in wanted]
-        try:
-            for done in as_completed(pending):
-                yield done.result()
-        finally:
-            for future in pending:
-                future.cancel()
-
-
-def _one_core() -> None:
-    import numba
-
-    numba.set_num_threads(1)
+    with worker_pool(workers) as pool:
+        for done in as_completed([pool.submit(run_search, case, rig, settings) for case in wanted]):
+            yield done.result()

@@ -1,4 +1,4 @@
-"""Where the paper contradicts itself, each point with what we recomputed for it."""
+"""Where the publication contradicts itself, each point with what we recomputed for it."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,9 @@ from numpy.typing import NDArray
 
 from dpr_lab.paper.campaign import ratio_percent
 from dpr_lab.paper.printed import POSES, TABLE_1, TABLE_3, TRUE
-from dpr_lab.paper.swings import errors, swings
+from dpr_lab.paper.swings import STEP, errors, swings
 from dpr_lab.paper.tables import Recomputed
 from dpr_lab.rig import PARAMETERS, Rig
-
-FINE_STEP = 0.005 / 32
-SCALE = 1.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +21,7 @@ class Contradiction:
 
 
 def contradictions(ours: Recomputed, rig: Rig) -> list[Contradiction]:
-    """Every contradiction, in the order of the paper."""
+    """Every contradiction, in the order of the publication."""
     truth = swings(TRUE, rig)
     return [
         _group_four(ours),
@@ -103,23 +100,23 @@ def _order_of_H(ours: Recomputed, rig: Rig) -> Contradiction:
     )
 
 
-def _scale_family(truth: NDArray[np.float64], rig: Rig) -> Contradiction:
-    scaled = TRUE * np.where([name in ("l1", "l2") for name in PARAMETERS], 1.0, SCALE)
+def _scale_family(truth: NDArray[np.float64], rig: Rig, scale: float = 1.1) -> Contradiction:
+    scaled = TRUE * np.where([name in ("l1", "l2") for name in PARAMETERS], 1.0, scale)
     E = errors(scaled, truth, rig)["angles"]
     return Contradiction(
         "The paper reports 1 % on all nine parameters from zero-input responses. No torque enters them, so they fix "
         "only five ratios; the coding grid holds the true values exactly, at the middle of each range.",
-        f"All masses, inertias and frictions {SCALE:g} times too large, inside the bounds: E = "
+        f"All masses, inertias and frictions {scale:g} times too large, inside the bounds: E = "
         + ", ".join(f"{e:.2g} ({p})" for p, e in zip(POSES, E, strict=True))
         + " rad², nothing but rounding. The searches with the true values off the grid show what is left of the 1 %.",
     )
 
 
-def _step(truth: NDArray[np.float64], rig: Rig) -> Contradiction:
-    worst = np.abs(swings(TRUE, rig, FINE_STEP) - truth)[..., :2].max(axis=(1, 2))
+def _step(truth: NDArray[np.float64], rig: Rig, fine: float = STEP / 32) -> Contradiction:
+    worst = np.abs(swings(TRUE, rig, fine) - truth)[..., :2].max(axis=(1, 2))
     return Contradiction(
         "E is summed over 10 s with a Runge-Kutta step of 5 ms, also from X2 and X3, which are chaotic.",
-        f"Largest angle error of that step against one of {1e3 * FINE_STEP:.2g} ms: "
+        f"Largest angle error of that step against one of {1e3 * fine:.2g} ms: "
         + ", ".join(f"{w:.2g} rad ({p})" for p, w in zip(POSES, worst, strict=True))
         + ". From X2 and X3 a 10 s comparison says as much about the solver as about the parameters.",
     )

@@ -1,4 +1,4 @@
-"""Figures 2 to 4 of the paper, for what our search found."""
+"""Figures 2 to 4 of the publication, for what our search found."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +12,13 @@ from dpr_lab.paper.printed import POSES
 from dpr_lab.paper.swings import INSTANTS, swings
 from dpr_lab.report import style
 from dpr_lab.report.figures import AXES
-from dpr_lab.report.files import write_to
 from dpr_lab.rig import Rig
+from dpr_lab.whole_file import write_whole
 
 
 def response_figure(found: Found, rig: Rig) -> Figure:
     """Figure 2: angles with the true and with the found parameters, one row for each pose."""
-    true, ours = swings(TRUTHS[found.job.grid], rig), swings(found.best, rig)
+    true, ours = swings(TRUTHS[found.case.grid], rig), swings(found.best, rig)
 
     def draw(axes: Axes, pose: int, axis: int) -> None:
         axes.plot(INSTANTS, true[pose, :, axis], label="true parameters", **style.MEASURED)
@@ -29,7 +29,7 @@ def response_figure(found: Found, rig: Rig) -> Figure:
 
 def error_figure(found: Found, rig: Rig) -> Figure:
     """Figure 3: difference of the angles of Figure 2."""
-    error = swings(TRUTHS[found.job.grid], rig) - swings(found.best, rig)
+    error = swings(TRUTHS[found.case.grid], rig) - swings(found.best, rig)
 
     def draw(axes: Axes, pose: int, axis: int) -> None:
         axes.plot(INSTANTS, error[pose, :, axis], label="true − found", **style.RESIDUAL)
@@ -49,8 +49,8 @@ def evolution_figure(found: Found) -> Figure:
         upper.set_ylabel("H of the best")
         lower.set_ylabel("fitness of the best")
         lower.set_xlabel("generation")
-        job = found.job
-        upper.set_title(f"H = {job.reading}, true values {job.grid} the grid, seed {job.seed}")
+        case = found.case
+        upper.set_title(f"H = {case.reading}, true values {case.grid} the grid, seed {case.seed}")
         return figure
 
 
@@ -71,7 +71,7 @@ def save_figures(found: Found, rig: Rig, out_dir: Path) -> dict[str, Path]:
     paths = {name: out_dir / f"{name}.png" for name in figures}
     for name, figure in figures.items():
         with style.house_style():
-            write_to(paths[name], lambda file, figure=figure: figure.savefig(file))
+            write_whole(paths[name], lambda file, figure=figure: figure.savefig(file))
     return paths
 
 

@@ -1,4 +1,4 @@
-"""The numbers that the paper prints, digit for digit; nothing here is computed.
+"""The numbers of the publication (docs/theory.md), digit for digit; nothing here is computed.
 
 Rows of parameters are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 TRUE = np.array([0.2, 0.2, 0.1, 0.1, 0.208, 0.001, 0.001, 0.00133, 0.00133])
-"""(9,) the "actual" parameters of section 4.1."""
+"""(9,) the "actual" parameters of its section 4.1."""
 
 POSES = ("X1", "X2", "X3")
 
@@ -58,7 +58,7 @@ PERCENT_ERRORS = np.array([0.15, 0.0, 1.0, 0.5, 0.0, 1.0, 1.0, 0.74, 0.14])
 """(9,) errors of Table 3's last row, section 4.2, %."""
 
 BEST_H = float(TABLE_3[-1, -1])
-"""H of the best chromosome that the paper found."""
+"""H of the best published chromosome."""
 
 FIGURES = {
     "figure2": "Figure 2: response of inner and outer rod with the true and with the found parameters; "
@@ -67,4 +67,4 @@ FIGURES = {
     "figure4": "Figure 4: best individual of each generation; the paper tells of fast convergence before generation "
     "100, a slower stretch under feedback mutation, and a last gain by dynamic encoding and variable precision.",
 }
-"""What the paper shows and says of each figure; its pictures are not reproduced here."""
+"""What the publication shows and says of each figure; its pictures are not reproduced here."""

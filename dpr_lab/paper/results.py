@@ -8,16 +8,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from dpr_lab import __version__
-from dpr_lab.paper.campaign import TRUTHS, Found, Job, jobs, run_jobs
+from dpr_lab.paper.campaign import TRUTHS, Found, SearchCase, run_searches, search_cases
 from dpr_lab.paper.contradictions import Contradiction, contradictions
 from dpr_lab.paper.figures import save_figures
 from dpr_lab.paper.printed import BEST_H, FIGURES, PERCENT_ERRORS
 from dpr_lab.paper.swings import READINGS
-from dpr_lab.paper.tables import Recomputed, Table, all_tables, recompute, verdicts
-from dpr_lab.report.files import write_to
+from dpr_lab.paper.tables import PaperTable, Recomputed, all_tables, recompute, verdicts
 from dpr_lab.rig import Rig
 from dpr_lab.search.settings import IgaSettings
+from dpr_lab.version import __version__
+from dpr_lab.whole_file import write_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,9 +26,9 @@ class Reproduction:
 
     settings: IgaSettings
     found: tuple[Found, ...]
-    """In the order of `campaign.jobs`."""
+    """In the order of `campaign.search_cases`."""
     ours: Recomputed
-    tables: tuple[Table, ...]
+    tables: tuple[PaperTable, ...]
     verdicts: tuple[str, ...]
     contradictions: tuple[Contradiction, ...]
 
@@ -38,7 +38,7 @@ class Reproduction:
 
         The H of different readings cannot be compared with one another.
         """
-        return min((f for f in self.found if f.job.grid == "on"), key=lambda f: f.E["angles"][0])
+        return min((f for f in self.found if f.case.grid == "on"), key=lambda f: f.E["angles"][0])
 
 
 def reproduce(
@@ -50,11 +50,11 @@ def reproduce(
     workers: int = 1,
     on_search: Callable[[Found], None] | None = None,
 ) -> Reproduction:
-    """Run the paper's experiment.
+    """Run the published experiment.
 
     Args:
-        rig: the paper's
-        settings: the paper's, perhaps with fewer generations
+        rig: the published one
+        settings: the published ones, perhaps with fewer generations
         seeds: searches for each reading of H and each grid
         readings: names of `READINGS`
         workers: searches side by side
@@ -65,13 +65,13 @@ def reproduce(
     """
     if seeds < 1 or not readings or not set(readings) <= set(READINGS):
         raise ValueError(f"needs at least one seed and readings among {', '.join(READINGS)}")
-    wanted = jobs(seeds, readings)
-    done: dict[Job, Found] = {}
-    for search in run_jobs(wanted, rig, settings, min(workers, len(wanted))):
-        done[search.job] = search
+    wanted = search_cases(seeds, readings)
+    done: dict[SearchCase, Found] = {}
+    for search in run_searches(wanted, rig, settings, min(workers, len(wanted))):
+        done[search.case] = search
         if on_search:
             on_search(search)
-    found = [done[job] for job in wanted]
+    found = [done[case] for case in wanted]
     ours = recompute(rig)
     return Reproduction(
         settings=settings,
@@ -114,17 +114,17 @@ def save(result: Reproduction, rig: Rig, out_dir: Path) -> Path:
     texts["contradictions.md"] = _contradictions_page(result)
     texts["paper.md"] = _page(result, figures)
     for name, text in texts.items():
-        write_to(out_dir / name, lambda file, text=text: file.write_text(text, encoding="utf-8"))
+        write_text(out_dir / name, text)
     return out_dir / "paper.md"
 
 
-def _csv(table: Table) -> str:
+def _csv(table: PaperTable) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([table.columns, *table.rows])
     return text.getvalue()
 
 
-def _markdown(table: Table) -> str:
+def _markdown(table: PaperTable) -> str:
     lines = [table.columns, ["---"] * len(table.columns), *table.rows]
     return f"## {table.title}\n\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
@@ -142,7 +142,7 @@ def _page(result: Reproduction, figures: dict[str, Path]) -> str:
         + "\n- The contradictions of the printed numbers are in [contradictions.md](contradictions.md).\n"
     )
     pictures = (
-        f"## Figures\n\nH = {shown.job.reading}, true values {shown.job.grid} the grid, seed {shown.job.seed}: "
+        f"## Figures\n\nH = {shown.case.reading}, true values {shown.case.grid} the grid, seed {shown.case.seed}: "
         f"best H {shown.H:.4g}.\n\n"
         + "\n".join(f"{FIGURES[name]}\n\n![{name}]({path.name})\n" for name, path in figures.items())
     )

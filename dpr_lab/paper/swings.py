@@ -1,4 +1,4 @@
-"""E(Z) of the paper's experiment: swings of 10 s from X1, X2 and X3 beside those of the true parameters."""
+"""E(Z), docs/theory.md (2), of the published experiment: 10 s from X1, X2, X3 beside swings of the true parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,17 +9,16 @@ from numpy.typing import ArrayLike, NDArray
 from dpr_lab.dynamics.base import base_parameters, rows
 from dpr_lab.dynamics.rollout import trajectory_errors
 from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.joint_angles import JointAngles
 from dpr_lab.paper.printed import POSES
 from dpr_lab.rig import Rig
 from dpr_lab.search.problem import Objective
 
 STEP = 0.005
-"""Simulation interval and Runge-Kutta step of section 4.1, s."""
+"""Simulation interval and Runge-Kutta step, s (section 4.1 of the publication)."""
 
-DURATION_S = 10.0
-
-INSTANTS = STEP * np.arange(round(DURATION_S / STEP) + 1)
-"""(2001,) sampled instants, s."""
+INSTANTS = STEP * np.arange(2001)
+"""(2001,) sampled instants of its 10 s, s."""
 
 
 def _angles(error: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -30,24 +29,21 @@ def _with_speeds(error: NDArray[np.float64]) -> NDArray[np.float64]:
     return error
 
 
-def _relative(error: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.stack([error[..., 0], error[..., 1] - error[..., 0]], axis=-1)
-
-
 TERMS: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
     "angles": _angles,
-    "relative angles": _relative,
+    "relative angles": lambda error: JointAngles(relative2=True).of_rods(_angles(error)),
     "angles and speeds": _with_speeds,
 }
 """Readings of E(Z): which errors are squared and summed.
 
-Equation (2) names angles and speeds; the printed sizes suit angles alone; an encoder at joint 2 reads theta2 - theta1.
+docs/theory.md (2) names angles and speeds; the printed sizes suit angles alone; an encoder at joint 2 reads
+theta2 - theta1.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What a search minimises: one reading of H(Z), which the paper's text leaves open."""
+    """What a search minimises: one reading of H(Z), which the publication leaves open."""
 
     poses: tuple[str, ...]
     """H is the sum of E over these."""
@@ -78,7 +74,7 @@ def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> NDArray[np.float64]:
     Returns:
         (3, 2001, 4) theta1, theta2, omega1, omega2 from X1, X2, X3 at `INSTANTS`, rad and rad/s
     """
-    L1, g = rig.rig.L1, rig.rig.g
+    L1, g = rig.L1, rig.g
     base = base_parameters(Z, L1, g)
     return np.stack([simulate(base, L1, g, state, INSTANTS, step) for state in start_states(rig)])
 
@@ -112,5 +108,5 @@ def objective(reading: Reading, truth: NDArray[np.float64], rig: Rig) -> Objecti
     kept = [POSES.index(pose) for pose in reading.poses]
     starts = start_states(rig)[kept]
     reference = truth[kept] if reading.speeds else truth[kept][..., :2]
-    L1, g = rig.rig.L1, rig.rig.g
+    L1, g = rig.L1, rig.g
     return lambda Z: trajectory_errors(rows(base_parameters(Z, L1, g), L1, g), starts, reference, STEP)

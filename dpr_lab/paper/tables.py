@@ -1,4 +1,4 @@
-"""The paper's tables with our numbers beside the printed ones, and what follows from them."""
+"""The published tables with our numbers beside the printed ones, and what follows from them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -12,12 +12,9 @@ from dpr_lab.paper.printed import BEST_H, POSES, TABLE_1, TABLE_2, TABLE_3, TRUE
 from dpr_lab.paper.swings import READINGS, TERMS, errors, swings
 from dpr_lab.rig import PARAMETERS, Rig
 
-WITHIN_PERCENT = 1.0
-"""The accuracy that the paper claims for each of the nine."""
-
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PaperTable:
     """A table of text."""
 
     name: str
@@ -37,26 +34,26 @@ class Recomputed:
 
 
 def recompute(rig: Rig) -> Recomputed:
-    """Simulate every row that the paper prints."""
+    """Simulate every row that was published."""
     truth = swings(TRUE, rig)
     return Recomputed(*(_by_term([errors(row[:9], truth, rig) for row in table]) for table in (TABLE_1, TABLE_3)))
 
 
-def all_tables(ours: Recomputed, found: Sequence[Found], rig: Rig) -> list[Table]:
-    """Every table of the reproduction, in the order of the paper."""
+def all_tables(ours: Recomputed, found: Sequence[Found], rig: Rig) -> list[PaperTable]:
+    """Every table of the reproduction, in the order of the publication."""
     return [table1(ours), table2(ours), table3(ours, rig), searches(found, rig), parameters(found), ratios(found, rig)]
 
 
-def table1(ours: Recomputed) -> Table:
+def table1(ours: Recomputed) -> PaperTable:
     """Table 1: E of seven sets of parameters, in every reading."""
     rows = [
         (str(i + 1), _digits(printed), *(_digits(ours.table1[term][i, 0]) for term in TERMS))
         for i, printed in enumerate(TABLE_1[:, -1])
     ]
-    return Table("table1", "Table 1: E(Z) from X1", ("row", "printed", *TERMS), tuple(rows))
+    return PaperTable("table1", "Table 1: E(Z) from X1", ("row", "printed", *TERMS), tuple(rows))
 
 
-def table2(ours: Recomputed) -> Table:
+def table2(ours: Recomputed) -> PaperTable:
     """Table 2: groups 1, 4 and 6 from the three poses; ours in angles, then in angles and speeds."""
     rows = [
         (
@@ -68,10 +65,10 @@ def table2(ours: Recomputed) -> Table:
         for group, *row in TABLE_2.tolist()
         for k, pose in enumerate(POSES)
     ]
-    return Table("table2", "Table 2: E(Z) by pose", ("group", "pose", "printed", *TERMS), tuple(rows))
+    return PaperTable("table2", "Table 2: E(Z) by pose", ("group", "pose", "printed", *TERMS), tuple(rows))
 
 
-def table3(ours: Recomputed, rig: Rig) -> Table:
+def table3(ours: Recomputed, rig: Rig) -> PaperTable:
     """Table 3: H of the ten printed rows in several readings, and how far the rows are from the truth."""
     angles, speeds = ours.table3["angles"], ours.table3["angles and speeds"]
     columns = ("row", "printed H", "X1", "min", "max", "sum", "sum with speeds", "worst of nine %", "worst ratio %")
@@ -85,10 +82,10 @@ def table3(ours: Recomputed, rig: Rig) -> Table:
         )
         for i, row in enumerate(TABLE_3)
     ]
-    return Table("table3", "Table 3: printed rows, H recomputed (angles unless said)", columns, tuple(rows))
+    return PaperTable("table3", "Table 3: printed rows, H recomputed (angles unless said)", columns, tuple(rows))
 
 
-def searches(found: Sequence[Found], rig: Rig) -> Table:
+def searches(found: Sequence[Found], rig: Rig) -> PaperTable:
     """Our searches: what each reached, in H, in the nine and in the five ratios."""
     columns = ("H", "grid", "seed", "best H", "≤ printed", "worst of nine %", "worst ratio %", "step (4) from", "cpu s")
     rows = [
@@ -103,19 +100,19 @@ def searches(found: Sequence[Found], rig: Rig) -> Table:
         )
         for f in found
     ]
-    return Table("searches", f"Our searches (the paper's best H is {BEST_H})", columns, tuple(rows))
+    return PaperTable("searches", f"Our searches (the paper's best H is {BEST_H})", columns, tuple(rows))
 
 
-def parameters(found: Sequence[Found]) -> Table:
+def parameters(found: Sequence[Found]) -> PaperTable:
     """Signed percent errors of the nine parameters of each search."""
     rows = [(*_head(f), *_signed(f.percent)) for f in found]
-    return Table("parameters", "Errors of the nine parameters, %", ("H", "grid", "seed", *PARAMETERS), tuple(rows))
+    return PaperTable("parameters", "Errors of the nine parameters, %", ("H", "grid", "seed", *PARAMETERS), tuple(rows))
 
 
-def ratios(found: Sequence[Found], rig: Rig) -> Table:
+def ratios(found: Sequence[Found], rig: Rig) -> PaperTable:
     """Signed percent errors of the five ratios of each search."""
     rows = [(*_head(f), *_signed(f.ratio_percent(rig))) for f in found]
-    return Table("ratios", "Errors of the five ratios, %", ("H", "grid", "seed", *RATIOS), tuple(rows))
+    return PaperTable("ratios", "Errors of the five ratios, %", ("H", "grid", "seed", *RATIOS), tuple(rows))
 
 
 def verdicts(found: Sequence[Found], rig: Rig) -> list[str]:
@@ -124,25 +121,26 @@ def verdicts(found: Sequence[Found], rig: Rig) -> list[str]:
         _verdict(reading, grid, group, rig)
         for reading in READINGS
         for grid in TRUTHS
-        if (group := [f for f in found if (f.job.reading, f.job.grid) == (reading, grid)])
+        if (group := [f for f in found if (f.case.reading, f.case.grid) == (reading, grid)])
     ]
 
 
-def _verdict(reading: str, grid: str, group: Sequence[Found], rig: Rig) -> str:
+def _verdict(reading: str, grid: str, group: Sequence[Found], rig: Rig, within_percent: float = 1.0) -> str:
+    """How often the searches of a group reach the published H, and the published accuracy of each of the nine."""
     costs = [f.H for f in group]
-    nine = sum(bool((np.abs(f.percent) <= WITHIN_PERCENT).all()) for f in group)
-    five = sum(bool((np.abs(f.ratio_percent(rig)) <= WITHIN_PERCENT).all()) for f in group)
+    nine = sum(bool((np.abs(f.percent) <= within_percent).all()) for f in group)
+    five = sum(bool((np.abs(f.ratio_percent(rig)) <= within_percent).all()) for f in group)
     n = len(group)
     return (
         f"H = {reading} ({READINGS[reading].why}), true values {grid} the coding grid: H ≤ {BEST_H} is reached in"
         f" {sum(f.as_good_as_printed for f in group)} of {n} seeds (best {_digits(min(costs))},"
-        f" worst {_digits(max(costs))}); all nine parameters within {WITHIN_PERCENT:g} % in {nine} of {n},"
+        f" worst {_digits(max(costs))}); all nine parameters within {within_percent:g} % in {nine} of {n},"
         f" all five ratios in {five} of {n}."
     )
 
 
 def _head(found: Found) -> tuple[str, str, str]:
-    return found.job.reading, found.job.grid, str(found.job.seed)
+    return found.case.reading, found.case.grid, str(found.case.seed)
 
 
 def _signed(percent: Iterable[float]) -> tuple[str, ...]:

@@ -6,12 +6,9 @@ from numpy.typing import NDArray
 POINTS = 2400
 """Points drawn of one line of a figure; about four for each pixel column of a panel."""
 
-GAP_STEPS = 10
-"""A pause longer than this many median sample steps is drawn as a gap."""
-
 
 def trace(
-    t: NDArray[np.float64], y: NDArray[np.float64], points: int = POINTS
+    t: NDArray[np.float64], y: NDArray[np.float64], points: int = POINTS, gap_steps: float = 10.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A record as it is drawn: short ones untouched, long ones by their extremes, gaps as NaN.
 
@@ -22,12 +19,13 @@ def trace(
         t: (n,) increasing instants, s
         y: (n,) values; NaN where there is none
         points: about how many to draw at most
+        gap_steps: a pause longer than so many median sample steps is drawn as a gap
 
     Returns:
         instants and values to draw; equal to the input when n <= `points` and nothing is missing
     """
     kept = _extremes(y, points)
-    breaks = _gaps(t)
+    breaks = _gaps(t, gap_steps)
     middle = (t[breaks] + t[breaks + 1]) / 2
     where = np.searchsorted(kept, breaks, side="right")
     return np.insert(t[kept], where, middle), np.insert(y[kept], where, np.nan)
@@ -46,9 +44,9 @@ def _extremes(y: NDArray[np.float64], points: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([[0, n - 1], lowest, highest]))
 
 
-def _gaps(t: NDArray[np.float64]) -> NDArray[np.intp]:
+def _gaps(t: NDArray[np.float64], gap_steps: float) -> NDArray[np.intp]:
     """Indices of the last sample before each gap."""
     if len(t) < 3:
         return np.empty(0, dtype=np.intp)
     steps = np.diff(t)
-    return np.flatnonzero(steps > GAP_STEPS * np.median(steps))
+    return np.flatnonzero(steps > gap_steps * np.median(steps))

@@ -1,4 +1,7 @@
-"""The paper's Figures 2 to 4 for a real rig: response, error against the noise floor, evolution of the search."""
+"""The publication's figures 2 to 4 (docs/theory.md) for a real rig.
+
+Response, error against the noise floor, evolution of the search.
+"""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -14,16 +17,18 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 from PIL import Image
 
-from dpr_lab.compare import Comparison
-from dpr_lab.model import Model
+from dpr_lab.identification.compare import Comparison
+from dpr_lab.identification.model import Model
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.envelope import trace
-from dpr_lab.report.files import write_to
 from dpr_lab.report.tables import to_the_end
+from dpr_lab.run import Run
+from dpr_lab.whole_file import write_whole
 
 AXES = ("inner rod θ₁", "outer rod θ₂")
 NOISE_SIGMAS = 2
+"""Half the height of the band that stands for the noise floor, in standard deviations."""
 NOTHING = "no run was compared"
 
 _EVOLUTION = {
@@ -31,11 +36,25 @@ _EVOLUTION = {
     "best_fitness": "fitness of the\nbest individual",
     "population_fitness": "population\nfitness",
 }
-_LONGEST_LABEL = 70
+
+
+def run_figure(run: Run) -> Figure:
+    """The measured angles of both rods over the time since the release."""
+    with style.house_style():
+        figure = new_figure(3.2)
+        axes = figure.subplots()
+        for rod, name in ((1, "inner rod"), (2, "outer rod")):
+            axes.plot(run.t, run.theta[:, rod], label=name)
+        _angle_range(axes, run.theta[:, 1:])
+        axes.set(xlabel="time since the release (s)", ylabel="angle (rad, 0 = upright)")
+        axes.set_title(_one_line(run.name), parse_math=False)
+        axes.margins(x=0.01)
+        legend_above(figure)
+        return figure
 
 
 def response_figure(comparisons: Sequence[Comparison]) -> Figure:
-    """Measured and simulated angle of both rods, one row for each run (Figure 2 of the paper).
+    """Measured and simulated angle of both rods, one row for each run (figure 2 of the publication).
 
     The free run is drawn strong up to the predictability horizon and faint beyond it. The range of the angle is
     that of the measurement, so a free run that tumbles away leaves the panel.
@@ -56,7 +75,7 @@ def response_figure(comparisons: Sequence[Comparison]) -> Figure:
 
 
 def error_figure(comparisons: Sequence[Comparison]) -> Figure:
-    """What the model leaves of each run, beside the noise floor (Figure 3 of the paper).
+    """What the model leaves of each run, beside the noise floor (figure 3 of the publication).
 
     Left the error of the free run up to the horizon, right the residual of segments with free start states; inner
     rod above outer rod, in mrad.
@@ -73,7 +92,7 @@ def error_figure(comparisons: Sequence[Comparison]) -> Figure:
 
 
 def evolution_figure(model: Model) -> Figure:
-    """Cost, fitness and population fitness of the best individual over generations (Figure 4 of the paper)."""
+    """Cost, fitness and population fitness of the best individual over generations (figure 4 of the publication)."""
     with style.house_style():
         figure = new_figure(5.0)
         grid = figure.subplots(3, 1, sharex=True, height_ratios=(2, 1, 1))
@@ -118,7 +137,7 @@ def save_each(figures: Mapping[str, Figure], out_dir: Path) -> dict[str, Path]:
     """
     paths = {name: out_dir / f"{name}.png" for name in figures}
     for name, path in paths.items():
-        write_to(path, lambda file, figure=figures[name]: _save(figure, file))
+        write_whole(path, lambda file, figure=figures[name]: _save(figure, file))
     return paths
 
 
@@ -199,10 +218,10 @@ def _title(axes: Axes, comparison: Comparison) -> None:
     axes.set_title("   |   ".join(part for part in parts if part), parse_math=False)
 
 
-def _one_line(name: str) -> str:
+def _one_line(name: str, longest: int = 70) -> str:
     """A name from a file, fit for a title: no line breaks, no lone surrogates, not endless."""
     line = " ".join(name.encode("utf-8", "replace").decode().split())
-    return line if len(line) <= _LONGEST_LABEL else f"{line[: _LONGEST_LABEL - 1]}…"
+    return line if len(line) <= longest else f"{line[: longest - 1]}…"
 
 
 def _note(axes: Axes, text: str, side: Literal["left", "right"] = "left") -> None:

@@ -1,15 +1,15 @@
 """The report: one HTML file that carries its figures and fetches nothing."""
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from pathlib import Path
 from string import Template
 
-from dpr_lab.compare import Comparison
-from dpr_lab.model import Model
+from dpr_lab.identification.compare import Comparison
+from dpr_lab.identification.model import Model
 from dpr_lab.report import tables
 from dpr_lab.report.figures import save_figures
 from dpr_lab.report.page import figures_html, list_html, table_html, template, write_page
+from dpr_lab.report.plain import escaped
 
 FIGURES = {
     "response": (
@@ -55,8 +55,8 @@ def write_report(
 def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str, Path]) -> str:
     drawn = figures_html(figures, FIGURES)
     return Template(template()).substitute(
-        title=escape(f"Double pendulum “{model.rig.name}”: identified model"),
-        summary=escape(tables.summary(model, comparisons)),
+        title=escaped(f"Double pendulum “{model.rig.name}”: identified model"),
+        summary=escaped(tables.summary(model, comparisons)),
         warnings=_warnings([*model.failures, *model.warnings]),
         L1=f"{model.rig.L1:g}",
         g=f"{model.rig.g:g}",
@@ -66,9 +66,9 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
         search=table_html(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose"),
         evolution=drawn["evolution"],
         runs=table_html(tables.RUN_COLUMNS, tables.run_rows(model), style="hash"),
-        rig=escape(model.rig.name),
-        rig_sha256=escape(model.rig.sha256 or "not known"),
-        version=escape(model.version),
+        rig=escaped(model.rig.name),
+        rig_sha256=escaped(model.rig.sha256 or "not known"),
+        version=escaped(model.version),
     )
 
 

@@ -1,9 +1,17 @@
-"""Results as JSON text, on stdout or in a file: numbers that are not finite become null."""
+"""Results as text: JSON on stdout or in a file, where numbers that are not finite become null; and in HTML."""
 
 import json
 import math
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Any
+
+from dpr_lab.errors import printable
+
+
+def escaped(text: str) -> str:
+    """Text as it stands in HTML, in an element or an attribute."""
+    return escape(printable(text))
 
 
 def as_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> str:

@@ -1,24 +1,29 @@
 """Results as files: the same figures, page and JSON whether a command or the bench screen asks for them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from dpr_lab.compare import Comparison
-from dpr_lab.gap.corrected import corrected_model
-from dpr_lab.gap.diagnosis import Diagnosis
-from dpr_lab.gap.export import mjcf, python_module
-from dpr_lab.model import Model
+from dpr_lab.exports import FORMATS, ExportFormat
+from dpr_lab.exports.refit import fitted_for
+from dpr_lab.gap.result.corrected import corrected_model
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.identification.compare import Comparison
+from dpr_lab.identification.model import Model
 from dpr_lab.report.figures import save_figures
 from dpr_lab.report.files import write_json as write_json
-from dpr_lab.report.files import write_to
-from dpr_lab.report.gap_figures import save_gap_figures
-from dpr_lab.report.gap_html import write_gap_report
+from dpr_lab.report.gap.figures import save_gap_figures
+from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.html import write_report
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from dpr_lab.whole_file import write_whole
 
 AXES = ("theta1", "theta2")
+
+BINARY = ("fmu",)
+"""Formats that a diagnosis does not write by itself: they need what not every lab has installed."""
 
 
 def save_comparison(model: Model, comparisons: Sequence[Comparison], out: Path) -> dict[str, Any]:
@@ -52,15 +57,32 @@ def save_diagnosis(found: Diagnosis, runs: Sequence[Run], rig: Rig, out: Path) -
     report = write_gap_report(found, f"Double pendulum “{rig.name}”: why simulation and rig differ", out, figures)
     corrected = corrected_model(found, runs, rig)
     corrected.save(out / "model.json")
-    exports = {"module": (out / "corrected_model.py", python_module), "mjcf": (out / "corrected_model.xml", mjcf)}
-    for path, make in exports.values():
-        text = make(corrected, rig)
-        write_to(path, lambda file, text=text: file.write_text(text, encoding="utf-8"))
-    return {
-        "report": str(report),
-        "model": str(out / "model.json"),
-        **{name: str(path) for name, (path, _) in exports.items()},
+    formats = [name for name in FORMATS if name not in BINARY]
+    models = fitted_for(formats, corrected, runs, rig)
+    exports = {
+        name: write_export(FORMATS[name], models[name], rig, out, FORMATS[name].lost(corrected, rig))
+        for name in formats
     }
+    return {"report": str(report), "model": str(out / "model.json"), "module": exports["python"], **exports}
+
+
+def write_export(
+    made: ExportFormat,
+    model: Model,
+    rig: Rig,
+    out: Path,
+    lost: Mapping[str, str],
+    check: Mapping[str, Any] | None = None,
+) -> str:
+    """Write a model for another program; arguments as of `ExportFormat.written`. The file that is read first.
+
+    Raises:
+        DprError: the folder or a file cannot be written, or what the format needs is not installed.
+    """
+    for file, content in made.written(model, rig, lost, check).items():
+        data = content if isinstance(content, bytes) else content.encode("utf-8")
+        write_whole(out / file, partial(Path.write_bytes, data=data))
+    return str(out / made.main)
 
 
 def _record(comparison: Comparison) -> dict[str, Any]:

@@ -2,16 +2,18 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, interval, pair, plus_minus, three
 
 if TYPE_CHECKING:
-    from dpr_lab.compare import Comparison
-    from dpr_lab.model import Model
+    from dpr_lab.identification.compare import Comparison
+    from dpr_lab.identification.model import Model
 
 RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
 PARAMETER_COLUMNS = ("parameter", "value ± std", "unit", "fixed by", "what it is")
@@ -44,21 +46,31 @@ PARAMETER_UNITS = {
     "J2": ("kg m²", "inertia of the outer rod about its centroid"),
 }
 
-# A noise floor is itself an estimate, from little data when there was no rest: within these limits residual and
-# floor are called equal. The upper one leaves a squared residual of 1.44, the lower one 0.64.
-SAME_AS_NOISE = 1.2
-BELOW_NOISE = 0.8
+
+@dataclass(frozen=True, slots=True)
+class NoiseLike:
+    """Residual over noise floor within which the two are called equal.
+
+    A noise floor is itself an estimate, from little data when there was no rest.
+    """
+
+    least: float = 0.8
+    """Leaves a squared residual of 0.64; below it the floor is overstated."""
+    most: float = 1.2
+    """Leaves a squared residual of 1.44; above it the model misses something."""
 
 
-def summary(model: "Model", comparisons: "Sequence[Comparison]" = ()) -> str:
+NOISE_LIKE = NoiseLike()
+
+
+def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: AngleUnit = RADIANS) -> str:
     """One sentence: whether anything but noise is left, on the runs of the fit and on those held out."""
     if model.failures:
         return f"Not to be trusted: {'; '.join(model.failures)}."
     used = _worst(list(model.fit.rms_rad.values()), list(model.fit.noise_rad.values()))
     held_out = [_worst(c.segment_rms_rad, c.noise_rad) for c in comparisons if c.held_out]
-    sizes = (
-        f"residual θ1, θ2: {_mrad(model.fit.rms_rad)} mrad against a noise floor of {_mrad(model.fit.noise_rad)} mrad"
-    )
+    left, floor = (_both(by_axis, angles) for by_axis in (model.fit.rms_rad, model.fit.noise_rad))
+    sizes = f"residual θ1, θ2: {left} against a noise floor of {floor}"
     return f"{_verdict(used, held_out)} ({sizes}; {_held_out(held_out)})."
 
 
@@ -84,7 +96,7 @@ def parameter_rows(model: "Model") -> list[list[str]]:
     return rows
 
 
-def comparison_rows(comparisons: "Sequence[Comparison]") -> list[list[str]]:
+def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RADIANS) -> list[list[str]]:
     """One row for each compared run, in the columns `COMPARISON_COLUMNS`."""
     return [
         [
@@ -92,10 +104,10 @@ def comparison_rows(comparisons: "Sequence[Comparison]") -> list[list[str]]:
             comparison.pose or NONE,
             "held out" if comparison.held_out else "used",
             str(comparison.segments),
-            pair(1e3 * comparison.segment_rms_rad),
-            pair(1e3 * comparison.noise_rad),
+            pair(angles.small_per_rad * comparison.segment_rms_rad),
+            pair(angles.small_per_rad * comparison.noise_rad),
             pair(_times(comparison.segment_rms_rad, comparison.noise_rad)),
-            pair(1e3 * comparison.free_run_rms_rad),
+            pair(angles.small_per_rad * comparison.free_run_rms_rad),
             ("≥ " if to_the_end(comparison) else "") + three(comparison.horizon_s),
         ]
         for comparison in comparisons
@@ -142,11 +154,11 @@ def to_the_end(comparison: "Comparison") -> bool:
 def _verdict(used: float, held_out: Sequence[float]) -> str:
     if not math.isfinite(used):
         return "The noise floor is not known, so the residual says nothing about the model"
-    if used > SAME_AS_NOISE:
+    if used > NOISE_LIKE.most:
         return f"The residual is {three(used)} times the noise floor: the model misses something"
-    if not all(multiple <= SAME_AS_NOISE for multiple in held_out):
+    if not all(multiple <= NOISE_LIKE.most for multiple in held_out):
         return "Nothing is left but noise on the runs of the fit, yet the model does not carry over to others"
-    if used < BELOW_NOISE:
+    if used < NOISE_LIKE.least:
         return f"The residual is {three(used)} times the noise floor: the floor is overstated, and so are the intervals"
     return "Nothing is left but noise"
 
@@ -167,5 +179,5 @@ def _times(rms: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.f
     return np.divide(rms, noise, out=np.full(len(rms), np.nan), where=noise > 0)
 
 
-def _mrad(by_axis: dict[str, float]) -> str:
-    return pair(1e3 * value for value in by_axis.values())
+def _both(by_axis: dict[str, float], angles: AngleUnit) -> str:
+    return f"{pair(angles.small_per_rad * value for value in by_axis.values())} {angles.small}"

@@ -22,7 +22,7 @@ ALGORITHMS: dict[str, Algorithm[Any]] = {
     "cma_es": Algorithm(CmaEsSettings, cma_es),
     "multistart": Algorithm(MultistartSettings, multistart),
 }
-"""Every algorithm by the name that `algorithm` has in a search file."""
+"""Name that `algorithm` has in a search file -> algorithm; a new one is one file and one line here."""
 
 
 class _Choice(BaseModel):

@@ -10,13 +10,14 @@ from pydantic import Field
 from dpr_lab.search.fitness import FAILED_ABOVE, cost
 from dpr_lab.search.generations import generations
 from dpr_lab.search.population import Population, merged, ranked
-from dpr_lab.search.problem import Bounds, Generation, Objective, Problem
+from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 FEWEST_GENES = 2
 """The package does not search a single dimension; a second one without meaning is added to it."""
 
 LARGEST_GROWTH = 64
+"""Times the first population, beyond which a restart does not grow."""
 
 
 class CmaEsSettings(SearchSettings, frozen=True):
@@ -43,11 +44,11 @@ def cma_es(
     Source: Hansen (2016), The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; restarts: Auger & Hansen (2005),
     IEEE Congress on Evolutionary Computation, 1769-1776.
     """
-    problem = Problem(objective, bounds, partial(cost, aggregate=settings.aggregate))
+    problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
     return generations(problem, _populations(problem, settings, rng), settings)
 
 
-def _populations(problem: Problem, settings: CmaEsSettings, rng: np.random.Generator) -> Iterator[Population]:
+def _populations(problem: SearchProblem, settings: CmaEsSettings, rng: np.random.Generator) -> Iterator[Population]:
     genes = problem.box.shape[1]
     best = Population(np.empty((0, genes)), np.empty(0))
     size = first = settings.population or 4 + int(3 * np.log(max(genes, FEWEST_GENES)))
@@ -59,7 +60,7 @@ def _populations(problem: Problem, settings: CmaEsSettings, rng: np.random.Gener
         size = min(size * settings.restart_growth, LARGEST_GROWTH * first)
 
 
-def _search(problem: Problem, size: int, sigma: float, rng: np.random.Generator) -> Iterator[Population]:
+def _search(problem: SearchProblem, size: int, sigma: float, rng: np.random.Generator) -> Iterator[Population]:
     """Samples of one search until it ends by the package's own criteria; in the unit cube inside."""
     lower, upper = problem.box
     strategy = _strategy(len(lower), size, sigma, rng)

@@ -1,4 +1,4 @@
-"""Variable precision crossover, equation (5)."""
+"""Variable precision crossover, docs/theory.md (5)."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def cross(x: Floats, y: Floats, rng: np.random.Generator) -> tuple[Floats, Float
     Returns:
         two (pairs, n) arrays of crossed chromosomes
 
-    Source: equation (5), restored from "convex set" in section 3.3.
+    Source: docs/theory.md (5), restored from "convex set".
     """
     pairs, n = x.shape
     point = rng.integers(n, size=(pairs, 1))

@@ -11,7 +11,7 @@ from dpr_lab.search.fitness import FAILED_ABOVE, cost
 from dpr_lab.search.generations import generations
 from dpr_lab.search.latin_hypercube import latin_hypercube
 from dpr_lab.search.population import Population, ranked
-from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, Problem
+from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import NotNegative, SearchSettings, Share
 
 
@@ -40,12 +40,12 @@ def differential_evolution(
 
     Source: Storn & Price (1997), Journal of Global Optimization 11, 341-359.
     """
-    problem = Problem(objective, bounds, partial(cost, aggregate=settings.aggregate))
+    problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
     return generations(problem, _populations(problem, settings, rng), settings)
 
 
 def _populations(
-    problem: Problem, settings: DifferentialEvolutionSettings, rng: np.random.Generator
+    problem: SearchProblem, settings: DifferentialEvolutionSettings, rng: np.random.Generator
 ) -> Iterator[Population]:
     population = latin_hypercube(problem, settings.population, rng)
     while True:

@@ -1,4 +1,4 @@
-"""Dynamic encoding: new chromosomes close to the best one, equation (9)."""
+"""Dynamic encoding: new chromosomes close to the best one, docs/theory.md (9)."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from dpr_lab.search.problem import Bounds, Floats
 
 
 def around(best: Floats, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Floats:
-    """Chromosomes around the best one, within 5 % of each of its genes at the paper's settings.
+    """Chromosomes around the best one, within 5 % of each of its genes at the published settings.
 
         y_i = (mu + nu beta) x_i,   beta uniform on {0, 0.1, ..., 1}, clipped to the bounds
 
@@ -24,7 +24,7 @@ def around(best: Floats, size: int, mu: float, nu: float, box: Bounds, rng: np.r
     Returns:
         (size, n) genes
 
-    Source: equation (9), restored: it fits the paper's mu = 0.95 and nu = 0.1.
+    Source: docs/theory.md (9), restored: it fits the published mu = 0.95 and nu = 0.1.
     """
     beta = rng.choice(STEPS, (size, len(best)))
     return np.clip((mu + nu * beta) * best, *box)

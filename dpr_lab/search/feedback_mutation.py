@@ -37,7 +37,7 @@ def replacements(best: Floats, size: int, mu: float, nu: float, box: Bounds, rng
     Returns:
         (size, n) genes
 
-    Source: section 3.6, which asks for both kinds and does not give their shares; even chances are ours.
+    Source: docs/theory.md, step 4; the publication asks for both kinds and gives no shares, even chances are ours.
     """
     local = rng.random((size, 1)) < 0.5
     return np.where(local, around(best, size, mu, nu, box, rng), fresh(size, box, rng))

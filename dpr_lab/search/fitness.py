@@ -1,4 +1,4 @@
-"""Cost and fitness, equation (10)."""
+"""Cost and fitness, docs/theory.md (10)."""
 
 from typing import Literal
 
@@ -6,7 +6,8 @@ import numpy as np
 
 from dpr_lab.search.problem import Floats
 
-FAILED_ABOVE = 1e100  # a swing that diverged; sums of such costs would overflow
+FAILED_ABOVE = 1e100
+"""E of a swing that diverged; sums of such costs would overflow."""
 AGGREGATES = {"sum": np.sum, "max": np.max, "min": np.min}
 
 
@@ -20,7 +21,7 @@ def cost(errors: Floats, aggregate: Literal["sum", "max", "min"]) -> Floats:
     Returns:
         (n,) H; `inf` for a candidate that failed in any pose, whatever the aggregate
 
-    Source: equation (10); the aggregate is lost in the paper, the sum is our reading of section 3.7.
+    Source: docs/theory.md (10); the publication's aggregate is lost, the sum is one reading.
     """
     failed = np.any(~(errors <= FAILED_ABOVE), axis=1, keepdims=True)
     return AGGREGATES[aggregate](np.where(failed, np.inf, errors), axis=1)
@@ -39,6 +40,6 @@ def fitness(costs: Floats, scale: float, delta: float) -> Floats:
     Returns:
         (n,) f
 
-    Source: equation (10), restored from the text.
+    Source: docs/theory.md (10), restored from the text.
     """
     return scale / (costs + delta)

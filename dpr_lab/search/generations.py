@@ -5,11 +5,13 @@ from collections.abc import Iterable, Iterator
 from dpr_lab.search.fitness import fitness
 from dpr_lab.search.population import Population
 from dpr_lab.search.population_fitness import population_fitness
-from dpr_lab.search.problem import Generation, Problem
+from dpr_lab.search.problem import Generation, SearchProblem
 from dpr_lab.search.settings import SearchSettings
 
 
-def generations(problem: Problem, populations: Iterable[Population], settings: SearchSettings) -> Iterator[Generation]:
+def generations(
+    problem: SearchProblem, populations: Iterable[Population], settings: SearchSettings
+) -> Iterator[Generation]:
     """Number and record populations until `settings.generations` or stagnation.
 
     Args:
@@ -34,7 +36,7 @@ def _stagnated(best_costs: list[float], settings: SearchSettings) -> bool:
     return best_costs[-1] >= (1 - settings.stagnation_improvement) * best_costs[-1 - patience]
 
 
-def _recorded(number: int, problem: Problem, population: Population, settings: SearchSettings) -> Generation:
+def _recorded(number: int, problem: SearchProblem, population: Population, settings: SearchSettings) -> Generation:
     f = fitness(population.cost, settings.fitness_scale, settings.delta)
     candidates = problem.candidates(population.genes)
     return Generation(

@@ -1,4 +1,4 @@
-"""Pairing for crossover: parents by fitness, never two that are nearly the same, equation (4)."""
+"""Pairing for crossover: parents by fitness, never two that are nearly the same, docs/theory.md (4)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ from dpr_lab.search.hybrid_coding import fresh
 from dpr_lab.search.problem import Bounds, Floats
 
 INBREEDING_BELOW = 2
-"""Parents that differ in fewer genes than this are too close."""
+"""Parents that differ in fewer genes than this are too close: docs/theory.md (4)."""
 
 
 def hamming_distance(x: Floats, y: Floats, tolerance: Floats | float = 0.0) -> NDArray[np.int_]:
@@ -21,7 +21,7 @@ def hamming_distance(x: Floats, y: Floats, tolerance: Floats | float = 0.0) -> N
     Returns:
         (...) number of genes that differ
 
-    Source: equation (4); the paper's distance has no tolerance.
+    Source: docs/theory.md (4); the published distance has no tolerance.
     """
     return np.count_nonzero(np.abs(x - y) > tolerance, axis=-1)
 
@@ -44,7 +44,7 @@ def pair(genes: Floats, fitness: Floats, pairs: int, box: Bounds, rng: np.random
     Returns:
         two (pairs, n) arrays, first and second parents
 
-    Source: section 3.2; that chances are proportional to fitness is our reading of section 3.7.
+    Source: docs/theory.md (4) and step 5; chances in proportion to fitness are one reading.
     """
     total = fitness.sum()
     chances = fitness / total if total > 0 else None

@@ -1,4 +1,4 @@
-"""Hybrid coding: chromosomes on a coarse grid over the box, equation (3)."""
+"""Hybrid coding: chromosomes on a coarse grid over the box, docs/theory.md (3)."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def fresh(size: int, box: Bounds, rng: np.random.Generator) -> Floats:
     Returns:
         (size, n) genes
 
-    Source: equation (3).
+    Source: docs/theory.md (3).
     """
     lower, upper = box
     beta = rng.choice(STEPS, (size, box.shape[1]))

@@ -1,9 +1,9 @@
-"""The improved genetic algorithm (IGA), in the ten steps of the paper's section 3.8.
+"""The improved genetic algorithm (IGA), in the ten steps of docs/theory.md, section 2.
 
 (1) initialise by hybrid coding, (2) sort by fitness, (3) population fitness, (4) dynamic encoding and feedback mutation
 once the population has converged, then for M Pc / 2 offspring (5) pairing and crossover, (6) orthogonal experiment,
 (7) hybrid mutation, (8) all of them at once; (9) merge and sort, (10) keep the best M; again from (3).
-Until then the paper's step (4) asks for "traditional mutation"; we take that to be the mutation of step (7).
+Until then the publication's step (4) asks for "traditional mutation"; we take that to be the mutation of step (7).
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from dpr_lab.search.mutation import mutate
 from dpr_lab.search.orthogonal import Levels, array_for, experiment
 from dpr_lab.search.population import Population, merged, ranked
 from dpr_lab.search.population_fitness import population_fitness
-from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, Problem
+from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import IgaSettings
 
 
@@ -41,15 +41,15 @@ def iga(objective: Objective, bounds: Bounds, settings: IgaSettings, rng: np.ran
         ValueError: bounds that are not (2, d), not finite, reversed, or all coincide
         ConfigError: more searched genes than the orthogonal array has columns
 
-    Source: section 3.8.
+    Source: docs/theory.md, section 2.
     """
-    problem = Problem(objective, bounds, partial(cost, aggregate=settings.aggregate))
+    problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
     levels = array_for(settings.orthogonal_array, problem.box.shape[1])
     return generations(problem, _populations(problem, levels, settings, rng), settings)
 
 
 def _populations(
-    problem: Problem, levels: Levels, settings: IgaSettings, rng: np.random.Generator
+    problem: SearchProblem, levels: Levels, settings: IgaSettings, rng: np.random.Generator
 ) -> Iterator[Population]:
     genes = fresh(settings.population, problem.box, rng)  # (1)
     population = ranked(genes, problem.costs(genes))  # (2)
@@ -71,7 +71,9 @@ def _converged(population: Population, settings: IgaSettings) -> bool:
     return population_fitness(f) > settings.alpha and f[0] > settings.sigma
 
 
-def _refreshed(problem: Problem, population: Population, settings: IgaSettings, rng: np.random.Generator) -> Population:
+def _refreshed(
+    problem: SearchProblem, population: Population, settings: IgaSettings, rng: np.random.Generator
+) -> Population:
     """Step (4): the population without its near-duplicates."""
     lower, upper = problem.box
     alike = near_duplicates(population.genes, settings.similarity * (upper - lower))
@@ -81,7 +83,7 @@ def _refreshed(problem: Problem, population: Population, settings: IgaSettings, 
 
 
 def _offspring(
-    problem: Problem, population: Population, levels: Levels, settings: IgaSettings, rng: np.random.Generator
+    problem: SearchProblem, population: Population, levels: Levels, settings: IgaSettings, rng: np.random.Generator
 ) -> Population:
     """Steps (5) to (7) for all M Pc / 2 offspring, in any order."""
     pairs = max(1, round(settings.population * settings.crossover_rate / 2))

@@ -3,10 +3,10 @@
 import numpy as np
 
 from dpr_lab.search.population import Population, ranked
-from dpr_lab.search.problem import Problem
+from dpr_lab.search.problem import SearchProblem
 
 
-def latin_hypercube(problem: Problem, size: int, rng: np.random.Generator) -> Population:
+def latin_hypercube(problem: SearchProblem, size: int, rng: np.random.Generator) -> Population:
     """Individuals of which each lies in another of `size` equal parts of every gene's range, best first.
 
     Source: McKay, Beckman & Conover (1979), Technometrics 21(2), 239-245.

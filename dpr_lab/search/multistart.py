@@ -11,7 +11,7 @@ from dpr_lab.search.fitness import cost
 from dpr_lab.search.generations import generations
 from dpr_lab.search.latin_hypercube import latin_hypercube
 from dpr_lab.search.population import Population, merged
-from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, Problem
+from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 MAX_POWER = 16
@@ -42,11 +42,13 @@ def multistart(
 
     Source: L-BFGS-B: Byrd, Lu, Nocedal & Zhu (1995), SIAM Journal on Scientific Computing 16(5), 1190-1208.
     """
-    problem = Problem(objective, bounds, partial(cost, aggregate=settings.aggregate))
+    problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
     return generations(problem, _populations(problem, settings, rng), settings)
 
 
-def _populations(problem: Problem, settings: MultistartSettings, rng: np.random.Generator) -> Iterator[Population]:
+def _populations(
+    problem: SearchProblem, settings: MultistartSettings, rng: np.random.Generator
+) -> Iterator[Population]:
     ends = Population(np.empty((0, problem.box.shape[1])), np.empty(0))
     while True:
         starts = latin_hypercube(problem, settings.population, rng)
@@ -58,7 +60,7 @@ def _populations(problem: Problem, settings: MultistartSettings, rng: np.random.
             yield merged(ends, waiting).best(settings.population)
 
 
-def _descended(problem: Problem, start: Floats, start_cost: float, settings: MultistartSettings) -> Population:
+def _descended(problem: SearchProblem, start: Floats, start_cost: float, settings: MultistartSettings) -> Population:
     """One individual: where the local search from a start ended; the start itself if it failed."""
     if not np.isfinite(start_cost):
         return Population(start[None], np.array([start_cost]))

@@ -22,7 +22,7 @@ def mutate(genes: Floats, rate: float, box: Bounds, rng: np.random.Generator) ->
     Returns:
         (size, n) genes and (size,) which chromosomes mutated
 
-    Source: section 3.5; how many genes a multi-point mutation changes is ours.
+    Source: docs/theory.md (7); how many genes a multi-point mutation changes is ours.
     """
     size, n = genes.shape
     mutates = rng.random(size) < rate

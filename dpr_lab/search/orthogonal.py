@@ -66,7 +66,7 @@ def experiment(x: Floats, y: Floats, levels: Levels, costs: Callable[[Floats], F
     Returns:
         (pairs, n) offspring and (pairs,) their H
 
-    Source: section 3.4.
+    Source: docs/theory.md (6).
     """
     pairs, n = x.shape
     trials = np.where(levels, y[:, None], x[:, None])

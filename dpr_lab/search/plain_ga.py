@@ -10,7 +10,7 @@ from pydantic import Field
 from dpr_lab.search.fitness import cost
 from dpr_lab.search.generations import generations
 from dpr_lab.search.population import Population, merged, ranked
-from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, Problem
+from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings, Share
 
 
@@ -42,11 +42,11 @@ def plain_ga(
     Source: Goldberg (1989), Genetic Algorithms in Search, Optimization and Machine Learning, chapter 1, with real
     genes instead of bits.
     """
-    problem = Problem(objective, bounds, partial(cost, aggregate=settings.aggregate))
+    problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
     return generations(problem, _populations(problem, settings, rng), settings)
 
 
-def _populations(problem: Problem, settings: PlainGaSettings, rng: np.random.Generator) -> Iterator[Population]:
+def _populations(problem: SearchProblem, settings: PlainGaSettings, rng: np.random.Generator) -> Iterator[Population]:
     lower, upper = problem.box
     genes = rng.uniform(lower, upper, (settings.population, len(lower)))
     population = ranked(genes, problem.costs(genes))

@@ -1,4 +1,4 @@
-"""Population fitness: how close the whole population is to its best, equation (8)."""
+"""Population fitness: how close the whole population is to its best, docs/theory.md (8)."""
 
 from dpr_lab.search.problem import Floats
 
@@ -14,7 +14,7 @@ def population_fitness(fitness: Floats) -> float:
     Returns:
         f_pop in 0..1; 0 when every individual failed
 
-    Source: equation (8).
+    Source: docs/theory.md (8).
     """
     best = float(fitness.max())
     return float((fitness / best).mean()) if best > 0 else 0.0  # dividing first: rounding never exceeds 1

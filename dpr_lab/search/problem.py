@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 Settings = TypeVar("Settings", bound=SearchSettings)
 
 Objective = Callable[[Floats], Floats]
-"""(n, d) candidates -> (n, poses) E(Z) >= 0 of each candidate and pose, equation (2); `inf` where one failed."""
+"""(n, d) candidates -> (n, poses) E(Z) >= 0 of each candidate and pose, docs/theory.md (2); `inf` where one failed."""
 
 Bounds = Floats
 """(2, d) lower and upper bound of every gene; a gene whose bounds coincide is fixed."""
@@ -32,7 +32,7 @@ class Generation:
     """H of the best candidate, `inf` as long as every candidate failed."""
     best_fitness: float
     population_fitness: float
-    """f_pop, equation (8): 1 when the whole population is as good as its best."""
+    """f_pop of docs/theory.md (8): 1 when the whole population is as good as its best."""
     population: Floats
     """(size, d) candidates, best first."""
     cost: Floats
@@ -53,7 +53,7 @@ class Algorithm(Generic[Settings]):
 
 
 @dataclass(slots=True)
-class Problem:
+class SearchProblem:
     """An objective seen from inside a search: free genes in, one cost each out; counts its evaluations."""
 
     objective: Objective

@@ -1,4 +1,4 @@
-"""How a search is set (`configs/search/*.toml`); the defaults are the paper's."""
+"""How a search is set (`configs/search/*.toml`); the defaults are the published ones (docs/theory.md)."""
 
 from typing import Annotated, Literal
 
@@ -25,11 +25,11 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
     delta: Positive = 35.0
     """Added to H in the fitness; the larger, the better the chances of bad individuals."""
     fitness_scale: Positive = 350.0
-    """M of equation (10), the paper gives no value; with 350, sigma = 5 means H < 35."""
+    """M of docs/theory.md (10), not published; with 350, sigma = 5 means H < 35."""
 
 
 class IgaSettings(SearchSettings, frozen=True):
-    """The improved genetic algorithm, in the paper's symbols (sections 3 and 4.1)."""
+    """The improved genetic algorithm, in the symbols of docs/theory.md, section 2."""
 
     algorithm: Literal["iga"] = "iga"
     population: Annotated[int, Field(ge=2)] = 200

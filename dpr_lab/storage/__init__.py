@@ -7,7 +7,10 @@ writer      RunWriter: samples to disk as they arrive
 scan        a file's records up to its first damage
 reader      load_run: a file as a Run
 inspect     info, verify, recover
-export      EXPORTERS: .csv, .parquet, .h5, .mat
+export      EXPORTERS: .csv, .parquet, .h5, .mat, JointState in .mcap
 table       any logger's text table as columns
-csv_import  import_csv: such a table as a run
+readers     READERS: files of any kind as such a table
+columns     which column is what
+csv_import  import_csv: a table as a run
+preview     what was understood of a table
 """

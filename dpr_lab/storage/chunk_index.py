@@ -8,8 +8,6 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import Writer
 
-HEADER_BYTES = 9  # of an MCAP record: its kind and its length
-
 
 class ChunkIndices:
     """What `mcap.writer.Writer` keeps of every chunk until it writes the index at the end, as bytes in a nameless file.
@@ -41,7 +39,7 @@ class ChunkIndices:
         self._file.seek(0)
         stream = ReadDataStream(self._file)
         for _ in range(self._count):
-            stream.read(HEADER_BYTES)
+            stream.read(9)  # the header of an MCAP record: its kind and its length
             yield ChunkIndex.read(stream)
 
 

@@ -1,13 +1,12 @@
-"""Turn a logger's text table into a run.
+"""Turn a logger's table of any kind (`dpr_lab.storage.readers`) into a run.
 
 Times stay as the table has them: uneven steps and gaps are kept, nothing is resampled. Rows without a value and rows
 with the time of the row before are left out, counted and reported in the run's notes.
 """
 
 import json
-import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -17,41 +16,73 @@ from numpy.typing import NDArray
 from dpr_lab.configs import sha256_of
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, as_mounted
+from dpr_lab.storage.columns import AXES, TO_SECONDS, find_columns, find_torques, with_still_joint2
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import full_turns, load_run
-from dpr_lab.storage.table import Table, read_table
+from dpr_lab.storage.readers import read_any
+from dpr_lab.storage.table import Table
 from dpr_lab.storage.writer import RunWriter
 
-AXES = ("theta0", "theta1", "theta2")
-MOST_NAN = 0.1
-TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+Angles = Literal["absolute", "relative"]
+Zero = Literal["upright", "hanging"]
+Unit = Literal["rad", "deg", "counts"]
+TimeUnit = Literal["s", "ms", "us"]
 TO_RADIANS = {"rad": 1.0, "deg": np.pi / 180}
-SLOWEST_S, LONGEST_S = 10.0, 1e6
-"""Median step between rows, and time from the first to the last, above which a table is no swing."""
-GAP = 1.5  # steps longer than this many median steps are reported as gaps
 
-_TIME_NAME = r"(t|time|timestamp)?({unit})?(?<=.)"
-_TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
-_ANGLE_NAME = r"(theta|th|phi|q|angle|joint|pos|position|θ|φ){axis}(rad|radians?|deg|degrees?)?"
-_COUNT_NAME = r"(counts?|enc|encoder){axis}(counts?|ticks?)?"
-_SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
-_SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|(°)")
+
+@dataclass(frozen=True, slots=True)
+class Plausible:
+    """What a table of a swing is taken for; beyond it a unit is wrong or the file is no recording."""
+
+    nan_share: float = 0.1
+    """Rows without a value, at most."""
+    step_s: float = 10.0
+    """Median time between rows, at most."""
+    duration_s: float = 1e6
+    """From the first row to the last, at most."""
+    angle: float = 1e4
+    """rad; a rod that turned further would have turned for hours."""
+    jump: float = 1.5 * np.pi
+    """Between two rows, rad; less than a wrapped turn, and more than a rod turns."""
+    outlier_rows: int = 3
+    """Rows in a row that leap away and back and are then no angles of the rod, at most."""
+    window_slack: float = 0.2
+    """How much wider than a turn the angles of a logger that wraps may lie, rad."""
+    gap_steps: float = 1.5
+    """Steps longer than this many median steps are reported as gaps."""
+    speed: float = 100.0
+    """Of the faster rod, rad/s, exceeded in nine of ten rows: sixteen turns a second; degrees taken for radians are."""
+
+
+PLAUSIBLE = Plausible()
 
 
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
     """How a table is to be read."""
 
-    angles: Literal["absolute", "relative"] = "absolute"
+    angles: Angles = "absolute"
     """Whether theta2 is the outer rod's own angle to the vertical, or its angle to the inner rod."""
-    zero: Literal["upright", "hanging"] = "upright"
+    zero: Zero = "upright"
     """Where the rods point at angle 0."""
-    unit: Literal["rad", "deg", "counts"] = "rad"
-    """`counts` are read by the rig's encoders; `angles` and `zero` then come from the rig as well."""
-    time_unit: Literal["s", "ms", "us"] = "s"
+    unit: Unit | None = "rad"
+    """`counts` are read by the rig's encoders; `angles` and `zero` then come from the rig as well. None: what the
+    columns' names say, rad where they say nothing."""
+    time_unit: TimeUnit | None = "s"
+    """None: what the column's name says, s where it says nothing."""
     columns: Mapping[str, str] = field(default_factory=dict)
     """Column name (or number, without a header) of t, theta0, theta1, theta2, where the guess by name fails."""
+    take: tuple[str, ...] = ()
+    """What of the file: the topic of a bag, arrays or groups of a .mat, .npz or .h5, the points pivot, elbow, tip."""
+    rate_hz: float | None = None
+    """Rows a second of a table without time; a column of times is then not used."""
+    wrap: float | None = None
+    """At how much the logger wraps, in the table's unit: 360, 4096, ...; without it whole turns are noticed."""
+    scale: Mapping[str, float] = field(default_factory=dict)
+    """By axis, what a value of the table is multiplied by."""
+    offset: Mapping[str, float] = field(default_factory=dict)
+    """By axis, what is then added, in the table's unit."""
     start_s: float = 0.0
     """Rows earlier than this after the table's first row are left out."""
     duration_s: float | None = None
@@ -59,26 +90,40 @@ class ImportOptions:
     pose: str | None = None
     """Pose of the rig that was released from, where it is known."""
     note: str = ""
+    torque: Literal["measured", "commanded", "none"] | None = None
+    """Which known torques drove the joints, where the table holds both; `none`: none that it holds."""
 
     def __post_init__(self) -> None:
-        unknown = set(self.columns) - {"t", *AXES}
+        unknown = (set(self.columns) - {"t"} | set(self.scale) | set(self.offset)) - set(AXES)
         if unknown:
             raise ValueError(f"columns can be given for t, {', '.join(AXES)}, not for {', '.join(sorted(unknown))}")
+        positive = [self.rate_hz, self.wrap]
+        if not all(value is None or 0 < value < np.inf for value in positive) or 0.0 in self.scale.values():
+            raise ValueError("rate_hz and wrap must be positive and finite, scale must not be 0")
+        if not np.isfinite([*self.scale.values(), *self.offset.values()]).all():
+            raise ValueError("scale and offset must be finite")
         if not self.start_s >= 0 or (self.duration_s is not None and not self.duration_s > 0):
             raise ValueError("start_s must not be negative, duration_s must be positive")
 
 
 @dataclass(frozen=True, slots=True)
-class _Swing:
+class Understood:
+    """What was understood of a table."""
+
     t: NDArray[np.float64]
     theta: NDArray[np.float64]
     counts: NDArray[np.int64] | None
     t_offset_s: float
-    columns: dict[str, str]
+    columns: Mapping[str, str]
     notes: tuple[str, ...]
+    options: ImportOptions
+    """With the units that were found."""
+    kind: str
+    torques: NDArray[np.float64] | None = None
 
     @property
     def rate_hz(self) -> float:
+        """Rows a second, by the median step."""
         return round(float(1 / np.median(np.diff(self.t))), 6)
 
 
@@ -88,79 +133,106 @@ def import_csv(file: Path | str, rig: Rig, options: ImportOptions | None = None,
     The run starts at t = 0 with the first row kept and has no rest before it.
 
     Args:
-        file: the table; comma, semicolon, tab or blank between columns, `#`, `%` or `//` before comments
+        file: the table, of a kind in `dpr_lab.storage.readers`; of a text one comma, semicolon, tab or blank between
+            columns, `#`, `%` or `//` before comments
         rig: the rig it was recorded on
         options: what the table's numbers mean
         out: run file to write
 
     Raises:
         RunError: not a table of numbers, a column that cannot be found, time that runs backwards (with its line),
-            more than 10 % of rows without a value, or nothing left after the slice.
+            more than 10 % of rows without a value, nothing left after the slice, or a joint that turns although no rod
+            is said to hang on it.
     """
-    options = options or ImportOptions()
-    if options.pose is not None and options.pose not in rig.poses:
-        raise RunError(f"{file}: pose {options.pose!r} is not one of the rig's: {', '.join(rig.poses) or 'none'}")
+    swing = understand(file, rig, options)
     path = Path(file)
-    swing = _read_swing(path, rig, options)
+    run = run_of(path, rig, swing)
     if out is None:
-        return _run(path, rig, options, swing)
-    with RunWriter(out, _metadata(path, rig, options, swing)) as writer:
-        writer.table(swing.t, swing.theta, swing.counts)
+        return run
+    with RunWriter(out, _metadata(path, rig, swing)) as writer:
+        writer.table(swing.t, swing.theta, swing.counts, swing.torques)
         writer.finish(RunSummary(release_tick=0, notes=swing.notes))
     return load_run(out)
 
 
-def guess_columns(names: tuple[str, ...], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
-    """Which column is what, by the names loggers use; quantities without exactly one match are left out."""
-    patterns = {"t": re.compile(_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit]))}
-    for axis, quantity in enumerate(AXES):
-        patterns[quantity] = re.compile((_COUNT_NAME if unit == "counts" else _ANGLE_NAME).format(axis=axis))
-    found = {q: [n for n in names if p.fullmatch(_bare(n))] for q, p in patterns.items()}
-    return {quantity: matches[0] for quantity, matches in found.items() if len(matches) == 1}
-
-
-def _read_swing(path: Path, rig: Rig, options: ImportOptions) -> _Swing:
-    table = read_table(path)
-    columns = _columns(table, options)
-    t = table.column(columns["t"]) * TO_SECONDS[options.time_unit]
-    readings = {axis: table.column(columns[axis]) for axis in AXES if axis in columns}
+def understand(file: Path | str, rig: Rig, options: ImportOptions | None = None) -> Understood:
+    """What a table is understood as, before it is a run; arguments and errors as of `import_csv`."""
+    options = options or ImportOptions()
+    if options.pose is not None and options.pose not in rig.poses:
+        raise RunError(f"{file}: pose {options.pose!r} is not one of the rig's: {', '.join(rig.poses) or 'none'}")
+    path = Path(file)
+    table, given = read_any(path, options.take), dict(options.columns)
+    if rig.rods.mounted != "both":
+        table, given = with_still_joint2(table, given)
+    columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)
+    options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
+    _refuse_conventions(table, options)
+    t = _times(table, columns.names, options)
+    found = {axis: table.column(columns.names[axis]) for axis in AXES if axis in columns.names}
+    readings, unrecorded = _recorded(table, found)
     _check_forwards(table, t)
-    kept, notes = _rows_to_keep(path, t, readings, options)
-    values = {axis: column[kept] for axis, column in readings.items()}
+    outliers = _drop_outliers(readings, rig, options)
+    driving = _torques(table, options)
+    kept, notes = _rows_to_keep(path, t, {**readings, **driving}, options)
+    values = {axis: _scaled(column[kept], axis, options) for axis, column in readings.items()}
     time = t[kept] - t[kept][0]
     _check_spacing(path, time)
-    if options.unit == "counts":
-        counts = _counts(path, values, rig)
-        theta, unwrapped = rig.theta(counts), []
-    else:
-        counts = None
-        theta, unwrapped = _theta(values, options)
-    notes += unwrapped + _early_notes(t[kept]) + _gap_notes(time) + _upright_notes(theta)
-    return _Swing(time, theta, counts, float(t[kept][0]), columns, (*table.notes, *notes))
+    counts = _counts(path, values, rig) if options.unit == "counts" else None
+    theta, unwrapped = (rig.theta(counts), []) if counts is not None else _theta(values, options)
+    notes += outliers + unrecorded + unwrapped + _early_notes(t[kept]) + _gap_notes(time) + _odd_notes(time, theta)
+    torques = np.stack([column[kept] for column in driving.values()], axis=1) if driving else None
+    if torques is not None and not torques.any():
+        torques, notes = None, [*notes, "its torques are zero throughout: a free swing"]
+    elif torques is not None:
+        notes += [f"driven by {' and '.join(driving)}, N m, each held until the next row"]
+    notes = (*table.notes, *columns.notes, *notes)
+    return Understood(time, theta, counts, float(t[kept][0]), columns.names, notes, options, table.kind, torques)
 
 
-def _columns(table: Table, options: ImportOptions) -> dict[str, str]:
-    columns = guess_columns(table.names, options.unit, options.time_unit) | dict(options.columns)
-    there = f"the table has: {', '.join(table.names)}"
-    for quantity, name in options.columns.items():
-        if table.names.count(name) != 1:
-            raise RunError(f"{table.path}: {table.names.count(name)} columns are named {name!r} ({quantity}); {there}")
-    missing = [quantity for quantity in ("t", "theta1", "theta2") if quantity not in columns]
-    if missing:
+def _refuse_conventions(table: Table, options: ImportOptions) -> None:
+    said = (options.unit, options.angles, options.zero)
+    if table.settled and said != ("rad", "absolute", "upright"):
         raise RunError(
-            f"{table.path}: no single column found for {' and '.join(missing)}; {there}."
-            f" Name it, for example columns {missing[0]}=NAME; both rods are needed"
+            f"{table.path}: angles from points are absolute, upright is 0, in rad: leave out the options that say else"
         )
-    _check_units(table, columns, options)
-    return columns
 
 
-def _check_units(table: Table, columns: Mapping[str, str], options: ImportOptions) -> None:
-    for quantity, name in columns.items():
-        pattern, given = (_SAID_TIME_UNIT, options.time_unit) if quantity == "t" else (_SAID_UNIT, options.unit)
-        said = pattern.search(name.lower())
-        if said and (said[1] or "deg") != given:
-            raise RunError(f"{table.path}: column {name!r} says {said[0]}, but the unit given is {given}")
+def _torques(table: Table, options: ImportOptions) -> dict[str, NDArray[np.float64]]:
+    """The columns of known torques by their names, joint 1 first."""
+    names = find_torques([*table.names, *table.other_lengths], options.torque, table.path)
+    for name in names:
+        if name in table.other_lengths:
+            raise RunError(
+                f"{table.path}: torques of another length: {table.other_lengths[name]:,} values of {name!r} for"
+                f" {len(table.lines):,} rows"
+            )
+    return {name: table.column(name) for name in names}
+
+
+def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> NDArray[np.float64]:
+    if options.rate_hz is not None:
+        return np.arange(len(table.lines)) / options.rate_hz
+    assert options.time_unit is not None
+    return table.column(columns["t"]) * TO_SECONDS[options.time_unit]
+
+
+def _scaled(column: NDArray[np.float64], axis: str, options: ImportOptions) -> NDArray[np.float64]:
+    """What was read without wraps, scale and offset."""
+    if options.wrap is not None:
+        column = np.unwrap(column, period=options.wrap)
+    return column * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
+
+
+def _recorded(
+    table: Table, readings: dict[str, NDArray[np.float64]]
+) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """The axes whose column holds a number, and a note for one that holds none; both rods are needed."""
+    silent = [axis for axis, column in readings.items() if not np.isfinite(column).any()]
+    for axis in silent:
+        if axis != "theta0":
+            raise RunError(f"{table.path}: the column of {axis} is empty throughout; both rods are needed")
+    kept = {axis: column for axis, column in readings.items() if axis not in silent}
+    return kept, [f"{axis}: its column is empty throughout, so this axis was not recorded" for axis in silent]
 
 
 def _check_forwards(table: Table, t: NDArray[np.float64]) -> None:
@@ -169,16 +241,20 @@ def _check_forwards(table: Table, t: NDArray[np.float64]) -> None:
     if len(backwards):
         row, before = known[backwards[0] + 1], known[backwards[0]]
         raise RunError(
-            f"{table.path}: line {table.lines[row]}: time runs backwards, from {t[before]:g} s to {t[row]:g} s;"
+            f"{table.path}: {_line(table, int(row))}: time runs backwards, from {t[before]:g} s to {t[row]:g} s;"
             " cut the table there, each recording is a run of its own"
         )
 
 
+def _line(table: Table, row: int) -> str:
+    return f"{'line' if table.heading or table.kind == 'text table' else 'row'} {table.lines[row]}"
+
+
 def _check_spacing(path: Path, t: NDArray[np.float64]) -> None:
     apart = float(np.median(np.diff(t)))
-    if apart > SLOWEST_S:
+    if apart > PLAUSIBLE.step_s:
         raise RunError(f"{path}: rows are {apart:g} s apart, too far to follow a swing: is the unit of time right?")
-    if t[-1] > LONGEST_S:
+    if t[-1] > PLAUSIBLE.duration_s:
         raise RunError(f"{path}: the table lasts {t[-1]:g} s, too long for a swing: is the unit of time right?")
 
 
@@ -195,7 +271,7 @@ def _rows_to_keep(
     inside = np.flatnonzero((at >= start) & (at < stop))
     whole = np.isfinite(np.column_stack([t, *readings.values()])[inside]).all(axis=1)
     empty = int(np.count_nonzero(~whole))
-    if empty > MOST_NAN * len(inside):
+    if empty > PLAUSIBLE.nan_share * len(inside):
         raise RunError(f"{path}: {empty} of {len(inside)} rows have no value (NaN): too many for a recording")
     rows = inside[whole]
     if len(rows) == 0:
@@ -222,9 +298,9 @@ def _counts(path: Path, values: Mapping[str, NDArray[np.float64]], rig: Rig) -> 
 
 
 def _theta(values: Mapping[str, NDArray[np.float64]], options: ImportOptions) -> tuple[NDArray[np.float64], list[str]]:
+    assert options.unit is not None
     scaled = {axis: column * TO_RADIANS[options.unit] for axis, column in values.items()}
-    # A logger that wraps jumps by nearly a full turn between two rows, which no rod does.
-    smooth = {axis: np.unwrap(column, discont=1.5 * np.pi) for axis, column in scaled.items()}
+    smooth = scaled if options.wrap else {axis: _unwrapped(column) for axis, column in scaled.items()}
     notes = [f"{axis}: wrapped by the logger, unwrapped" for axis in smooth if np.any(smooth[axis] != scaled[axis])]
     zero = np.pi if options.zero == "hanging" else 0.0
     theta1 = smooth["theta1"] + zero
@@ -232,9 +308,61 @@ def _theta(values: Mapping[str, NDArray[np.float64]], options: ImportOptions) ->
     return np.column_stack([smooth.get("theta0", np.zeros_like(theta1)), theta1, theta2]), notes
 
 
+def _unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The angles of a logger that wraps, turns counted: all within one turn, with jumps of nearly that; others stay."""
+    if np.ptp(angles) > 2 * np.pi + PLAUSIBLE.window_slack:
+        return angles
+    return np.unwrap(angles, discont=PLAUSIBLE.jump)
+
+
+def _drop_outliers(readings: dict[str, NDArray[np.float64]], rig: Rig, options: ImportOptions) -> list[str]:
+    """Put NaN in place of readings that are none of the rod; notes how many."""
+    notes = []
+    for axis, column in readings.items():
+        counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None
+        scale = (counted or TO_RADIANS[options.unit or "rad"]) * abs(options.scale.get(axis, 1.0))
+        known = np.flatnonzero(np.isfinite(column))
+        turned = column[known] if options.wrap is None else np.unwrap(column[known], period=options.wrap)
+        wild = known[_outliers(turned * scale)]
+        if len(wild):
+            column[wild] = np.nan
+            notes.append(f"{axis}: outliers left out: {len(wild)}")
+    return notes
+
+
+def _outliers(angles: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(n,) which angles lie beyond all turns, or leap away and back within a few rows without a wrap."""
+    wild = np.abs(angles) > PLAUSIBLE.angle
+    for rows in range(1, PLAUSIBLE.outlier_rows + 1):
+        kept = np.flatnonzero(~wild)
+        if len(kept) < rows + 2:
+            return wild
+        wild[kept[_leaps(angles[kept], rows)]] = True
+    return wild
+
+
+def _leaps(angles: NDArray[np.float64], rows: int) -> NDArray[np.bool_]:
+    """(n,) which angles are in as many rows that leap away and back, unless a logger wrapped just these."""
+    # Beyond either end lies what lies next to the leap, so that the first row and the last can be one.
+    x = np.concatenate([angles[rows : rows + 1], angles, angles[-rows - 1 : -rows]])
+    into, back = x[1:-rows] - x[: -rows - 1], x[rows + 1 :] - x[rows:-1]
+    away = (np.abs(into) > PLAUSIBLE.jump) & (np.abs(back) > PLAUSIBLE.jump) & (into * back < 0)
+    away &= np.abs(x[rows + 1 :] - x[: -rows - 1]) < PLAUSIBLE.jump
+    leaping = np.zeros(len(angles), dtype=np.bool_)
+    for first in np.flatnonzero(away):
+        leaping[first : first + rows] = True
+    others = angles[~leaping]
+    if not leaping.any() or not len(others):
+        return leaping
+    top, bottom = others.max(), others.min()
+    turn = 2 * np.pi + PLAUSIBLE.window_slack
+    wrapped = (angles >= top - turn) & (angles <= bottom + turn)
+    return leaping & ~(wrapped & (top - bottom <= turn))
+
+
 def _gap_notes(t: NDArray[np.float64]) -> list[str]:
     steps = np.diff(t)
-    gaps = steps[steps > GAP * np.median(steps)]
+    gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
 
 
@@ -245,13 +373,17 @@ def _early_notes(t: NDArray[np.float64]) -> list[str]:
     return [early] if t[0] < 0 < t[-1] else []
 
 
-def _upright_notes(theta: NDArray[np.float64]) -> list[str]:
+def _odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64]) -> list[str]:
     above = np.median(np.cos(theta[:, 1:]), axis=0) > 0
+    speed = float(np.quantile(np.abs(np.diff(theta[:, 1:], axis=0)).max(axis=1) / np.diff(t), 0.1))
+    notes = [f"the rods turn at more than {speed:.3g} rad/s nearly always: are the units right?"]
+    notes = notes if speed > PLAUSIBLE.speed else []
     said = "both rods point upwards most of the time: if the table's zero is hanging, import it with zero hanging"
-    return [said] if above.all() else []
+    return notes + ([said] if above.all() else [])
 
 
-def _metadata(path: Path, rig: Rig, options: ImportOptions, swing: _Swing) -> RunMetadata:
+def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
+    options, as_dicts = swing.options, ("columns", "scale", "offset")
     return RunMetadata(
         rig=rig,
         pose=options.pose,
@@ -261,27 +393,28 @@ def _metadata(path: Path, rig: Rig, options: ImportOptions, swing: _Swing) -> Ru
         url=path.name,
         note=options.note,
         extra={
-            "file_sha256": sha256_of(path),
+            "file_sha256": sha256_of(path) if path.is_file() else "",
             "t_offset_s": repr(swing.t_offset_s),
-            "columns": json.dumps(swing.columns),
-            "options": json.dumps({**asdict(options), "columns": dict(options.columns)}),
+            "columns": json.dumps(dict(swing.columns)),
+            "options": json.dumps(asdict(options) | {name: dict(getattr(options, name)) for name in as_dicts}),
         },
     )
 
 
-def _run(path: Path, rig: Rig, options: ImportOptions, swing: _Swing) -> Run:
+def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
+    """The run that a table is understood as."""
+    options = swing.options
+    turns = full_turns(rig, options.pose, swing.t, swing.theta)
     return Run(
         name=path.stem,
         t=swing.t,
-        theta=swing.theta - full_turns(rig, options.pose, swing.t, swing.theta),
+        theta=as_mounted(swing.theta - turns, rig.rods.mounting, str(path)),
+        mounting=rig.rods.mounting,
         counts=swing.counts,
+        torques=swing.torques,
         pose=options.pose,
         rig_name=rig.name,
         rig_sha256=rig.sha256,
         rate_hz=swing.rate_hz,
         notes=swing.notes,
     )
-
-
-def _bare(name: str) -> str:
-    return re.sub(r"[\W_]+", "", name.lower())

@@ -7,7 +7,7 @@ under the key `dpr_lab`, HDF5 attributes, a MATLAB struct `run`; CSV has none.
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import DprError, RunError
 from dpr_lab.run import Run
+from dpr_lab.storage.layout import NANOSECONDS
 
 COLUMNS: tuple[str, ...] = ("t_s", "theta0_rad", "theta1_rad", "theta2_rad")
 COUNT_COLUMNS: tuple[str, ...] = ("counts0", "counts1", "counts2")
@@ -41,17 +42,24 @@ def export(run: Run, path: Path | str) -> Path:
         raise RunError(f"{target}: no such format as {target.suffix!r}; there are: {', '.join(EXPORTERS)}")
     if target.exists():
         raise RunError(f"{target}: exists already; choose another name")
+    begun = target.with_name(f"{target.name}.part")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        write(run, target)
+        write(run, begun)
+        begun.replace(target)
     except OSError as error:
         raise RunError(f"{target}: cannot be written: {error.strerror or error}") from error
+    finally:
+        with suppress(OSError):
+            begun.unlink(missing_ok=True)
     return target
 
 
 def columns(run: Run) -> Columns:
     """The run as named columns, each (n,)."""
     table: Columns = dict(zip(COLUMNS, (run.t, *run.theta.T), strict=True))
+    if run.torques is not None:
+        table |= dict(zip(("tau1_Nm", "tau2_Nm"), run.torques.T, strict=True))
     if run.counts is not None:
         table |= dict(zip(COUNT_COLUMNS, run.counts.T, strict=True))
     return table
@@ -84,7 +92,7 @@ def write_csv(run: Run, path: Path) -> None:
 
 def write_parquet(run: Run, path: Path) -> None:
     """Apache Parquet; the unit of each column is in its field's metadata."""
-    with _extra("parquet"):
+    with extra("parquet"):
         import pyarrow as pa
         import pyarrow.parquet as pq
     table = columns(run)
@@ -94,21 +102,64 @@ def write_parquet(run: Run, path: Path) -> None:
 
 
 def write_hdf5(run: Run, path: Path) -> None:
-    """HDF5 with one data set per column, compressed and with checksums."""
-    with _extra("hdf5"):
+    """HDF5 with one data set per column, compressed and with checksums.
+
+    It is made in memory: the library ends the whole program where a disk is full.
+    """
+    with extra("hdf5"):
         import h5py
-    with h5py.File(path, "x") as file:
+    with h5py.File(str(path), "w", driver="core", backing_store=False) as file:
         file.attrs.update(about(run))
         for name, column in columns(run).items():
             data = file.create_dataset(name, data=column, compression="gzip", shuffle=True, fletcher32=True)
             data.attrs["unit"] = UNITS[name]
+        file.flush()
+        image = file.id.get_file_image()
+    path.write_bytes(image)
 
 
 def write_mat(run: Run, path: Path) -> None:
     """MATLAB level 5; `load` gives one column vector per column and the struct `run`."""
     from scipy.io import savemat
 
-    savemat(path, {**columns(run), "run": about(run)}, oned_as="column", do_compression=True)
+    with path.open("wb") as file:
+        savemat(file, {**columns(run), "run": about(run)}, oned_as="column", do_compression=True)
+
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+JOINT_STATE_DEFINITION = """std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+"""The message as ROS 2 defines it: `ros2 interface show sensor_msgs/msg/JointState`."""
+
+JOINTS_TOPIC, JOINT_NAMES = "/joint_states", ("theta0", "theta1", "theta2")
+
+
+def write_joint_states(run: Run, path: Path) -> None:
+    """MCAP with `sensor_msgs/JointState` on `/joint_states`, absolute angles; stamps count from the first sample."""
+    with extra("ros2"):
+        from mcap_ros2.writer import Writer
+    with path.open("wb") as file, Writer(file) as writer:
+        schema = writer.register_msgdef(JOINT_STATE, JOINT_STATE_DEFINITION)
+        said = about(run)
+        writer.add_metadata("dpr_lab", {key: str(value) for key, value in said.items()})
+        stamps = np.round((run.t - run.t[0] + 1.0) * NANOSECONDS).astype(np.int64) if len(run.t) else []
+        for row, (stamp, theta) in enumerate(zip(stamps, run.theta, strict=True)):
+            sec, nanosec = divmod(int(stamp), NANOSECONDS)
+            header = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": ""}
+            message = {"header": header, "name": JOINT_NAMES, "position": theta.tolist(), "velocity": [], "effort": []}
+            writer.write_message(JOINTS_TOPIC, schema, message, int(stamp), int(stamp), row)
 
 
 EXPORTERS: Mapping[str, Callable[[Run, Path], None]] = {
@@ -116,6 +167,7 @@ EXPORTERS: Mapping[str, Callable[[Run, Path], None]] = {
     ".parquet": write_parquet,
     ".h5": write_hdf5,
     ".mat": write_mat,
+    ".mcap": write_joint_states,
 }
 """File suffix -> writer."""
 
@@ -123,7 +175,12 @@ ALIASES: Mapping[str, str] = {".hdf5": ".h5"}
 
 
 @contextmanager
-def _extra(name: str) -> Iterator[None]:
+def extra(name: str) -> Iterator[None]:
+    """Around the import of an optional library.
+
+    Raises:
+        DprError: it is not installed; says what to install.
+    """
     try:
         yield
     except ImportError as error:

@@ -10,8 +10,8 @@ import numpy as np
 from dpr_lab.errors import RunError
 from dpr_lab.storage.metadata import RunSummary
 from dpr_lab.storage.reader import lost_by_gaps
-from dpr_lab.storage.scan import Samples, Scan, scan
-from dpr_lab.storage.sidecar import read_sidecar, sidecar_of
+from dpr_lab.storage.scan import Samples, Scan, scan, stored_messages
+from dpr_lab.storage.sidecar import read_note, read_sidecar, sidecar_of
 from dpr_lab.storage.writer import RunWriter
 
 
@@ -42,6 +42,8 @@ class RunInfo:
     gate: str
     gate_figures: Mapping[str, float]
     clock: Mapping[str, float]
+    mounted: str
+    elbow: str
     rig: str
     rig_sha256: str
     source: str
@@ -100,6 +102,8 @@ def info(path: Path | str) -> RunInfo:
         gate=summary.gate,
         gate_figures=summary.gate_figures,
         clock=summary.clock,
+        mounted=meta.rig.rods.mounted,
+        elbow=meta.rig.rods.elbow,
         rig=meta.rig.name,
         rig_sha256=found.rig_sha256,
         source=meta.source,
@@ -110,7 +114,7 @@ def info(path: Path | str) -> RunInfo:
         schema_hash=meta.schema_hash,
         versions=meta.versions,
         created_utc=meta.created_utc,
-        note=meta.note,
+        note=read_note(found.path, meta.note),
         notes=summary.notes,
         extra=meta.extra,
     )
@@ -154,7 +158,7 @@ def recover(path: Path | str, out: Path | str) -> int:
     summary = _summary(found, samples)
     notes = (*summary.notes, f"recovered from {found.path.name}, {kept} samples kept")
     with RunWriter(out, replace(found.metadata, extra={**found.metadata.extra, **origin})) as writer:
-        writer.copy(found.messages)
+        writer.copy(stored_messages(found.path))
         writer.finish(replace(summary, notes=notes))
     return kept
 

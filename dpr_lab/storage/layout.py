@@ -8,6 +8,7 @@ channels it is host time since the first host time seen, and `publish_time` keep
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 FORMAT = "dpr-lab run 1"
@@ -23,15 +24,33 @@ PROVENANCE, UNITS, END = "provenance", "units", "end"
 
 SAMPLES, RAW, EVENTS, STATUS, CLOCK = "/samples", "/raw", "/events", "/status", "/clock"
 
-CHUNK_BYTES = 1 << 20
-MAX_RECORD_BYTES = 16 << 20  # far above any chunk the writer makes; a damaged or hostile length stops here
-MAX_EXPANSION, SMALL_CHUNK_BYTES = 100, 1 << 16  # rods at rest compress fifteenfold; all chunks together stay bounded
-MOST_TICKS = 1 << 53  # seventy thousand years at 4 kHz, and exact as a float
+
+@dataclass(frozen=True, slots=True)
+class FileLimits:
+    """What the writer makes, and what a reader believes of a file."""
+
+    chunk_bytes: int = 1 << 20
+    """Of samples, before compression, in one chunk at most."""
+    record_bytes: int = 4 << 20
+    """Of one record: far above any chunk the writer makes; a damaged or hostile length stops here."""
+    expansion: int = 100
+    """Bytes in a chunk for each compressed one (rods at rest compress fifteenfold): all together stay bounded."""
+    small_chunk_bytes: int = 1 << 16
+    """A chunk may expand to this, however small it is."""
+    ticks: int = 1 << 53
+    """Seventy thousand years at 4 kHz, and exact as a float."""
+
+
+LIMITS = FileLimits()
+
+NANOSECONDS = 1_000_000_000
+"""In a second: the unit of every time in the file."""
 
 UNIT_TABLE = {
     "tick": "sample periods since the stream started; row number in an imported table",
     "t": "s since tick 0, device time",
     "counts": "encoder counts of joints 0, 1, 2, multi-turn",
+    "tau": "N m, known torques of joints 1 and 2, each held until the next sample",
     "theta": "rad, absolute angles of arm, inner and outer rod; 0 = upright, pi = hanging",
     "log_time": "ns since the stream started: device time on /samples, host time on the other channels",
     "publish_time": "ns, host clock; equal to log_time on /samples",
@@ -51,6 +70,7 @@ SCHEMAS: dict[str, dict[str, Any]] = {
             "t": _NUMBER,
             "counts": {"type": "array", "items": _INTEGER},
             "theta": {"type": "array", "items": _NUMBER},
+            "tau": {"type": "array", "items": _NUMBER},
         },
         required=("tick", "t", "theta"),
     ),

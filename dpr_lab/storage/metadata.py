@@ -13,9 +13,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ValidationError
 
-from dpr_lab.errors import RunError
+from dpr_lab.errors import RunError, printable
 from dpr_lab.rig import JOINTS, Rig
-from dpr_lab.storage.layout import FORMAT
+from dpr_lab.storage.layout import FORMAT, LIMITS
 
 TimeSource = Literal["ticks", "table"]
 
@@ -58,17 +58,13 @@ class RunMetadata:
     def __post_init__(self) -> None:
         if self.pose is not None and self.pose not in self.rig.poses:
             raise ValueError(f"pose {self.pose!r} is not one of the rig's: {', '.join(self.rig.poses) or 'none'}")
-        if not self.rate_hz > 0:
+        if not 0 < self.rate_hz < np.inf:
             raise ValueError(f"rate_hz must be positive, not {self.rate_hz}")
 
     @property
     def rig_text(self) -> str:
-        """The rig as TOML: its file as written while that is unchanged, else its values."""
-        if self.rig.path is not None and self.rig.path.is_file():
-            content = self.rig.path.read_bytes()
-            if hashlib.sha256(content).hexdigest() == self.rig.sha256:
-                return content.decode()
-        return "\n".join(_toml_lines(self.rig.model_dump(mode="json", exclude_none=True))) + "\n"
+        """The rig as TOML."""
+        return rig_toml(self.rig)
 
     def to_record(self, rig_text: str) -> dict[str, str]:
         """The provenance record; `rig_text` is attached separately, only its hash goes in here."""
@@ -106,9 +102,9 @@ class RunMetadata:
             pose=record["pose"] or None,
             rate_hz=float(record["rate_hz"]),
             time_source="table" if record["time_source"] == "table" else "ticks",
-            extra=json.loads(record["extra"]),
-            versions=json.loads(record["versions"]),
-            **{name: record[name] for name in _PLAIN},
+            extra=_words(json.loads(record["extra"])),
+            versions=_words(json.loads(record["versions"])),
+            **{name: printable(record[name]) for name in _PLAIN},
         )
 
 
@@ -148,16 +144,39 @@ class RunSummary:
 
     @staticmethod
     def from_record(record: Mapping[str, str]) -> "RunSummary":
-        """The inverse of `to_record`."""
+        """The inverse of `to_record`.
+
+        Raises:
+            ValueError, KeyError, TypeError: a record that says something else than a summary can.
+        """
         values = {name: json.loads(record[name]) for name in _JSON}
-        measured = values.pop("pose_measured")
+        measured, tick = values["pose_measured"], values["release_tick"]
+        if not (tick is None or (isinstance(tick, int) and 0 <= tick < LIMITS.ticks)):
+            raise ValueError(f"release_tick = {str(tick)[:20]} is no tick")
         return RunSummary(
-            **{**values, "notes": tuple(values["notes"])},
-            pose_measured=tuple(measured) if measured is not None else None,
+            release_tick=tick,
+            lost={str(cause): int(n) for cause, n in values["lost"].items()},
+            clock=numbers(values["clock"]),
+            gate=printable(str(values["gate"])),
+            gate_figures=numbers(values["gate_figures"]),
+            pose_measured=(float(measured[0]), float(measured[1]), float(measured[2]))
+            if measured is not None
+            else None,
+            notes=tuple(printable(str(note)) for note in values["notes"]),
         )
 
 
 _JSON = ("release_tick", "lost", "clock", "gate", "gate_figures", "pose_measured", "notes")
+
+
+def _words(values: Mapping[str, Any]) -> dict[str, str]:
+    return {printable(str(name)): printable(str(value)) for name, value in values.items()}
+
+
+def numbers(values: Mapping[str, Any]) -> dict[str, float]:
+    """Those of a file's figures that are finite numbers."""
+    known = {name: value for name, value in values.items() if isinstance(value, int | float)}
+    return {str(name): value for name, value in known.items() if np.isfinite(value)}
 
 
 def plain(value: Any) -> Any:
@@ -168,6 +187,15 @@ def plain(value: Any) -> Any:
         return [plain(item) for item in value]
     number = value.item() if isinstance(value, np.generic) else value
     return None if isinstance(number, float) and not np.isfinite(number) else number
+
+
+def rig_toml(rig: Rig) -> str:
+    """A rig as TOML: its file as written while that is unchanged, else its values."""
+    if rig.path is not None and rig.path.is_file():
+        content = rig.path.read_bytes()
+        if hashlib.sha256(content).hexdigest() == rig.sha256:
+            return content.decode()
+    return "\n".join(_toml_lines(rig.model_dump(mode="json", exclude_none=True))) + "\n"
 
 
 def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> list[str]:

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, as_mounted
+from dpr_lab.storage.metadata import numbers
 from dpr_lab.storage.scan import Samples, Scan, scan
 from dpr_lab.storage.sidecar import read_sidecar
 
@@ -48,19 +49,28 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     return Run(
         name=found.path.stem,
         t=t,
-        theta=theta - full_turns(own, found.metadata.pose, t, theta),
+        theta=as_mounted(theta - full_turns(own, found.metadata.pose, t, theta), own.rods.mounting, str(path)),
+        mounting=own.rods.mounting,
         counts=samples.counts,
+        torques=samples.torques,
         pose=found.metadata.pose,
         rig_name=own.name,
         rig_sha256=found.rig_sha256,
         rate_hz=found.metadata.rate_hz,
         added_mass=own.added_mass,
         complete=found.complete,
+        clock=clock_of(found),
         lost=dict(summary.lost) if summary is not None else lost_by_gaps(found, samples),
         file=found.path,
         sha256=found.sha256,
         notes=(*(summary.notes if summary is not None else ()), *_what_happened(found)),
     )
+
+
+def clock_of(found: Scan) -> dict[str, float]:
+    """The clock fit of a run's end, or of its last minutes; empty without one."""
+    told = found.summary.clock if found.summary is not None and found.summary.clock else found.newest_clock
+    return numbers(told)
 
 
 def stored_rig(path: Path | str) -> Rig:

@@ -6,12 +6,14 @@ from tempfile import TemporaryFile
 
 from dpr_lab.errors import RunError
 
-BYTES_A_SAMPLE = 128
-"""Of the run file and of the spool beside it, with a reserve."""
 
-
-def check_room(folder: Path, samples: float) -> None:
+def check_room(folder: Path, samples: float, bytes_a_sample: int = 128) -> None:
     """Make a folder if need be and see that a recording of so many samples fits into it.
+
+    Args:
+        folder: of the run file, and of the spool beside it
+        samples: how many are to be recorded
+        bytes_a_sample: what one takes in both, with a reserve
 
     Raises:
         RunError: it cannot be made or written, or has too little room; with the arithmetic.
@@ -22,7 +24,7 @@ def check_room(folder: Path, samples: float) -> None:
         raise RunError(f"{folder}: this folder cannot be made: {error.strerror}") from error
     try:
         with TemporaryFile(dir=folder):
-            free, needed = shutil.disk_usage(folder).free, samples * BYTES_A_SAMPLE
+            free, needed = shutil.disk_usage(folder).free, samples * bytes_a_sample
     except OSError as error:
         raise RunError(f"{folder}: cannot be written: {error.strerror}: choose another folder with --out") from error
     if free < needed:

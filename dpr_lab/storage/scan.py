@@ -2,18 +2,19 @@
 
 The library's indexed reader needs a whole file. This one reads in order and stops at the first record that does not
 hold together: every chunk has a CRC, the two records that matter have a digest, the rig has its hash, and no length
-found in the file is believed before it is compared with `MAX_RECORD_BYTES`.
+found in the file is believed before it is compared with `LIMITS`.
 """
 
 import hashlib
 import json
 import mmap
+import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import zstandard
@@ -23,26 +24,34 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from dpr_lab.errors import RunError
+from dpr_lab.errors import RunError, printable
 from dpr_lab.rig import JOINTS
 from dpr_lab.storage.layout import (
     CLOCK,
     END,
     EVENTS,
-    MAX_EXPANSION,
-    MAX_RECORD_BYTES,
-    MOST_TICKS,
+    LIMITS,
     PROVENANCE,
     RELEASED,
     RIG_ATTACHMENT,
     SAMPLES,
-    SMALL_CHUNK_BYTES,
     Stored,
     unsealed,
 )
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 
-DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError)
+DAMAGE = (
+    McapError,
+    zstandard.ZstdError,
+    struct.error,
+    ValueError,
+    OverflowError,
+    MemoryError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    AssertionError,
+)
 """What the libraries raise on bytes that are not what they should be."""
 
 
@@ -58,6 +67,8 @@ class Samples:
     """(n, 3) rad, as computed when recorded"""
     counts: NDArray[np.int64] | None
     """(n, 3)"""
+    torques: NDArray[np.float64] | None = None
+    """(n, 2) N m"""
 
     @property
     def missing(self) -> int:
@@ -71,10 +82,13 @@ class Scan:
 
     path: Path
     size_bytes: int
+    """Up to a hole, if it has one."""
     sha256: str
+    """Of these bytes."""
     metadata: RunMetadata
     rig_sha256: str
-    messages: list[Stored]
+    read: "Gathered"
+    """Samples, first release and last clock fit, as they were gathered chunk by chunk."""
     summary: RunSummary | None
     """How the run ended; None when the file ends before saying so."""
     stopped: str
@@ -100,9 +114,9 @@ class Scan:
         """
         if self.summary is not None and self.summary.release_tick is not None:
             return self.summary.release_tick
-        events = (self._object(m) for m in self.messages if m.topic == EVENTS)
-        ticks = (event.get("tick") for event in events if event.get("kind") == RELEASED)
-        return next((tick for tick in ticks if isinstance(tick, int) and 0 <= tick < MOST_TICKS), None)
+        if self.read.strange_event:
+            raise RunError(f"{self.path}: {EVENTS} is not in the layout of a run: {self.read.strange_event}")
+        return self.read.release_tick
 
     @property
     def newest_clock(self) -> dict[str, Any]:
@@ -111,16 +125,10 @@ class Scan:
         Raises:
             RunError: it is not in the layout of a run.
         """
-        return next((self._object(m) for m in reversed(self.messages) if m.topic == CLOCK), {})
-
-    def _object(self, message: Stored) -> dict[str, Any]:
         try:
-            read = json.loads(message.data)
-        except (ValueError, RecursionError) as error:
-            raise RunError(f"{self.path}: {message.topic} is not in the layout of a run: {error}") from error
-        if not isinstance(read, dict):
-            raise RunError(f"{self.path}: {message.topic} is not in the layout of a run")
-        return read
+            return _object(self.read.clock) if self.read.clock else {}
+        except STRANGE as error:
+            raise RunError(f"{self.path}: {CLOCK} is not in the layout of a run: {error}") from error
 
     def samples(self) -> Samples:
         """Decode the samples.
@@ -128,21 +136,95 @@ class Scan:
         Raises:
             RunError: the channel holds something else, or ticks that do not increase.
         """
-        try:
-            rows = json.loads(b"[" + b",".join(m.data for m in self.messages if m.topic == SAMPLES) + b"]")
-            counted = bool(rows) and "counts" in rows[0]
-            samples = Samples(
-                ticks=_whole([row["tick"] for row in rows], (len(rows),)),
-                t=_finite([row["t"] for row in rows], (len(rows),)),
-                theta=_finite([row["theta"] for row in rows], (len(rows), JOINTS)),
-                counts=_whole([row["counts"] for row in rows], (len(rows), JOINTS)) if counted else None,
-            )
-        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-            raise RunError(f"{self.path}: its samples are not in the layout of a run: {error}") from error
+        if self.read.strange_sample:
+            raise RunError(f"{self.path}: its samples are not in the layout of a run: {self.read.strange_sample}")
+        samples = self.read.samples
         backwards = np.flatnonzero(np.diff(samples.ticks) <= 0)
         if len(backwards):
             raise RunError(f"{self.path}: sample {backwards[0] + 1} does not come after the one before it")
         return samples
+
+
+STRANGE = (ValueError, KeyError, TypeError, OverflowError, RecursionError, AttributeError)
+"""What JSON raises that holds something else than it should."""
+
+
+def _decoded(rows: list[dict[str, Any]]) -> Samples:
+    counted = bool(rows) and "counts" in rows[0]
+    return Samples(
+        ticks=_whole([row["tick"] for row in rows], (len(rows),)),
+        t=_finite([row["t"] for row in rows], (len(rows),)),
+        theta=_finite([row["theta"] for row in rows], (len(rows), JOINTS)),
+        counts=_whole([row["counts"] for row in rows], (len(rows), JOINTS)) if counted else None,
+        torques=_finite([row["tau"] for row in rows], (len(rows), 2)) if rows and "tau" in rows[0] else None,
+    )
+
+
+def _object(data: bytes) -> dict[str, Any]:
+    read = json.loads(data)
+    if not isinstance(read, dict):
+        raise TypeError("no JSON object")
+    return read
+
+
+@dataclass(slots=True)
+class Gathered:
+    """What of a file's messages is kept: numbers, so that memory follows the samples and not the text."""
+
+    release_tick: int | None = None
+    """Of the first release that can be one."""
+    clock: bytes = b""
+    """The last clock fit, JSON."""
+    strange_event: str = ""
+    strange_sample: str = ""
+    _parts: list[Samples] = field(default_factory=list)
+
+    def take(self, messages: list[Stored]) -> None:
+        """The messages of one chunk."""
+        try:
+            rows = [message.data for message in messages if message.topic == SAMPLES]
+            if rows and not self.strange_sample:
+                self._parts.append(_decoded(json.loads(b"[" + b",".join(rows) + b"]")))
+        except STRANGE as error:
+            self.strange_sample = str(error) or type(error).__name__
+        try:
+            for message in messages:
+                if message.topic == EVENTS:
+                    self._event(_object(message.data))
+                elif message.topic == CLOCK:
+                    self.clock = message.data
+        except STRANGE as error:
+            self.strange_event = str(error) or type(error).__name__
+
+    @property
+    def samples(self) -> Samples:
+        """All of them, in the order of the file.
+
+        Raises:
+            RunError: some have counts and others not.
+        """
+        parts = self._parts or [_decoded([])]
+        with_counts = [part.counts for part in parts if part.counts is not None]
+        if len(with_counts) not in (0, len(parts)):
+            raise RunError("some of its samples have counts and others not")
+        with_torques = [part.torques for part in parts if part.torques is not None]
+        if len(with_torques) not in (0, len(parts)):
+            raise RunError("some of its samples have torques and others not")
+        self._parts = [
+            Samples(
+                np.concatenate([part.ticks for part in parts]),
+                np.concatenate([part.t for part in parts]),
+                np.concatenate([part.theta for part in parts]),
+                np.concatenate(with_counts) if with_counts else None,
+                np.concatenate(with_torques) if with_torques else None,
+            )
+        ]
+        return self._parts[0]
+
+    def _event(self, event: dict[str, Any]) -> None:
+        tick = event.get("tick")
+        if self.release_tick is None and event.get("kind") == RELEASED and isinstance(tick, int):
+            self.release_tick = tick if 0 <= tick < LIMITS.ticks else None
 
 
 def _whole(values: list[Any], shape: tuple[int, ...]) -> NDArray[np.int64]:
@@ -164,7 +246,7 @@ class _Collected:
     records: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     topics: dict[int, str] = field(default_factory=dict)
-    messages: list[Stored] = field(default_factory=list)
+    read: Gathered = field(default_factory=Gathered)
     statistics: Statistics | None = None
     finished: bool = False
 
@@ -176,12 +258,12 @@ def scan(path: Path) -> Scan:
         RunError: not there, empty, not MCAP, an MCAP of another tool, or damaged before its first sample.
     """
     found = _Collected()
-    with _mapped(path) as file:
-        sha256, size = hashlib.sha256(file).hexdigest(), len(file)
+    with mapped(path) as file:
         if file[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
             raise RunError(
-                f"{path}: is not a run file: it does not start as MCAP does; tables are read by `import csv`"
+                f"{path}: is not a run file: it does not start as MCAP does; tables are read by `import table`"
             )
+        sha256, size = hashlib.sha256(file).hexdigest(), len(file)
         damage = _collect(file, found)
     metadata, rig_sha256 = _description(path, found, damage)
     summary, stopped, samples = _ending(path, found)
@@ -191,7 +273,7 @@ def scan(path: Path) -> Scan:
         sha256=sha256,
         metadata=metadata,
         rig_sha256=rig_sha256,
-        messages=found.messages,
+        read=found.read,
         summary=summary,
         stopped=stopped,
         samples_announced=samples,
@@ -200,34 +282,62 @@ def scan(path: Path) -> Scan:
     )
 
 
+def stored_messages(path: Path) -> Iterator[Stored]:
+    """The messages of a run file in file order, chunk by chunk, up to its end or first damage."""
+    topics: dict[int, str] = {}
+    with mapped(path) as file:
+        reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LIMITS.record_bytes)  # pyright: ignore[reportArgumentType]
+        try:
+            for record in reader.records:
+                if isinstance(record, Chunk):
+                    yield from _messages(record, topics)
+        except DAMAGE:
+            return
+
+
 def _ending(path: Path, found: _Collected) -> tuple[RunSummary | None, str, int | None]:
     """How the run ended, why early if it did, and how many samples it announced."""
     end = found.records.get(END)
     if end is None:
         return None, "", None
     try:
-        return RunSummary.from_record(end), end["stopped"], int(end["samples"])
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        return RunSummary.from_record(end), printable(end["stopped"]), int(end["samples"])
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError) as error:
         raise RunError(f"{path}: its end record cannot be read: {error}") from error
 
 
 @contextmanager
-def _mapped(path: Path) -> Iterator[mmap.mmap]:
-    """The file as memory: reading past its end is short, and no damaged length makes a read allocate."""
+def mapped(path: Path) -> Iterator[mmap.mmap]:
+    """The file as memory: reading past its end is short, and no damaged length makes a read allocate.
+
+    It ends where a hole begins. No run has one: the disk never got what was to stand there, or somebody made a small
+    file claim any size.
+    """
     try:
         with path.open("rb") as file:
-            if not path.stat().st_size:
+            length = _until_hole(file)
+            if not length:
                 raise RunError(f"{path}: is empty: nothing was recorded")
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            with mmap.mmap(file.fileno(), length, access=mmap.ACCESS_READ) as content:
                 yield content
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
 
 
+def _until_hole(file: BinaryIO) -> int:
+    """How many bytes stand in a file before its first hole, or its end."""
+    if not hasattr(os, "SEEK_HOLE"):
+        return os.fstat(file.fileno()).st_size
+    try:
+        return os.lseek(file.fileno(), 0, os.SEEK_HOLE)
+    except OSError:  # an empty file, or a file system that does not know
+        return os.fstat(file.fileno()).st_size
+
+
 def _collect(file: mmap.mmap, found: _Collected) -> str:
     """Gather the records in file order; returns the damage that ended it, if any."""
     # The mapping reads, tells and seeks like a file but is not declared as one.
-    reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_RECORD_BYTES)  # pyright: ignore[reportArgumentType]
+    reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LIMITS.record_bytes)  # pyright: ignore[reportArgumentType]
     try:
         for record in reader.records:
             _take(record, found)
@@ -239,7 +349,7 @@ def _collect(file: mmap.mmap, found: _Collected) -> str:
 def _take(record: McapRecord, found: _Collected) -> None:
     match record:
         case Chunk():
-            found.messages += _messages(record, found.topics)
+            found.read.take(_messages(record, found.topics))
         case Metadata(name=name, metadata=content) if name in (PROVENANCE, END):
             read = unsealed(content)
             if read is None:
@@ -261,7 +371,7 @@ def _messages(chunk: Chunk, topics: dict[int, str]) -> list[Stored]:
         expanded = max(expanded, zstandard.frame_content_size(chunk.data))
     elif chunk.compression:
         raise McapError(f"a chunk compressed with {chunk.compression[:20]!r}, which no run uses")
-    most = min(MAX_RECORD_BYTES, MAX_EXPANSION * len(chunk.data) + SMALL_CHUNK_BYTES)
+    most = min(LIMITS.record_bytes, LIMITS.expansion * len(chunk.data) + LIMITS.small_chunk_bytes)
     if expanded > most:
         raise McapError(f"a chunk of {len(chunk.data)} bytes that would expand to {expanded}, {most} is the most")
     if not chunk.uncompressed_crc:
@@ -282,7 +392,7 @@ def _description(path: Path, found: _Collected, damage: str) -> tuple[RunMetadat
         raise RunError(f"{path}: {damage}, before the rig it was recorded on: nothing can be read from it")
     try:
         return RunMetadata.from_record(record, found.attachments[RIG_ATTACHMENT]), record["rig_sha256"]
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise RunError(f"{path}: its description cannot be read: {error}") from error
     except RunError as error:
         raise RunError(f"{path}: {error}") from error

@@ -1,8 +1,16 @@
-"""The hash beside a run, `<file>.sha256`, in the format that `sha256sum -c` checks anywhere."""
+"""What lies beside a run, which itself never changes.
+
+`<file>.sha256` is its hash, in the format that `sha256sum -c` checks anywhere, `<file>.note` an operator's later note.
+"""
 
 from pathlib import Path
 
 from dpr_lab.configs import sha256_of
+from dpr_lab.errors import RunError, printable
+from dpr_lab.whole_file import write_text
+
+LONGEST_NOTE = 10_000
+"""Characters that are read of a note."""
 
 
 def sidecar_of(path: Path) -> Path:
@@ -22,3 +30,25 @@ def read_sidecar(path: Path) -> str | None:
     except OSError:
         return None
     return words[0].lower() if words else ""
+
+
+def note_of(path: Path) -> Path:
+    """Where a run's later note lies."""
+    return path.with_name(path.name + ".note")
+
+
+def write_note(path: Path, note: str) -> None:
+    """Keep a note beside a run, in the place of the one that it was recorded with.
+
+    Raises:
+        RunError: it cannot be written.
+    """
+    write_text(note_of(path), note, RunError)
+
+
+def read_note(path: Path, recorded: str) -> str:
+    """The note beside a run; the one that it was recorded with where there is none."""
+    try:
+        return printable(note_of(path).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
+    except OSError:
+        return recorded

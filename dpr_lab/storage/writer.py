@@ -5,6 +5,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from io import BufferedWriter
 from pathlib import Path
 from types import TracebackType
@@ -18,10 +19,11 @@ from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
 from dpr_lab.storage.chunk_index import keep_on_disk
 from dpr_lab.storage.layout import (
-    CHUNK_BYTES,
     CLOCK,
     END,
     EVENTS,
+    LIMITS,
+    NANOSECONDS,
     PROVENANCE,
     RAW,
     RIG_ATTACHMENT,
@@ -36,10 +38,20 @@ from dpr_lab.storage.layout import (
 from dpr_lab.storage.metadata import RunMetadata, RunSummary, plain
 from dpr_lab.storage.sidecar import write_sidecar
 
-FLUSH_S = 0.2  # with a call every 50 ms no chunk is older than 250 ms when it reaches the operating system
-SYNC_S = 5.0  # a killed process loses nothing that was flushed; only a power cut does, and syncing can stall for 100 ms
-THETA_DIGITS = 7  # 1e-7 rad, a thousandth of a count; counts are what a reader trusts
-NANOSECONDS = 1_000_000_000
+
+@dataclass(frozen=True, slots=True)
+class WriterSettings:
+    """How long samples wait, and how exactly angles are written."""
+
+    flush_s: float = 0.2
+    """With a call every 50 ms no chunk is older than 250 ms when it reaches the operating system."""
+    sync_s: float = 5.0
+    """A killed process loses nothing that was flushed; only a power cut does, and syncing can stall for 100 ms."""
+    theta_digits: int = 7
+    """1e-7 rad, a thousandth of a count; counts are what a reader trusts."""
+
+
+SETTINGS = WriterSettings()
 
 
 class RunWriter:
@@ -69,7 +81,7 @@ class RunWriter:
         self._open = True
         self._failure: RunError | None = None
         self._file = _create(self.path)
-        self._mcap = Writer(self._file, CHUNK_BYTES, CompressionType.ZSTD, enable_data_crcs=True)
+        self._mcap = Writer(self._file, LIMITS.chunk_bytes, CompressionType.ZSTD, enable_data_crcs=True)
         with self._disk():
             self._indices = keep_on_disk(self._mcap, self.path.parent)
             self._channels = self._write_preamble()
@@ -87,16 +99,19 @@ class RunWriter:
         """
         self._check_time_source("ticks")
         tick, count = np.asarray(ticks, dtype=np.int64), np.asarray(counts, dtype=np.int64)
-        theta = np.round(self.metadata.rig.theta(count.reshape(-1, JOINTS)), THETA_DIGITS)
+        theta = np.round(self.metadata.rig.theta(count.reshape(-1, JOINTS)), SETTINGS.theta_digits)
         self._append(tick, np.round(tick / self.metadata.rate_hz, 9), theta, count)
 
-    def table(self, t: ArrayLike, theta: ArrayLike, counts: ArrayLike | None = None) -> None:
+    def table(
+        self, t: ArrayLike, theta: ArrayLike, counts: ArrayLike | None = None, torques: ArrayLike | None = None
+    ) -> None:
         """Append rows of an imported table, which has its own times; the tick is the row number.
 
         Args:
             t: (n,) time since the table's first row, s, not negative
             theta: (n, 3) absolute angles, rad
             counts: (n, 3) position counters, where the table holds them
+            torques: (n, 2) known torques of joint 1 and 2, N m, where the joints were driven
 
         Raises:
             ValueError: wrong shapes, a value that is not finite, or a run whose time comes from ticks.
@@ -105,7 +120,8 @@ class RunWriter:
         rows = np.asarray(t, dtype=np.float64)
         tick = self._last_tick + 1 + np.arange(len(rows))
         count = None if counts is None else np.asarray(counts, dtype=np.int64)
-        self._append(tick, rows, np.asarray(theta, dtype=np.float64), count)
+        drives = None if torques is None else np.asarray(torques, dtype=np.float64)
+        self._append(tick, rows, np.asarray(theta, dtype=np.float64), count, drives)
 
     def raw(self, host_time_ns: int, data: bytes) -> None:
         """Append bytes exactly as the link delivered them."""
@@ -142,7 +158,7 @@ class RunWriter:
         with self._disk():
             self._mcap.flush()
             self._flushed = self._now()
-            if self._flushed - self._synced >= SYNC_S:
+            if self._flushed - self._synced >= SETTINGS.sync_s:
                 self._sync()
 
     def finish(self, summary: RunSummary) -> None:
@@ -190,8 +206,11 @@ class RunWriter:
         t: NDArray[np.float64],
         theta: NDArray[np.float64],
         counts: NDArray[np.int64] | None,
+        torques: NDArray[np.float64] | None = None,
     ) -> None:
         n = len(tick)
+        if torques is not None and (torques.shape != (n, 2) or not np.isfinite(torques).all()):
+            raise ValueError(f"{n} ticks need as many rows of 2 finite torques, not {torques.shape}")
         if tick.shape != (n,) or theta.shape != (n, JOINTS) or (counts is not None and counts.shape != (n, JOINTS)):
             raise ValueError(f"{n} ticks need as many rows of {JOINTS}, not {theta.shape}")
         if not n:
@@ -203,7 +222,7 @@ class RunWriter:
         channel = self._channels[SAMPLES]
         log_ns = np.round(t * NANOSECONDS).astype(np.int64).tolist()
         with self._disk():
-            for at, message in zip(log_ns, _sample_messages(tick, t, theta, counts), strict=True):
+            for at, message in zip(log_ns, _sample_messages(tick, t, theta, counts, torques), strict=True):
                 self._mcap.add_message(channel, at, message, at)
         self._last_tick = int(tick[-1])
         self.samples_written += n
@@ -223,7 +242,7 @@ class RunWriter:
         return max(0, host_time_ns - self._first_host_ns)
 
     def _flush_when_due(self) -> None:
-        if self._now() - self._flushed >= FLUSH_S:
+        if self._now() - self._flushed >= SETTINGS.flush_s:
             self.flush()
 
     def _sync(self) -> None:
@@ -283,11 +302,19 @@ def _create(path: Path) -> BufferedWriter:
 
 
 def _sample_messages(
-    tick: NDArray[np.int64], t: NDArray[np.float64], theta: NDArray[np.float64], counts: NDArray[np.int64] | None
+    tick: NDArray[np.int64],
+    t: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    counts: NDArray[np.int64] | None,
+    torques: NDArray[np.float64] | None,
 ) -> Iterator[bytes]:
     """Each row as JSON, written out by hand: three times as fast as `json.dumps`."""
     rows = zip(tick.tolist(), t.tolist(), theta.tolist(), strict=True)
+    ends = [""] * len(tick) if torques is None else [f',"tau":{pair}' for pair in torques.tolist()]
     if counts is None:
-        return (f'{{"tick":{i},"t":{at},"theta":{angles}}}'.encode() for i, at, angles in rows)
-    counted = zip(rows, counts.tolist(), strict=True)
-    return (f'{{"tick":{i},"t":{at},"counts":{c},"theta":{angles}}}'.encode() for (i, at, angles), c in counted)
+        bare = zip(rows, ends, strict=True)
+        return (f'{{"tick":{i},"t":{at},"theta":{angles}{end}}}'.encode() for (i, at, angles), end in bare)
+    counted = zip(rows, counts.tolist(), ends, strict=True)
+    return (
+        f'{{"tick":{i},"t":{at},"counts":{c},"theta":{angles}{end}}}'.encode() for (i, at, angles), c, end in counted
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,28 +13,36 @@ from dpr_lab.transports.url import parse_url
 if TYPE_CHECKING:
     from dpr_lab.transports.transport import Transport
 
-TRANSPORTS = {
-    "serial": "dpr_lab.transports.serial_port:open_serial",
-    "can": "dpr_lab.transports.can_bus:open_can",
-    "socket": "dpr_lab.transports.tcp:open_tcp",
-    "sim": "dpr_lab.transports.simulated:open_simulated",
-}
-"""URL scheme -> `module:function`, imported on demand so that one link's library never costs another's user."""
 
-EXAMPLES = {
-    "serial": "serial:///dev/ttyUSB0?baud=921600",
-    "can": "can://socketcan/can0?bitrate=1000000",
-    "socket": "socket://192.168.1.20:5555",
-    "sim": "sim://?plant=paper&seed=1",
+@dataclass(frozen=True, slots=True)
+class LinkKind:
+    """How links of one URL scheme are opened."""
+
+    name: str
+    """In words, for an operator."""
+    opener: str
+    """`module:function`, imported on demand so that one link's library never costs another's user; it takes the parsed
+    URL and the rig file, and returns a `Transport`."""
+    example: str
+    """A URL, as the error messages and the help show it."""
+
+
+TRANSPORTS: dict[str, LinkKind] = {
+    "serial": LinkKind(
+        "serial port", "dpr_lab.transports.serial_port:open_serial", "serial:///dev/ttyUSB0?baud=921600"
+    ),
+    "can": LinkKind("CAN", "dpr_lab.transports.can_bus:open_can", "can://socketcan/can0?bitrate=1000000"),
+    "socket": LinkKind("TCP", "dpr_lab.transports.tcp:open_tcp", "socket://192.168.1.20:5555"),
+    "sim": LinkKind("simulated rig", "dpr_lab.transports.simulated:open_simulated", "sim://?plant=paper&seed=1"),
 }
-"""One URL of each scheme, as the error messages and the help show it."""
+"""URL scheme -> kind of link; a new one is one file and one line here."""
 
 
 def open_transport(url: str, *, rig_file: Path | None = None) -> Transport:
     """Open the link that a URL names.
 
     Args:
-        url: scheme://place?option=value, see `EXAMPLES`
+        url: scheme://place?option=value, see the examples in `TRANSPORTS`
         rig_file: the rig that a simulated device is to be; other links ignore it
 
     Raises:
@@ -42,6 +51,7 @@ def open_transport(url: str, *, rig_file: Path | None = None) -> Transport:
     """
     parsed = parse_url(url)
     if parsed.scheme not in TRANSPORTS:
-        raise LinkUrlError(f"{url}: unknown kind of link {parsed.scheme!r}; known are: {', '.join(EXAMPLES.values())}")
-    module, function = TRANSPORTS[parsed.scheme].split(":")
+        known = ", ".join(kind.example for kind in TRANSPORTS.values())
+        raise LinkUrlError(f"{url}: unknown kind of link {parsed.scheme!r}; known are: {known}")
+    module, function = TRANSPORTS[parsed.scheme].opener.split(":")
     return getattr(import_module(module), function)(parsed, rig_file)

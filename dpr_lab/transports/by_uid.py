@@ -9,9 +9,6 @@ from dpr_lab.transports.transport import Transport
 from firmware_protocol.errors import RemoteProtocolError
 from firmware_protocol.host_role import HostSession
 
-ANSWER_S = 0.7  # a greeting is repeated every 0.1 s
-READ_S = 0.02
-
 
 def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Transport]) -> Transport:
     """The open link to the device whose UID ends as given.
@@ -54,8 +51,10 @@ def uid_digits(text: str) -> str:
     return text
 
 
-def uid_at(link: Transport, timeout: float = ANSWER_S) -> str:
+def uid_at(link: Transport, timeout: float = 0.7) -> str:
     """The UID of the device on an open link; empty when none answers within `timeout` s, or not in our protocol.
+
+    A greeting is repeated every 0.1 s.
 
     Raises:
         DeviceLost: the link is gone.
@@ -64,7 +63,7 @@ def uid_at(link: Transport, timeout: float = ANSWER_S) -> str:
     deadline = time.monotonic() + timeout
     link.send(session.hello(time.monotonic()))
     while session.outcome is None and time.monotonic() < deadline:
-        for frame in link.receive(READ_S).frames:
+        for frame in link.receive(0.02).frames:
             try:
                 session.receive(frame)
             except RemoteProtocolError:

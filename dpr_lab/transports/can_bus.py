@@ -7,6 +7,7 @@ import fnmatch
 import os
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +17,39 @@ from can.interfaces import BACKENDS
 from dpr_lab.errors import DeviceLost, LinkError, LinkUrlError
 from dpr_lab.transports import by_uid
 from dpr_lab.transports.discover import matching_ports
-from dpr_lab.transports.slcan import DEFAULT_TTY_BAUD, SlcanBus
+from dpr_lab.transports.slcan import SlcanBus
 from dpr_lab.transports.transport import Capacity, Received, Transport
 from dpr_lab.transports.url import LinkUrl, seconds, whole_number
 from firmware_protocol.framing import encode_frame
 from firmware_protocol.messages import Frame
 
-DEFAULT_BITRATE = 1_000_000
-SAMPLE_BITS = 135  # an 8-byte frame with an 11-bit identifier and the worst bit stuffing
-SLCAN_SAMPLE_BITS = 220  # the same frame as the 22 characters of an slcan line, 10 bits each
-SLCAN_SETTLE_S = 2.0  # an adapter that resets when its port opens ignores the bit rate until it has booted
-SEND_TIMEOUT_S = 1.0
-CAN_ERR_BUSOFF = 0x40  # class bit in the identifier of an error frame, linux/can/error.h
+
+@dataclass(frozen=True, slots=True)
+class CanSettings:
+    """How a bus is opened and read, and what a sample costs on it."""
+
+    bitrate: int = 1_000_000
+    """Where the URL names none, bit/s."""
+    sample_bits: int = 135
+    """An 8-byte frame with an 11-bit identifier and the worst bit stuffing."""
+    slcan_sample_bits: int = 22 * 10
+    """The same frame as the 22 characters of an slcan line, each with start and stop bit."""
+    slcan_tty_baud: int = 115_200
+    """Of an adapter's port; those on USB ignore it."""
+    slcan_settle_s: float = 2.0
+    """An adapter that resets when its port opens ignores the bit rate until it has booted."""
+    send_timeout_s: float = 1.0
+    """When a bus that takes no more frames counts as gone."""
+    read_at_most_s: float = 0.02
+    """A read ends here even on a bus that never falls silent: keepalives go out between reads."""
+
+
+CAN = CanSettings()
+
+CAN_ERR_BUSOFF = 0x40
+"""Bit in the identifier of an error frame: the controller has left the bus (linux/can/error.h)."""
+
 _NO_BUS = (can.CanError, OSError, ValueError, ImportError, NameError)  # kvaser without driver: NameError
-READ_AT_MOST_S = 0.02  # a read ends here even on a bus that never falls silent: keepalives go out between reads
 
 
 def open_can(url: LinkUrl, rig_file: Path | None) -> Transport:
@@ -62,17 +82,17 @@ def open_can(url: LinkUrl, rig_file: Path | None) -> Transport:
 
 
 def _open_slcan(url: str, port: str, options: Mapping[str, Any]) -> SlcanBus:
-    bitrate, tty_baud = options.get("bitrate", DEFAULT_BITRATE), options.get("tty_baud")
+    bitrate, tty_baud = options.get("bitrate", CAN.bitrate), options.get("tty_baud")
     capacities = [_bus_capacity(bitrate)]
     if tty_baud:
-        capacities.append(Capacity(f"{tty_baud} baud", tty_baud, SLCAN_SAMPLE_BITS, "a faster tty_baud"))
+        capacities.append(Capacity(f"{tty_baud} baud", tty_baud, CAN.slcan_sample_bits, "a faster tty_baud"))
     # A pseudo-terminal has nothing to boot.
-    settle = options.get("settle_s", 0.0 if os.path.realpath(port).startswith("/dev/pts/") else SLCAN_SETTLE_S)
-    return SlcanBus(url, port, bitrate, tty_baud or DEFAULT_TTY_BAUD, settle, tuple(capacities))
+    settle = options.get("settle_s", 0.0 if os.path.realpath(port).startswith("/dev/pts/") else CAN.slcan_settle_s)
+    return SlcanBus(url, port, bitrate, tty_baud or CAN.slcan_tty_baud, settle, tuple(capacities))
 
 
 def _open_bus(url: LinkUrl, channel: str, options: Mapping[str, Any]) -> "CanBus":
-    bitrate = options.get("bitrate", DEFAULT_BITRATE)
+    bitrate = options.get("bitrate", CAN.bitrate)
     try:
         bus = can.Bus(interface=url.host, channel=channel, bitrate=bitrate, ignore_config=True)
     except _NO_BUS as error:
@@ -81,7 +101,7 @@ def _open_bus(url: LinkUrl, channel: str, options: Mapping[str, Any]) -> "CanBus
 
 
 def _bus_capacity(bitrate: int) -> Capacity:
-    return Capacity(f"a {bitrate} bit/s bus", bitrate, SAMPLE_BITS, "a faster bus")
+    return Capacity(f"a {bitrate} bit/s bus", bitrate, CAN.sample_bits, "a faster bus")
 
 
 def _matching_channels(url: LinkUrl, pattern: str) -> list[str]:
@@ -109,7 +129,7 @@ class CanBus:
         """Send one frame."""
         message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False)
         try:
-            self._bus.send(message, timeout=SEND_TIMEOUT_S)
+            self._bus.send(message, timeout=CAN.send_timeout_s)
         except (can.CanError, OSError) as error:
             raise self._lost(error) from error
 
@@ -117,7 +137,7 @@ class CanBus:
         """All frames that have arrived, waiting at most `timeout` s for the first."""
         frames: list[Frame] = []
         message = self._next(timeout)
-        until = time.monotonic() + READ_AT_MOST_S
+        until = time.monotonic() + CAN.read_at_most_s
         while message is not None:
             if message.is_error_frame:
                 self._note_error(message.arbitration_id)

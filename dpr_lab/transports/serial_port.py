@@ -2,6 +2,7 @@
 
 import errno
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import serial
@@ -13,11 +14,22 @@ from dpr_lab.transports.discover import JOIN_GROUP, matching_ports, serial_ports
 from dpr_lab.transports.transport import Capacity, Transport
 from dpr_lab.transports.url import LinkUrl, whole_number
 
-DEFAULT_BAUD = 921_600
-BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
-SAMPLE_BYTES = 14  # identifier, eight data bytes, CRC, COBS overhead and delimiter
-READ_SLICE_S = 0.05  # pyserial's timeout stays fixed: changing it reconfigures the port and can corrupt data
-WRITE_TIMEOUT_S = 1.0
+
+@dataclass(frozen=True, slots=True)
+class SerialSettings:
+    """How a serial port is opened, and what a sample costs on it."""
+
+    baud: int = 921_600
+    """Where the URL names none."""
+    sample_bits: int = 14 * 10
+    """Identifier, eight data bytes, CRC, COBS overhead and delimiter, each byte with start and stop bit."""
+    read_slice_s: float = 0.05
+    """pyserial's timeout stays fixed: changing it reconfigures the port and can corrupt data."""
+    write_timeout_s: float = 1.0
+    """When a port that takes no more bytes counts as gone."""
+
+
+SERIAL = SerialSettings()
 
 # What pyserial raises when the device is pulled: its own exception, a bare OSError(EIO) from in_waiting,
 # or a TypeError when another thread closed the descriptor.
@@ -35,7 +47,7 @@ def open_serial(url: LinkUrl, rig_file: Path | None) -> Transport:
         LinkError: no such port or device, no permission, busy, or not a baud rate it can do.
     """
     options = url.options({"baud": whole_number, "uid": by_uid.uid_digits})
-    baud, name = options.get("baud", DEFAULT_BAUD), url.host + url.path
+    baud, name = options.get("baud", SERIAL.baud), url.host + url.path
     if "uid" in options:
         return by_uid.find(url.text, options["uid"], matching_ports(name), lambda port: _open_port(url, port, baud))
     if not name:
@@ -44,8 +56,8 @@ def open_serial(url: LinkUrl, rig_file: Path | None) -> Transport:
 
 
 def _open_port(url: LinkUrl, name: str, baud: int) -> BytesLink:
-    remedy = f"{DEFAULT_BAUD} baud" if baud < DEFAULT_BAUD else "a faster link"
-    capacity = Capacity(f"{baud} baud", baud, SAMPLE_BYTES * BITS_PER_BYTE, remedy)
+    remedy = f"{SERIAL.baud} baud" if baud < SERIAL.baud else "a faster link"
+    capacity = Capacity(f"{baud} baud", baud, SERIAL.sample_bits, remedy)
     return BytesLink(url.text, SerialPort(url.text, name, baud), (capacity,))
 
 
@@ -56,7 +68,7 @@ class SerialPort:
         self._url = url
         try:
             self._serial = serial.Serial(
-                name, baud, timeout=READ_SLICE_S, write_timeout=WRITE_TIMEOUT_S, exclusive=True
+                name, baud, timeout=SERIAL.read_slice_s, write_timeout=SERIAL.write_timeout_s, exclusive=True
             )
         except (OSError, ValueError) as error:
             raise LinkError(f"{url}: {_why_not_opened(name, baud, error)}") from error

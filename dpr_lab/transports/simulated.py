@@ -5,28 +5,39 @@ child prints and from there on does not know the difference.
 """
 
 import json
-import subprocess
 import sys
-import tempfile
-import threading
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
+from dpr_lab.child_process import ChildProgram
 from dpr_lab.errors import ConfigError, DeviceLost, LinkError, LinkUrlError
+from dpr_lab.kernel_cache import compiling_simulator, simulator_compiled
 from dpr_lab.transports import open_transport
 from dpr_lab.transports.transport import Capacity, Received, Transport
 from dpr_lab.transports.url import LinkUrl, one_of, whole_number
 from firmware_protocol.messages import Frame
 
-START_TIMEOUT_S = 60.0  # the first start on a computer compiles the dynamics
-STOP_TIMEOUT_S = 2.0
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long a child may take."""
+
+    start_s: float = 60.0
+    first_start_s: float = 600.0
+    """The first start on a computer compiles the dynamics, which takes long on a busy one."""
+    stop_s: float = 2.0
+    """For each way to end it, from closing its stdin to killing it."""
+
+
+PATIENCE = Patience()
 
 LINKS = {"pty": "pty", "can": "slcan", "tcp": "tcp:0"}
 """Option `bus` -> the child's `--link`."""
 DEFAULT_BUS = "tcp" if sys.platform == "win32" else "pty"  # Windows has no pseudo-terminals
 
 
-def open_simulated(url: LinkUrl, rig_file: Path | None) -> "Simulated":
+def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     """Start a simulated device and connect to it.
 
     Options: `bus` (pty, can, tcp) and, as `python -m sim_device --help` explains them, `rig`, `plant`, `seed`, `clock`,
@@ -42,11 +53,12 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "Simulated":
         raise LinkUrlError(
             f"{url.text}: a simulated device has no address; write for example sim://?plant=paper&seed=1"
         )
-    child = _Child(url.text, _arguments(options, rig_file))
+    compiling_simulator()
+    child = ChildProgram([sys.executable, "-m", "sim_device", "--exit-with-parent", *_arguments(options, rig_file)])
     try:
-        return Simulated(url.text, child, open_transport(child.ready_url(START_TIMEOUT_S)))
+        return SimulatedTransport(url.text, child, open_transport(_ready_url(url.text, child)))
     except BaseException:
-        child.stop()
+        child.end(PATIENCE.stop_s)
         raise
 
 
@@ -61,10 +73,10 @@ def _arguments(options: dict[str, Any], rig_file: Path | None) -> list[str]:
     return arguments + [word for name, value in said.items() for word in (f"--{name.replace('_', '-')}", str(value))]
 
 
-class Simulated:
+class SimulatedTransport:
     """A `Transport` to a child process that ends when the transport is closed."""
 
-    def __init__(self, url: str, child: "_Child", link: Transport) -> None:
+    def __init__(self, url: str, child: ChildProgram, link: Transport) -> None:
         self.url = url
         self._child = child
         self._link = link
@@ -88,78 +100,33 @@ class Simulated:
         try:
             return self._link.receive(timeout)
         except DeviceLost as error:
-            raise DeviceLost(f"{self.url}: the simulated device is gone{self._child.last_words()}") from error
+            raise DeviceLost(f"{self.url}: the simulated device is gone{_last_words(self._child)}") from error
 
     def close(self) -> None:
         """Close the link and end the child."""
         self._link.close()
-        self._child.stop()
+        self._child.end(PATIENCE.stop_s)
 
 
-class _Child:
-    """The process of a simulated device; its stdin pipe is its life line, also when this process is killed."""
+def _ready_url(url: str, child: ChildProgram) -> str:
+    """The URL the child listens on, from its first line.
 
-    def __init__(self, url: str, arguments: list[str]) -> None:
-        self._url = url
-        self._log: IO[bytes] = tempfile.TemporaryFile()
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "sim_device", "--exit-with-parent", *arguments],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-            # Ctrl-C at the terminal is for us: the device must live on to hear STOP.
-            start_new_session=True,
-        )
+    Raises:
+        LinkUrlError: it does not take its arguments.
+        LinkError: the line did not come in time or is not it.
+    """
+    patience_s = PATIENCE.start_s if simulator_compiled() else PATIENCE.first_start_s
+    try:
+        return json.loads(child.line(patience_s))["url"]
+    except (KeyError, TypeError, ValueError) as error:
+        child.end(PATIENCE.stop_s)
+        refused = child.exit_code in (LinkUrlError.exit_code, ConfigError.exit_code)
+        kind = LinkUrlError if refused else LinkError
+        raise kind(f"{url}: the simulated device did not start{_last_words(child)}") from error
 
-    def ready_url(self, timeout: float) -> str:
-        """The URL the device listens on, from its first line.
 
-        Raises:
-            LinkUrlError: the process does not take its arguments.
-            LinkError: the line did not come in time or is not it.
-        """
-        lines: list[bytes] = []
-        stdout = self._process.stdout
-        assert stdout is not None
-        reader = threading.Thread(target=lambda: lines.append(stdout.readline()), daemon=True)
-        reader.start()
-        reader.join(timeout)
-        try:
-            return json.loads(lines[0])["url"]
-        except (IndexError, KeyError, TypeError, ValueError) as error:
-            self._end_process()
-            reader.join()
-            refused = self._process.returncode in (LinkUrlError.exit_code, ConfigError.exit_code)
-            kind = LinkUrlError if refused else LinkError
-            raise kind(f"{self._url}: the simulated device did not start{self.last_words()}") from error
-
-    def last_words(self) -> str:
-        """`: ` and the last line the process wrote to its log; a full stop when it wrote none."""
-        if self._log.closed:
-            return "."
-        self._log.seek(0)
-        lines = self._log.read().decode(errors="replace").split("\n")
-        said = [line.strip() for line in lines if line.strip()]
-        return f": {said[-1]}" if said else "."
-
-    def stop(self) -> None:
-        """End the process and wait for it; stopping twice is harmless."""
-        self._end_process()
-        for pipe in (self._process.stdin, self._process.stdout, self._log):
-            if pipe is not None:
-                pipe.close()
-
-    def _end_process(self) -> None:
-        """Ask by closing its stdin, then by SIGTERM, then end it."""
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        for insist in (lambda: None, self._process.terminate, self._process.kill):
-            insist()
-            try:
-                self._process.wait(STOP_TIMEOUT_S)
-                return
-            except subprocess.TimeoutExpired:
-                continue
+def _last_words(child: ChildProgram) -> str:
+    return f": {child.last_words}" if child.last_words else "."
 
 
 def _seed(text: str) -> int:

@@ -23,8 +23,8 @@ BITRATE_LETTERS = {
     800_000: b"S7",
     1_000_000: b"S8",
 }
-DEFAULT_TTY_BAUD = 115_200  # those on USB ignore it
-LONGEST_LINE = 64  # a longer run without an end is noise
+LONGEST_LINE = 64
+"""Bytes that an adapter says at once, at most (a frame takes 22): a longer run without an end is noise."""
 
 _FRAME = re.compile(rb"t([0-7][0-9A-Fa-f]{2})([0-8])([0-9A-Fa-f]{0,16})")
 _NO_FRAME = re.compile(rb"(|[zZ]|[VNF][0-9A-Za-z]*|[TrR][0-9A-Fa-f]*)")

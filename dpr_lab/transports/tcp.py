@@ -12,10 +12,6 @@ from dpr_lab.errors import DeviceLost, LinkError, LinkUrlError
 from dpr_lab.transports.bytes_link import BytesLink
 from dpr_lab.transports.url import LinkUrl
 
-CONNECT_TIMEOUT_S = 3.0
-SEND_TIMEOUT_S = 1.0
-MAX_READ_BYTES = 65_536
-
 
 def open_tcp(url: LinkUrl, rig_file: Path | None) -> BytesLink:
     """Connect to a device that listens on TCP.
@@ -34,21 +30,21 @@ def open_tcp(url: LinkUrl, rig_file: Path | None) -> BytesLink:
 class TcpPort:
     """A byte port over one TCP connection."""
 
-    def __init__(self, url: str, host: str, port: int) -> None:
+    def __init__(self, url: str, host: str, port: int, connect_timeout: float = 3.0, send_timeout: float = 1.0) -> None:
         self._url = url
         try:
-            self._socket = socket.create_connection((host, port), timeout=CONNECT_TIMEOUT_S)
+            self._socket = socket.create_connection((host, port), timeout=connect_timeout)
         except OSError as error:
             reason = error.strerror or str(error)
             raise LinkError(f"{url}: no connection ({reason}): check address, port and power") from error
-        self._socket.settimeout(SEND_TIMEOUT_S)
+        self._socket.settimeout(send_timeout)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def read(self, timeout: float) -> bytes:
         """All bytes that have arrived, waiting at most `timeout` s for the first."""
         try:
             ready, _, _ = select.select([self._socket], [], [], timeout)
-            data = self._socket.recv(MAX_READ_BYTES) if ready else None
+            data = self._socket.recv(65_536) if ready else None
         except (OSError, ValueError) as error:  # ValueError: the descriptor was closed
             raise self._lost(str(error)) from error
         if data == b"":

@@ -10,9 +10,6 @@ from dpr_lab.errors import LinkError
 if TYPE_CHECKING:
     from firmware_protocol.messages import Frame
 
-USABLE_SHARE = 0.8
-"""Share of a link that samples may fill; the rest is left for answers, status and arbitration."""
-
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
@@ -24,18 +21,20 @@ class Capacity:
     bits_per_sample: int
     remedy: str
     """What to change when samples do not fit."""
+    usable_share: float = 0.8
+    """Share of the link that samples may fill; the rest is left for answers, status and arbitration."""
 
     @property
     def max_rate_hz(self) -> int:
         """The fastest sample rate that leaves the reserve, Hz."""
-        return int(USABLE_SHARE * self.bits_per_s / self.bits_per_sample)
+        return int(self.usable_share * self.bits_per_s / self.bits_per_sample)
 
     def load(self, rate_hz: int) -> str:
         """What a sample rate takes of the link, with the arithmetic."""
         needed = rate_hz * self.bits_per_sample
         return (
             f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"
-            f" (at most {100 * USABLE_SHARE:.0f} % may be used)"
+            f" (at most {100 * self.usable_share:.0f} % may be used)"
         )
 
     def check(self, rate_hz: int) -> None:

@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dpr_lab.report.digits import NONE, three
+from dpr_lab.report.angles import RADIANS
+from dpr_lab.report.digits import NONE
+from dpr_lab.report.words import named, parameter_words, size_words
 from dpr_lab.rig import Rig
 from dpr_lab.trials.protocol import Opened
 from dpr_lab.trials.score import cause_named
@@ -13,34 +15,38 @@ COLUMNS = ("there was", "true size", "the diagnosis said", "size found, 90 % int
 
 def beside(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
     """One row for each cause, and one for each name that is none."""
-    truth, said, left = opened.truth, opened.said, list(_named(opened))
-    sizes = truth.sizes(rig, said["scale_b"])
+    truth, diagnosis, left = opened.truth, opened.diagnosis, list(_named(opened))
+    sizes = truth.sizes(rig, diagnosis["scale_b"])
     rows: list[tuple[str, ...]] = []
     for number, right in enumerate(truth.answers):
         found = next((effect for effect in left if cause_named(effect, truth) == number), None)
         left = [effect for effect in left if effect is not found]
         known = list(truth.effects)[number] if number < len(truth.effects) else None
-        label = known or f"{truth.foreign} (any of {', '.join(right)})"
-        rows.append((label, _true(sizes.get(known or "", {})), *_said(found)))
+        label = named(known) if known else f"{truth.foreign} (any of {', '.join(map(named, right))})"
+        rows.append((label, _true(known or "", sizes.get(known or "", {})), *_found(found)))
     if truth.outside:
-        rows.append((f"{truth.foreign} (not in the library)", NONE, said["verdict"], NONE, NONE))
-    return rows + [(NONE, NONE, *_said(effect)) for effect in left]
+        rows.append((f"{truth.foreign} (not in the library)", NONE, diagnosis["verdict"].replace("_", " "), NONE, NONE))
+    return rows + [(NONE, NONE, *_found(effect)) for effect in left]
 
 
 def _named(opened: Opened) -> list[Mapping[str, Any]]:
-    return [effect for effect in opened.said["effects"] if effect["name"] in opened.outcome.named]
+    return [effect for effect in opened.diagnosis["effects"] if effect["name"] in opened.outcome.named]
 
 
-def _true(sizes: Mapping[str, float]) -> str:
-    return "; ".join(f"{name} {three(value)}" for name, value in sizes.items()) or NONE
+def _true(effect: str, sizes: Mapping[str, float]) -> str:
+    return "; ".join(_size(effect, name, value) for name, value in sizes.items()) or NONE
 
 
-def _said(effect: Mapping[str, Any] | None) -> tuple[str, str, str]:
+def _size(effect: str, name: str, *values: float) -> str:
+    return f"{parameter_words(name)} {size_words(effect, name, RADIANS, *values)}"
+
+
+def _found(effect: Mapping[str, Any] | None) -> tuple[str, str, str]:
     if effect is None:
         return NONE, NONE, NONE
     twins = [name for name in effect["class"] if name != effect["name"]]
     sizes = (
-        f"{name} {three(found['value'])} [{three(found['interval90'][0])}, {three(found['interval90'][1])}]"
+        _size(effect["name"], name, found["value"], *found["interval90"])
         for name, found in effect["parameters"].items()
     )
-    return " or ".join([effect["name"], *twins]), "; ".join(sizes), f"{effect['probability']:.0%}"
+    return " or ".join(map(named, [effect["name"], *twins])), "; ".join(sizes), f"{effect['probability']:.0%}"

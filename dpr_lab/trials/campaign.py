@@ -15,15 +15,15 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from dpr_lab import __version__
 from dpr_lab.errors import DprError, RunError
 from dpr_lab.report.files import write_json
 from dpr_lab.rig import load_rig
 from dpr_lab.trials.case import run_case
 from dpr_lab.trials.protocol import read_json
-from dpr_lab.trials.score import Outcome, read_outcome
+from dpr_lab.trials.score import TrialOutcome, read_outcome
 from dpr_lab.trials.sealing import Kind, Level
 from dpr_lab.trials.workers import Case, Done, on_cluster, on_this_machine
+from dpr_lab.version import __version__
 
 SETTINGS, TRIALS, LOCK = "campaign.json", "trials.jsonl", ".lock"
 
@@ -70,7 +70,7 @@ class Failure:
 class Tried:
     """What a campaign has come to."""
 
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[TrialOutcome, ...]
     """In the order of their numbers."""
     failures: tuple[Failure, ...]
 
@@ -82,7 +82,7 @@ def run_campaign(
     *,
     jobs: int = 1,
     scheduler: str | None = None,
-    on_trial: Callable[[int, Outcome | Failure | None], None] = lambda done, last: None,
+    on_trial: Callable[[int, TrialOutcome | Failure | None], None] = lambda done, last: None,
 ) -> Tried:
     """Run the first `n` trials of a campaign, but for those that the folder holds already.
 
@@ -140,19 +140,19 @@ def _done(cases: list[Case], jobs: int, scheduler: str | None) -> Iterator[Done]
 
 def _claim(folder: Path, campaign: Campaign) -> None:
     """Write down what is tried in a folder, or make sure that it is the same as before."""
-    said = json.loads(json.dumps(asdict(campaign))) | {"version": __version__}
+    settings = json.loads(json.dumps(asdict(campaign))) | {"version": __version__}
     file = folder / SETTINGS
     if not file.exists():
-        write_json(said, file)
+        write_json(settings, file)
         return
     before = read_json(file)
-    other = [name for name, value in said.items() if before.get(name) != value]
+    other = [name for name, value in settings.items() if before.get(name) != value]
     if other:
         was = ", ".join(f"{name} = {before.get(name)}" for name in other)
         raise RunError(f"{folder}: holds another campaign ({was}); go on with that one, or give another folder")
 
 
-def read_trials(folder: Path) -> dict[int, Outcome]:
+def read_trials(folder: Path) -> dict[int, TrialOutcome]:
     """The trials that a folder holds, by number. A line that a kill cut short is dropped from the file.
 
     Raises:
@@ -166,7 +166,7 @@ def read_trials(folder: Path) -> dict[int, Outcome]:
     if whole != content:
         with file.open("r+b") as trials:
             trials.truncate(len(whole))
-    found: dict[int, Outcome] = {}
+    found: dict[int, TrialOutcome] = {}
     for number, line in enumerate(whole.splitlines(), 1):
         try:
             kept = json.loads(line)

@@ -3,21 +3,19 @@
 The device records its plant directly, without link and waiting: the same counts, so that hundreds are affordable.
 """
 
-import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dpr_lab import __version__
 from dpr_lab.errors import DprError
-from dpr_lab.rig import Rig, load_rig
+from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.reader import full_turns
 from dpr_lab.trials.score import score
-from dpr_lab.trials.sealing import Kind, Level, Wanted, seal, unseal
+from dpr_lab.trials.sealing import Kind, Level, PlantRequest, sealed_in_memory
 from dpr_lab.trials.truth import unsealed
+from dpr_lab.version import __version__
 
 
 def run_case(case: dict[str, Any]) -> dict[str, Any]:
@@ -28,7 +26,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
             `version`, of the program that asks
 
     Returns:
-        `outcome`, as `Outcome.to_json` gives it
+        `outcome`, as `TrialOutcome.to_json` gives it
 
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
@@ -40,20 +38,15 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
     if case["version"] != __version__:
         raise DprError(f"this worker has dpr-lab {__version__}, the campaign is of {case['version']}: install the same")
     numba.set_num_threads(1)
-    with tempfile.TemporaryDirectory(prefix="dpr-lab-trial-") as name:
-        folder = Path(name)
-        rig_file = folder / "rig.toml"
-        rig_file.write_text(case["rig"], encoding="utf-8")
-        wanted = Wanted(Kind(case["kind"]), Level(case["level"]), case["seed"], str(rig_file), case["plant"])
-        told = seal(wanted, folder / "device", direct=True)
-        rig_file.write_text(told["rig"], encoding="utf-8")
-        rig = load_rig(rig_file)
-        runs = [_run(recording, rig) for recording in told["runs"]]
+    request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"])
+    with sealed_in_memory(request, case["rig"]) as (sealed, opened):
+        rig = parse_rig(sealed["rig"])
+        runs = [_run(recording, rig) for recording in sealed["runs"]]
         began = time.process_time()
-        said = diagnose(runs, rig).to_json()
+        diagnosis = diagnose(runs, rig).to_json()
         seconds = time.process_time() - began
-        truth = unsealed(unseal(folder / "device"), told["seal"])
-    return {"outcome": score(said, truth, rig, **truth.drawn, seconds=seconds, seal=told["seal"]).to_json()}
+        truth = unsealed(opened(), sealed["seal"])
+    return {"outcome": score(diagnosis, truth, rig, **truth.drawn, seconds=seconds, seal=sealed["seal"]).to_json()}
 
 
 def _run(recording: dict[str, Any], rig: Rig) -> Run:

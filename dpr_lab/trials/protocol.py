@@ -9,26 +9,24 @@ opened.json      the truth, checked against the seal, and the score
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from pydantic import ValidationError
 
-from dpr_lab.capture import CaptureOptions, capture
-from dpr_lab.device import Device
 from dpr_lab.errors import RunError
-from dpr_lab.gap.diagnosis import Diagnosis
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.files import write_json
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.reader import load_run
-from dpr_lab.transports import open_transport
-from dpr_lab.trials.score import Outcome, score
-from dpr_lab.trials.sealing import Wanted, seal, unseal
+from dpr_lab.trials.score import TrialOutcome, score
+from dpr_lab.trials.sealing import PlantRequest, unseal
 from dpr_lab.trials.truth import Truth, unsealed
+
+RIG_FILE, DEVICE = "rig.toml", "device"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +43,7 @@ class Trial:
     @property
     def rig(self) -> Rig:
         """The rig file that goes with the plant."""
-        return load_rig(self.folder / "rig.toml")
+        return load_rig(self.folder / RIG_FILE)
 
     @property
     def diagnosis(self) -> Path:
@@ -63,44 +61,15 @@ class Opened:
     """A trial, opened."""
 
     truth: Truth
-    said: dict[str, Any]
-    outcome: Outcome
+    diagnosis: dict[str, Any]
+    outcome: TrialOutcome
 
 
-def draw(wanted: Wanted, folder: Path, on_step: Callable[[str], None] = lambda text: None) -> Trial:
-    """Have a plant drawn and sealed, and record it.
-
-    Args:
-        wanted: what to draw
-        folder: of the trial, new
-        on_step: told the seal, and each recording
-
-    Raises:
-        DprError: there is a trial already, no such draw, or a recording failed.
-    """
-    if folder.exists() and any(folder.iterdir()):
-        raise RunError(f"{folder}: is not empty; give each trial a folder of its own")
-    told = seal(wanted, folder / "device")
-    on_step(f"sealed as {told['seal']}")
-    (folder / "rig.toml").write_text(told["rig"], encoding="utf-8")
-    trial = Trial(folder, told["seal"], f"{wanted.kind}:{wanted.level}", ())
-    runs = _recorded(trial, on_step)
-    names = [path.relative_to(folder).as_posix() for path in runs]
-    write_json({"seal": trial.seal, "asked": trial.asked, "runs": names}, folder / "trial.json")
+def keep_runs(folder: Path, seal: str, request: PlantRequest, files: Sequence[Path]) -> Trial:
+    """Write down that a plant is drawn, sealed and recorded; from here on the folder holds a trial."""
+    names = [path.relative_to(folder).as_posix() for path in files]
+    write_json({"seal": seal, "asked": f"{request.kind}:{request.level}", "runs": names}, folder / "trial.json")
     return read_trial(folder)
-
-
-def _recorded(trial: Trial, on_step: Callable[[str], None]) -> list[Path]:
-    """One run file from each of the rig's poses."""
-    rig, plant = trial.rig, (trial.folder / "device" / "plant.toml").resolve()
-    files: list[Path] = []
-    with Device(open_transport(f"sim://?clock=fast&plant={quote(str(plant))}", rig_file=rig.path)) as device:
-        device.connect()
-        for pose in rig.poses:
-            got = capture(device, rig, pose, CaptureOptions(), trial.folder / "runs", confirm=lambda: True)
-            on_step(f"{pose}: {got.run_file.name}: {got.verdict.sentence}")
-            files.append(got.run_file)
-    return files
 
 
 def read_trial(folder: Path) -> Trial:
@@ -129,14 +98,14 @@ def recordings(trial: Trial) -> list[Run]:
     return [load_run(path, rig=rig) for path in trial.runs]
 
 
-def keep_diagnosis(trial: Trial, said: dict[str, Any]) -> None:
+def keep_diagnosis(trial: Trial, diagnosis: dict[str, Any]) -> None:
     """Write down what the diagnosis said.
 
     Raises:
         RunError: the trial is open already: a diagnosis after that is not blind.
     """
     refuse_opened(trial)
-    write_json(said, trial.diagnosis)
+    write_json(diagnosis, trial.diagnosis)
 
 
 def refuse_opened(trial: Trial) -> None:
@@ -154,12 +123,12 @@ def open_trial(trial: Trial) -> Opened:
     """
     if not trial.diagnosis.is_file():
         raise RunError(f"{trial.folder}: is not diagnosed yet, so it stays sealed: dpr-lab trials run {trial.folder}")
-    said = _diagnosis(trial.diagnosis)
-    told = unseal(trial.folder / "device")
-    truth = unsealed(told, trial.seal)
-    outcome = score(said, truth, trial.rig, **truth.drawn, seconds=said["seconds"], seal=trial.seal)
-    write_json(told | {"seal": trial.seal, "score": outcome.to_json()}, trial.opened)
-    return Opened(truth, said, outcome)
+    diagnosis = _diagnosis(trial.diagnosis)
+    opened = unseal(trial.folder / DEVICE)
+    truth = unsealed(opened, trial.seal)
+    outcome = score(diagnosis, truth, trial.rig, **truth.drawn, seconds=diagnosis["seconds"], seal=trial.seal)
+    write_json(opened | {"seal": trial.seal, "score": outcome.to_json()}, trial.opened)
+    return Opened(truth, diagnosis, outcome)
 
 
 def _diagnosis(file: Path) -> dict[str, Any]:
@@ -177,7 +146,7 @@ def read_json(file: Path) -> dict[str, Any]:
     """
     try:
         kept = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RunError(f"{file}: cannot be read as JSON: {error}") from error
     if not isinstance(kept, dict):
         raise RunError(f"{file}: holds no JSON object")

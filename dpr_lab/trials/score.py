@@ -5,16 +5,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.rig import Rig
 from dpr_lab.trials.truth import Truth
 
 NAMING = ("named", "partly_explained")
 ADMITTING = ("unexplained", "partly_explained")
-STEP = "missed_counts"
+STEP = MISSED_COUNTS.name
 SURE = 0.5
 """Probability above which a wrong name counts as claimed."""
 
-Said = Mapping[str, Any]
+Json = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,7 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class TrialOutcome:
     """One trial, scored."""
 
     kind: str
@@ -114,7 +115,7 @@ _LISTS = ("truth", "named", "class_sizes", "sensor_findings", "faults_missed")
 _NUMBERS = ("explained_share", "closed")
 
 
-def read_outcome(kept: Mapping[str, Any]) -> Outcome:
+def read_outcome(kept: Mapping[str, Any]) -> TrialOutcome:
     """The outcome that `to_json` gave."""
     lists = {name: tuple(kept[name]) for name in _LISTS}
     sizes, claims = (
@@ -122,16 +123,16 @@ def read_outcome(kept: Mapping[str, Any]) -> Outcome:
     )
     causes = tuple(Cause(**item) for item in kept["causes"])
     number = {name: _number(kept[name]) for name in _NUMBERS}
-    return Outcome(**{**kept, **lists, **number, "sizes": sizes, "claims": claims, "causes": causes})
+    return TrialOutcome(**{**kept, **lists, **number, "sizes": sizes, "claims": claims, "causes": causes})
 
 
 def score(
-    said: Said, truth: Truth, rig: Rig, *, kind: str, level: str, seed: int, seconds: float, seal: str = ""
-) -> Outcome:
+    diagnosis: Json, truth: Truth, rig: Rig, *, kind: str, level: str, seed: int, seconds: float, seal: str = ""
+) -> TrialOutcome:
     """Score a diagnosis.
 
     Args:
-        said: the diagnosis as `dpr-lab diagnose --json` gives it
+        diagnosis: as `dpr-lab diagnose --json` gives it
         truth: the opened plant
         rig: the rig file that the lab had
         kind: what was drawn
@@ -140,53 +141,53 @@ def score(
         seconds: what the diagnosis took
         seal: what the plant had been sealed with
     """
-    effects = _named(said)
-    listed = [*effects, *(rival for rival in said["rivals"] if rival not in effects)]
+    effects = _named(diagnosis)
+    listed = [*effects, *(rival for rival in diagnosis["rivals"] if rival not in effects)]
     hits = [cause_named(effect, truth) for effect in effects]
-    true_sizes = truth.sizes(rig, said["scale_b"])
-    findings = tuple(sorted({finding["name"] for finding in said["sensor_findings"]}))
-    return Outcome(
+    true_sizes = truth.sizes(rig, diagnosis["scale_b"])
+    findings = tuple(sorted({finding["name"] for finding in diagnosis["sensor_findings"]}))
+    return TrialOutcome(
         kind=kind,
         level=level,
         seed=seed,
         truth=(*truth.effects, *([truth.foreign] if truth.foreign else [])),
         held_back=truth.held_back,
-        verdict=said["verdict"],
+        verdict=diagnosis["verdict"],
         named=tuple(effect["name"] for effect in effects),
         class_sizes=tuple(len(effect["class"]) for effect in effects),
         first=bool(hits) and hits[0] is not None,
         top3=any(cause_named(effect, truth) is not None for effect in listed[:3]),
         exact=len(hits) == len(truth.answers) and None not in hits and len(set(hits)) == len(hits),
         invented=None in hits,
-        silent=said["verdict"] == "no_gap" and not effects,
+        silent=diagnosis["verdict"] == "no_gap" and not effects,
         wrong_name=any(not claim.true and claim.probability > SURE for claim in _claimed(effects, hits)),
-        admitted=said["verdict"] in ADMITTING,
-        explained_share=_number(said["gap"].get("explained_share")),
-        closed=_number((said["gap"].get("closed_held_out") or {}).get("estimate")),
+        admitted=diagnosis["verdict"] in ADMITTING,
+        explained_share=_number(diagnosis["gap"].get("explained_share")),
+        closed=_number((diagnosis["gap"].get("closed_held_out") or {}).get("estimate")),
         sizes=tuple(_sizes(effects, true_sizes)),
-        claims=tuple(_claims(said, effects, hits, truth)),
+        claims=tuple(_claims(diagnosis, effects, hits, truth)),
         sensor_findings=findings,
         faults_missed=tuple(fault for fault in _faults(truth) if fault not in findings),
         seconds=seconds,
         seal=seal,
-        causes=tuple(_causes(said, hits, truth, true_sizes)),
+        causes=tuple(_causes(diagnosis, hits, truth, true_sizes)),
     )
 
 
-def _named(said: Said) -> list[Said]:
+def _named(diagnosis: Json) -> list[Json]:
     """The effects that are named; a step that the sensor screen alone found is a name too, without a probability."""
-    effects: list[Said] = list(said["effects"]) if said["verdict"] in NAMING else []
-    steps = any(finding["name"] == STEP for finding in said["sensor_findings"])
+    effects: list[Json] = list(diagnosis["effects"]) if diagnosis["verdict"] in NAMING else []
+    steps = any(finding["name"] == STEP for finding in diagnosis["sensor_findings"])
     if steps and all(effect["name"] != STEP for effect in effects):
         effects.append({"name": STEP, "class": [STEP], "probability": None, "parameters": {}})
     return effects
 
 
 def _causes(
-    said: Said, hits: Sequence[int | None], truth: Truth, sizes: Mapping[str, Mapping[str, float]]
+    diagnosis: Json, hits: Sequence[int | None], truth: Truth, sizes: Mapping[str, Mapping[str, float]]
 ) -> Iterator[Cause]:
     for number, name in enumerate(truth.effects):
-        yield Cause(name, over_limit(sizes[name], said["detectable"].get(name, {})), number in hits)
+        yield Cause(name, over_limit(sizes[name], diagnosis["detectable"].get(name, {})), number in hits)
     if truth.foreign is not None:
         yield Cause(truth.foreign, None, len(truth.effects) in hits)
 
@@ -208,26 +209,26 @@ def _faults(truth: Truth) -> list[str]:
     return [name for name, is_there in there.items() if is_there]
 
 
-def cause_named(effect: Said, truth: Truth) -> int | None:
+def cause_named(effect: Json, truth: Truth) -> int | None:
     """Which of the true causes an effect of a diagnosis and its class mean; None when it is none of them."""
     names = {effect["name"], *effect["class"]}
     return next((i for i, right in enumerate(truth.answers) if names.intersection(right)), None)
 
 
-def _claims(said: Said, effects: Sequence[Said], hits: Sequence[int | None], truth: Truth) -> list[Claim]:
+def _claims(diagnosis: Json, effects: Sequence[Json], hits: Sequence[int | None], truth: Truth) -> list[Claim]:
     """What was said with a probability: each name, or that there is nothing, or nothing with a name."""
     if claimed := _claimed(effects, hits):
         return claimed
-    true = {"no_gap": truth.clean, "unexplained": truth.outside}.get(said["verdict"], False)
-    return [Claim(_number(said["probabilities"].get(said["verdict"]), 1.0), true)]
+    true = {"no_gap": truth.clean, "unexplained": truth.outside}.get(diagnosis["verdict"], False)
+    return [Claim(_number(diagnosis["probabilities"].get(diagnosis["verdict"]), 1.0), true)]
 
 
-def _claimed(effects: Sequence[Said], hits: Sequence[int | None]) -> list[Claim]:
+def _claimed(effects: Sequence[Json], hits: Sequence[int | None]) -> list[Claim]:
     stated = [(effect["probability"], hit is not None) for effect, hit in zip(effects, hits, strict=True)]
     return [Claim(probability, true) for probability, true in stated if probability is not None]
 
 
-def _sizes(effects: Sequence[Said], true: Mapping[str, Mapping[str, float]]) -> list[SizeError]:
+def _sizes(effects: Sequence[Json], true: Mapping[str, Mapping[str, float]]) -> list[SizeError]:
     """Errors of the amplitudes of those effects that were named by their own name, not by a twin's."""
     errors: list[SizeError] = []
     for effect in effects:

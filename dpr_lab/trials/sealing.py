@@ -6,12 +6,16 @@ The truth stays in a folder of the device's. Nothing here reads it; the lab sees
 import json
 import subprocess
 import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.kernel_cache import compiling_simulator
 
 
 class Kind(StrEnum):
@@ -47,24 +51,24 @@ class Level(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class PlantRequest:
     """What the device is to draw."""
 
     kind: Kind = Kind.ANY
     level: Level = Level.CLEAR
     seed: int | None = None
-    """None: fresh chance, which nobody can draw again."""
+    """None: fresh chance of 128 bits, which nobody can draw again; with a seed, whoever tries seeds finds the plant."""
     rig: str = "paper"
     """Rig file or built-in name that the rig is drawn around."""
     plant: str = "paper"
     """Plant file or built-in name that the plant is drawn around; never read here."""
 
 
-def seal(wanted: Wanted, folder: Path, *, direct: bool = False) -> dict[str, Any]:
+def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[str, Any]:
     """Have a plant drawn, sealed and kept in a folder of the device's.
 
     Args:
-        wanted: what to draw
+        request: what to draw
         folder: made by the device
         direct: whether the device is to record it too, without link
 
@@ -74,9 +78,49 @@ def seal(wanted: Wanted, folder: Path, *, direct: bool = False) -> dict[str, Any
     Raises:
         ConfigError: no such rig or plant, or the folder is there already.
     """
-    words = ["--rig", wanted.rig, "--plant", wanted.plant, "--draw-effects", f"{wanted.kind}:{wanted.level}"]
-    seed = [] if wanted.seed is None else ["--seed", str(wanted.seed)]
-    return ask(*words, *seed, "--seal", str(folder), *(["--direct"] if direct else []))
+    compiling_simulator()
+    return ask(*_words(request), "--rig", request.rig, "--seal", str(folder), *(["--direct"] if direct else []))
+
+
+def _words(request: PlantRequest) -> list[str]:
+    seed = [] if request.seed is None else ["--seed", str(request.seed)]
+    return ["--plant", request.plant, "--draw-effects", f"{request.kind}:{request.level}", *seed]
+
+
+@contextmanager
+def sealed_in_memory(request: PlantRequest, rig: str) -> Iterator[tuple[dict[str, Any], Callable[[], dict[str, Any]]]]:
+    """A plant drawn, sealed and recorded by a process that keeps its truth in memory and writes nothing.
+
+    Args:
+        request: what to draw
+        rig: text of the rig file that it is drawn around
+
+    Yields:
+        What `seal` gives, with `runs`; and a function that has the plant opened, once
+
+    Raises:
+        ConfigError: it refuses a file or a word; with what it says.
+        DprError: it failed; likewise.
+    """
+    words = [sys.executable, "-m", "sim_device", *_words(request), "--seal", "-"]
+    with (
+        tempfile.TemporaryFile("w+") as log,
+        subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True) as device,
+    ):
+
+        def told(line: str) -> dict[str, Any]:
+            assert device.stdin is not None
+            assert device.stdout is not None
+            with suppress(BrokenPipeError):  # what it says is better than that it is gone
+                device.stdin.write(line + "\n")
+                device.stdin.flush()
+            if answer := device.stdout.readline():
+                return json.loads(answer)
+            code = device.wait()
+            log.seek(0)
+            raise _refusal(code, log.read())
+
+        yield told(json.dumps(rig)), lambda: told("open")
 
 
 def unseal(folder: Path) -> dict[str, Any]:
@@ -103,6 +147,10 @@ def ask(*words: str) -> dict[str, Any]:
         check=False,
     )
     if done.returncode != 0:
-        refused = ConfigError if done.returncode == ConfigError.exit_code else DprError
-        raise refused(f"the simulated device says: {done.stderr.strip() or f'nothing, code {done.returncode}'}")
+        raise _refusal(done.returncode, done.stderr)
     return json.loads(done.stdout)
+
+
+def _refusal(code: int, said: str) -> DprError:
+    refused = ConfigError if code == ConfigError.exit_code else DprError
+    return refused(f"the simulated device says: {said.strip() or f'nothing, code {code}'}")

@@ -9,28 +9,22 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from dpr_lab.trials.score import Cause, Claim, Outcome, SizeError
-
-BINS = 10
-"""Of equal width, in the reliability table."""
-
-LIMITS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
-"""Where the ranges of an effect's size over the least detectable one begin."""
+from dpr_lab.trials.score import Cause, Claim, SizeError, TrialOutcome
 
 
-def share(outcomes: Sequence[Outcome], holds: Callable[[Outcome], bool]) -> float:
+def share(outcomes: Sequence[TrialOutcome], holds: Callable[[TrialOutcome], bool]) -> float:
     """Share of the trials for which something holds; nan without trials."""
     return float(np.mean([holds(outcome) for outcome in outcomes])) if outcomes else float("nan")
 
 
-def reliability(claims: Sequence[Claim]) -> list[dict[str, float]]:
+def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float]]:
     """Of each bin of stated probability that is not empty: how many claims, their mean probability, how many held.
 
-    `low` and `high` are the 90 % interval of the share that held.
+    The bins are of equal width. `low` and `high` are the 90 % interval of the share that held.
     """
     table: list[dict[str, float]] = []
-    place = np.minimum((np.array([claim.probability for claim in claims]) * BINS).astype(int), BINS - 1)
-    for number in range(BINS):
+    place = np.minimum((np.array([claim.probability for claim in claims]) * bins).astype(int), bins - 1)
+    for number in range(bins):
         inside = [claim for claim, bin_number in zip(claims, place, strict=True) if bin_number == number]
         if inside:
             stated, true = (float(np.mean(v)) for v in zip(*((c.probability, c.true) for c in inside), strict=True))
@@ -60,7 +54,7 @@ def wilson90(held: int, of: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def summary(outcomes: Sequence[TrialOutcome]) -> dict[str, Any]:
     """Everything that is scored, over all trials given; shares of none are nan.
 
     Names count where the library holds the right one; what it does not hold is to be admitted as unexplained.
@@ -94,7 +88,7 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
-SHARES: dict[str, tuple[str, Callable[[Outcome], bool]]] = {
+SHARES: dict[str, tuple[str, Callable[[TrialOutcome], bool]]] = {
     "first": ("nameable", lambda o: o.first),
     "top3": ("nameable", lambda o: o.top3),
     "exact": ("nameable", lambda o: o.exact),
@@ -107,8 +101,8 @@ SHARES: dict[str, tuple[str, Callable[[Outcome], bool]]] = {
 """Key of the summary -> the trials it is about, and what is to hold."""
 
 
-def _among(outcomes: Sequence[Outcome], whom: str) -> list[Outcome]:
-    kept: dict[str, Callable[[Outcome], bool]] = {
+def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
+    kept: dict[str, Callable[[TrialOutcome], bool]] = {
         "all": lambda o: True,
         "clean": lambda o: not o.truth,
         "outside": lambda o: o.kind == "outside",
@@ -127,9 +121,9 @@ def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
     }
 
 
-def by_kind(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+def by_kind(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
     """One row for each kind and level that was drawn."""
-    groups: dict[tuple[str, str], list[Outcome]] = {}
+    groups: dict[tuple[str, str], list[TrialOutcome]] = {}
     for o in outcomes:
         groups.setdefault((o.kind, o.level), []).append(o)
     return [
@@ -139,7 +133,7 @@ def by_kind(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
     ]
 
 
-def by_effect(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+def by_effect(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
     """One row for each effect that was there: how often it was named, and in trials that it leads, how well."""
     rows: list[dict[str, Any]] = []
     for name in sorted({cause.name for o in outcomes for cause in o.causes}):
@@ -158,13 +152,17 @@ def by_effect(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
     return rows
 
 
-def by_size(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+def by_size(
+    outcomes: Sequence[TrialOutcome], limits: Sequence[float] = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+) -> list[dict[str, Any]]:
     """One row for each range of an effect's size over the least detectable one; `to` is None in the last.
+
+    `limits` are where the ranges begin.
 
     `named` counts every effect there; `first` and `exact` the trials that an effect of this size leads.
     """
     rows: list[dict[str, Any]] = []
-    for low, high in pairwise([*LIMITS, math.inf]):
+    for low, high in pairwise([*limits, math.inf]):
         inside = [c for o in outcomes for c in o.causes if _within(c, low, high)]
         leads = [o for o in outcomes if o.causes and _within(o.causes[0], low, high)]
         if inside:
@@ -181,17 +179,17 @@ def by_size(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
     return rows
 
 
-def astray(outcome: Outcome) -> dict[str, Any]:
+def astray(outcome: TrialOutcome) -> dict[str, Any]:
     """A trial that went wrong, with what it takes to draw it again."""
-    told = ("kind", "level", "seed", "truth", "named", "verdict", "grade")
-    return {name: getattr(outcome, name) for name in told}
+    names = ("kind", "level", "seed", "truth", "named", "verdict", "grade")
+    return {name: getattr(outcome, name) for name in names}
 
 
 def _within(cause: Cause, low: float, high: float) -> bool:
     return cause.over_limit is not None and low <= cause.over_limit < high
 
 
-def confusion(outcomes: Sequence[Outcome]) -> dict[str, dict[str, int]]:
+def confusion(outcomes: Sequence[TrialOutcome]) -> dict[str, dict[str, int]]:
     """What was there, by its first name -> what was named first (or the verdict) -> how often."""
     table: dict[str, Counter[str]] = {}
     for o in outcomes:

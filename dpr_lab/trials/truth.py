@@ -59,7 +59,7 @@ class Truth:
         holds, so that true torques and inertias are to be multiplied by scale_b / b of the plant.
         """
         Z = np.array([self.parameters[name] for name in PARAMETERS])
-        larger = scale_b / float(base_parameters(Z, rig.rig.L1, rig.rig.g)[BASE.index("b")])
+        larger = scale_b / float(base_parameters(Z, rig.L1, rig.g)[BASE.index("b")])
         return {
             name: {
                 parameter.name: values[parameter.name] * larger ** _power(parameter)
@@ -81,17 +81,17 @@ def _power(parameter: EffectParameter) -> int:
     return int(parameter.unit.startswith(("N m", "kg")) or parameter.name in LEVERS)
 
 
-def read_truth(told: Mapping[str, Any]) -> Truth:
-    """The truth out of what the opened plant told."""
-    foreign = next(iter(told["foreign"]), None)
+def read_truth(opened: Mapping[str, Any]) -> Truth:
+    """The truth as the opened plant tells it."""
+    foreign = next(iter(opened["foreign"]), None)
     return Truth(
-        effects=told["effects"],
+        effects=opened["effects"],
         foreign=foreign,
-        family=tuple(told["family"].get(foreign, ())),
-        held_back=foreign in told["held_back"],
-        parameters=told["parameters"],
-        encoders=told["encoders"],
-        drawn=told.get("drawn", {}),
+        family=tuple(opened["family"].get(foreign, ())),
+        held_back=foreign in opened["held_back"],
+        parameters=opened["parameters"],
+        encoders=opened["encoders"],
+        drawn=opened.get("drawn", {}),
     )
 
 

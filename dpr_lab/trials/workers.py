@@ -3,70 +3,77 @@
 Either way a case goes out and its result comes back as plain JSON values, one case on one thread at a time.
 """
 
+import ipaddress
 import logging
-import os
 import re
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import active_children, get_context, parent_process
+from functools import partial
 from typing import Any
 
+from dpr_lab.child_process import worker_pool
 from dpr_lab.errors import DprError, LinkError
+from dpr_lab.kernel_cache import compiling_simulator
 
 Case = dict[str, Any]
-Job = Callable[[Case], dict[str, Any]]
+CaseFunction = Callable[[Case], dict[str, Any]]
 Done = tuple[Case, dict[str, Any]]
 """A case, and its result or `error`, a sentence."""
 
-# Set before a worker imports what reads them, which the first case makes it do.
-THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d+")
-CONNECT_TIMEOUT_S = 10
-WORKERS_TIMEOUT_S = 60
+ADDRESS = re.compile(r"(?P<scheme>tcp|tls)://(?P<host>[^/\s]+):\d+")
+
+START_SCHEDULER = "dask scheduler --host 127.0.0.1 --dashboard-address 127.0.0.1:8787"
+START_WORKERS = "dask worker {scheduler} --host 127.0.0.1 --dashboard-address 127.0.0.1:0 --nthreads 1 --nworkers auto"
+"""Both listen on this machine alone; left to themselves they listen on every interface and run what anyone sends."""
 
 
-def on_this_machine(job: Job, cases: Sequence[Case], processes: int) -> Iterator[Done]:
+def exposure(scheduler: str) -> str | None:
+    """What others could do at this address, a sentence; None on this machine's own interface, or under TLS."""
+    found = ADDRESS.fullmatch(scheduler)
+    if found is None or found["scheme"] == "tls" or _loopback(found["host"].strip("[]")):
+        return None
+    return (
+        f"warning: {scheduler}: whoever reaches this scheduler or its workers over the network can run any code there"
+        " and on this machine: keep it on 127.0.0.1, or use tls:// (docs/reliability.md, A cluster)"
+    )
+
+
+def _loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def on_this_machine(run: CaseFunction, cases: Sequence[Case], processes: int) -> Iterator[Done]:
     """Every case as it is done. The first is run alone, so that kernels are compiled once and not in every process.
 
     Raises:
         DprError: a process was killed; what was yielded before stands.
     """
-    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=_worker) as pool:
-        try:
+    compiling_simulator()
+    try:
+        with worker_pool(processes) as pool:
             for some in (cases[:1], cases[1:]):
-                pending = {pool.submit(job, case): case for case in some}
+                pending = {pool.submit(run, case): case for case in some}
                 for future in as_completed(pending):
                     yield pending[future], _result(future)
-        except BrokenProcessPool as error:
-            raise DprError("a process of the campaign was killed (out of memory?); run it again to go on") from error
-        except BaseException:
-            # Nobody waits for trials that will be run again.
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in active_children():
-                worker.terminate()
-            raise
+    except BrokenProcessPool as error:
+        raise DprError("a process of the campaign was killed (out of memory?); run it again to go on") from error
 
 
-def _worker() -> None:
-    """A worker leaves Ctrl-C to the process that started it, and ends with that one, however it ended."""
-    for name in THREADS:
-        os.environ[name] = "1"
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    if parent is not None:
-        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
-
-
-def on_cluster(job: Job, cases: Sequence[Case], scheduler: str) -> Iterator[Done]:
+def on_cluster(
+    run: CaseFunction, cases: Sequence[Case], scheduler: str, *, connect_s: float = 10.0, workers_s: float = 60.0
+) -> Iterator[Done]:
     """Every case as it is done by the workers of a dask scheduler, which need dpr-lab installed.
 
     Args:
-        job: a function of this package, which the workers import
+        run: a function of this package, which the workers import
         cases: JSON objects
         scheduler: its address, such as tcp://127.0.0.1:8786
+        connect_s: how long it may take to answer, s
+        workers_s: how long its first worker may take to come, s
 
     Raises:
         LinkError: no scheduler there, or it went away.
@@ -82,27 +89,27 @@ def on_cluster(job: Job, cases: Sequence[Case], scheduler: str) -> Iterator[Done
     if not ADDRESS.fullmatch(scheduler):
         raise LinkError(f"{scheduler}: is not the address of a scheduler; write for example tcp://127.0.0.1:8786")
     try:
-        client = Client(scheduler, timeout=CONNECT_TIMEOUT_S)
+        client = Client(scheduler, timeout=connect_s)
     except OSError as error:
         raise LinkError(
-            f"{scheduler}: no scheduler answers there; start one with `dask scheduler`, and"
-            f" `dask worker {scheduler} --nthreads 1 --nworkers auto` on each machine"
+            f"{scheduler}: no scheduler answers there; start one with `{START_SCHEDULER}`, and"
+            f" `{START_WORKERS.format(scheduler=scheduler)}`"
         ) from error
     with client:
-        _wait_for_workers(client.wait_for_workers, scheduler)
-        pending = {client.submit(job, case, pure=False): case for case in cases}
+        _wait_for_workers(partial(client.wait_for_workers, 1, timeout=workers_s), scheduler)
+        pending = {client.submit(run, case, pure=False): case for case in cases}
         for future in as_arrived(pending):
             if future.cancelled():
                 raise LinkError(f"{scheduler}: the scheduler is gone; what was done is kept, run it again to go on")
             yield pending[future], _result(future)
 
 
-def _wait_for_workers(wait: Callable[..., object], scheduler: str) -> None:
+def _wait_for_workers(wait: Callable[[], object], scheduler: str) -> None:
     try:
-        wait(1, timeout=WORKERS_TIMEOUT_S)
+        wait()
     except TimeoutError as error:
         raise LinkError(
-            f"{scheduler}: the scheduler has no workers; start some: `dask worker {scheduler} --nthreads 1`"
+            f"{scheduler}: the scheduler has no workers; start some: `{START_WORKERS.format(scheduler=scheduler)}`"
         ) from error
 
 

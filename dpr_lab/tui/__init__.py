@@ -1,4 +1,11 @@
-"""The bench screen: six steps from the cable to the diagnosis, every action a call that the command line makes too."""
+"""The bench screen: six steps from the cable to the diagnosis, every action a call that the command line makes too.
+
+app                  steps in their order, keys, errors as notices
+steps                one page each
+widgets              what pages are made of
+jobs, recorder       what runs beside the screen, each in a process of its own
+services, workspace  what steps share
+"""
 
 FRAMES_PER_S = 12
 """Most redraws of the screen a second; Textual reads TEXTUAL_FPS when it is first imported."""

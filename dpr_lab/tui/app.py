@@ -1,147 +1,232 @@
 """The app: a stepper on top, the step that is shown below it, keys at the foot."""
 
-import traceback
+import asyncio
+import os
+import sys
+import time
+import webbrowser
 from collections.abc import Iterable, Sequence
-from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from textual import on
+from rich.console import RenderableType
+from textual import events, on
+from textual._compositor import CompositorUpdate
 from textual.app import App, ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.dom import DOMNode
+from textual.driver import Driver
 from textual.screen import Screen
-from textual.widgets import ContentSwitcher, Footer
+from textual.widgets import ContentSwitcher, Footer, Static
 from textual.worker import WorkerFailed
 
 from dpr_lab.errors import DprError
-from dpr_lab.tui.bench import Bench
-from dpr_lab.tui.capture import CaptureStep
-from dpr_lab.tui.chart import Chart
-from dpr_lab.tui.compare import CompareStep
-from dpr_lab.tui.connect import ConnectStep
-from dpr_lab.tui.diagnose import DiagnoseStep
-from dpr_lab.tui.dialogs import HELP_KEY, HelpScreen, Question
-from dpr_lab.tui.guard import Guarded
-from dpr_lab.tui.identify import IdentifyStep
-from dpr_lab.tui.keys import Keymap
-from dpr_lab.tui.line import Line
-from dpr_lab.tui.rig import RigStep
-from dpr_lab.tui.runs import RunBrowser
-from dpr_lab.tui.slider import Slider
-from dpr_lab.tui.step import ERROR_S, Step
-from dpr_lab.tui.stepper import Standing, Stepper
+from dpr_lab.report.angles import UNITS
+from dpr_lab.tui import FRAMES_PER_S
+from dpr_lab.tui.guard import Guarded, log
+from dpr_lab.tui.keys import Keymap, KeyNames, about_keys, actions
+from dpr_lab.tui.recorder.connection import DeviceConnection
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.capture import CaptureStep
+from dpr_lab.tui.steps.compare import CompareStep
+from dpr_lab.tui.steps.connect import ConnectStep
+from dpr_lab.tui.steps.diagnose import DiagnoseStep
+from dpr_lab.tui.steps.identify import IdentifyStep
+from dpr_lab.tui.steps.job_step import JobStep
+from dpr_lab.tui.steps.rig import RigStep
+from dpr_lab.tui.steps.step import Step
+from dpr_lab.tui.terminal.display import Display
+from dpr_lab.tui.terminal.plain import Plain
+from dpr_lab.tui.terminal.sight import Sight
+from dpr_lab.tui.terminal.signals import SETTINGS as ENDING
+from dpr_lab.tui.terminal.signals import end_on_signals
+from dpr_lab.tui.texts import NOTICES
 from dpr_lab.tui.themes import THEMES
+from dpr_lab.tui.widgets.chart import Chart
+from dpr_lab.tui.widgets.dialogs import HELP_KEY, HelpScreen, Question
+from dpr_lab.tui.widgets.run_browser import RunBrowser
+from dpr_lab.tui.widgets.slider import Slider
+from dpr_lab.tui.widgets.status_line import StatusLine
+from dpr_lab.tui.widgets.stepper import Stepper, StepStatus
+from dpr_lab.tui.workspace import Workspace
 
 STEPS: tuple[type[Step], ...] = (ConnectStep, RigStep, CaptureStep, IdentifyStep, CompareStep, DiagnoseStep)
-"""The steps in the order of the work."""
+"""The steps in the order of the work, and so their numbers and keys."""
+
+LEAST = (80, 24)
+"""Columns and rows that the steps need."""
 
 KEYED: tuple[type[DOMNode], ...] = (*STEPS, Chart, Slider, RunBrowser)
 """Whose actions can be given other keys, besides the app's own."""
-
-LISTEN_HZ = 15
-"""How often the recorder is listened to, and so how often a step is redrawn at most."""
 
 
 class DprApp(Guarded, App[None]):
     """The bench screen.
 
     Args:
-        bench: what the operator works on
-        folder: where the bench is saved and unexpected errors are logged
+        workspace: what the operator works on
+        folder: where the workspace is saved and unexpected errors are logged
         keymap: the operator's keys, see `dpr_lab.tui.keys`
         notices: what to say first
         steps: the steps to show
+        sight: confirms that the operator sees the screen; by default the terminal does
+        allow_release: whether a browser may release too
     """
 
     TITLE = "dpr-lab"
+    VERTICAL_BREAKPOINTS = [(0, "-short"), (30, "-tall")]  # noqa: RUF012
     CSS_PATH = Path(__file__).with_name("app.tcss")
     BINDINGS: ClassVar[list[BindingType]] = [
-        *(Binding(str(number), f"go({number})", show=False, id=f"app.step_{number}") for number in range(1, 7)),
+        *(Binding(f"{n}", f"go({n})", show=False, id=f"app.step_{n}") for n in range(1, len(STEPS) + 1)),
         Binding("n,ctrl+right", "move(1)", "Next", id="app.next"),
         Binding("p,ctrl+left", "move(-1)", "Previous", id="app.previous", show=False),
         HELP_KEY,
-        Binding("b", "browse", "Runs", id="app.browse"),
+        Binding("b", "browse", "Runs", id="app.browse", tooltip="runs: choose, check, export"),
+        Binding("f2", "report", "Open report", show=False, id="app.report", tooltip="open the HTML report"),
         Binding("t", "next_theme", "Theme", show=False, id="app.theme"),
+        Binding("g", "next_unit", "Degrees/radians", show=False, id="app.unit"),
         Binding("escape", "leave", show=False, id="app.leave"),
         Binding("ctrl+q", "quit", "Quit", id="app.quit", priority=True),
     ]
 
     def __init__(
         self,
-        bench: Bench,
+        workspace: Workspace,
         folder: Path,
         keymap: Keymap | None = None,
         notices: Sequence[str] = (),
         steps: Sequence[type[Step]] = STEPS,
+        sight: Sight | None = None,
+        allow_release: bool = False,
     ) -> None:
         super().__init__()
-        self.bench = bench
+        self._filters.append(Plain())
+        self.terminal = Display(lambda: self._driver, self.console._color_system, allow_release)
+        self.workspace = workspace
         self.folder = folder
-        self.line = Line(folder / "recorder.log")
+        self.device = DeviceConnection(folder / "recorder.log")
+        names = KeyNames(_keys(keymap or {}), lambda key: self.get_key_display(Binding(key, "")))
+        order = tuple(step.NAME for step in STEPS)
+        self.services = Services(workspace, self.device, order, names, sight or self.terminal)
         self._notices = notices
-        self.steps = [step(id=step.NAME.lower()) for step in steps]
+        self._saved = True
+        self.steps = [step(self.services, id=step.NAME.lower()) for step in steps]
         for theme in THEMES:
             self.register_theme(theme)
-        self.theme = bench.theme if bench.theme in self.available_themes else THEMES[0].name
+        self.theme = workspace.theme if workspace.theme in self.available_themes else THEMES[0].name
         self.set_keymap(keymap or {})
 
     def compose(self) -> ComposeResult:
-        """Stepper, step, keys."""
+        """Stepper, what is true of the rig now, step, keys."""
         yield Stepper(id="stepper")
+        yield StatusLine(id="status", markup=False)
         with ContentSwitcher(id="steps"):
             yield from self.steps
-        yield Footer(show_command_palette=False)
+        yield Static(id="too-small")
+        yield Footer(show_command_palette=False, compact=True)
 
     def on_mount(self) -> None:
         """Resume at the step shown last."""
         self.theme_changed_signal.subscribe(self, lambda theme: self._keep_theme(theme.name))
-        self.set_interval(1 / LISTEN_HZ, self._listen)
-        last = next((i for i, step in enumerate(self.steps, 1) if self.bench.step == step.NAME), 1)
+        self.app_resume_signal.subscribe(self, lambda _: self.terminal.forget())
+        if not self.is_headless:
+            loop = asyncio.get_running_loop()
+            end_on_signals(
+                lambda: loop.call_soon_threadsafe(self.exit, None, ENDING.exit_code),
+                lambda: self._driver.stop_application_mode() if self._driver is not None else None,
+            )
+        self.set_interval(1 / FRAMES_PER_S, self._listen)
+        last = next((i for i, step in enumerate(self.steps, 1) if self.workspace.step == step.NAME), 1)
         self.action_go(last)
         for notice in self._notices:
-            self.notify(notice, severity="warning", timeout=ERROR_S, markup=False)
+            self.notify(notice, severity="warning", timeout=NOTICES.error_s, markup=False)
 
     async def on_unmount(self) -> None:
         """Leave no process behind."""
-        await self.line.close()
-
-    async def connect(self) -> None:
-        """Call the device that the bench names."""
-        await self.line.open(self.bench.link, self.bench.rig, self.bench.out / "runs")
-        self.redraw()
-
-    async def disconnect(self) -> None:
-        """Let the device go."""
-        await self.line.close()
-        self.redraw()
+        self.terminal.close()
+        await self.device.close()
 
     def _listen(self) -> None:
         if not self.is_running:  # the widgets may be gone before this timer is
             return
-        for report in self.line.reports():
+        for report in self.device.reports():
             for step in self.steps:
                 step.hear(report)
+        recording = next((step.recording for step in self.steps if step.recording is not None), None)
+        work = ", ".join(step.work for step in self.steps if step.work)
+        self.query_one(StatusLine).show(self.device, recording, work, self.workspace.out, time.monotonic())
+
+    def get_driver_class(self) -> type[Driver]:
+        """Textual's for this system; for terminals our own, which never waits for a slow one."""
+        found = super().get_driver_class()
+        if found.__name__ != "LinuxDriver":
+            return found
+        from dpr_lab.tui.terminal.driver import BenchDriver  # needs termios, which not every system has
+
+        return BenchDriver
+
+    async def on_event(self, event: events.Event) -> None:
+        """An answer to a key comes at once."""
+        if isinstance(event, events.Key | events.MouseDown):
+            self.terminal.hurry()
+        await super().on_event(event)
+
+    def on_cursor_position(self, event: events.CursorPosition) -> None:
+        """The terminal confirmed a frame."""
+        self.terminal.confirmed(event.x, event.y)
+
+    def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
+        if not isinstance(renderable, CompositorUpdate) or self.is_headless or self._batch_count:
+            super()._display(screen, renderable)
+        elif self._running and not self._closed:
+            self.terminal.together = self._sync_available
+            self.terminal.show(renderable, self.size)
+            self.post_display_hook()
 
     @property
     def current(self) -> Step:
         """The step that is shown."""
-        return next(step for step in self.steps if step.NAME == self.bench.step)
+        return next(step for step in self.steps if step.NAME == self.workspace.step)
 
     def redraw(self) -> None:
         """Draw the stepper as things stand now."""
-        standings = [Standing(s.NAME, s.outcome(), s.missing(), s.NAME == self.bench.step) for s in self.steps]
-        self.query_one(Stepper).show(standings, self._key_of("app.next"))
+        status = [
+            StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == self.workspace.step, s.stale()) for s in self.steps
+        ]
+        self.query_one(Stepper).show(status, self._key_of("app.next"))
 
     @on(Step.Done)
     def save(self) -> None:
-        """Save the bench and show what is new."""
-        self.bench.save(self.folder)
+        """Save the workspace and show what is new; that it cannot be saved is said once."""
+        try:
+            self.workspace.save(self.folder)
+            self._saved = True
+        except DprError as error:
+            if self._saved:
+                self.mishap(error)
+            self._saved = False
         self.redraw()
 
-    def on_resize(self) -> None:
-        """More room shows more of the stepper."""
+    @on(JobStep.JobDone)
+    def _tell(self, message: JobStep.JobDone) -> None:
+        if self.current is not message.step:
+            self.current.enter()
+            news = f"{message.step.NAME} is done: {message.step.outcome()}"
+            self.notify(news, timeout=NOTICES.news_s, markup=False)
+
+    def on_resize(self, event: events.Resize) -> None:
+        """More room shows more of the stepper; too little is said, and what is true of the rig stays in sight."""
+        width, height = event.size
+        self.screen.set_class(width < LEAST[0] or height < LEAST[1], "-too-small")
+        need = f"{width}x{height} is too small: the bench needs {LEAST[0]}x{LEAST[1]}. Make the window larger"
+        self.query_one("#too-small", Static).update(f"{need}, or the font smaller. A recording goes on meanwhile.")
         self.call_after_refresh(self.redraw)
+
+    def notify(self, message: str, **options: Any) -> None:
+        """Say something, once: not again while it is still to be read."""
+        if all(notice.message != message for notice in self._notifications):
+            super().notify(message, **options)
 
     @on(Stepper.Chosen)
     def _chosen(self, event: Stepper.Chosen) -> None:
@@ -152,7 +237,7 @@ class DprApp(Guarded, App[None]):
         if not 1 <= number <= len(self.steps):
             return
         step = self.steps[number - 1]
-        self.bench.step = step.NAME
+        self.workspace.step = step.NAME
         self.query_one("#steps", ContentSwitcher).current = step.id
         step.focus()
         try:
@@ -172,17 +257,25 @@ class DprApp(Guarded, App[None]):
             for active in self.screen.active_bindings.values()
             if active.binding.description and not active.binding.system
         )
-        self.push_screen(HelpScreen(f"# {shown.NAME}\n\n{shown.HELP}\n\nAll keys here: {keys}\n"))
+        text = self.services.keys.fill(shown.HELP or "")
+        self.push_screen(HelpScreen(f"# {shown.NAME}\n\n{text}\n\nAll keys here: {keys}\n\n{about_keys()}"))
 
     def action_browse(self) -> None:
         """Look at the runs, and choose those to work on."""
-        self.push_screen(RunBrowser(self.bench.out / "runs", self.bench.runs), self._choose_runs)
+        self.push_screen(RunBrowser(self.services, self.workspace.runs), self._choose_runs)
 
     def action_next_theme(self) -> None:
         """Dark, light, high contrast."""
         names = [theme.name for theme in THEMES]
         here = names.index(self.theme) if self.theme in names else -1
         self.theme = names[(here + 1) % len(names)]
+
+    def action_next_unit(self) -> None:
+        """Angles in degrees, or in radians."""
+        names = list(UNITS)
+        self.workspace.angles = names[(names.index(self.workspace.unit.name) + 1) % len(names)]
+        self.current.enter()
+        self.save()
 
     def action_leave(self) -> None:
         """Take notices away and go from a field back to the step."""
@@ -198,12 +291,48 @@ class DprApp(Guarded, App[None]):
             self.push_screen(Question(f"Quit now and lose {' and '.join(stakes)}?", "Quit", "Stay"), self._quit_if)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        """The steps, in the command palette."""
+        """The steps, and every action with its key, in the command palette; another step's is done there."""
         yield from super().get_system_commands(screen)
         for number, step in enumerate(self.steps, 1):
-            yield SystemCommand(
-                f"{number} {step.NAME}", f"Go to step {number}", lambda number=number: self.action_go(number)
-            )
+            yield SystemCommand(f"{number} {step.NAME}", f"Go to step {number}", partial(self.action_go, number))
+            yield from (self._command(binding, step.NAME, number) for binding in _bindings(step))
+        yield from (self._command(binding, "dpr-lab", 0) for binding in _bindings(self) if binding.key not in "123456")
+
+    def _command(self, binding: Binding, place: str, number: int) -> SystemCommand:
+        words = binding.tooltip or binding.description
+        known = binding.id is not None and binding.id in self.services.keys.keys
+        key = self.services.keys.of(binding.id or "") if known else self.get_key_display(binding)
+
+        async def act() -> None:
+            if number:
+                self.action_go(number)
+            await self.run_action(binding.action, self.steps[number - 1] if number else self)
+
+        return SystemCommand(f"{place}: {words}", f"key {key}", act)
+
+    def deliver_screenshot(
+        self, filename: str | None = None, path: str | None = None, time_format: str | None = None
+    ) -> str | None:
+        """Save a picture of the screen beside the work; say where, or why not."""
+        folder = Path(path) if path else self.workspace.out / "screenshots"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            saved = self.save_screenshot(filename, str(folder), time_format)
+        except OSError as error:
+            self.mishap(DprError(f"{folder}: the screenshot cannot be saved: {error.strerror or error}"))
+            return None
+        self.notify(f"saved: {saved}", markup=False)
+        return saved
+
+    def action_report(self) -> None:
+        """Open the page that the step wrote."""
+        page = self.current.report()
+        if page is None or not page.is_file():
+            raise DprError("No report here yet: Compare and Diagnose write one each when they have run")
+        if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
+            self.notify(f"The report is {page} (no desktop to open it on)", timeout=NOTICES.news_s, markup=False)
+        else:
+            self.run_worker(partial(webbrowser.open, page.as_uri()), thread=True, exit_on_error=False)
 
     def mishap(self, error: Exception) -> None:
         """Tell the operator what went wrong; what nobody foresaw goes to a log file with its traceback.
@@ -213,11 +342,10 @@ class DprApp(Guarded, App[None]):
         if isinstance(error, WorkerFailed) and isinstance(error.error, Exception):
             error = error.error
         if isinstance(error, DprError):
-            said = str(error)
+            text = self.services.keys.fill(str(error))
         else:
-            log = self._log_file(error)
-            said = f"Unexpected: {type(error).__name__}: {error}. Your work is kept; details are in {log}"
-        self.notify(said, title="Error", severity="error", timeout=ERROR_S, markup=False)
+            text = f"Unexpected: {type(error).__name__}: {error}. Your work is kept; {log(error, self.folder)}"
+        self.notify(text, title="Error", severity="error", timeout=NOTICES.error_s, markup=False)
 
     def _handle_exception(self, error: Exception) -> None:
         if self.is_running and self.screen_stack:
@@ -225,25 +353,18 @@ class DprApp(Guarded, App[None]):
         else:
             super()._handle_exception(error)
 
-    def _log_file(self, error: Exception) -> Path:
-        self.folder.mkdir(parents=True, exist_ok=True)
-        log = self.folder / "errors.log"
-        with log.open("a", encoding="utf-8") as file:
-            file.write(f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}\n{''.join(traceback.format_exception(error))}\n")
-        return log
-
     def _quit_if(self, sure: bool | None) -> None:
         if sure:
             self.exit()
 
     def _choose_runs(self, runs: list[Path] | None) -> None:
         if runs is not None:
-            self.bench.runs = runs
+            self.workspace.runs = runs
             self.current.enter()
             self.save()
 
     def _keep_theme(self, name: str) -> None:
-        self.bench.theme = name
+        self.workspace.theme = name
         self.save()
 
     def _key_of(self, action: str) -> str:
@@ -255,3 +376,17 @@ class DprApp(Guarded, App[None]):
             ),
             "",
         )
+
+
+def _keys(keymap: Keymap) -> dict[str, str]:
+    """All actions with their keys."""
+    keys = {}
+    for owner in (DprApp, *KEYED):
+        keys |= actions(owner)
+    return keys | keymap
+
+
+def _bindings(owner: DOMNode) -> list[Binding]:
+    """The actions of a class that have words."""
+    own = owner.__class__.__dict__.get("BINDINGS", ())
+    return [binding for binding in own if isinstance(binding, Binding) and binding.description]

@@ -8,8 +8,10 @@ next = "n,ctrl+right"
 """
 
 import os
+import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +27,48 @@ MODIFIERS = ("ctrl", "shift", "alt", "super", "meta", "hyper")
 Keymap = dict[str, str]
 """Id of an action -> keys, with commas between."""
 
+MENTION = re.compile(r"\{([a-z]+\.[a-z_0-9]+)\}")
+"""An action in a text, in whose place its key is shown: `press {capture.start}`."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeyNames:
+    """The keys as they are, for every text that names one."""
+
+    keys: Mapping[str, str]
+    """Id of an action -> its keys."""
+    display: Callable[[str], str]
+    """How a key is written."""
+
+    def of(self, action: str) -> str:
+        """The first key of an action.
+
+        Raises:
+            KeyError: no such action.
+        """
+        return self.display(self.keys[action].split(",")[0].strip())
+
+    def fill(self, text: str) -> str:
+        """A text with the keys in the place of the actions that it mentions; other braces stay."""
+        return MENTION.sub(lambda found: self.of(found[1]) if found[1] in self.keys else found[0], text)
+
 
 def keys_file() -> Path:
     """Where the operator's keys are; the environment variable DPR_LAB_CONFIG overrides the user's own folder."""
     return Path(os.environ.get("DPR_LAB_CONFIG") or platformdirs.user_config_dir("dpr-lab")) / "keys.toml"
+
+
+def about_keys() -> str:
+    """How to give an action another key, for the help."""
+    return f"""
+**Your own keys** stand in `{keys_file()}`: below the name of a place, an action and its key, such as
+
+    [capture]
+    release = "space"
+
+The places are `app`, `chart`, `slider`, `runs` and the steps, the actions those of README's table; a file that names an
+action or a key that does not exist, or gives two actions of one place the same key, is refused with the reason.
+"""
 
 
 def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOMNode]]) -> Keymap:

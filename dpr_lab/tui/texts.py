@@ -2,12 +2,26 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from rich import box
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table
 from rich.text import Text
+
+
+@dataclass(frozen=True, slots=True)
+class NoticeTimes:
+    """How long a notice stays, s; Escape takes it away sooner."""
+
+    error_s: float = 15.0
+    """Long enough to read what to do about it."""
+    news_s: float = 20.0
+    """Of a job that ended while another step was shown, and of a release that was refused on a slow line."""
+
+
+NOTICES = NoticeTimes()
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, prose: bool = False) -> RenderableType:
@@ -43,9 +57,26 @@ def shorter(names: Sequence[str], most: int = 6) -> str:
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
+def local_time(utc: str) -> str:
+    """`2026-11-21 11:15 CET` of a time in UTC (ISO 8601, or as in the name of a run file); what is none stays."""
+    try:
+        at = datetime.fromisoformat(utc.replace("Z", "+00:00"))
+    except ValueError:
+        return utc
+    at = at if at.tzinfo is not None else at.replace(tzinfo=UTC)
+    return f"{at.astimezone():%Y-%m-%d %H:%M %Z}"
+
+
+def run_name(run: Path) -> str:
+    """A run by its pose and when it was recorded, from a file name `<utc>_<pose>_<uid8>`; others by their name."""
+    parts = run.stem.split("_")
+    when = local_time(parts[0])
+    return f"{'_'.join(parts[1:-1])} ({when})" if len(parts) > 2 and when != parts[0] else run.stem
+
+
 def named_runs(runs: Sequence[Path]) -> str:
     """How many, and which: `2 runs: X1, X2`; empty for none."""
-    return f"{counted_runs(len(runs))}: {shorter([run.stem for run in runs])}" if runs else ""
+    return f"{counted_runs(len(runs))}: {shorter([run_name(run) for run in runs], most=3)}" if runs else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +84,6 @@ class Bars:
     """Horizontal bars of any width, for each a label, a value, its interval if it has one, and what to write beside."""
 
     rows: Sequence[tuple[str, float, tuple[float, float] | None, str]]
-    mark: float | None = None
-    """Where a vertical line crosses all of them, such as the noise floor."""
     top: float | None = None
     """Value of a full bar; the largest one by default."""
 
@@ -71,10 +100,10 @@ class Bars:
         def column(at: float) -> int:
             return min(max(round(at / top * (width - 1)), 0), width - 1)
 
-        cells = ["█" if value > 0 and i <= column(value) else " " for i in range(width)]
+        cells = [
+            "█" if value > 0 and i <= column(value) and round(value / top * width) > 0 else " " for i in range(width)
+        ]
         if interval is not None:
             low, high = column(interval[0]), column(interval[1])
             cells[low : high + 1] = ["├", *"─" * (high - low - 1), "┤"][: high - low + 1] if high > low else ["│"]
-        if self.mark is not None:
-            cells[column(self.mark)] = "┊" if cells[column(self.mark)] == " " else "┃"
         return "".join(cells)

@@ -7,6 +7,10 @@
 
 #include "session.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct {
     dpr_session_t session;
     dpr_counters_t counters;
@@ -28,5 +32,9 @@ void dpr_device_poll(dpr_device_t *device);
 
 /* For a port that takes every frame and finds only later that samples had no room. */
 void dpr_device_note_dropped(dpr_device_t *device, uint16_t samples);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -6,6 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define DPR_MAX_DATA 8u
 #define DPR_MAX_ID 0x7FFu
 #define DPR_MIN_PACKET 4u
@@ -36,5 +40,9 @@ size_t dpr_frame_encode(const dpr_frame_t *frame, uint8_t line[DPR_MAX_ENCODED])
 
 /* Takes the next byte; true when it completed a good frame. */
 bool dpr_decoder_push(dpr_decoder_t *decoder, uint8_t byte, dpr_frame_t *frame);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

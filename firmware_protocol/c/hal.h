@@ -12,6 +12,10 @@
 
 #include "frame.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define DPR_JOINTS 3u
 
 /* The multi-turn counters of arm, inner and outer rod, latched together at one tick. */
@@ -43,5 +47,9 @@ bool hal_send(void *port, const dpr_frame_t *frame);
 
 /* The fault the hardware has now, by its number in dpr.dbc; 0 none. */
 uint8_t hal_fault(void *port);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -6,6 +6,10 @@
 #include "generated/dpr_schema.h"
 #include "hal.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define DPR_INFO_PAGES 8u
 #define DPR_NUMBER_MASK 0x3Fu /* of an identifier: which message; above it stands the node */
 
@@ -43,5 +47,9 @@ dpr_frame_t dpr_pong(uint8_t node, uint16_t token, uint32_t tick, uint16_t fract
 dpr_frame_t dpr_ack(uint8_t node, uint8_t command, uint8_t token);
 dpr_frame_t dpr_nak(uint8_t node, uint8_t command, uint8_t token, uint8_t code);
 dpr_frame_t dpr_info(const dpr_identity_t *identity, uint8_t page);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

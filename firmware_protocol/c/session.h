@@ -7,6 +7,10 @@
 
 #include "messages.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define DPR_LEASE_MS 500u /* a device that hears nothing from its host for this long stops streaming */
 #define DPR_REMEMBERED 16u /* answers kept to repeat; a host has one command under way */
 
@@ -55,5 +59,9 @@ void dpr_session_check_lease(dpr_session_t *session, uint32_t now_ms, uint32_t t
 
 /* Stops on a fault; the latch stays as it is. */
 void dpr_session_fault(dpr_session_t *session, uint8_t fault, uint32_t tick, dpr_answer_t *answer);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

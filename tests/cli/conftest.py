@@ -1,9 +1,15 @@
 """Runs of the command line as a user runs it: another process, its output and its exit code."""
 
 import json
+import os
+import pty
+import re
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,37 +31,124 @@ class Done:
 Cli = Callable[..., Done]
 
 
-def run_cli(*arguments: object, cwd: Path | None = None, stdin: str = "") -> Done:
-    done = subprocess.run(
-        [sys.executable, "-m", "dpr_lab", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        input=stdin,
-        timeout=150,
-        cwd=cwd,
-        check=False,
-    )
-    return Done(done.returncode, done.stdout, done.stderr)
+class Warm:
+    """Commands in processes that are forked from one with the libraries loaded (`tests/warm.py`).
+
+    Variables that Python or a library reads when it is loaded make it start afresh.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._streams = [folder / name for name in ("in", "out", "err")]
+        self._loaded = _of_loading()
+        server = [sys.executable, str(Path(__file__).parents[1] / "warm.py")]
+        self._server = subprocess.Popen(server, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def __call__(self, *arguments: object, cwd: Path | None = None, stdin: str = "") -> Done:
+        words = list(map(str, arguments))
+        if _of_loading() != self._loaded:
+            command = [sys.executable, "-m", "dpr_lab", *words]
+            done = subprocess.run(command, capture_output=True, text=True, input=stdin, timeout=150, cwd=cwd)
+            return Done(done.returncode, done.stdout, done.stderr)
+        for stream in self._streams:
+            stream.write_text(stdin if stream is self._streams[0] else "")
+        streams = [str(stream) for stream in self._streams]
+        asked = {"words": words, "folder": str(cwd or Path.cwd()), "environment": dict(os.environ), "streams": streams}
+        assert self._server.stdin is not None
+        assert self._server.stdout is not None
+        self._server.stdin.write(json.dumps(asked) + "\n")
+        self._server.stdin.flush()
+        code = int(self._server.stdout.readline())
+        return Done(code, self._streams[1].read_text(), self._streams[2].read_text())
+
+    def end(self) -> None:
+        """No more commands."""
+        self._server.communicate()
+
+
+def _of_loading() -> dict[str, str]:
+    names = ("NUMBA", "PYTHON", "OMP", "OPENBLAS", "XDG", "HOME", "MPL")
+    return {name: value for name, value in os.environ.items() if name.startswith(names)}
 
 
 @pytest.fixture(scope="session")
-def cli() -> Cli:
-    return run_cli
+def cli(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cli]:
+    warm = Warm(tmp_path_factory.mktemp("streams"))
+    yield warm
+    warm.end()
 
 
 @pytest.fixture(scope="session")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def on_terminal() -> Callable[..., tuple[int, str]]:
+    """(command, variables, what to do meanwhile) -> exit code and all that it shows on a terminal, without colours."""
+
+    def shown(
+        command: list[str], variables: dict[str, str], meanwhile: Callable[[int], None] = lambda pid: None
+    ) -> tuple[int, str]:
+        master, slave = pty.openpty()
+        environment = {**os.environ, "TERM": "xterm", **variables}
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=slave, stderr=slave, env=environment)
+        os.close(slave)
+        came: list[bytes] = []
+        reader = threading.Thread(target=_read_all, args=(master, came))
+        reader.start()
+        meanwhile(process.pid)
+        code = process.wait()
+        reader.join()
+        os.close(master)
+        return code, re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", b"".join(came).decode())
+
+    return shown
+
+
+def _read_all(master: int, came: list[bytes]) -> None:
+    while True:
+        try:
+            piece = os.read(master, 65536)
+        except OSError:  # nobody has the terminal open any more
+            return
+        if not piece:
+            return
+        came.append(piece)
+
+
+@pytest.fixture(scope="session")
+def after_work() -> Callable[[int, float], bool]:
+    """(process, s): wait until `dpr-lab` runs there and has worked so long, by its own clock; whether it still runs."""
+
+    def wait(pid: int, work_s: float) -> bool:
+        began: float | None = None
+        while True:
+            stat = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            if stat[0] == "Z":
+                return False
+            worked = (int(stat[11]) + int(stat[12])) / os.sysconf("SC_CLK_TCK")
+            if began is None and _catches(pid, signal.SIGTERM):
+                began = worked
+            if began is not None and worked - began >= work_s:
+                return True
+            time.sleep(0.002)
+
+    return wait
+
+
+def _catches(pid: int, number: int) -> bool:
+    status = Path(f"/proc/{pid}/status").read_text()
+    return bool(int(status.partition("SigCgt:")[2].split()[0], 16) >> (number - 1) & 1)
+
+
+@pytest.fixture(scope="session")
+def runs(cli: Cli, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Three releases of one seeded plant over the serial protocol."""
     out = tmp_path_factory.mktemp("runs")
     poses = [word for pose in ("X1", "X2", "X3") for word in ("--pose", pose)]
-    done = run_cli("capture", "--rig", "paper", "--link", "sim://?clock=fast&seed=3", *poses, "--out", out, "--json")
+    done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast&seed=3", *poses, "--out", out, "--json")
     assert done.code == 0, done.err
     return [Path(run["file"]) for run in done.json["runs"]]
 
 
 @pytest.fixture(scope="session")
-def model(runs: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def model(cli: Cli, runs: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("model") / "model.json"
-    done = run_cli("identify", *runs, "--rig", "paper", "--out", out, "--json")
+    done = cli("identify", *runs, "--rig", "paper", "--out", out, "--json")
     assert done.code == 0, done.err
     return out

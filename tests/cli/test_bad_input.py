@@ -184,6 +184,9 @@ def test_results_do_not_go_into_a_file(tmp_path: Path, runs: list[Path], model: 
         ("capture", "--rig", "paper", "--link", "sim://?clock=fast"),
         ("compare", runs[0], "--model", model),
         ("diagnose", runs[0], "--rig", "paper"),
+        ("paper",),
+        ("trials", "draw"),
+        ("trials", "campaign"),
     ):
         done = cli(*words, "--out", out)
         assert done.code == 3
@@ -238,7 +241,7 @@ def test_an_error_with_json_is_an_object_too(tmp_path: Path, cli) -> None:
 def test_unknown_names_list_the_known_ones(tmp_path: Path, runs: list[Path], cli) -> None:
     for option, known in (("--objective", "segments"), ("--search", "iga")):
         done = cli("identify", runs[0], "--rig", "paper", option, "nonesuch", "--out", tmp_path / "m.json")
-        assert done.code == 3
+        assert done.code == 2
         assert known in done.err
 
 

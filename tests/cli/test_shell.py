@@ -19,6 +19,7 @@ COMMANDS = [
     ("compare",),
     ("doctor",),
     ("identifiability",),
+    ("import", "table"),
     ("import", "csv"),
     ("run", "info"),
     ("run", "verify"),
@@ -53,7 +54,8 @@ def test_help_imports_nothing_heavy() -> None:
 
 def test_the_lab_never_loads_the_simulated_device() -> None:
     program = (
-        "import sys\nimport dpr_lab.identify, dpr_lab.capture, dpr_lab.compare, dpr_lab.transports.simulated\n"
+        "import sys\nimport dpr_lab.identification.identify, dpr_lab.acquisition.capture\n"
+        "import dpr_lab.identification.compare, dpr_lab.transports.simulated\n"
         "import dpr_lab.report.html, dpr_lab.cli.app\n"
         "print([name for name in sys.modules if name.startswith(('sim_device', 'textual'))])"
     )
@@ -83,7 +85,7 @@ def test_doctor_says_what_is_wrong_with_a_link(cli) -> None:
     assert done.json["ok"] is False
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".h5", ".mat"])
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".h5", ".mat", ".mcap"])
 def test_export_by_suffix(runs: list[Path], tmp_path: Path, cli, suffix: str) -> None:
     out = tmp_path / f"run{suffix}"
     assert cli("run", "export", runs[0], "--out", out).code == 0
@@ -112,7 +114,7 @@ def test_an_interrupted_capture_finalises_its_file(tmp_path: Path, cli, number: 
         time.sleep(0.05)
     time.sleep(1.0)
     process.send_signal(number)
-    _, said = process.communicate(timeout=30)
+    _, said = process.communicate(timeout=400)
     assert process.returncode == 130, said
     info = cli("run", "info", files[0], "--json").json
     assert info["complete"] is False
@@ -137,7 +139,7 @@ def test_on_a_terminal_nothing_is_released_before_enter(tmp_path: Path) -> None:
     time.sleep(1.0)
     assert not list(tmp_path.glob("*.mcap"))
     os.write(master, b"\n")
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=400)
     os.close(master)
     os.close(slave)
     assert process.returncode == 0, err

@@ -39,7 +39,7 @@ def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Pa
     shown = cli("trials", "open", folder)
     assert shown.code == 0, shown.err
     assert "the seal holds" in shown.out
-    assert "there was wrong_length_L1; the diagnosis said" in shown.out
+    assert "there was wrong length, inner rod [wrong_length_L1]; the diagnosis said" in shown.out
 
     late = cli("trials", "run", folder)
     assert late.code == 3
@@ -77,13 +77,16 @@ def test_a_trial_that_fails_is_told_and_the_others_stand(tmp_path: Path, cli) ->
 
 @pytest.mark.slow
 @pytest.mark.timeout(400)
-def test_the_demo_ends_with_a_withheld_effect_opened_and_scored(tmp_path: Path, cli) -> None:
-    done = cli("demo", "--seed", 5, "--out", tmp_path)
+def test_the_demo_ends_near_the_plant_and_with_a_withheld_effect_opened_and_scored(tmp_path: Path, cli) -> None:
+    done = cli("demo", "--seed", 5, "--out", tmp_path, "--json")
     assert done.code == 0, done.err
+    assert max(abs(z) for z in done.json["deviations_std"].values()) < 3
     (seal,) = re.findall("sealed as ([0-9a-f]{64})", done.err)
-    assert f"the seal holds: {seal}" in done.out
-    assert "there was wrong_length_L1; the diagnosis said" in done.out
-    reports = [Path(line.removeprefix("report: ")) for line in done.out.splitlines() if line.startswith("report: ")]
+    trial = done.json["trial"]
+    assert trial["seal"] == seal
+    assert set(trial["truth"]["effects"]) == {"wrong_length_L1"}
+    assert trial["score"]["first"]
+    reports = [Path(done.json["report"]), Path(trial["report"])]
     assert [report.name for report in reports] == ["report.html", "diagnosis.html"]
     assert all(report.is_file() for report in reports)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE, Arm, arm_accelerations, mass_matrix, mounted
+from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE, ArmParameters, arm_accelerations, mass_matrix, mounted
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.equation import accelerations, energy
 from dpr_lab.effects.quantities import Motion, torques
@@ -12,8 +12,8 @@ from dpr_lab.effects.quantities import Motion, torques
 Z = np.array([0.21, 0.19, 0.11, 0.09, 0.2, 0.0011, 0.0009, 0.0014, 0.0012])
 L0, L1, G = 0.3, 0.4, 9.81
 FRAME = (L0, L1, G)
-ARM = Arm(J0=0.01, c0=0.003, k0=0.2, mode="free")
-RODS, MOUNT = mounted(Z, FRAME, ARM)
+ARM = ArmParameters(J0=0.01, c0=0.003, k0=0.2, mode="free")
+BASE, MODEL = mounted(Z, FRAME, ARM)
 
 
 def motion(q, w):
@@ -22,7 +22,7 @@ def motion(q, w):
 
 
 def moved(q, w, mode, drive, tau1=0.0, tau2=0.0):
-    return arm_accelerations(motion(q, w), RODS, torques(tau1, tau2), MOUNT, mode, drive)
+    return arm_accelerations(motion(q, w), BASE, torques(tau1, tau2), MODEL, mode, drive)
 
 
 @pytest.fixture(scope="module")
@@ -81,9 +81,9 @@ def rod_parameters():
 def test_mass_matrix_is_that_of_the_kinetic_energy(lagrangian, states):
     for q, w in zip(states[:, :3], states[:, 3:], strict=True):
         expected, _, _ = lagrangian(q, w)
-        M00, M01, M02 = mass_matrix(motion(q, w), RODS, MOUNT)
-        M12 = RODS.d * np.cos(q[1] - q[2])
-        M = [[M00, M01, M02], [M01, RODS.a, M12], [M02, M12, RODS.b]]
+        M00, M01, M02 = mass_matrix(motion(q, w), BASE, MODEL)
+        M12 = BASE.d * np.cos(q[1] - q[2])
+        M = [[M00, M01, M02], [M01, BASE.a, M12], [M02, M12, BASE.b]]
         np.testing.assert_allclose(M, expected, rtol=1e-12, atol=1e-15)
         assert np.linalg.eigvalsh(expected)[0] > 0
 

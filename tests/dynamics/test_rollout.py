@@ -105,11 +105,11 @@ def test_fast_spin_agrees_with_dop853():
         return [x[2], x[3], *np.linalg.solve([[a, c], [c, b]], right)]
 
     exact = solve_ivp(slope, (0, t[-1]), start, "DOP853", t, rtol=1e-12, atol=1e-12).y.T
-    fast = segments([t], [start], max_step=5e-5)
-    coarse = segments([t], [start], max_step=1e-3)  # 0.25 rad a step: beyond the guard
+    fast = segments([t], step=5e-5)
+    coarse = segments([t], step=1e-3)  # 0.25 rad a step: beyond the guard
     row = rows(base_parameters(Z, L1, G), L1, G)[None]
-    assert segment_errors(row, fast, exact[:, :2])[0, 0] < len(t) * 1e-14
-    assert segment_errors(row, coarse, exact[:, :2])[0, 0] < len(t) * 1e-4
+    assert segment_errors(row, fast, [start], exact[:, :2])[0, 0] < len(t) * 1e-14
+    assert segment_errors(row, coarse, [start], exact[:, :2])[0, 0] < len(t) * 1e-4
 
 
 def test_segments_at_uneven_instants_with_correlated_noise():
@@ -117,11 +117,11 @@ def test_segments_at_uneven_instants_with_correlated_noise():
     base = base_parameters(Z, L1, G)
     times = [np.sort(rng.uniform(0, 0.5, n)) for n in (9, 30, 1)]
     starts = rng.normal(0, 1, (3, 4))
-    pieces = segments(times, starts, max_step=2e-3)
+    pieces = segments(times, range(3), step=2e-3)
     targets = rng.normal(0, 1, (40, 2))
     covariance = np.array([[1e-6, 1e-6], [1e-6, 2e-6]])
     whitening = np.linalg.inv(np.linalg.cholesky(covariance))
-    found = segment_errors(rows(base, L1, G)[None], pieces, targets, whitening)
+    found = segment_errors(rows(base, L1, G)[None], pieces, starts, targets, whitening)
     for s, (t, start) in enumerate(zip(times, starts, strict=True)):
         errors = simulate(base, L1, G, start, t, 2e-3)[:, :2] - targets[pieces.offsets[s] : pieces.offsets[s + 1]]
         expected = np.einsum("ki,ij,kj->", errors, np.linalg.inv(covariance), errors)
@@ -135,9 +135,9 @@ def test_shapes_are_checked(reference):
         trajectory_errors(row[:, :5], POSES, reference, STEP)
     with pytest.raises(ValueError, match="reference must have shape"):
         trajectory_errors(row, POSES, reference[0], STEP)
-    with pytest.raises(ValueError, match="starts must have shape"):
+    with pytest.raises(ValueError, match="initial states must have shape"):
         trajectory_errors(row, POSES[:2], reference, STEP)
     with pytest.raises(ValueError, match="targets must have shape"):
-        segment_errors(row, segments([T], POSES[:1]), np.zeros((3, 2)))
+        segment_errors(row, segments([T]), POSES[:1], np.zeros((3, 2)))
     with pytest.raises(ValueError, match="at least one segment"):
-        segments([], np.empty((0, 4)))
+        segments([])

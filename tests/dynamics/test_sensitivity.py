@@ -3,8 +3,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dpr_lab.dynamics.base import base_from_ratios, base_parameters, ratios
+from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.dynamics.segments import segments
-from dpr_lab.dynamics.sensitivity import sensitivities, swing_sensitivity
+from dpr_lab.dynamics.sensitivity import sensitivities, swing_sensitivity, swings
 from dpr_lab.dynamics.simulate import simulate
 
 Z = np.array([0.21, 0.19, 0.11, 0.09, 0.2, 0.0011, 0.0009, 0.0014, 0.0012])
@@ -82,7 +83,7 @@ def test_start_sensitivity_agrees_with_differences_of_dop853():
 def test_segments_are_independent_of_each_other():
     times = [T, T[3:] + 7.0, T[:4]]
     starts = np.array([START, -START, 2 * START])
-    states, slopes = sensitivities(RATIOS, L1, G, segments(times, starts))
+    states, slopes = sensitivities(RATIOS, L1, G, segments(times, range(3), step=MAX_STEP), starts)
     offsets = np.cumsum([0, *map(len, times)])
     for s, (t, start) in enumerate(zip(times, starts, strict=True)):
         alone = swing_sensitivity(RATIOS, L1, G, start, t)
@@ -99,3 +100,20 @@ def test_five_ratios_are_told_apart_by_one_swing():
 def test_ratios_are_checked():
     with pytest.raises(ValueError, match="ratios must have shape"):
         swing_sensitivity(RATIOS[:4], L1, G, START, T)
+
+
+def test_states_alone_and_angles_alone_are_those_with_all_derivatives():
+    cut = segments([T, T[:4]], [0, 1], step=4e-3)
+    starts = np.array([START, -START])
+    states, slopes = sensitivities(RATIOS, L1, G, cut, starts)
+    np.testing.assert_array_equal(swings(RATIOS, L1, G, cut, starts), states)
+    np.testing.assert_array_equal(sensitivities(RATIOS, L1, G, cut, starts, of=2)[1], slopes[:, :2])
+
+
+def test_each_segment_may_swing_by_ratios_of_its_own():
+    other = RATIOS * [1.1, 0.9, 1.05, 2.0, 0.5]
+    cut = segments([T, T], [0, 1])
+    states, slopes = sensitivities([RATIOS, other], L1, G, cut, [START, START])
+    alone = swing_sensitivity(other, L1, G, START, T, cut.step[1])
+    np.testing.assert_array_equal(states[len(T) :], alone[0])
+    np.testing.assert_array_equal(slopes[len(T) :], alone[1])

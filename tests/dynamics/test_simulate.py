@@ -2,12 +2,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dpr_lab.dynamics.arm import Arm
+from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.dynamics.base import base_from_ratios, base_parameters, ratios
 from dpr_lab.dynamics.equation import energy
 from dpr_lab.dynamics.schedule import steps_between
 from dpr_lab.dynamics.simulate import simulate, simulate_arm
-from dpr_lab.effects import effect_vector
 
 Z = np.array([0.2, 0.2, 0.1, 0.1, 0.208, 0.001, 0.001, 0.00133, 0.00133])
 L0, L1, G = 0.3, 0.4, 9.81
@@ -15,18 +14,16 @@ BASE = base_parameters(Z, L1, G)
 X1, X2, X3 = [np.pi, 0.1, 0.0, 0.0], [0.1, 0.1, 0.0, 0.0], [0.1, np.pi, 0.0, 0.0]
 
 
-def exact(base, state, t, friction=(0.0, 0.0)):
-    """DOP853 at full accuracy on equation (1) written with matrices."""
+def exact(base, state, t):
+    """DOP853 at full accuracy on docs/theory.md equation (1), written with matrices."""
     a, b, d, e1, c1, c2 = base
 
     def slope(_, x):
         theta1, theta2, w1, w2 = x
         c, s = d * np.cos(theta1 - theta2), d * np.sin(theta1 - theta2)
-        dry2 = friction[1] * np.tanh((w2 - w1) / 0.02)
-        dry1 = friction[0] * np.tanh(w1 / 0.02)
         right = [
-            -s * w2**2 - c1 * w1 - c2 * (w1 - w2) + e1 * np.sin(theta1) - dry1 + dry2,
-            s * w1**2 - c2 * (w2 - w1) + d * G / L1 * np.sin(theta2) - dry2,
+            -s * w2**2 - c1 * w1 - c2 * (w1 - w2) + e1 * np.sin(theta1),
+            s * w1**2 - c2 * (w2 - w1) + d * G / L1 * np.sin(theta2),
         ]
         return [w1, w2, *np.linalg.solve([[a, c], [c, b]], right)]
 
@@ -38,13 +35,6 @@ def test_agrees_with_dop853_at_uneven_instants(pose):
     t = np.concatenate([[0.0], np.sort(np.random.default_rng(1).uniform(0, 2, 60))])
     np.testing.assert_allclose(simulate(BASE, L1, G, pose, t), exact(BASE, pose, t), atol=2e-6)
     np.testing.assert_allclose(simulate(BASE, L1, G, pose, t)[:, :2], exact(BASE, pose, t)[:, :2], atol=3e-8)
-
-
-def test_dry_friction_agrees_with_dop853():
-    t = np.linspace(0, 1.5, 31)
-    effects = effect_vector({"coulomb_joint1": {"torque_Nm": 2e-3}, "coulomb_joint2": {"torque_Nm": 1e-3}})
-    found = simulate(BASE, L1, G, X3, t, 2e-4, effects)
-    np.testing.assert_allclose(found, exact(BASE, X3, t, (2e-3, 1e-3)), atol=1e-6)
 
 
 def test_is_of_fourth_order():
@@ -110,7 +100,7 @@ def test_shapes_are_checked():
     with pytest.raises(ValueError, match="effects must have shape"):
         simulate(BASE, L1, G, X1, [0.0, 1.0], effects=[0.0])
     with pytest.raises(ValueError, match="arm mode"):
-        simulate_arm(Z, (L0, L1, G), Arm(mode="loose"), np.zeros(6), [0.0, 1.0])
+        simulate_arm(Z, (L0, L1, G), ArmParameters(mode="loose"), np.zeros(6), [0.0, 1.0])
 
 
 def test_steps_divide_each_interval_evenly():
@@ -119,9 +109,9 @@ def test_steps_divide_each_interval_evenly():
     np.testing.assert_allclose(step * count, [0.0, 0.005, 0.0011, 0.0939])
 
 
-def test_clamped_arm_swings_as_the_rods_alone():
+def test_clamped_arm_swings_as_the_reduced_rods():
     t = np.linspace(0, 2, 201)
-    states = simulate_arm(Z, (L0, L1, G), Arm(), [0.3, *X3[:2], 1.0, *X3[2:]], t)
+    states = simulate_arm(Z, (L0, L1, G), ArmParameters(), [0.3, *X3[:2], 1.0, *X3[2:]], t)
     np.testing.assert_array_equal(states[:, [1, 2, 4, 5]], simulate(BASE, L1, G, X3, t))
     assert (states[:, 0] == 0.3).all()
     assert (states[:, 3] == 0.0).all()
@@ -131,8 +121,8 @@ def test_stiff_arm_comes_near_a_clamped_one_and_a_loose_one_does_not():
     t = np.linspace(0, 1, 101)
     start = [0.0, *X3[:2], 0.0, 0.0, 0.0]
     clamped = simulate(BASE, L1, G, X3, t)
-    stiff = simulate_arm(Z, (L0, L1, G), Arm(0.01, 0.05, 2e3, "free"), start, t, 1e-4)
-    loose = simulate_arm(Z, (L0, L1, G), Arm(0.01, 0.001, 0.0, "free"), start, t, 1e-4)
+    stiff = simulate_arm(Z, (L0, L1, G), ArmParameters(0.01, 0.05, 2e3, "free"), start, t, 1e-4)
+    loose = simulate_arm(Z, (L0, L1, G), ArmParameters(0.01, 0.001, 0.0, "free"), start, t, 1e-4)
     assert np.abs(stiff[:, [1, 2, 4, 5]] - clamped).max() < 0.05
     assert np.abs(loose[:, [1, 2, 4, 5]] - clamped).max() > 0.5
 
@@ -140,7 +130,7 @@ def test_stiff_arm_comes_near_a_clamped_one_and_a_loose_one_does_not():
 def test_prescribed_acceleration_is_held_from_instant_to_instant():
     t = np.array([0.0, 0.5, 1.0])
     states = simulate_arm(
-        Z, (L0, L1, G), Arm(mode="driven"), [0.0, np.pi, np.pi, 0.0, 0.0, 0.0], t, drive=[2.0, -2.0, 9.0]
+        Z, (L0, L1, G), ArmParameters(mode="driven"), [0.0, np.pi, np.pi, 0.0, 0.0, 0.0], t, drive=[2.0, -2.0, 9.0]
     )
     np.testing.assert_allclose(states[:, 3], [0.0, 1.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(states[:, 0], [0.0, 0.25, 0.5], atol=1e-12)

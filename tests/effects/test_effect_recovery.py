@@ -6,22 +6,23 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import BASE, base_parameters
-from dpr_lab.dynamics.known import known_of
-from dpr_lab.dynamics.readings import PAD, memories, pieces, readings_batch
-from dpr_lab.effects import EFFECTS, effect_vector, place
+from dpr_lab.dynamics.prediction import PAD, internal_states, predict_batch
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.effects import EFFECTS, effect_params, param_index
 from dpr_lab.rig import load_rig
-from sim_device.config import load_plant
-from sim_device.plant import Plant, Swing
+from sim_device.plant.config import load_plant
+from sim_device.plant.plant import Plant, Swing
 
 RIG = load_rig("paper")
 CONFIG = load_plant("paper")
-KNOWN = known_of(RIG)._replace(**{name: CONFIG.parameters[name] for name in ("m1", "m2", "mb")})
-TRUTH = base_parameters(CONFIG.Z, KNOWN.L1, KNOWN.g)
+CONSTANTS = rig_constants(RIG)._replace(**{name: CONFIG.parameters[name] for name in ("m1", "m2", "mb")})
+TRUTH = base_parameters(CONFIG.Z, CONSTANTS.L1, CONSTANTS.g)
 RATE, SAMPLES, SEGMENTS = 200.0, 100, 6
 NOISE = np.sqrt(0.5**2 + 1 / 12) * 2 * np.pi / 16384
 STEP_AT = {"missed_counts": {"time_s": 1.2}}
 FREE = [BASE.index(name) for name in ("a", "d", "e1", "c1", "c2")]  # b sets the scale
-SWINGS = pieces(
+SWINGS = segments(
     [(np.arange(SAMPLES) + s * SAMPLES) / RATE for _ in RIG.poses for s in range(SEGMENTS)],
     np.repeat(np.arange(len(RIG.poses)), SEGMENTS),
 )
@@ -43,19 +44,19 @@ def record(effects):
     return np.concatenate(angles), np.concatenate(starts)
 
 
-def sensitivities(base, vector, starts, columns):
+def sensitivities(base, params, starts, columns):
     """Readings (N, 2), their derivatives by ratios and `columns` (N, 2, p) and by their own start state (N, 2, 4)."""
     n = len(FREE) + len(columns)
-    bases, vectors = np.repeat(base[None], n + 1, 0), np.repeat(vector[None], n + 1, 0)
+    bases, rows = np.repeat(base[None], n + 1, 0), np.repeat(params[None], n + 1, 0)
     steps = np.concatenate([1e-5 * base[FREE], 1e-3 * np.array(list(columns.values()))])
     for i, k in enumerate(FREE):
         bases[1 + i, k] += steps[i]
     for i, k in enumerate(columns):
-        vectors[1 + len(FREE) + i, k] += steps[len(FREE) + i]
-    shared = readings_batch(bases, vectors, KNOWN, SWINGS, np.repeat(starts[None], n + 1, 0))
-    memory = memories(base, vector, KNOWN, SWINGS, starts)
+        rows[1 + len(FREE) + i, k] += steps[len(FREE) + i]
+    shared = predict_batch(bases, rows, CONSTANTS, SWINGS, np.repeat(starts[None], n + 1, 0))
+    internal = internal_states(base, params, CONSTANTS, SWINGS, starts)
     moved = np.repeat(starts[None], 4, 0) + 1e-5 * np.eye(4)[:, None, :]
-    own = readings_batch(bases[:1].repeat(4, 0), vectors[:1].repeat(4, 0), KNOWN, SWINGS, moved, memory)
+    own = predict_batch(bases[:1].repeat(4, 0), rows[:1].repeat(4, 0), CONSTANTS, SWINGS, moved, internal)
     by_shared = np.moveaxis((shared[1:] - shared[0]) / steps[:, None, None], 0, -1)
     return shared[0], by_shared, np.moveaxis((own - shared[0]) / 1e-5, 0, -1)
 
@@ -74,26 +75,26 @@ def projected(residual, by_shared, own):
 def fitted(effects, columns):
     """Values of `columns` and their standard deviations, by Gauss-Newton from no effect."""
     measured, starts = record(effects)
-    base, vector = TRUTH.copy(), effect_vector(effects)
-    vector[list(columns)] = 0.0
+    base, params = TRUTH.copy(), effect_params(effects)
+    params[list(columns)] = 0.0
     for _ in range(5):
-        angles, by_shared, own = sensitivities(base, vector, starts, columns)
+        angles, by_shared, own = sensitivities(base, params, starts, columns)
         residual = measured - angles
         r, J = projected(residual, by_shared, own)
         scale = np.linalg.norm(J, axis=0)
         move = np.linalg.lstsq(J / scale, r, rcond=1e-9)[0] / scale
         base[FREE] += move[: len(FREE)]
-        vector[list(columns)] += move[len(FREE) :]
+        params[list(columns)] += move[len(FREE) :]
         left = residual - by_shared @ move
         for s in range(len(SWINGS)):
             part = slice(SWINGS.offsets[s], SWINGS.offsets[s + 1])
             starts[s] += np.linalg.lstsq(own[part].reshape(-1, 4), left[part].ravel(), rcond=None)[0]
     covariance = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
-    return vector[list(columns)], np.sqrt(np.diag(covariance))[len(FREE) :], np.mean(r**2)
+    return params[list(columns)], np.sqrt(np.diag(covariance))[len(FREE) :], np.mean(r**2)
 
 
 def unit(effect):
-    return {place(effect.name, p.name): p.typical for p in effect.amplitudes}
+    return {param_index(effect.name, p.name): p.typical for p in effect.amplitudes}
 
 
 @pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if not effect.absorbed_by])
@@ -102,7 +103,7 @@ def test_found_again_within_its_interval(name):
     values = {name: {p.name: p.typical for p in effect.amplitudes} | STEP_AT.get(name, {})}
     columns = unit(effect)
     found, deviation, chi2 = fitted(values, columns)
-    truth = effect_vector(values)[list(columns)]
+    truth = effect_params(values)[list(columns)]
     assert chi2 == pytest.approx(1.0, abs=0.1)
     assert (np.abs(found - truth) < 4 * deviation).all()
     assert (truth / deviation).max() > 2.5  # the record can see it
@@ -116,7 +117,7 @@ def signatures():
     columns = {}
     for effect in EFFECTS.values():
         columns |= unit(effect)
-    _, by_shared, own = sensitivities(TRUTH, effect_vector(effects), starts, columns)
+    _, by_shared, own = sensitivities(TRUTH, effect_params(effects), starts, columns)
     _, J = projected(np.zeros(by_shared.shape[:2]), by_shared, own)
     Q, _ = np.linalg.qr(J[:, : len(FREE)])
     bare = J[:, len(FREE) :] - Q @ (Q.T @ J[:, len(FREE) :])
@@ -126,7 +127,7 @@ def signatures():
 
 def signature(name, parameter):
     _, bare, places = signatures()
-    return bare[:, places.index(place(name, parameter))]
+    return bare[:, places.index(param_index(name, parameter))]
 
 
 def cosine(x, y):
@@ -167,5 +168,5 @@ def test_what_the_base_parameters_absorb_leaves_no_trace():
 
 def test_one_detent_a_turn_hides_its_sine_in_gravity():
     raw, bare, places = signatures()
-    k = places.index(place("detent_joint1", "sin1_Nm"))
+    k = places.index(param_index("detent_joint1", "sin1_Nm"))
     assert np.linalg.norm(bare[:, k]) < 1e-3 * np.linalg.norm(raw[:, k])

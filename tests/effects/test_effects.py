@@ -5,16 +5,19 @@ import pytest
 
 from dpr_lab.dynamics.base import BASE, base_parameters
 from dpr_lab.dynamics.equation import energy
-from dpr_lab.dynamics.known import known_of
-from dpr_lab.dynamics.readings import pieces, readings
+from dpr_lab.dynamics.prediction import predict
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import segments
 from dpr_lab.dynamics.simulate import simulate
-from dpr_lab.effects import EFFECTS, SIZE, SLICES, effect_values, effect_vector, place
-from dpr_lab.effects.folded import switched
+from dpr_lab.effects import EFFECTS, SIZE, SLICES, effect_params, named_params, param_index, proposed_shapes
+from dpr_lab.effects.effect import Recorded
+from dpr_lab.effects.effect_kernels import ARM, INTERNAL, active_effects
+from dpr_lab.effects.fold import arguments
 from dpr_lab.rig import load_rig
 
 RIG = load_rig("paper")
-KNOWN = known_of(RIG)
-L1, G = KNOWN.L1, KNOWN.g
+CONSTANTS = rig_constants(RIG)
+L1, G = CONSTANTS.L1, CONSTANTS.g
 BASE_VALUES = base_parameters(RIG.nominal, L1, G)
 FRICTIONLESS = BASE_VALUES * [1, 1, 1, 1, 0, 0]
 
@@ -42,7 +45,7 @@ RUNS, SAMPLES = 3, 60
 
 
 def typical(effect, factor=1.0):
-    return effect_vector({effect.name: {p.name: factor * p.typical for p in effect.amplitudes}})
+    return effect_params({effect.name: {p.name: factor * p.typical for p in effect.amplitudes}})
 
 
 @pytest.fixture(scope="module")
@@ -51,11 +54,11 @@ def record():
     rng = np.random.default_rng(7)
     times = [start + np.arange(SAMPLES) / 200 for _ in range(RUNS) for start in (0.0, 4.9)]
     starts = np.column_stack([rng.uniform(-7, 7, (2 * RUNS, 2)), rng.normal(0, 6, (2 * RUNS, 2))])
-    return pieces(times, np.repeat(range(RUNS), 2)), starts
+    return segments(times, np.repeat(range(RUNS), 2)), starts
 
 
-def read(vector, record):
-    return readings(BASE_VALUES, vector, KNOWN, *record, arm=True)
+def read(params, record):
+    return predict(BASE_VALUES, params, CONSTANTS, *record, arm=True)
 
 
 def test_the_table_holds_the_canonical_names():
@@ -64,12 +67,12 @@ def test_the_table_holds_the_canonical_names():
 
 @each_effect
 def test_off_exactly_whatever_the_shape(effect, record):
-    vector = effect_vector({})
+    params = effect_params({})
     for scale in (0.0, 0.3, 3.0):
         for parameter in effect.shapes:
-            vector[place(effect.name, parameter.name)] = scale * parameter.default
-        assert not switched(vector).any()
-        assert np.array_equal(read(vector, record), read(np.zeros(SIZE), record))
+            params[param_index(effect.name, parameter.name)] = scale * parameter.default
+        assert not active_effects(params).any()
+        assert np.array_equal(read(params, record), read(np.zeros(SIZE), record))
 
 
 @each_effect
@@ -83,15 +86,15 @@ def test_acts_at_typical_size_and_stays_finite(effect, record):
 def test_each_amplitude_acts_alone(effect, record):
     off = read(np.zeros(SIZE), record)
     for parameter in effect.amplitudes:
-        vector = effect_vector({effect.name: {parameter.name: parameter.typical}})
-        assert np.abs(read(vector, record) - off).max() > 1e-6, parameter.name
+        params = effect_params({effect.name: {parameter.name: parameter.typical}})
+        assert np.abs(read(params, record) - off).max() > 1e-6, parameter.name
 
 
 @each_effect
 def test_feels_only_its_own_parameters(effect, record):
-    vector, own = typical(effect), np.zeros(SIZE)
-    own[SLICES[effect.name]] = vector[SLICES[effect.name]]
-    assert np.array_equal(read(vector, record), read(own, record))
+    params, own = typical(effect), np.zeros(SIZE)
+    own[SLICES[effect.name]] = params[SLICES[effect.name]]
+    assert np.array_equal(read(params, record), read(own, record))
 
 
 @some(either_sign)
@@ -105,20 +108,20 @@ def test_the_opposite_amplitude_does_the_opposite(effect, record):
 def test_a_dissipative_effect_never_adds_energy(effect):
     assert all(p.sign == "positive" for p in effect.amplitudes)
     a, b, d, e1, *_ = FRICTIONLESS
-    vector = typical(effect)
+    params = typical(effect)
     for start in ([0.1, 3.0, 0.0, 0.0], [2.0, 0.3, 5.0, -9.0], [3.3, 3.2, 0.1, 0.4]):
-        states = simulate(FRICTIONLESS, L1, G, start, np.linspace(0, 3, 601), 2e-4, vector, KNOWN)
+        states = simulate(FRICTIONLESS, L1, G, start, np.linspace(0, 3, 601), 2e-4, params, CONSTANTS)
         levels = np.array([energy(*state, a, b, d, e1, d * G / L1) for state in states])
         gained = (levels - np.minimum.accumulate(levels)).max()
-        assert gained <= 1e-9 + stored(effect, vector)
+        assert gained <= 1e-9 + stored(effect, params)
         assert levels[-1] < levels[0] - 1e-6
 
 
-def stored(effect, vector):
+def stored(effect, params):
     """Most that presliding can give back: F z^2 / 2 over its length (Dahl), a little less than F length."""
     if not effect.name.startswith("hysteresis"):
         return 0.0
-    return vector[place(effect.name, "torque_Nm")] * vector[place(effect.name, "length_rad")]
+    return params[param_index(effect.name, "torque_Nm")] * params[param_index(effect.name, "length_rad")]
 
 
 @each_effect
@@ -154,6 +157,57 @@ def test_knows_its_relations(effect):
         assert effect.name not in EFFECTS[simpler].nested
 
 
+@each_effect
+def test_a_kernel_asks_for_nothing_but_its_stage_s_quantities_its_internal_states_and_its_parameters(effect):
+    offered = {
+        "torque": {"joint", "motion", "base", "constants"},
+        "load": {"joint", "motion", "base", "constants"},
+        "arm": {"constants"},
+        "timing": {"t"},
+        "encoder": {"encoder"},
+        "play": {"angle", "held"},
+    }[effect.stage]
+    own = {p.name for p in effect.parameters}
+    stepped = {state.name for state in effect.internal if state.after}
+    wanted = arguments(effect.kernel)
+    assert set(wanted) <= offered | stepped | own
+    assert own <= set(wanted)
+    assert [name for name in wanted if name in own] == [p.name for p in effect.parameters]
+    if "joint" in offered & set(wanted):
+        assert len(effect.joints) == 1
+    for state in effect.internal:
+        if state.after:
+            assert set(arguments(state.after)) <= {state.name, "displacement"} | own
+
+
+def test_one_effect_at_most_holds_the_arm_and_one_the_encoder_s_angle():
+    stages = [effect.stage for effect in EFFECTS.values()]
+    assert stages.count("arm") <= 1
+    assert stages.count("play") <= 1
+
+
+def test_internal_states_are_in_the_order_of_the_table():
+    every = [f"{effect.name}.{state.name}" for effect in EFFECTS.values() for state in effect.internal]
+    assert list(INTERNAL) == every
+    assert [INTERNAL[ARM].split(".")[1], INTERNAL[ARM + 1].split(".")[1]] == ["angle", "speed"]
+
+
+def test_shapes_are_proposed_from_what_was_recorded():
+    still, moving = (Recorded((moves, False), lambda: [(1, 0, 2.5), (0, 1, 0.7)]) for moves in (False, None))
+    counts, arm = EFFECTS["missed_counts"], EFFECTS["arm_compliance"]
+    first = proposed_shapes(counts, still)[0]
+    assert dict(first) == {param_index(counts.name, n): v for n, v in [("joint", 2.0), ("run", 0.0), ("time_s", 2.5)]}
+    assert proposed_shapes(arm, still) == []
+    assert proposed_shapes(arm, moving) is None
+    assert proposed_shapes(EFFECTS["detent_joint1"], still) is None
+
+
+def test_an_arm_wants_forty_steps_to_its_period_but_none_below_a_quarter_of_the_fits():
+    longest = EFFECTS["arm_compliance"].longest_step
+    assert longest({"frequency_hz": 14.0}) == pytest.approx(1 / (40 * 14.0))
+    assert longest({"frequency_hz": 100.0}) == 2.5e-3 / 4
+
+
 def test_vector_has_a_place_for_every_parameter():
     places = [i for own in SLICES.values() for i in range(own.start, own.stop)]
     assert places == list(range(SIZE))
@@ -165,16 +219,16 @@ def test_values_are_the_inverse_of_the_vector():
         "detent_joint1": {"cos1_Nm": 1e-3, "sin1_Nm": 0.0, "cos2_Nm": 0.0, "sin2_Nm": 0.0, "order": 7.0},
         "latency_joint2": {"delay_s": -1e-3},
     }
-    assert effect_values(effect_vector(values)) == values
-    assert effect_values(effect_vector({})) == {}
+    assert named_params(effect_params(values)) == values
+    assert named_params(effect_params({})) == {}
 
 
 def test_effects_of_one_stage_add_up(record):
     off = read(np.zeros(SIZE), record)
     names = ("encoder_offset_joint1", "encoder_scale_joint1", "encoder_eccentricity_joint2", "missed_counts")
     each = [read(typical(EFFECTS[name]), record) - off for name in names]
-    vector = effect_vector({name: {p.name: p.typical for p in EFFECTS[name].amplitudes} for name in names})
-    np.testing.assert_allclose(read(vector, record) - off, np.sum(each, axis=0), atol=1e-12)
+    params = effect_params({name: {p.name: p.typical for p in EFFECTS[name].amplitudes} for name in names})
+    np.testing.assert_allclose(read(params, record) - off, np.sum(each, axis=0), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -183,4 +237,15 @@ def test_effects_of_one_stage_add_up(record):
 )
 def test_unknown_names_are_refused(values, said):
     with pytest.raises(ValueError, match=said):
-        effect_vector(values)
+        effect_params(values)
+
+
+@pytest.mark.parametrize(("rest", "cubic"), [(0.4, 0.0), (-0.9, 0.0), (0.4, 2e-3), (0.0, 1e-3)])
+def test_a_spring_says_where_it_rests(rest, cubic):
+    spring, stiffness = EFFECTS["spring_joint1"], 1e-2
+    assert spring.implied is not None
+    constant = stiffness * rest + cubic * rest**3
+    values = {"stiffness_Nm_per_rad": stiffness, "cubic_Nm_per_rad3": cubic, "constant_Nm": constant}
+    assert spring.implied(values) == {"rest_angle_rad": pytest.approx(rest, abs=1e-12)}
+    assert spring.implied({**values, "stiffness_Nm_per_rad": 1e-9, "constant_Nm": 1e-3}) == {}
+    assert spring.implied({"constant_Nm": 1e-3}) == {}

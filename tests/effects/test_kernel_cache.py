@@ -8,14 +8,14 @@ import numba
 import pytest
 
 import dpr_lab
-from dpr_lab.kernels import KEPT, KERNEL_SOURCES, PRUNE_AFTER_S, open_cache, prune, source_hash
+from dpr_lab.kernel_cache import KEPT, KERNEL_SOURCES, PRUNE_AFTER_S, open_cache, prune, source_hash
 
 PACKAGE = Path(dpr_lab.__file__).parent
 
 SWING = """
 from dpr_lab.dynamics.simulate import simulate
-from dpr_lab.effects import effect_vector
-vector = effect_vector({"coulomb_joint1": {"torque_Nm": 2e-3}})
+from dpr_lab.effects import effect_params
+vector = effect_params({"coulomb_joint1": {"torque_Nm": 2e-3}})
 base = [0.05, 0.005, 0.008, 1.4, 0.001, 0.001]
 print(repr(float(simulate(base, 0.4, 9.81, [1, 2, 0, 0], [0, 0.5], 1e-3, vector)[-1, 0])))
 """
@@ -60,7 +60,10 @@ def test_an_edited_effect_changes_the_answer_of_a_cached_caller(copy, tmp_path):
     assert swing() == first
     assert sorted((tmp_path / "cache").rglob("*.nbc")) == compiled
     coulomb = copy / "effects" / "coulomb.py"
-    coulomb.write_text(coulomb.read_text().replace("-vector[at] * math.tanh", "-5.0 * vector[at] * math.tanh"))
+    written = coulomb.read_text()
+    edited = written.replace("return -torque_Nm * ", "return -5.0 * torque_Nm * ")
+    assert edited != written
+    coulomb.write_text(edited)
     assert abs(swing() - first) > 1e-3
 
 
@@ -89,3 +92,28 @@ def test_fresh_folders_stay_however_many(tmp_path):
 
 def test_numba_of_others_keeps_its_folder():
     assert "dpr-lab" not in str(numba.core.config.CACHE_DIR)
+
+
+FULL_DISK = """
+import resource, signal
+import dpr_lab.kernel_cache
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+from dpr_lab.kernels import behind_pointer, njit
+@njit
+def twice(x):
+    return 2 * x
+def nothing(x):
+    pass
+behind_pointer(nothing, 1.0)
+print(twice(21))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits the size of files")
+def test_a_disk_that_fills_up_costs_the_cache_and_not_the_answer(tmp_path):
+    (tmp_path / "program.py").write_text(FULL_DISK)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    run = subprocess.run([sys.executable, tmp_path / "program.py"], env=environment, capture_output=True, text=True)
+    assert (run.returncode, run.stdout) == (0, "42\n"), run.stderr
+    assert not list((tmp_path / "cache").rglob("*.nbc"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.noise import difference_std, noise_covariance, noise_floor
+from dpr_lab.estimation.noise import difference_std, noise_floor
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 
@@ -39,17 +39,16 @@ def test_rest_gives_the_noise_of_each_encoder_and_its_covariance():
     np.testing.assert_allclose(noise.std_joint, expected, rtol=0.05)
     s1, s2 = noise.std_joint**2
     np.testing.assert_allclose(noise.covariance, [[s1, s1], [s1, s1 + s2]], rtol=1e-12)
-    np.testing.assert_array_equal(noise_covariance(release(np.arange(-2000, 1000) / 1000, 1.5), RIG), noise.covariance)
 
 
 def test_covariance_is_that_of_the_absolute_angles():
     rest = release(np.arange(-20_000, 1) / 1000, 1.5)
-    np.testing.assert_allclose(noise_covariance(rest, RIG), np.cov(rest.rest[:, 1:].T), rtol=0.05)
+    np.testing.assert_allclose(noise_floor(rest, RIG).covariance, np.cov(rest.rest[:, 1:].T), rtol=0.05)
 
 
 def test_absolute_joint_2_is_uncorrelated():
     rig = with_joint2("absolute")
-    covariance = noise_covariance(release(np.arange(-2000, 1000) / 1000, 1.5, rig=rig), rig)
+    covariance = noise_floor(release(np.arange(-2000, 1000) / 1000, 1.5, rig=rig), rig).covariance
     assert covariance[0, 1] == covariance[1, 0] == 0
     assert covariance[1, 1] == pytest.approx((COUNT * math.sqrt(1.5**2 + 1 / 12)) ** 2, rel=0.1)
 

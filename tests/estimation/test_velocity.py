@@ -9,9 +9,11 @@ from scipy.signal import savgol_filter
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.likelihood import CHAIN, log_likelihood
+from dpr_lab.estimation.chain import CHAIN
+from dpr_lab.estimation.likelihood import log_likelihood
 from dpr_lab.estimation.noise import NoiseFloor, noise_floor
-from dpr_lab.estimation.velocity import DIFFUSE, VelocityFilter, smooth, tuned_snap
+from dpr_lab.estimation.velocity import SETTINGS, VelocityFilter, smooth, tuned_snap
+from dpr_lab.joint_angles import JointAngles
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 
@@ -22,7 +24,7 @@ POSES = {"X1": [np.pi, 0.1, 0.0, 0.0], "X2": [0.1, 0.1, 0.0, 0.0], "X3": [0.1, n
 
 @functools.cache
 def recording(pose, rate_hz, seconds=4):
-    """A run of the paper's rig with half a count of noise, and the true states from the release on."""
+    """A run of the rig `paper` with half a count of noise, and the true states from the release on."""
     t = np.arange(-rate_hz, seconds * rate_hz) / rate_hz
     truth = np.tile(POSES[pose], (len(t), 1))
     truth[t >= 0] = simulate(BASE, RIG.rig.L1, RIG.rig.g, POSES[pose], t[t >= 0], 5e-4)
@@ -107,11 +109,11 @@ def test_uneven_instants_agree_with_the_joint_gaussian():
     snap = np.array([1e8, 3e9])
     theta = np.column_stack([np.zeros(15), 0.3 * np.cos(20 * t), np.sin(15 * t)])
     run = Run("few", t, theta, None, None, "paper", "", 500.0)
-    smoothed = smooth(run, NoiseFloor(np.array([1e-4, 1e-4]), "rest", covariance), snap)
+    smoothed = smooth(run, NoiseFloor(np.array([1e-4, 1e-4]), "rest", JointAngles(relative2=True)), snap)
 
     angle = np.sqrt(np.diag(covariance))
     memory = np.sqrt(np.prod((angle**2 * np.median(np.diff(t)) / snap) ** (1 / 8)))
-    prior = np.concatenate([DIFFUSE * (angle[i] / memory ** np.arange(CHAIN)) ** 2 for i in (0, 1)])
+    prior = np.concatenate([np.array(SETTINGS.prior) * (angle[i] / memory ** np.arange(CHAIN)) ** 2 for i in (0, 1)])
     joint, paths = np.diag(prior), [np.eye(8)]
     blocks = [joint]
     for interval in np.diff(t):

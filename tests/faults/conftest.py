@@ -16,9 +16,10 @@ from dpr_lab.cli import main
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.reader import load_run
-from sim_device.assemble import Options, hidden_plant
-from sim_device.hand import PLACING_TIME
-from sim_device.rods import Rods
+from sim_device.assemble import hidden_plant
+from sim_device.options import Options
+from sim_device.plant.operator import HABITS
+from sim_device.plant.rods import SimulatedRods
 
 DOC = Path(__file__).parents[2] / "docs" / "reliability.md"
 HEAD = "| what goes wrong | link | what the operator reads | exit code | what survives |"
@@ -81,14 +82,14 @@ def truth() -> Truth:
     def counts(run: Run, release_tick: int, release: int = 1, **options: Any) -> NDArray[np.int64]:
         chosen = Options(**{"seed": SEED, **options})
         rig = load_rig(chosen.rig)
-        rods = Rods(hidden_plant(chosen), rig, clock_rate=1 + chosen.drift_ppm * 1e-6)
+        rods = SimulatedRods(hidden_plant(chosen), rig, clock_rate=1 + chosen.drift_ppm * 1e-6)
         for _ in range(release - 1):
             rods.place(1, 0.0)
             rods.let_go(1.0, run.rate_hz)
         rods.place(1, 2.0)
         ticks = release_tick + np.round(run.t * run.rate_hz).astype(np.int64)
-        held = rods.held_counts(10 * PLACING_TIME + np.arange(release_tick) / run.rate_hz, 0)
-        rods.let_go(20 * PLACING_TIME, round(run.rate_hz))
+        held = rods.held_counts(10 * HABITS.placing_time + np.arange(release_tick) / run.rate_hz, 0)
+        rods.let_go(20 * HABITS.placing_time, round(run.rate_hz))
         swung = rods.swing_counts(0, max(1, int(ticks[-1]) - release_tick + 1))
         return np.concatenate([held, swung])[ticks]
 

@@ -50,7 +50,7 @@ def await_file(out: Path, process: subprocess.Popen[str], size: int = 1) -> Path
 
 
 def last_line(process: subprocess.Popen[str]) -> str:
-    return process.communicate(timeout=60)[1].strip().splitlines()[-1]
+    return process.communicate(timeout=400)[1].strip().splitlines()[-1]
 
 
 @pytest.mark.parametrize("link", LINKS)
@@ -127,7 +127,7 @@ def test_stopped_at_any_instant(seed: int, number: signal.Signals, link: str, tm
         time.sleep(delay)
         process.send_signal(number)
     for out, process in zip(folders, processes, strict=True):
-        process.communicate(timeout=60)
+        process.communicate(timeout=400)
         assert process.returncode in (-number, 130, 0)
         assert_what_is_left_is_true(out, wrong_samples)
 

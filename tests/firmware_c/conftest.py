@@ -38,7 +38,7 @@ from firmware_protocol.messages import (
     decode,
     encode,
 )
-from sim_device.c_firmware import Firmware
+from sim_device.firmware.c_firmware import Firmware
 
 SOURCES = Path(firmware_protocol.__file__).parent / "c"
 INFO = DeviceInfo("1.0.0", "00a385000000dead", (16384, 16384, 16384), rate_max_hz=4000, rate_default_hz=1000)

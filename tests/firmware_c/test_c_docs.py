@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 
 import firmware_protocol
-from dpr_lab.transports.can_bus import SAMPLE_BITS
-from dpr_lab.transports.serial_port import BITS_PER_BYTE, SAMPLE_BYTES
+from dpr_lab.transports.can_bus import CAN
+from dpr_lab.transports.serial_port import SERIAL
 from dpr_lab.transports.transport import Capacity
 
 SOURCES = Path(firmware_protocol.__file__).parent / "c"
@@ -29,5 +29,5 @@ def test_the_rates_are_those_that_the_links_allow():
     rows = re.findall(r"^\| (\d+) \| (\d+) \| (\d+) \| (\d+) \|$", GUIDE, flags=re.MULTILINE)
     assert len(rows) == 4
     for baud, serial_hz, bitrate, can_hz in rows:
-        assert Capacity("", int(baud), SAMPLE_BYTES * BITS_PER_BYTE, "").max_rate_hz == int(serial_hz)
-        assert Capacity("", int(bitrate), SAMPLE_BITS, "").max_rate_hz == int(can_hz)
+        assert Capacity("", int(baud), SERIAL.sample_bits, "").max_rate_hz == int(serial_hz)
+        assert Capacity("", int(bitrate), CAN.sample_bits, "").max_rate_hz == int(can_hz)

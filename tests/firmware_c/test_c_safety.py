@@ -23,7 +23,7 @@ from firmware_protocol.messages import (
     decode,
     encode,
 )
-from sim_device.c_firmware import READINGS, Firmware
+from sim_device.firmware.c_firmware import READINGS, Firmware
 
 INFO = DeviceInfo("1.0.0", "00000000000000ff", (16384, 16384, 16384), rate_max_hz=4000, rate_default_hz=100)
 BEGUN = (Hello(1), Hold(2), Stream(3, 1000))
@@ -51,15 +51,15 @@ def test_only_a_release_opens_the_latch(library, sequence: list, start_ms: int):
         firmware.receive(encode(message), now, 0.0)
     for happening in sequence:
         before = firmware.latched
-        firmware.deeds()
+        firmware.hardware_actions()
         if isinstance(happening, Frame):
             firmware.receive(happening, now, 1.5)
         else:
             now += happening[1] if happening[0] == "wait" else 0
             handle(firmware, happening, now)
-        deeds = firmware.deeds()
+        actions = firmware.hardware_actions()
         asked = isinstance(happening, Frame) and happening.number == NUMBERS[Release]
-        if deeds.release or (before and not firmware.latched):
+        if actions.release or (before and not firmware.latched):
             assert asked
             assert happening.data[1:] == b"\xb1\xd0"
             assert not firmware.latched

@@ -13,7 +13,7 @@ import firmware_protocol
 from firmware_protocol.definition import DATABASE
 from firmware_protocol.framing import FrameDecoder, encode_frame
 from firmware_protocol.messages import Frame
-from sim_device.c_firmware import CFraming
+from sim_device.firmware.c_firmware import CFraming
 
 VECTORS = json.loads(Path(firmware_protocol.__file__).with_name("vectors.json").read_text(encoding="utf-8"))
 

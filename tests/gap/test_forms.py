@@ -3,14 +3,11 @@
 import pytest
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.base_fit import fit_base, nominal_rods
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.forms import own_share
-from dpr_lab.gap.hypothesis import added
-from dpr_lab.gap.record import record
-from dpr_lab.gap.score import score
-from sim_device.config import PlantConfig, load_plant
-from sim_device.direct import record as recorded_from
+from dpr_lab.gap.selection.forms import own_share
+from dpr_lab.gap.selection.hypothesis import refit_with
+from sim_device.plant.config import PlantConfig, load_plant
+from sim_device.trials.offline_recorder import record as recorded_from
 
 
 @pytest.fixture(scope="module")
@@ -20,22 +17,28 @@ def bush(paper):
     return recorded_from(PlantConfig.model_validate(load_plant("paper", 1).model_dump() | {"foreign": foreign}), paper)
 
 
-def share_beside(runs, rig, first: str, second: str) -> float:
-    made, base = fit_base([record(run, rig) for run in runs], rig, nominal_rods(rig))
-    begun = score(made, base.fit, EFFECTS.values())
-    one = added(made, base, begun, begun.shaped[first][0], iterations=10)
-    scores = score(made, one.fit, [EFFECTS[second]])
-    return own_share(made, one, scores, scores.ranking[0])
+@pytest.fixture(scope="module")
+def share_beside(bare, tested):
+    """(runs, first, second) -> own share of the second effect beside the first."""
+
+    def share(runs, first: str, second: str) -> float:
+        problem, base = bare(runs)
+        begun = tested(problem, base.fit, EFFECTS.values())
+        one = refit_with(problem, base, begun, begun.shaped[first][0], iterations=10)
+        test = tested(problem, one.fit, [EFFECTS[second]])
+        return own_share(problem, one, test, test.ranking[0])
+
+    return share
 
 
-def test_dry_friction_only_makes_up_for_the_form_of_friction_by_load(bush, paper):
-    assert share_beside(bush, paper, "load_friction_joint2", "coulomb_joint2") < 0.1
+def test_dry_friction_only_makes_up_for_the_form_of_friction_by_load(bush, share_beside):
+    assert share_beside(bush, "load_friction_joint2", "coulomb_joint2") < 0.1
 
 
-def test_an_effect_of_its_own_explains_what_no_other_form_of_the_first_does(recorded, two_effects, paper):
+def test_an_effect_of_its_own_explains_what_no_other_form_of_the_first_does(recorded, two_effects, share_beside):
     first, second = two_effects
-    assert share_beside(recorded(two_effects), paper, first, second) > 0.5
-    assert share_beside(recorded(two_effects), paper, second, first) > 0.5
+    assert share_beside(recorded(two_effects), first, second) > 0.5
+    assert share_beside(recorded(two_effects), second, first) > 0.5
 
 
 @pytest.mark.slow

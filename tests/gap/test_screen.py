@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dpr_lab.gap.screen import screen
+from dpr_lab.gap.data.screen import screen
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 

@@ -7,9 +7,9 @@ from dpr_lab.dynamics.base import BASE, base_parameters
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import Parameter, Rig
-from sim_device.config import load_plant
-from sim_device.direct import record
-from sim_device.draw import weighed as weighed_rig
+from sim_device.plant.config import load_plant
+from sim_device.trials.offline_recorder import record
+from sim_device.trials.parameters import weighed as weighed_rig
 
 
 def weighed(rig: Rig, mass: float, std: float) -> Rig:

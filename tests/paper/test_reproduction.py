@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from dpr_lab.cli.app import app
-from dpr_lab.paper.campaign import TRUTHS, Found, Job, jobs, run_job, run_jobs
+from dpr_lab.paper.campaign import TRUTHS, Found, SearchCase, run_search, run_searches, search_cases
 from dpr_lab.paper.contradictions import contradictions
 from dpr_lab.paper.printed import BEST_H, TRUE
 from dpr_lab.paper.results import Reproduction, record, reproduce, save
@@ -34,8 +34,8 @@ def test_off_the_grid_the_truth_is_inside_the_bounds_and_on_no_grid_point(paper:
 
 
 def test_every_reading_grid_and_seed_is_searched_once(paper: Rig, result: Reproduction):
-    assert [found.job for found in result.found] == jobs(1, tuple(READINGS))
-    assert len(set(jobs(5, tuple(READINGS)))) == 5 * len(READINGS) * len(TRUTHS)
+    assert [found.case for found in result.found] == search_cases(1, tuple(READINGS))
+    assert len(set(search_cases(5, tuple(READINGS)))) == 5 * len(READINGS) * len(TRUTHS)
     for found in result.found:
         assert found.generations == SHORT.generations
         assert found.H == found.history["best_cost"][-1]
@@ -44,22 +44,24 @@ def test_every_reading_grid_and_seed_is_searched_once(paper: Rig, result: Reprod
 
 def test_same_seed_same_answer_another_seed_another(paper: Rig, result: Reproduction):
     first = result.found[0]
-    again = run_job(first.job, paper, SHORT)
+    again = run_search(first.case, paper, SHORT)
     assert np.array_equal(again.best, first.best)
     assert again.history == first.history
-    assert not np.array_equal(run_job(Job("sum", "on", 1), paper, SHORT).best, first.best)
+    assert not np.array_equal(run_search(SearchCase("sum", "on", 1), paper, SHORT).best, first.best)
 
 
 @pytest.mark.slow
 def test_processes_change_nothing(paper: Rig, result: Reproduction):
-    side_by_side = {found.job: found for found in run_jobs(jobs(1, tuple(READINGS)), paper, SHORT, workers=2)}
+    side_by_side = {
+        found.case: found for found in run_searches(search_cases(1, tuple(READINGS)), paper, SHORT, workers=2)
+    }
     for found in result.found:
-        assert side_by_side[found.job].history == found.history
+        assert side_by_side[found.case].history == found.history
 
 
 def test_percent_errors_are_against_the_truth_of_the_grid(paper: Rig):
     Z = TRUTHS["off"] * 1.01
-    found = Found(Job("X1", "off", 0), Z, 0.0, {}, 0, 0, None, 0.0, 0.0, {})
+    found = Found(SearchCase("X1", "off", 0), Z, 0.0, {}, 0, 0, None, 0.0, 0.0, {})
     np.testing.assert_allclose(found.percent, 1.0)
     l2, m2, c1, J2 = TRUTHS["off"][[1, 3, 5, 8]]
     b, b_found = J2 + m2 * l2**2, 1.01 * J2 + 1.01**3 * m2 * l2**2
@@ -68,8 +70,8 @@ def test_percent_errors_are_against_the_truth_of_the_grid(paper: Rig):
 
 def test_verdicts_count_what_was_reached(paper: Rig):
     E = {term: np.zeros(3) for term in TERMS}
-    good = Found(Job("X1", "on", 0), TRUE, BEST_H, E, 1, 1, None, 0.0, 0.0, {})
-    bad = Found(Job("X1", "on", 1), TRUE * 1.02, BEST_H + 1e-6, E, 1, 1, None, 0.0, 0.0, {})
+    good = Found(SearchCase("X1", "on", 0), TRUE, BEST_H, E, 1, 1, None, 0.0, 0.0, {})
+    bad = Found(SearchCase("X1", "on", 1), TRUE * 1.02, BEST_H + 1e-6, E, 1, 1, None, 0.0, 0.0, {})
     (sentence,) = verdicts([good, bad], paper)
     assert "reached in 1 of 2 seeds" in sentence
     assert "within 1 % in 1 of 2" in sentence

@@ -3,8 +3,18 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from dpr_lab.compare import Comparison
-from dpr_lab.model import Covariance, Estimate, Fit, Model, ParameterValue, RigFacts, RunUsed, SearchRecord
+from dpr_lab.dynamics.base import BASE
+from dpr_lab.identification.compare import Comparison
+from dpr_lab.identification.model import (
+    Covariance,
+    EstimatedValue,
+    FitSummary,
+    Model,
+    ParameterValue,
+    RigFacts,
+    RunUsed,
+    SearchRecord,
+)
 from dpr_lab.rig import PARAMETERS
 
 NOISE_RAD = np.array([2e-4, 3e-4])
@@ -51,19 +61,19 @@ def model() -> Callable[..., Model]:
         whole = Model(
             rig=RigFacts(name="paper", sha256="ab" * 32, L1=0.4, g=9.81),
             ratios={
-                name: Estimate(value=value, std=1e-3 * value, interval90=(0.998 * value, 1.002 * value))
+                name: EstimatedValue(value=value, std=1e-3 * value, interval90=(0.998 * value, 1.002 * value))
                 for name, value in ratios.items()
             },
             covariance=Covariance(order=list(ratios), matrix=np.diag([1e-6] * 5).tolist()),
             cramer_rao_std={name: 1e-3 * value for name, value in ratios.items()},
-            base={name: ParameterValue(value=0.01, std=None, fixed_by="bound") for name in ("a", "b")},
+            base={name: ParameterValue(value=0.01, std=None, fixed_by="bound") for name in BASE},
             parameters={
                 name: ParameterValue.model_validate(
                     {"value": value, "std": 0.001 if name in fixed else None, "fixed_by": fixed.get(name, "bound")}
                 )
                 for name, value in best.items()
             },
-            fit=Fit(
+            fit=FitSummary(
                 rms_rad={axis: times_noise * value for axis, value in noise.items()},
                 noise_rad=noise,
                 segments=60,

@@ -23,8 +23,9 @@ from firmware_protocol.messages import (
     Stop,
     Stream,
 )
-from sim_device.assemble import Options, assemble
-from sim_device.hand import PLACING_TIME
+from sim_device.assemble import assemble
+from sim_device.options import Options
+from sim_device.plant.operator import HABITS
 
 
 class SerialEnd:
@@ -162,7 +163,7 @@ class Host:
         self.messages.clear()
         self.do(Hold(pose=pose))
         assert self.session.info is not None
-        self.run_for(0.0 if self.session.info.simulated_time else 1.2 * PLACING_TIME)
+        self.run_for(0.0 if self.session.info.simulated_time else 1.2 * HABITS.placing_time)
         self.do(Stream(rate_hz=rate_hz))
         self.until(lambda: len(self.of(Sample)) >= rest)
         self.do(Release())

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dpr_lab.capture import CaptureOptions, capture
-from dpr_lab.device import Device
+from dpr_lab.acquisition.capture import CaptureOptions, capture
+from dpr_lab.acquisition.device import Device
 from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
 from firmware_protocol.identity import PAGES
@@ -28,7 +28,8 @@ from firmware_protocol.messages import (
     decode,
     encode,
 )
-from sim_device.assemble import Options, assemble
+from sim_device.assemble import assemble
+from sim_device.options import Options
 
 STEP_S = 1 / 64
 """Exact in seconds and, times 32, in milliseconds, so that both firmwares see the same lease."""
@@ -132,7 +133,7 @@ def test_a_capture_with_the_real_driver_gives_the_same_counts(bus, paper, tmp_pa
             device.connect()
             options = CaptureOptions(duration=2.0)
             captured = capture(device, paper, "X2", options, tmp_path / firmware, confirm=lambda: True)
-        assert captured.verdict.ok, captured.verdict.sentence
+        assert captured.quality.ok, captured.quality.sentence
         assert sum(captured.lost.values()) == 0
         swings.append(load_run(captured.run_file).swing.counts)
     assert len(swings[0]) == 2001

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from dpr_lab.errors import ConfigError
-from sim_device import c_library
+from sim_device.firmware import c_library
 
 
 @pytest.fixture
@@ -26,14 +26,14 @@ def fresh(tmp_path, monkeypatch):
 def test_without_a_compiler_it_says_what_to_install(tmp_path):
     code = f"""
 import pathlib
-import sim_device.c_library as library
+import sim_device.firmware.c_library as library
 library.BUILT = pathlib.Path({str(tmp_path / "none")!r})
 library.user_cache_path = pathlib.Path({str(tmp_path)!r}).joinpath
 from sim_device.__main__ import main
 raise SystemExit(main(["--firmware", "c", "--link", "tcp:0"]))
 """
     environment = {**os.environ, "PATH": str(tmp_path), "CC": ""}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=400)
     assert done.returncode == ConfigError.exit_code
     assert "needs a C compiler and none was found" in done.stderr
     assert "Traceback" not in done.stderr

@@ -21,10 +21,10 @@ from firmware_protocol.messages import (
     Stream,
     encode,
 )
-from sim_device.config import load_plant
 from sim_device.faults import FAULTS, Faults, parse_faults
-from sim_device.hand import placement, release_speed
-from sim_device.plant import Plant
+from sim_device.plant.config import load_plant
+from sim_device.plant.operator import placement, release_speed
+from sim_device.plant.plant import Plant
 
 NOISE_COUNTS = 0.5
 FAR = 6 * NOISE_COUNTS + 0.5

@@ -6,45 +6,41 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import Parameter
-from sim_device.chance import Stream, generator
-from sim_device.config import Encoders, load_plant
-from sim_device.direct import record
-from sim_device.draw import (
-    KINDS,
-    LEVELS,
-    Wanted,
+from sim_device.plant.config import EncoderConfig, load_plant
+from sim_device.plant.foreign import FOREIGN, FORMS, OUTSIDE
+from sim_device.random_streams import RandomStream, generator
+from sim_device.trials.draw import (
     alike,
     dirty,
     draw_plant,
-    parse_wanted,
-    settled,
     visible_effects,
-    weighed,
 )
-from sim_device.foreign import FOREIGN, FORMS, OUTSIDE
-from sim_device.noiseless import plant_gap
+from sim_device.trials.noiseless import plant_gap
+from sim_device.trials.offline_recorder import record
+from sim_device.trials.parameters import weighed
+from sim_device.trials.request import KINDS, LEVELS, EffectRequest, parse_request, with_kind
 
 
-def drawn(wanted: Wanted, seed: int, rig):
+def drawn(wanted: EffectRequest, seed: int, rig):
     return draw_plant(wanted, load_plant("paper", seed), rig)
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("name", ["coulomb_joint1", "latency_joint2", "missed_counts", "encoder_eccentricity_joint2"])
 def test_one_effect_opens_a_gap_of_its_level(paper, name, level):
-    plant = drawn(Wanted("single", level, (name,)), 4, paper)
+    plant = drawn(EffectRequest("single", level, (name,)), 4, paper)
     lower, upper = LEVELS[level]
     assert list(plant.effects) == [name]
     assert 0.95 * lower < plant_gap(plant, paper) < 1.05 * upper
 
 
 def test_without_effects_there_is_no_gap(paper):
-    assert plant_gap(drawn(Wanted("clean"), 1, paper), paper) < 0.01
+    assert plant_gap(drawn(EffectRequest("clean"), 1, paper), paper) < 0.01
 
 
 @pytest.mark.slow
 def test_the_smaller_of_two_effects_is_a_fifth_as_visible(paper):
-    plant = drawn(Wanted("pair"), 6, paper)
+    plant = drawn(EffectRequest("pair"), 6, paper)
     large, small = (
         plant_gap(plant.model_copy(update={"effects": {name: values}}), paper) for name, values in plant.effects.items()
     )
@@ -54,7 +50,7 @@ def test_the_smaller_of_two_effects_is_a_fifth_as_visible(paper):
 
 @pytest.mark.slow
 def test_three_effects_are_none_of_them_the_same(paper):
-    names = list(drawn(Wanted("triple"), 2, paper).effects)
+    names = list(drawn(EffectRequest("triple"), 2, paper).effects)
     assert len(names) == 3
     assert not any(alike(one, other) for one in names for other in names if one != other)
 
@@ -65,19 +61,19 @@ def test_what_a_swing_cannot_show_is_never_drawn():
 
 
 def test_the_seed_alone_decides(paper):
-    one, same, other = (drawn(Wanted("single"), seed, paper) for seed in (11, 11, 12))
+    one, same, other = (drawn(EffectRequest("single"), seed, paper) for seed in (11, 11, 12))
     assert one == same
     assert one.parameters != other.parameters
 
 
 def test_a_drawn_plant_can_be_built_and_read_back(paper):
-    plant = drawn(Wanted("form", effects=("power_drag_outer",)), 3, paper)
+    plant = drawn(EffectRequest("form", effects=("power_drag_outer",)), 3, paper)
     assert type(plant).model_validate_json(plant.model_dump_json()) == plant
 
 
 def test_foreign_effects_are_drawn_from_the_half_asked_for(paper):
     for text, held_back in (("outside:clear:held_back", True), ("outside:clear:tuning", False)):
-        (name,) = drawn(parse_wanted(text), 8, paper).foreign
+        (name,) = drawn(parse_request(text), 3, paper).foreign
         assert FOREIGN[name].held_back == held_back
 
 
@@ -86,28 +82,28 @@ def test_both_lists_of_foreign_effects_have_eight_and_are_halved():
         held = sum(FOREIGN[name].held_back for name in names)
         assert len(names) >= 8
         assert 2 * held == len(names)
-    assert all(member in EFFECTS for name in FORMS for member in FOREIGN[name].family)
+    assert all(member in EFFECTS.values() for name in FORMS for member in FOREIGN[name].family)
 
 
 @pytest.mark.parametrize("text", ["two", "single:big", "single:clear:gremlins"])
 def test_what_cannot_be_drawn_is_said(text):
     with pytest.raises(ConfigError, match="draw"):
-        parse_wanted(text)
+        parse_request(text)
 
 
 def test_dirty_encoders_have_at_least_one_fault():
-    clean = Encoders(noise_counts=(0.5, 0.5, 0.5))
-    drawn = [dirty(generator(seed, Stream.DRAW)) for seed in range(40)]
+    clean = EncoderConfig(noise_counts=(0.5, 0.5, 0.5))
+    drawn = [dirty(generator(seed, RandomStream.DRAW)) for seed in range(40)]
     assert clean not in drawn
     assert {e.step_counts for e in drawn} == {1, 4}
     assert all(0.01 <= e.missing_share <= 0.02 for e in drawn if e.missing_share)
 
 
 def test_any_kind_is_drawn_from_the_seed_and_the_level_stays():
-    texts = {settled("any:subtle", seed) for seed in range(60)}
+    texts = {with_kind("any:subtle", seed) for seed in range(60)}
     assert texts == {f"{kind}:subtle" for kind in KINDS}
-    assert settled("any", 3) == settled("any", 3)
-    assert settled("pair:clear", 3) == "pair:clear"
+    assert with_kind("any", 3) == with_kind("any", 3)
+    assert with_kind("pair:clear", 3) == "pair:clear"
 
 
 def test_a_weighed_rig_knows_its_masses_as_well_as_scales_do(paper):

@@ -6,16 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dpr_lab.rig import Pose
-from sim_device.chance import Stream
-from sim_device.config import Hand
-from sim_device.encoders import BLOCK, Encoders, standard_noise
-from sim_device.hand import Held, placement, release_speed
+from sim_device.plant.config import OperatorConfig
+from sim_device.plant.encoders import BLOCK, NoisyEncoders, standard_noise
+from sim_device.plant.operator import HeldRods, placement, release_speed
+from sim_device.random_streams import RandomStream
 
 N = 200_000
 
 
 def test_noise_is_white_and_unit():
-    noise = standard_noise(1, Stream.SWING, 1, 0, N)
+    noise = standard_noise(1, RandomStream.SWING, 1, 0, N)
     assert np.abs(noise.mean(axis=0)).max() < 4 / np.sqrt(N)
     assert np.abs(np.cov(noise.T) - np.eye(3)).max() < 5 * np.sqrt(2 / N)
     for lag in (1, 2, BLOCK):
@@ -23,21 +23,27 @@ def test_noise_is_white_and_unit():
 
 
 def test_streams_releases_and_seeds_share_no_noise():
-    kinds = [(1, Stream.SWING, 1), (1, Stream.REST, 1), (1, Stream.IDLE, 1), (1, Stream.SWING, 2), (2, Stream.SWING, 1)]
+    kinds = [
+        (1, RandomStream.SWING, 1),
+        (1, RandomStream.REST, 1),
+        (1, RandomStream.IDLE, 1),
+        (1, RandomStream.SWING, 2),
+        (2, RandomStream.SWING, 1),
+    ]
     columns = np.array([standard_noise(*kind, 0, 20_000)[:, 0] for kind in kinds])
     assert np.abs(np.corrcoef(columns) - np.eye(len(kinds))).max() < 0.04
 
 
 @given(first=st.integers(0, 5 * BLOCK), count=st.integers(0, 3 * BLOCK))
 def test_noise_does_not_depend_on_how_it_is_asked_for(first, count):
-    whole = standard_noise(3, Stream.SWING, 1, 0, 8 * BLOCK)
-    assert np.array_equal(standard_noise(3, Stream.SWING, 1, first, count), whole[first : first + count])
+    whole = standard_noise(3, RandomStream.SWING, 1, 0, 8 * BLOCK)
+    assert np.array_equal(standard_noise(3, RandomStream.SWING, 1, first, count), whole[first : first + count])
 
 
 @pytest.mark.parametrize("noise_counts", [0.0, 0.5, 3.0])
 def test_counts_scatter_as_noise_and_rounding_make_them(paper, noise_counts):
     theta = np.tile([0.1234, 2.0, 2.5], (50_000, 1))
-    counts = Encoders(paper, noise_counts, 1).read(theta, Stream.REST, 1, 0)
+    counts = NoisyEncoders(paper, noise_counts, 1).read(theta, RandomStream.REST, 1, 0)
     exact = paper.positions(theta[0])
     expected = 0.0 if noise_counts == 0 else np.sqrt(noise_counts**2 + 1 / 12)
     assert counts.std(axis=0) == pytest.approx(expected, rel=0.02)
@@ -46,12 +52,12 @@ def test_counts_scatter_as_noise_and_rounding_make_them(paper, noise_counts):
 
 def test_joint_2_is_read_against_the_inner_rod_over_many_turns(paper):
     turns = np.array([[0.0, np.pi + 6 * np.pi, np.pi + 2 * np.pi]])
-    counts = Encoders(paper, 0.0, 1).read(turns, Stream.SWING, 1, 0)[0]
+    counts = NoisyEncoders(paper, 0.0, 1).read(turns, RandomStream.SWING, 1, 0)[0]
     assert counts.tolist() == [0, 3 * 16384, -2 * 16384]
 
 
 def test_the_hand_misses_a_little_and_by_what_it_is_told():
-    hand, pose = Hand(placement_std=0.01, release_speed_std=0.002), Pose(theta1=0.1, theta2=3.0)
+    hand, pose = OperatorConfig(placement_std=0.01, release_speed_std=0.002), Pose(theta1=0.1, theta2=3.0)
     off = np.array([placement(hand, pose, 1, release) for release in range(1, 4000)]) - pose.theta
     speeds = np.array([release_speed(hand, 1, release) for release in range(1, 4000)])
     assert (off[:, 0] == 0).all()
@@ -63,7 +69,7 @@ def test_the_hand_misses_a_little_and_by_what_it_is_told():
 
 
 def test_the_hand_moves_smoothly_and_ends_exactly_there():
-    held = Held(np.array([0.0, np.pi, np.pi]), np.array([0.0, 0.1, 3.0]), begins=2.0, takes=0.5)
+    held = HeldRods(np.array([0.0, np.pi, np.pi]), np.array([0.0, 0.1, 3.0]), begins=2.0, takes=0.5)
     t = np.linspace(1.9, 2.5, 601)
     theta = held.theta(t)
     assert np.array_equal(theta[0], held.start)

@@ -1,4 +1,4 @@
-"""Foreign effects: off at zero size, honest about energy, read the same however they are asked for."""
+"""OutOfLibraryEffect effects: off at zero size, honest about energy, read the same however they are asked for."""
 
 import math
 
@@ -7,14 +7,16 @@ import pytest
 from scipy.integrate import quad
 
 from dpr_lab.dynamics.equation import energy
+from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.effects import effect_params
 from dpr_lab.errors import ConfigError
-from sim_device.assemble import plant_of
-from sim_device.config import load_plant
-from sim_device.foreign import FOREIGN
-from sim_device.foreign.bodies import AXIAL, wobbling_rod
-from sim_device.foreign.engine import Body, integrate, undisturbed
-from sim_device.foreign.foreign import Foreign, Moment
-from sim_device.foreign.torques import drag_on_outer_rod
+from sim_device.plant.config import load_plant
+from sim_device.plant.foreign import FOREIGN
+from sim_device.plant.foreign.bodies import AXIAL, wobbling_rod
+from sim_device.plant.foreign.effect import Moment, OutOfLibraryEffect
+from sim_device.plant.foreign.engine import Body, integrate, sticking, undisturbed
+from sim_device.plant.foreign.torques import drag_on_outer_rod
+from sim_device.plant.hidden import plant_of
 
 T = np.arange(0.0, 2.0, 0.01)
 LONG = np.arange(0.0, 6.0, 0.01)  # some disturbances come late
@@ -28,12 +30,12 @@ def body(paper) -> Body:
     return Body.of(paper.nominal, 0.4, 0.4, 9.81)
 
 
-def values_of(effect: Foreign, share: float = 1.0) -> dict[str, float]:
+def values_of(effect: OutOfLibraryEffect, share: float = 1.0) -> dict[str, float]:
     middle = {size.name: (size.lower + size.upper) / 2 for size in effect.shape}
     return {effect.amplitude.name: effect.amplitude.upper * share, **middle}
 
 
-def swing(body: Body, effect: Foreign, share: float, t: np.ndarray = T) -> np.ndarray:
+def swing(body: Body, effect: OutOfLibraryEffect, share: float, t: np.ndarray = T) -> np.ndarray:
     assert effect.motion is not None
     motion = effect.motion(body, values_of(effect, share))
     return integrate(motion, np.array([*START, *motion.memory]), t)
@@ -65,15 +67,27 @@ def test_a_brake_never_adds_energy(body, name):
 
 @pytest.mark.parametrize("name", [name for name, effect in FOREIGN.items() if effect.reading or effect.counter])
 def test_no_size_no_error_of_the_encoders(name):
-    effect, chance = FOREIGN[name], np.random.default_rng(1)
-    joints = chance.uniform(-9.0, 9.0, (500, 2))
-    moment = Moment(np.linspace(0, 10, 500), np.zeros((500, 5)), chance.standard_normal((500, 3)))
+    effect, rng = FOREIGN[name], np.random.default_rng(1)
+    joints = rng.uniform(-9.0, 9.0, (500, 2))
+    moment = Moment(np.linspace(0, 10, 500), np.zeros((500, 5)), rng.standard_normal((500, 3)))
     if effect.reading is not None:
         assert np.array_equal(effect.reading(joints, moment, values_of(effect, 0.0)), joints)
     if effect.counter is not None:
-        counts = chance.integers(-9999, 9999, (500, 3))
+        counts = rng.integers(-9999, 9999, (500, 3))
         assert np.array_equal(effect.counter(counts, values_of(effect, 0.0)), counts)
         assert not np.array_equal(effect.counter(counts, values_of(effect)), counts)
+
+
+@pytest.mark.parametrize("joint", [1, 2])
+@pytest.mark.parametrize("torque", [0.05, 0.3])
+def test_a_joint_sticks_as_in_the_lab_which_shares_no_code_with_it(body, joint, torque):
+    start, t = np.array([np.pi + 0.4, np.pi + 1.1, 0.0, 0.0]), np.linspace(0, 2, 41)
+    found = integrate(sticking(body, joint, lambda x: torque), start, t)
+    base = [body.a, body.b, body.d, body.e1, body.c1, body.c2]
+    params = effect_params({f"coulomb_joint{joint}": {"torque_Nm": torque}})
+    assert found == pytest.approx(simulate(base, body.L1, body.g, start, t, 2e-4, params), abs=1e-6)
+    speed = found[:, 2] if joint == 1 else found[:, 3] - found[:, 2]
+    assert (np.abs(speed) < 1e-12).sum() > (5 if torque == 0.3 else 0)
 
 
 def test_the_wobbling_rod_keeps_its_energy(body):

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import PARAMETERS
-from sim_device.config import Arm, PlantConfig, drawn, find_plant, load_plant
-from sim_device.plant import Plant, Swing
+from sim_device.plant.config import ArmConfig, PlantConfig, find_plant, load_plant
+from sim_device.plant.plant import Plant, Swing
+from sim_device.plant.rods import SimulatedRods
+from sim_device.trials.parameters import drawn
+from tests.event_driven import Rods, swing
 
 T = np.arange(2001) / 1000
 REST = np.zeros(3)
@@ -17,38 +19,15 @@ def rods_at(theta1: float, theta2: float) -> np.ndarray:
     return np.array([0.0, theta1, theta2])
 
 
-def equation_1(config: PlantConfig, L1: float, g: float):
-    """Right-hand side of equation (1), written out of the matrices, with dry friction."""
-    p = config.parameters
+def independent(config: PlantConfig, rig, start: np.ndarray) -> np.ndarray:
+    """Docs/theory.md equation (1), written out of the matrices, with dry friction whose events are located."""
+    p, L1, g = config.parameters, rig.rig.L1, rig.rig.g
     carried = p["m2"] + p["mb"]
     a, b = p["J1"] + p["m1"] * p["l1"] ** 2 + carried * L1**2, p["J2"] + p["m2"] * p["l2"] ** 2
-    d, e1, e2 = p["m2"] * L1 * p["l2"], (p["m1"] * p["l1"] + carried * L1) * g, p["m2"] * p["l2"] * g
+    d, e1 = p["m2"] * L1 * p["l2"], (p["m1"] * p["l1"] + carried * L1) * g
     dry1, dry2 = (config.effects.get(f"coulomb_joint{j}", {}).get("torque_Nm", 0.0) for j in (1, 2))
-
-    def slope(t, x):
-        theta, omega = x[:2], x[2:]
-        difference, relative = theta[0] - theta[1], omega[1] - omega[0]
-        mass = np.array([[a, d * np.cos(difference)], [d * np.cos(difference), b]])
-        joint2 = p["c2"] * relative + dry2 * np.tanh(relative / 0.02)
-        torque = np.array([e1, e2]) * np.sin(theta)
-        torque += d * np.sin(difference) * np.array([-(omega[1] ** 2), omega[0] ** 2])
-        torque += [-p["c1"] * omega[0] - dry1 * np.tanh(omega[0] / 0.02) + joint2, -joint2]
-        return np.concatenate([omega, np.linalg.solve(mass, torque)])
-
-    return slope
-
-
-def independent(config: PlantConfig, rig, start: np.ndarray) -> np.ndarray:
-    solution = solve_ivp(
-        equation_1(config, rig.rig.L1, rig.rig.g),
-        (0.0, T[-1]),
-        [start[1], start[2], 0.0, 0.0],
-        method="DOP853",
-        t_eval=T,
-        rtol=1e-13,
-        atol=1e-13,
-    )
-    return solution.y[:2].T
+    rods = Rods(np.array([a, b, d, e1, p["c1"], p["c2"]]), g / L1, (lambda u: dry1, lambda u: dry2))
+    return swing(rods, [start[1], start[2], 0.0, 0.0], T, error=1e-13)[:, :2]
 
 
 @pytest.mark.parametrize("name", ["paper", "dry"])
@@ -88,7 +67,7 @@ def test_the_arm_moves_when_free_and_not_when_clamped(paper):
 
 def test_a_stiffer_arm_swings_more_like_a_clamped_one(paper):
     config, start = load_plant("arm"), rods_at(np.pi, 0.1)
-    clamped = Plant(config.model_copy(update={"arm": Arm()}), paper).swing(start, REST, T)
+    clamped = Plant(config.model_copy(update={"arm": ArmConfig()}), paper).swing(start, REST, T)
 
     def away(k0: float) -> float:
         arm = config.arm.model_copy(update={"k0": k0})
@@ -167,3 +146,14 @@ def test_an_unknown_plant_is_named_with_those_there_are():
 
 def test_parameters_are_in_the_rig_s_order():
     assert dict(zip(PARAMETERS, load_plant("paper").Z, strict=True)) == load_plant("paper").parameters
+
+
+def test_the_operator_waits_until_the_rods_can_be_let_go(paper):
+    ready = False
+    rods = SimulatedRods(Plant(load_plant("paper"), paper), paper, placing_time=0.5, ready=lambda: ready)
+    rods.place(1, 0.0)
+    hanging = rods.idle_counts(10.0, 10_000)
+    assert np.abs(hanging).max() <= 3
+    ready = True
+    assert np.abs(rods.held_counts(np.array([11.0]), 0) - hanging).max() <= 6
+    assert np.abs(rods.idle_counts(11.5, 11_500)[2]) > 1000

@@ -3,23 +3,24 @@
 import numpy as np
 import pytest
 
+from dpr_lab.acquisition.rest import pose_error
 from dpr_lab.dynamics.base import base_parameters
-from dpr_lab.dynamics.known import known_of
-from dpr_lab.dynamics.readings import PAD, pieces, readings
-from dpr_lab.effects import EFFECTS, effect_vector
+from dpr_lab.dynamics.prediction import PAD, predict
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.errors import ConfigError
-from dpr_lab.gate import pose_error
 from dpr_lab.rig import load_rig
-from sim_device.assemble import plant_of
-from sim_device.config import load_plant
-from sim_device.plant import Plant, Swing
-from sim_device.rods import Rods
+from sim_device.plant.config import load_plant
+from sim_device.plant.hidden import plant_of
+from sim_device.plant.plant import Plant, Swing
+from sim_device.plant.rods import SimulatedRods
 
 RIG = load_rig("paper")
 CONFIG = load_plant("paper")
 MASSES = {name: CONFIG.parameters[name] for name in ("m1", "m2", "mb")}
-KNOWN = known_of(RIG)._replace(**MASSES)
-BASE = base_parameters(CONFIG.Z, KNOWN.L1, KNOWN.g)
+CONSTANTS = rig_constants(RIG)._replace(**MASSES)
+BASE = base_parameters(CONFIG.Z, CONSTANTS.L1, CONSTANTS.g)
 POSE, REST = np.array([0.0, 0.4, 2.8]), np.zeros(3)
 TICKS = 1100
 
@@ -48,12 +49,12 @@ def test_a_plant_shows_what_the_lab_would_read(name):
     effects = typical(name)
     if name == "missed_counts":
         effects[name]["time_s"] = 0.7
-    vector = effect_vector(effects)
+    params = effect_params(effects)
     t = PAD + np.arange(0, 1000, 5) / 1000
     plant = plant_with(effects)
     states = plant.swing(POSE, REST, np.array([0.0, plant.pace * t[100] - PAD]))[-1]
-    swing = pieces([t[:100], t[100:]], [0, 0], step=1e-3)
-    expected = readings(BASE, vector, KNOWN, swing, [[*POSE[1:], 0.0, 0.0], states[[1, 2, 4, 5]]], arm=True)
+    swing = segments([t[:100], t[100:]], [0, 0], step=1e-3)
+    expected = predict(BASE, params, CONSTANTS, swing, [[*POSE[1:], 0.0, 0.0], states[[1, 2, 4, 5]]], arm=True)
     found = encoder_angles(shown(effects))[20:1020:5]
     # A wrong clock starts the first segment before the release; dry friction bends within a step where the joint turns.
     loose = {"clock_rate": 1e-3, "coulomb_joint2": 1e-5, "stribeck_joint2": 1e-5, "backlash_joint2": 1e-5}
@@ -102,7 +103,7 @@ def test_blocks_join_without_a_seam():
 
 
 def test_encoder_0_records_an_arm_that_gives():
-    rods = Rods(plant_with({"arm_compliance": {"coupling_per_kg": 0.5, "frequency_hz": 5.0}}), RIG)
+    rods = SimulatedRods(plant_with({"arm_compliance": {"coupling_per_kg": 0.5, "frequency_hz": 5.0}}), RIG)
     rods.place(2, 0.0)
     rods.let_go(1.0, 1000.0)
     counts = rods.swing_counts(0, 1500)
@@ -114,7 +115,7 @@ def test_counts_are_missed_in_the_run_and_from_the_instant_said():
     step = {"counts": 40.0, "joint": 1.0, "run": 1.0, "time_s": 0.2}
     counts = {}
     for name, effects in (("clean", {}), ("missed", {"missed_counts": step})):
-        rods = Rods(plant_with(effects), RIG)
+        rods = SimulatedRods(plant_with(effects), RIG)
         for release in range(2):
             rods.place(1, 2.0 * release)
             rods.let_go(2.0 * release + 1.0, 1000.0)
@@ -125,7 +126,7 @@ def test_counts_are_missed_in_the_run_and_from_the_instant_said():
 
 
 def test_encoders_misread_at_rest_too():
-    rods = Rods(plant_with({"encoder_offset_joint1": {"offset_rad": 0.1}}), RIG)
+    rods = SimulatedRods(plant_with({"encoder_offset_joint1": {"offset_rad": 0.1}}), RIG)
     counts = rods.held_counts(np.array([0.0]), 0)[0]
     assert counts[1] == pytest.approx(0.1 * 16384 / (2 * np.pi), abs=3)
     assert abs(counts[2]) <= 3
@@ -140,7 +141,7 @@ READINGS = {
 @pytest.mark.parametrize("effects", READINGS.values(), ids=READINGS)
 def test_the_hand_goes_by_what_the_encoders_say(effects):
     for number, pose in enumerate(RIG.poses.values(), 1):
-        rods = Rods(plant_with(effects), RIG)
+        rods = SimulatedRods(plant_with(effects), RIG)
         rods.place(number, 0.0)
         said = RIG.theta(rods.held_counts(np.array([1.0]), 0))
         assert np.abs(pose_error(said, pose)).max() < pose.tolerance
@@ -150,7 +151,7 @@ def test_what_encoders_misread_by_a_little_moves_no_hand():
     effects = {"encoder_offset_joint1": {"offset_rad": 0.02}}
     placed = []
     for plant in (plant_with(effects), plant_with({})):
-        rods = Rods(plant, RIG)
+        rods = SimulatedRods(plant, RIG)
         rods.place(2, 0.0)
         placed.append(rods.held_counts(np.array([1.0]), 0)[0])
     assert placed[0] - placed[1] == pytest.approx([0, 0.02 * 16384 / (2 * np.pi), 0], abs=1)
@@ -162,7 +163,7 @@ def test_a_reading_that_no_place_gives_leaves_the_rods_at_the_pose():
     for number in range(1, len(RIG.poses) + 1):
         counts = {}
         for name, config in (("clean", CONFIG), ("stuck", stuck)):
-            rods = Rods(plant_of(config, RIG), RIG)
+            rods = SimulatedRods(plant_of(config, RIG), RIG)
             rods.place(number, 0.0)
             counts[name] = rods.held_counts(np.array([1.0]), 0)[0]
         assert np.array_equal(counts["stuck"], counts["clean"] & [-1, -1, ~512])

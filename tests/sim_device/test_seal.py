@@ -12,14 +12,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dpr_lab.configs import BUILTIN
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import load_rig
-from sim_device.assemble import Options
-from sim_device.config import load_plant
-from sim_device.draw import draw_plant, parse_wanted, weighed
-from sim_device.seal import opened, seal
-from sim_device.toml import toml_text
-from sim_device.trial import sealed_trial
+from dpr_lab.rig import MASSES, load_rig
+from sim_device.options import Options
+from sim_device.plant.config import load_plant
+from sim_device.trials.draw import draw_plant
+from sim_device.trials.parameters import SPREAD, weighed
+from sim_device.trials.request import parse_request
+from sim_device.trials.seal import opened, seal
+from sim_device.trials.toml import toml_text
+from sim_device.trials.trial import sealed_trial
 
 WANTED = Options(draw_effects="single:clear:coulomb_joint1", seed=9)
 
@@ -55,10 +58,41 @@ def test_a_seed_that_nobody_gave_is_drawn_afresh(tmp_path: Path) -> None:
     assert one["parameters"] != other["parameters"]
 
 
+def test_what_is_public_does_not_lead_to_the_seed(tmp_path: Path) -> None:
+    """Seeds had 32 bits, and masses of full precision in the rig file said which: five minutes on one core."""
+    told = sealed_trial(Options(draw_effects="clean"), tmp_path / "device")
+    secret = opened(tmp_path / "device")["truth"]["drawn"]["seed"]
+    assert secret.bit_length() > 90
+    public = {name: tomllib.loads(told["rig"])["parameters"][name]["measured"] for name in MASSES}
+    assert all(mass == round(mass, 4) for mass in public.values())
+    for seed in (secret, *range(2000), *(secret >> bits for bits in (32, 64, 96)), secret & (1 << 32) - 1):
+        _, rig = weighed(load_plant("paper", seed), load_rig("paper"), SPREAD.scales_step)
+        assert {name: rig.parameters[name].measured for name in MASSES} != public
+
+
+def test_a_plant_held_in_memory_is_told_when_asked_and_written_nowhere(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "sim_device", "--draw-effects", "clean", "--seal", "-"]
+    rig = json.dumps((BUILTIN / "rigs" / "paper.toml").read_text())
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment, cwd=tmp_path
+    ) as device:
+        assert device.stdin is not None
+        assert device.stdout is not None
+        device.stdin.write(rig + "\n")
+        device.stdin.flush()
+        told = json.loads(device.stdout.readline())
+        device.stdin.write("open\n")
+        device.stdin.flush()
+        kept = json.loads(device.stdout.readline())
+    assert seal(kept["truth"], kept["salt"]) == told["seal"]
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_kept_plant_is_the_one_that_was_drawn(tmp_path: Path) -> None:
     told = sealed_trial(WANTED, tmp_path / "device")
-    base, rig = weighed(load_plant("paper", 9), load_rig("paper"))
-    drawn = draw_plant(parse_wanted("single:clear:coulomb_joint1"), base, rig)
+    base, rig = weighed(load_plant("paper", 9), load_rig("paper"), SPREAD.scales_step)
+    drawn = draw_plant(parse_request("single:clear:coulomb_joint1"), base, rig)
     assert load_plant(tmp_path / "device" / "plant.toml") == drawn
     assert opened(tmp_path / "device")["truth"]["effects"] == drawn.effects
     (tmp_path / "rig.toml").write_text(told["rig"])

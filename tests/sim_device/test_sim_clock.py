@@ -3,7 +3,7 @@
 import pytest
 
 from firmware_protocol.messages import State
-from sim_device.clock import CLOCKS, LONGEST_STEP, Clock
+from sim_device.firmware.clock import CLOCKS, LONGEST_STEP, Clock
 
 FAST = CLOCKS["fast"]
 

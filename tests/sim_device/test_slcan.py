@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_protocol.messages import Frame
-from sim_device.slcan import LONGEST_LINE, SlcanCodec
+from sim_device.links.slcan import LONGEST_LINE, SlcanCodec
 
 frames = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
 

@@ -1,5 +1,6 @@
 """Killed, cut, flipped and foreign files: nothing but RunError is raised and no wrong sample is ever read."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 from dpr_lab.errors import RunError
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.inspect import info, recover, verify
-from dpr_lab.storage.layout import MAX_RECORD_BYTES, RELEASED
+from dpr_lab.storage.layout import LIMITS, RELEASED
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter
@@ -240,7 +241,7 @@ def chunk_of(whole, data):
 
 
 def test_many_small_chunks_do_not_add_up_to_a_bomb(tmp_path, whole):
-    bomb = chunk_of(whole, zstandard.compress(bytes(MAX_RECORD_BYTES - 1)))
+    bomb = chunk_of(whole, zstandard.compress(bytes(LIMITS.record_bytes - 1)))
     content = whole.read_bytes()
     path = tmp_path / "bombs.mcap"
     path.write_bytes(content[: header_of_second_chunk(content)] + 1000 * bomb)
@@ -251,7 +252,7 @@ def test_many_small_chunks_do_not_add_up_to_a_bomb(tmp_path, whole):
 
 def test_a_chunk_that_would_expand_beyond_reason_is_not_expanded(tmp_path, whole, monkeypatch):
     content = whole.read_bytes()
-    bomb = zstandard.compress(bytes(4 * MAX_RECORD_BYTES))
+    bomb = zstandard.compress(bytes(4 * LIMITS.record_bytes))
     path = tmp_path / "bomb.mcap"
     path.write_bytes(content[: header_of_second_chunk(content)] + chunk_of(whole, bomb))
     expanded = []
@@ -263,3 +264,23 @@ def test_a_chunk_that_would_expand_beyond_reason_is_not_expanded(tmp_path, whole
     assert about.samples == 100
     assert len(bomb) not in expanded
     assert time.process_time() - start < 1
+
+
+@pytest.mark.skipif(not hasattr(os, "SEEK_HOLE"), reason="needs a system that tells where a file has holes")
+def test_a_small_file_that_claims_any_size_is_read_to_its_hole(tmp_path, whole):
+    path = shutil.copy(whole, tmp_path / "huge.mcap")
+    os.truncate(path, 50 << 30)
+    if os.stat(path).st_blocks * 512 > 1 << 30:
+        pytest.skip("this file system keeps no holes")
+    before = time.process_time()
+    assert info(path).samples == N
+    assert info(path).size_bytes < whole.stat().st_size + (1 << 20)
+    assert not verify(path).ok
+    assert len(load_run(path, verify=False).t) == N
+    assert recover(path, tmp_path / "sound.mcap") == N
+    assert verify(tmp_path / "sound.mcap").ok
+    os.truncate(path, 0)
+    os.truncate(path, 50 << 30)  # nothing but a hole
+    with pytest.raises(RunError, match="is empty"):
+        load_run(path)
+    assert time.process_time() - before < 20

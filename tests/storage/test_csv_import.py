@@ -243,3 +243,48 @@ def test_missing_files_columns_and_poses_are_named(tmp_path):
         read(file, pose="X9")
     with pytest.raises(ValueError, match="not for omega1"):
         ImportOptions(columns={"omega1": "w"})
+
+
+@pytest.mark.parametrize("wild", [12.0, 100.0, 1e6, 1e308, -1e308, -40.0])
+@pytest.mark.parametrize("rows", [(0,), (57,), (57, 58), (199,), (20, 90, 150)])
+def test_an_outlier_is_left_out_and_never_made_plausible(tmp_path, wild, rows):
+    theta2 = THETA2.copy()
+    theta2[list(rows)] = wild
+    run = read(table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, theta2))
+    kept = np.delete(np.arange(len(T)), rows)
+    np.testing.assert_allclose(run.theta[:, 2], THETA2[kept], atol=1e-9)
+    assert f"theta2: outliers left out: {len(rows)}" in run.notes
+    assert not any("unwrapped" in note for note in run.notes)
+
+
+def test_an_outlier_in_counts_is_left_out_too(tmp_path):
+    counts = np.round(RIG.positions(np.column_stack([0 * T, THETA1, THETA2]))).astype(float)
+    counts[70, 2] = 1e300
+    file = table(tmp_path / "a.csv", ("time", "counts1", "counts2"), T, counts[:, 1], counts[:, 2])
+    run = read(file, unit="counts")
+    assert len(run.t) == len(T) - 1
+    assert "theta2: outliers left out: 1" in run.notes
+
+
+def test_a_logger_that_wraps_back_and_forth_at_its_end_is_unwrapped(tmp_path):
+    turning = np.pi + 0.02 * np.sin(300 * T) + 0.5 * T  # noise across the end of the range, for a row at a time
+    wrapped = (turning + np.pi) % (2 * np.pi) - np.pi
+    run = read(table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, wrapped, THETA2))
+    np.testing.assert_allclose(np.diff(run.theta[:, 1]), np.diff(turning), atol=1e-9)
+    assert run.notes == ("theta1: wrapped by the logger, unwrapped",)
+
+
+def test_angles_of_many_turns_are_taken_as_they_are(tmp_path):
+    turning = 30.0 * T  # five turns, and then rows that are missing
+    kept = (T < 0.4) | (T > 0.7)
+    file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T[kept], turning[kept], THETA2[kept])
+    np.testing.assert_allclose(read(file).theta[:, 1], turning[kept], atol=1e-9)
+
+
+def test_a_column_that_is_empty_throughout_is_an_axis_that_was_not_recorded(tmp_path):
+    nothing = np.full_like(T, np.nan)
+    run = read(table(tmp_path / "a.csv", ("t", "theta0", "theta1", "theta2"), T, nothing, THETA1, THETA2))
+    assert_the_swing(run)
+    assert any("theta0: its column is empty throughout" in note for note in run.notes)
+    with pytest.raises(RunError, match="theta2 is empty throughout; both rods are needed"):
+        read(table(tmp_path / "b.csv", ("t", "theta1", "theta2"), T, THETA1, nothing))

@@ -127,7 +127,7 @@ def test_serial_port_that_is_a_file_cannot_be_opened(tmp_path: Path) -> None:
 def test_device_that_reads_nothing_is_lost_not_a_hang(
     terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(serial_port, "WRITE_TIMEOUT_S", 0.1)
+    monkeypatch.setattr(serial_port, "SERIAL", serial_port.SerialSettings(write_timeout_s=0.1))
     link = open_transport(f"serial://{terminal[1]}")
     start = time.monotonic()
     with pytest.raises(DeviceLost):

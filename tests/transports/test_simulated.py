@@ -19,7 +19,7 @@ from firmware_protocol.identity import DeviceInfo
 def greet(link: Transport) -> DeviceInfo:
     session = HostSession()
     link.send(session.hello(time.monotonic()))
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 60
     while session.info is None:
         assert time.monotonic() < deadline
         for frame in link.receive(0.05).frames:
@@ -35,7 +35,7 @@ def is_running(pid: int) -> bool:
 
 
 def wait_for_end(pid: int) -> bool:
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 60
     while is_running(pid) and time.monotonic() < deadline:
         time.sleep(0.02)
     return not is_running(pid)
@@ -44,7 +44,7 @@ def wait_for_end(pid: int) -> bool:
 @pytest.mark.parametrize("bus", ["pty", "can", "tcp"])
 def test_simulated_device_starts_answers_and_ends_with_its_transport(bus: str) -> None:
     link = open_transport(f"sim://?plant=paper&seed=1&clock=fast&bus={bus}&uid=c0ffee")
-    child = link._child._process.pid
+    child = link._child.pid
     with closing(link):
         assert greet(link).uid == "0000000000c0ffee"
         assert link.url.startswith("sim://")
@@ -56,7 +56,7 @@ def test_simulated_device_starts_answers_and_ends_with_its_transport(bus: str) -
 
 def test_child_that_dies_is_device_lost() -> None:
     with closing(open_transport("sim://?clock=fast")) as link:
-        os.kill(link._child._process.pid, signal.SIGKILL)
+        os.kill(link._child.pid, signal.SIGKILL)
         with pytest.raises(DeviceLost, match="the simulated device is gone"):
             _receive_for_ever(link)
 
@@ -68,7 +68,7 @@ def _receive_for_ever(link: Transport) -> None:
 
 def test_child_does_not_outlive_a_killed_parent() -> None:
     code = "import time; from dpr_lab.transports import open_transport as o; l = o('sim://?clock=fast');"
-    code += "print(l._child._process.pid, flush=True); time.sleep(60)"
+    code += "print(l._child.pid, flush=True); time.sleep(60)"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
@@ -79,7 +79,7 @@ def test_child_does_not_outlive_a_killed_parent() -> None:
 
 def test_ctrl_c_at_the_terminal_does_not_reach_the_child() -> None:
     with closing(open_transport("sim://?clock=fast")) as link:
-        assert os.getpgid(link._child._process.pid) != os.getpgid(os.getpid())
+        assert os.getpgid(link._child.pid) != os.getpgid(os.getpid())
 
 
 @pytest.mark.parametrize(

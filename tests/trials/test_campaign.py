@@ -14,11 +14,10 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.errors import DprError, LinkError, RunError
-from dpr_lab.report.trials_figures import save_trial_figures
-from dpr_lab.report.trials_html import sentence, write_trials_report
-from dpr_lab.trials import workers
+from dpr_lab.report.trials.figures import save_trial_figures
+from dpr_lab.report.trials.html import sentence, write_trials_report
 from dpr_lab.trials.campaign import Campaign, read_trials, run_campaign
-from dpr_lab.trials.score import Cause, Claim, Outcome, SizeError
+from dpr_lab.trials.score import Cause, Claim, SizeError, TrialOutcome
 from dpr_lab.trials.sealing import Kind
 from dpr_lab.trials.summary import summary
 from dpr_lab.trials.workers import on_cluster, on_this_machine
@@ -26,7 +25,7 @@ from dpr_lab.trials.workers import on_cluster, on_this_machine
 CLEAN = Campaign((Kind.CLEAN,), seed=11)
 
 
-def outcome(**changes: object) -> Outcome:
+def outcome(**changes: object) -> TrialOutcome:
     usual = {
         "kind": "single",
         "level": "clear",
@@ -52,7 +51,7 @@ def outcome(**changes: object) -> Outcome:
         "seconds": 3.0,
         "causes": (Cause("coulomb_joint1", 7.0, True),),
     }
-    return Outcome(**{**usual, **changes})  # pyright: ignore[reportArgumentType]
+    return TrialOutcome(**{**usual, **changes})  # pyright: ignore[reportArgumentType]
 
 
 def lines(folder: Path, *numbers: int) -> bytes:
@@ -132,13 +131,12 @@ def _die(case: dict[str, object]) -> dict[str, object]:
     os._exit(9)
 
 
-def test_without_a_scheduler_the_operator_reads_what_to_start(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_scheduler_the_operator_reads_what_to_start() -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
-    monkeypatch.setattr(workers, "CONNECT_TIMEOUT_S", 1)
     with pytest.raises(LinkError, match="is not the address of a scheduler"):
         list(on_cluster(dict, [{}], "somewhere"))
     with pytest.raises(LinkError, match="no scheduler answers there"):
-        list(on_cluster(dict, [{}], "tcp://127.0.0.1:1"))
+        list(on_cluster(dict, [{}], "tcp://127.0.0.1:1", connect_s=1))
 
 
 VOID = {"meta", "link", "img", "br", "hr"}
@@ -225,17 +223,20 @@ def members(group: int) -> list[int]:
 @pytest.mark.timeout(400)
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see what a kill leaves running")
 def test_a_killed_campaign_leaves_no_process_and_goes_on_where_it_was(tmp_path: Path) -> None:
-    file = tmp_path / "trials.jsonl"
+    file, temporary = tmp_path / "trials.jsonl", tmp_path / "temporary"
+    temporary.mkdir()
     process = subprocess.Popen(
         campaign_words(tmp_path, 4, "--jobs", 2),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
+        env={**os.environ, "TMPDIR": str(temporary)},
     )
     wait_until(lambda: file.exists() and file.read_bytes().count(b"\n") >= 1)
     process.send_signal(signal.SIGKILL)
     process.wait(10)
     wait_until(lambda: not members(process.pid), 60)
+    assert not list(temporary.iterdir())
     with file.open("ab") as cut:
         cut.write(b'{"number": 3, "outc')
     before = file.read_bytes().splitlines()[:-1]

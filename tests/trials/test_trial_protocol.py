@@ -9,8 +9,9 @@ import pytest
 
 from dpr_lab.errors import DprError, RunError
 from dpr_lab.trials.case import run_case
-from dpr_lab.trials.protocol import Trial, draw, keep_diagnosis, open_trial, read_trial, recordings, refuse_opened
-from dpr_lab.trials.sealing import Kind, Wanted, seal
+from dpr_lab.trials.protocol import Trial, keep_diagnosis, open_trial, read_trial, recordings, refuse_opened
+from dpr_lab.trials.sealing import Kind, PlantRequest, seal
+from dpr_lab.workflows.trial import TrialRequest, draw
 
 pytestmark = pytest.mark.slow
 
@@ -53,11 +54,11 @@ def test_nothing_is_opened_before_a_diagnosis(diagnosed: Trial) -> None:
 
 def test_nothing_is_diagnosed_after_opening(diagnosed: Trial) -> None:
     before = diagnosed.diagnosis.read_bytes()
-    said = open_trial(diagnosed).said
+    diagnosis = open_trial(diagnosed).diagnosis
     with pytest.raises(RunError, match="opened already"):
         refuse_opened(diagnosed)
     with pytest.raises(RunError, match="opened already"):
-        keep_diagnosis(diagnosed, said)
+        keep_diagnosis(diagnosed, diagnosis)
     assert diagnosed.diagnosis.read_bytes() == before
 
 
@@ -78,7 +79,7 @@ def test_a_truth_that_is_not_the_sealed_one_does_not_count(diagnosed: Trial, par
 def test_a_folder_that_is_taken_is_refused(diagnosed: Trial) -> None:
     before = sorted(diagnosed.folder.rglob("*"))
     with pytest.raises(RunError, match="is not empty"):
-        draw(Wanted(Kind.CLEAN), diagnosed.folder)
+        draw(TrialRequest(PlantRequest(Kind.CLEAN), diagnosed.folder))
     assert sorted(diagnosed.folder.rglob("*")) == before
 
 
@@ -98,9 +99,9 @@ def test_a_diagnosis_that_is_none_is_refused(diagnosed: Trial, content: str) -> 
 
 
 def test_direct_recordings_are_those_of_the_protocol(diagnosed: Trial, tmp_path: Path) -> None:
-    told = seal(Wanted(Kind.CLEAN, seed=3), tmp_path / "device", direct=True)
-    assert told["rig"] == (diagnosed.folder / "rig.toml").read_text()
-    for run, direct in zip(recordings(diagnosed), told["runs"], strict=True):
+    sealed = seal(PlantRequest(Kind.CLEAN, seed=3), tmp_path / "device", direct=True)
+    assert sealed["rig"] == (diagnosed.folder / "rig.toml").read_text()
+    for run, direct in zip(recordings(diagnosed), sealed["runs"], strict=True):
         swing = np.array(direct["counts"])[np.array(direct["t"]) >= 0]
         assert run.pose == direct["pose"]
         counts = run.swing.counts

@@ -10,7 +10,7 @@ import pytest
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.errors import DprError
 from dpr_lab.rig import PARAMETERS, load_rig
-from dpr_lab.trials.score import Cause, Claim, Outcome, over_limit, read_outcome, score
+from dpr_lab.trials.score import Cause, Claim, TrialOutcome, over_limit, read_outcome, score
 from dpr_lab.trials.summary import brier, calibration_error, confusion, reliability, summary
 from dpr_lab.trials.truth import Truth, read_truth, unsealed
 
@@ -50,7 +50,7 @@ def said(verdict: str, *effects: dict, rivals=(), findings=()) -> dict:
     }
 
 
-def scored(diagnosis: dict, truth: Truth) -> Outcome:
+def scored(diagnosis: dict, truth: Truth) -> TrialOutcome:
     return score(diagnosis, truth, RIG, kind="single", level="clear", seed=1, seconds=2.0)
 
 

@@ -18,7 +18,7 @@ import pytest
 from textual.app import App
 from textual.pilot import Pilot
 
-from dpr_lab.identify import identify
+from dpr_lab.identification.identify import identify
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.layout import RELEASED
@@ -26,12 +26,12 @@ from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter
 from dpr_lab.tui.app import STEPS, DprApp
-from dpr_lab.tui.bench import Bench
-from dpr_lab.tui.chart import Chart
-from dpr_lab.tui.countdown import Countdown
-from dpr_lab.tui.step import Step
-from sim_device.config import load_plant
-from sim_device.direct import record
+from dpr_lab.tui.steps.step import Step
+from dpr_lab.tui.widgets.chart import Chart
+from dpr_lab.tui.widgets.countdown import Countdown
+from dpr_lab.tui.workspace import Workspace
+from sim_device.plant.config import load_plant
+from sim_device.trials.offline_recorder import record
 
 DATA = Path(__file__).parent / "data"
 SNAPSHOTS = Path(__file__).parent / "snapshots"
@@ -97,6 +97,13 @@ def fixed_diagnosis() -> Path:
     return DATA / "diagnosis.json"
 
 
+class Watched:
+    """The sight of a screen that a Pilot watches: a headless app has no terminal that could confirm a frame."""
+
+    async def seen(self, patience_s: float) -> float:
+        return 0.0
+
+
 @pytest.fixture
 def lab(tmp_path: Path) -> Lab:
     """(step, ..., size=, and what is on the bench) -> the app with these steps, in the hands of a Pilot."""
@@ -104,7 +111,7 @@ def lab(tmp_path: Path) -> Lab:
     @asynccontextmanager
     async def started(*steps: type[Step], size: tuple[int, int] = (80, 24), **bench: Any) -> AsyncIterator[Pilot[None]]:
         bench.setdefault("out", tmp_path / "bench")
-        app = DprApp(Bench(**bench), tmp_path / "state", steps=steps)
+        app = DprApp(Workspace(**bench), tmp_path / "state", steps=steps, sight=Watched())
         async with app.run_test(size=size) as pilot:
             await pilot.pause()
             yield pilot
@@ -115,7 +122,7 @@ def lab(tmp_path: Path) -> Lab:
 @pytest.fixture
 def app(tmp_path: Path) -> Iterator[DprApp]:
     """The app with steps 1 to 3 and a fresh bench; fails the test when something unexpected was logged."""
-    yield DprApp(Bench(out=tmp_path / "bench"), tmp_path / "state", steps=STEPS[:3])
+    yield DprApp(Workspace(out=tmp_path / "bench"), tmp_path / "state", steps=STEPS[:3], sight=Watched())
     log = tmp_path / "state" / "errors.log"
     assert not log.exists(), log.read_text()
 
@@ -150,9 +157,11 @@ class Cable:
         self._link.symlink_to(url.removeprefix("serial://").partition("?")[0])
 
     def pull(self) -> None:
-        """Take the cable out."""
+        """Take the cable out; once it is out, nothing happens."""
         self._device.kill()
-        self._device.communicate()
+        self._device.wait()
+        assert self._device.stdout is not None
+        self._device.stdout.close()
 
 
 @pytest.fixture

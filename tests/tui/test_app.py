@@ -13,10 +13,10 @@ from textual.widgets import Input, Static
 
 from dpr_lab.errors import LinkError
 from dpr_lab.tui.app import STEPS, DprApp
-from dpr_lab.tui.bench import Bench
-from dpr_lab.tui.dialogs import HelpScreen, Question
-from dpr_lab.tui.step import Step
-from dpr_lab.tui.stepper import Stepper
+from dpr_lab.tui.steps.step import Step
+from dpr_lab.tui.widgets.dialogs import HelpScreen, Question
+from dpr_lab.tui.widgets.stepper import Stepper
+from dpr_lab.tui.workspace import Workspace
 
 
 class Faulty(Step):
@@ -53,7 +53,7 @@ class Faulty(Step):
 
 
 def faulty(tmp_path: Path) -> DprApp:
-    return DprApp(Bench(out=tmp_path), tmp_path / "state", steps=(Faulty,))
+    return DprApp(Workspace(out=tmp_path), tmp_path / "state", steps=(Faulty,))
 
 
 def stepper(app: DprApp) -> str:
@@ -62,7 +62,7 @@ def stepper(app: DprApp) -> str:
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 48)], ids=str)
 async def test_every_step_is_reached_by_number_and_by_next(tmp_path: Path, size: tuple[int, int]) -> None:
-    app = DprApp(Bench(out=tmp_path), tmp_path / "state")
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=size) as pilot:
         for number, step in enumerate(STEPS, 1):
             await pilot.press(str(number))
@@ -93,7 +93,7 @@ async def test_the_stepper_says_what_is_missing(app: DprApp) -> None:
 
 
 async def test_a_rig_that_cannot_be_read_is_told_and_nothing_breaks(app: DprApp, said) -> None:
-    app.bench.rig = "no_such_rig.toml"
+    app.workspace.rig = "no_such_rig.toml"
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("2")
         assert "no_such_rig.toml: no such file" in str(app.query_one("#description", Static).render())
@@ -113,9 +113,9 @@ async def test_errors_become_notices_and_the_app_lives_on(tmp_path: Path, said) 
             await pilot.press(key)
             await pilot.pause()
             assert f"Unexpected: {name}" in said(app)
-        await pilot.press("z")
+        await pilot.press("escape", "z")
         await pilot.pause()
-        assert said(app).count("KeyError") == 2  # the step still hears
+        assert said(app).count("KeyError") == 1  # the step still hears
     log = (tmp_path / "state" / "errors.log").read_text()
     assert "in action_bug" in log
     assert "in on_faulty_asked" in log
@@ -170,15 +170,80 @@ async def test_steps_are_in_the_command_palette(app: DprApp) -> None:
     assert "3 Capture" in titles
 
 
+@pytest.mark.parametrize("word", ["record", "release", "report", "export", "compare", "link", "degrees"])
+async def test_every_action_is_in_the_command_palette_with_its_key(tmp_path: Path, word: str) -> None:
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
+    async with app.run_test(size=(80, 24)):
+        commands = list(app.get_system_commands(app.screen))
+    assert any(word in command.title.lower() and command.help.startswith("key ") for command in commands)
+
+
+async def test_the_palette_goes_to_the_step_and_acts_there(tmp_path: Path, said) -> None:
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
+    async with app.run_test(size=(80, 24)) as pilot:
+        (release,) = (c for c in app.get_system_commands(app.screen) if c.title == "Capture: release the rods")
+        await release.callback()
+        await pilot.pause()
+        assert app.current.NAME == "Capture"
+        assert "press s to be guided to the pose first" in said(app)
+
+
+async def test_a_screenshot_is_saved_beside_the_work_or_says_why_not(tmp_path: Path, said) -> None:
+    app = DprApp(Workspace(out=tmp_path / "bench"), tmp_path / "state")
+    async with app.run_test(size=(80, 24)) as pilot:
+        app.deliver_screenshot()
+        assert len(list((tmp_path / "bench" / "screenshots").glob("*.svg"))) == 1
+        app.workspace.out = tmp_path / "file"
+        app.workspace.out.write_text("")
+        app.deliver_screenshot()
+        await pilot.pause()
+        assert "the screenshot cannot be saved" in said(app)
+
+
+async def test_a_screen_that_is_too_small_says_so_and_keeps_what_is_true_of_the_rig(tmp_path: Path, until) -> None:
+    # At 60x20 the line with the latch was lost.
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
+    async with app.run_test(size=(60, 20)) as pilot:
+        await pilot.pause()
+        assert "60x20 is too small: the bench needs 80x24" in str(app.query_one("#too-small", Static).render())
+        shown = app.export_screenshot()
+        assert "no&#160;device" in shown
+        assert "Connect" not in shown
+        await pilot.resize_terminal(80, 24)
+        await until(pilot, lambda: not app.query_one("#too-small").display)
+
+
+@pytest.mark.parametrize("width", [80, 100, 120, 160])
+async def test_the_stepper_keeps_its_two_rows(tmp_path: Path, width: int) -> None:
+    # At 120 columns it wrapped behind step 4 and pushed out what is missing and what is next.
+    data = Path(__file__).parent / "data"
+    told = Workspace(out=tmp_path, model=data / "model.json", diagnosis=data / "diagnosis.json")
+    app = DprApp(told, tmp_path / "state")
+    async with app.run_test(size=(width, 30)) as pilot:
+        await pilot.press("4", "6", "1")
+        rows = stepper(app).splitlines()
+        assert len(rows) == 2
+        assert "6 Diagnose" in rows[0]
+        assert len(rows[0]) <= width - 2
+        assert "next (n): 2 Rig" in rows[1]
+
+
+async def test_the_same_message_is_not_stacked(tmp_path: Path, said) -> None:
+    app = faulty(tmp_path)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("w", "w", "w")
+        assert said(app).count("no cable") == 1
+
+
 def test_nothing_that_computes_is_imported_before_it_is_needed(tmp_path: Path) -> None:
     script = """
 import asyncio, pathlib, sys
 from dpr_lab.tui.app import DprApp
-from dpr_lab.tui.bench import Bench
+from dpr_lab.tui.workspace import Workspace
 
 async def look():
     here = pathlib.Path(sys.argv[1])
-    async with DprApp(Bench(out=here), here).run_test() as pilot:
+    async with DprApp(Workspace(out=here), here).run_test() as pilot:
         await pilot.press("6")
     print({"scipy", "numba", "filterpy", "cma", "matplotlib"} & sys.modules.keys() or "light")
 

@@ -1,12 +1,23 @@
+import math
+import re
 from pathlib import Path
 
 import pytest
+from textual.binding import Binding
+from textual.widgets import Markdown
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.rig import load_rig
 from dpr_lab.tui.app import KEYED, DprApp
-from dpr_lab.tui.bench import Bench
-from dpr_lab.tui.capture import CaptureStep
 from dpr_lab.tui.keys import actions, keys_file, load_keymap
+from dpr_lab.tui.recorder.attempt import Attempt, Phase
+from dpr_lab.tui.recorder.messages import Connected, Idle, RecorderFailed
+from dpr_lab.tui.steps.capture import CaptureStep
+from dpr_lab.tui.workspace import Workspace
+from firmware_protocol.identity import DeviceInfo
+
+INFO = DeviceInfo("1.0.0", "000051d000000001", (16384, 16384, 16384), 4000, 1000)
+CONNECTED = Connected("serial:///dev/ttyACM0?baud=921600", INFO, 1000, (), "")
 
 
 def keymap(folder: Path, text: str) -> dict[str, str]:
@@ -53,15 +64,61 @@ def test_two_actions_may_swap_their_keys(tmp_path: Path) -> None:
 
 
 async def test_a_new_key_works_and_the_old_one_does_not(tmp_path: Path) -> None:
-    changed = keymap(tmp_path, "[capture]\nrepeats = 'f6'\n[app]\nnext = 'j,ctrl+right'")
-    app = DprApp(Bench(out=tmp_path), tmp_path / "state", changed)
+    changed = keymap(tmp_path, "[capture]\nrepeats = 'f6'\n[app]\nnext = 'y,ctrl+right'")
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state", changed)
     async with app.run_test(size=(80, 24)) as pilot:
-        await pilot.press("j", "n", "j")
+        await pilot.press("y", "n", "y")
         assert app.current.NAME == "Capture"
         checklist = app.query_one(CaptureStep).query_one("#checklist")
-        await pilot.press("f6", "e")
+        await pilot.press("f6", "f")
         await pilot.pause()
         assert "2 of each pose" in str(checklist.render())
+
+
+MOVES = {"left", "right", "up", "down", "home", "end", "shift+up", "shift+down", "escape", "enter"}
+"""Keys that move, choose and leave, whatever there is to move."""
+
+
+def test_a_key_means_one_thing_on_all_screens() -> None:
+    meanings: dict[str, set[str]] = {}
+    for place in (DprApp, *KEYED):
+        for binding in Binding.make_bindings(place.__dict__.get("BINDINGS", ())):
+            if binding.key not in MOVES:
+                meanings.setdefault(binding.key, set()).add(binding.description)
+    assert {key: what for key, what in meanings.items() if len(what) > 1} == {}
+
+
+async def test_every_text_names_the_key_as_it_is(tmp_path: Path) -> None:
+    # A remapped release key left "Press r to RELEASE" on the screen, and r did nothing.
+    changed = keymap(tmp_path, "[capture]\nrelease = 'f7'\nstart = 'f8'\nconnect = 'f9'\n[connect]\nexercise = 'f6'")
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state", changed)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await pilot.press("3")
+        step = app.query_one(CaptureStep)
+        app.device.connected = app.device.lost = None
+        await pilot.press("f7")
+        assert "press f8 to be guided" in "\n".join(notice.message for notice in app._notifications)
+        step.attempt = Attempt(1, "X1", load_rig("paper").poses["X1"], Phase.READY)
+        app.device.note(Idle((0.0, 3.1, 0.1), True, math.inf))
+        app.device.connected = CONNECTED
+        step._draw()
+        assert "Press f7 to RELEASE" in str(app.query_one("#headline").render())
+        step.attempt = None
+        app.device.note(RecorderFailed(None, "gone", alive=False))
+        step._draw()
+        assert "f9: connect again" in str(app.query_one("#headline").render())
+        await pilot.press("f1")
+        help_text = app.screen.query_one(Markdown).source
+        assert "`f7` starts a countdown" in help_text
+        assert "keys.toml" in help_text
+        assert "{" not in help_text
+
+
+@pytest.mark.parametrize(
+    "place", [place for place in KEYED if getattr(place, "HELP", "")], ids=lambda place: place.__name__
+)
+def test_no_help_names_a_key_by_itself(place: type) -> None:
+    assert re.findall(r"`[a-z/\[\]]`", place.HELP) == []
 
 
 def test_the_config_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

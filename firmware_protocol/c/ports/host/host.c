@@ -32,25 +32,25 @@ uint32_t hal_millis(void *port)
 
 void hal_hold(void *port, uint8_t pose)
 {
-    dpr_deeds_t *deeds = &((dpr_host_t *)port)->deeds;
-    deeds->hold = true;
-    deeds->pose = pose;
+    dpr_actions_t *actions = &((dpr_host_t *)port)->actions;
+    actions->hold = true;
+    actions->pose = pose;
 }
 
 uint32_t hal_release(void *port)
 {
     dpr_host_t *host = port;
-    host->deeds.release = true;
-    host->deeds.release_tick = host->device.next_tick;
-    return host->deeds.release_tick;
+    host->actions.release = true;
+    host->actions.release_tick = host->device.next_tick;
+    return host->actions.release_tick;
 }
 
 void hal_start_ticks(void *port, uint16_t rate_hz)
 {
     dpr_host_t *host = port;
     host->waiting = 0;
-    host->deeds.start_ticks = true;
-    host->deeds.rate_hz = rate_hz;
+    host->actions.start_ticks = true;
+    host->actions.rate_hz = rate_hz;
 }
 
 bool hal_next_reading(void *port, dpr_reading_t *reading)
@@ -152,11 +152,11 @@ size_t dpr_host_take(dpr_host_t *host, dpr_frame_t *frames)
     return count;
 }
 
-dpr_deeds_t dpr_host_deeds(dpr_host_t *host)
+dpr_actions_t dpr_host_actions(dpr_host_t *host)
 {
-    dpr_deeds_t deeds = host->deeds;
-    memset(&host->deeds, 0, sizeof host->deeds);
-    return deeds;
+    dpr_actions_t actions = host->actions;
+    memset(&host->actions, 0, sizeof host->actions);
+    return actions;
 }
 
 uint8_t dpr_host_state(const dpr_host_t *host)

@@ -12,12 +12,12 @@ typedef struct {
     uint16_t rate_hz;
     uint8_t pose;
     bool hold, release, start_ticks;
-} dpr_deeds_t;
+} dpr_actions_t;
 
 typedef struct {
     dpr_device_t device;
     dpr_identity_t identity;
-    dpr_deeds_t deeds;
+    dpr_actions_t actions;
     uint32_t millis, tick;
     uint16_t fraction;
     uint8_t fault;
@@ -52,8 +52,8 @@ void dpr_host_note_dropped(dpr_host_t *host, uint16_t samples);
 /* Moves the waiting frames, DPR_HOST_FRAMES at most, to `frames`; returns how many. */
 size_t dpr_host_take(dpr_host_t *host, dpr_frame_t *frames);
 
-/* The deeds since the last call. */
-dpr_deeds_t dpr_host_deeds(dpr_host_t *host);
+/* The actions since the last call. */
+dpr_actions_t dpr_host_actions(dpr_host_t *host);
 
 uint8_t dpr_host_state(const dpr_host_t *host);
 bool dpr_host_latched(const dpr_host_t *host);

@@ -1,0 +1,86 @@
+"""Diagnose and identify recordings on request, and say what it cost: one process for each code base.
+
+Started by benchmarks/diagnosis_speed.py with PYTHONPATH at the code base, which may be an older one: it imports nothing
+but what every version has. It reads one JSON object a line and answers with one.
+"""
+
+import contextlib
+import json
+import os
+import resource
+import sys
+import time
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba.core import event
+
+PLACES = {"identify": ("dpr_lab.identification.identify", "dpr_lab.identify"), "diagnose": ("dpr_lab.gap.diagnose",)}
+"""Function -> the modules that it has been in, the newest first."""
+
+
+def found(name: str) -> Callable[..., Any]:
+    """A function of the code base, wherever that keeps it."""
+    for place in PLACES[name]:
+        with contextlib.suppress(ModuleNotFoundError):
+            if find_spec(place) is not None:
+                return getattr(import_module(place), name)
+    raise ModuleNotFoundError(f"none of {', '.join(PLACES[name])} is in this code base")
+
+
+def recorded(folder: Path) -> tuple[list[Any], Any]:
+    """The runs and the rig of a folder written by `diagnosis_speed.keep`."""
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
+
+    described = json.loads((folder / "case.json").read_text(encoding="utf-8"))
+    rig = Rig.model_validate(described["rig"])
+    with np.load(folder / "runs.npz") as arrays:
+        runs = [
+            Run(
+                **about, **{name: arrays[f"{name}{i}"] for name in ("t", "theta", "counts")}, rig_name="", rig_sha256=""
+            )
+            for i, about in enumerate(described["runs"])
+        ]
+    return runs, rig
+
+
+def answer(job: dict[str, Any]) -> dict[str, Any]:
+    """Do one job and measure it."""
+    runs, rig = recorded(Path(job["folder"]))
+    work = found(job["do"])
+    with event.install_recorder("numba:compile") as compiled:
+        began = time.process_time()
+        said = work(runs, rig, seed=job.get("seed", 0))
+        cpu_s = time.process_time() - began
+    told = {"cpu_s": cpu_s, "compiled": bool(compiled.buffer), "peak_mb": peak_mb()}
+    if job["do"] == "diagnose":
+        said = said.to_json()
+        told |= {"verdict": said["verdict"], "names": sorted(effect["name"] for effect in said["effects"])}
+    return told
+
+
+def peak_mb() -> float:
+    """Most memory that this process has held, MB."""
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most / (1e6 if sys.platform == "darwin" else 1e3)
+
+
+def main() -> None:
+    """Answer until the input ends; what the work prints goes to stderr."""
+    import dpr_lab
+
+    code = os.environ["PYTHONPATH"]
+    assert Path(dpr_lab.__file__).is_relative_to(code), f"{dpr_lab.__file__} is not the code of {code}"
+    out = sys.stdout
+    sys.stdout = sys.stderr
+    for line in sys.stdin:
+        print(json.dumps(answer(json.loads(line))), file=out, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""What `dpr-lab drift` says of rigs that changed and of rigs that did not.
+
+Estimates drawn by the ten thousand show false alarms and power of the test itself, for several plans of runs; whole
+recordings of simulated plants (friction of joint 1 changed by three standard deviations of a run's estimate, with and
+without a scatter of its own from run to run) show that what is fitted to runs behaves as what is drawn.
+
+    python benchmarks/drift.py [--quick] [--json]
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from _bars import Bar, at_least, at_most, options, show
+
+from dpr_lab.drift.changes import Drift, DriftSettings, changes
+from dpr_lab.drift.estimates import Estimates, estimate_each
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
+from sim_device.plant.config import PlantConfig, load_plant
+from sim_device.trials.offline_recorder import record
+
+POSES = ("X1", "X2", "X3")
+BETWEEN_POSES = {"X1": 0.0, "X2": 5.0, "X3": -3.0}
+"""What the model misses, by pose, in standard deviations of a run."""
+PLANS = ((2, 7, POSES[:1]), (2, 3, POSES), (4, 5, POSES[:1]), (4, 2, POSES), (3, 3, POSES))
+"""Groups, runs of each pose in each, poses."""
+QUICK = DriftSettings(draws=2000)
+"""Critical values good to a tenth are enough where thousands of them are used."""
+CHANGE = 3.0
+"""In standard deviations of a run's estimate."""
+SCATTER = 0.01
+"""Of the friction from run to run, relative."""
+
+
+def main() -> None:
+    """Print the bars."""
+    asked = options(__doc__).parse_args()
+    drawn, whole = (400, 4) if asked.quick else (4000, 40)
+    bars = [bar for plan in PLANS for bar in drawn_bars(*plan, drawn)]
+    for scatter in (0.0, SCATTER):
+        bars += whole_bars(scatter, whole)
+    show("drift", bars, asked.json)
+
+
+def drawn_bars(groups: int, repeats: int, poses: tuple[str, ...], trials: int) -> Iterator[Bar]:
+    """False alarms and changes found among drawn estimates."""
+    rng = np.random.default_rng(groups * 100 + repeats)
+    plan = f"{groups} groups of {repeats} runs from {len(poses)} pose{'s' * (len(poses) > 1)}"
+    calm = [drawn(rng, groups, repeats, poses, 0.0) for _ in range(trials)]
+    moved = [drawn(rng, groups, repeats, poses, CHANGE) for _ in range(trials)]
+    yield at_most(f"drawn, {plan}: false alarms", float(np.mean([bool(d.moved) for d in calm])), 0.02)
+    yield at_least(f"drawn, {plan}: 3 std found", float(np.mean([bool(d.moved) for d in moved])), 0.9)
+
+
+def drawn(rng: np.random.Generator, groups: int, repeats: int, poses: tuple[str, ...], change: float) -> Drift:
+    """One trial: five parameters, one of which changes in all groups from one of them on."""
+    group = np.repeat(np.arange(groups), repeats * len(poses))
+    of_run = poses * (groups * repeats)
+    values = rng.standard_normal((len(group), 5)) + np.array([[BETWEEN_POSES[pose]] for pose in of_run])
+    values[group >= rng.integers(1, groups), rng.integers(5)] += change
+    found = Estimates(("run",) * len(group), of_run, tuple("abcde"), values, np.zeros_like(values))
+    return changes(found, group.tolist(), [f"group {g}" for g in range(groups)], QUICK, int(rng.integers(1 << 31)))
+
+
+def whole_bars(scatter: float, trials: int) -> Iterator[Bar]:
+    """False alarms and changes found among recordings, three of each pose before and three after."""
+    rig, plant = load_rig("paper"), load_plant("paper", 1)
+    calm = estimate_each([run_of(plant, rig, pose, 0, 1.0) for pose in POSES], rig)
+    at = calm.names.index("c1/b")
+    std = np.hypot(np.sqrt(np.mean(calm.std[:, at] ** 2)) / calm.values[:, at].mean(), scatter)
+    group, found = [0] * 9 + [1] * 9, []
+    for change in (0.0, CHANGE * std):
+        alarms = []
+        for trial in range(trials):
+            rng = np.random.default_rng(trial)
+            factors = 1 + scatter * rng.standard_normal(18) + change * np.array(group)
+            runs = [run_of(plant, rig, POSES[k % 3], 100 * trial + k, f) for k, f in enumerate(factors)]
+            drift = changes(estimate_each(runs, rig), group, ["before", "after"], QUICK, trial)
+            alarms.append(bool(drift.moved))
+        found.append(float(np.mean(alarms)))
+    said = f"recorded, friction scatters by {scatter:.0%}"
+    yield at_most(f"{said}: false alarms", found[0], 0.02)
+    yield at_least(f"{said}: 3 std found", found[1], 0.9)
+
+
+def run_of(plant: PlantConfig, rig: Rig, pose: str, seed: int, factor: float) -> Run:
+    """A release from one pose, with the friction of joint 1 changed by a factor."""
+    parameters = plant.parameters | {"c1": plant.parameters["c1"] * float(factor)}
+    alone = rig.model_copy(update={"poses": {pose: rig.poses[pose]}})
+    (run,) = record(plant.model_copy(update={"seed": seed, "parameters": parameters}), alone, 3.0, 500)
+    return run
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,63 @@
+"""The site of the documentation: `make docs`."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+from dpr_lab.version import __version__
+
+HERE = Path(__file__).parent
+
+project = "dpr-lab"
+copyright = "the dpr-lab contributors"
+version = release = __version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+source_suffix = {".md": "markdown"}
+exclude_patterns = ["decisions/README.md"]
+html_theme = "furo"
+html_title = f"dpr-lab {version}"
+html_copy_source = False
+html_show_sphinx = False
+myst_enable_extensions = ["dollarmath", "deflist"]
+myst_heading_anchors = 4
+autodoc_typehints = "description"
+autodoc_member_order = "bysource"
+nitpicky = False
+
+
+def write_command_line(app: Sphinx) -> None:
+    """Every command's own help, as `reference/command-line.md`."""
+    from typer.main import get_command
+
+    from dpr_lab.cli.app import app as commands
+
+    group = get_command(commands)
+    names = [[]]
+    for name, command in group.commands.items():  # type: ignore[attr-defined]
+        if command.hidden:
+            continue
+        inner = getattr(command, "commands", {})
+        names += [[name, *rest] for rest in ([], *([sub] for sub in inner))]
+    parts = ["# Command line\n\nWhat `--help` says, command by command.\n"]
+    for words in names:
+        said = subprocess.run(
+            [sys.executable, "-m", "dpr_lab", *words, "--help"],
+            env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"},
+            capture_output=True,
+            encoding="utf-8",
+            check=True,
+        ).stdout
+        title = " ".join(["dpr-lab", *words])
+        parts.append(f"## `{title}`\n\n```text\n{said.strip()}\n```\n")
+    target = HERE / "reference" / "command-line.md"
+    text = "\n".join(parts)
+    if not target.exists() or target.read_text(encoding="utf-8") != text:
+        target.write_text(text, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> None:
+    """Hooks of the build."""
+    app.connect("builder-inited", write_command_line)

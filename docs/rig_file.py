@@ -1,0 +1,118 @@
+"""Write docs/rig-file.md from the model of a rig file: `python docs/rig_file.py`."""
+
+from collections.abc import Iterator
+from inspect import cleandoc
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from dpr_lab.report.tables import PARAMETER_UNITS
+from dpr_lab.rig import Rig
+
+PAGE = Path(__file__).with_name("rig-file.md")
+
+HEAD = """# The rig file
+
+A rig file says what was measured on the bench, what is searched for between which bounds, and how the encoders are
+read. It is TOML; a key that is unknown, missing or out of its range is refused with its place. Begin with questions,
+with flags, or with a rig that comes along, and look at what you wrote:
+
+    dpr-lab rig new
+    dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12+-0.001 --out my_rig.toml
+    dpr-lab rig show paper > my_rig.toml
+    dpr-lab rig check my_rig.toml
+
+All values are in SI units, all angles are absolute: 0 = upright, pi = hanging. Numbers are written as numbers, not as
+text. This page is written by `docs/rig_file.py` from the model that reads the file.
+"""
+
+TAILS = {
+    "parameters": "A free swing fixes five ratios; which measured value would fix more,"
+    " `dpr-lab identifiability --rig my_rig.toml` says.",
+    "poses": "A rig without poses takes imported tables, but `capture` has nothing to release from.",
+    "rods": "`dpr-lab capture` and `dpr-lab import` take it as `--rods` and `--elbow` too, and keep it with the run:"
+    " runs of one rig with both rods, with one alone and with the elbow clamped go into one `identify` or `diagnose`,"
+    ' with the same rig file. A rig that has one rod only says `mounted = "inner"` in its rig file; of the parameters'
+    " `l1`, `m1`, `c1` and `J1` are then enough, its poses need no `theta2`, and a table needs no column of it.",
+    "added_mass": "Recordings with it and without it together fix the scale of all masses. Give those recordings a rig"
+    " file of their own, the same but for this table.",
+}
+
+
+def page() -> str:
+    """The whole page, as Markdown."""
+    return "\n".join([HEAD, *(section(name, field) for name, field in Rig.model_fields.items())])
+
+
+def section(name: str, field: FieldInfo) -> str:
+    """One table of the file: what it is, its keys."""
+    model = next(models_in(field.annotation))
+    many = get_origin(field.annotation) is dict
+    title = f"[{name}.NAME]" if many else f"[{name}]"
+    how = "needed to record" if name == "poses" else "nine tables, all needed" if many else ""
+    how = how or ("needed" if field.is_required() else "optional")
+    lines = [f"## `{title}`, {how}", "", as_prose(model.__doc__), ""]
+    if name == "parameters":
+        lines += [*(f"- `{key}`: {meaning}, {unit}" for key, (unit, meaning) in PARAMETER_UNITS.items()), ""]
+    lines += ["| key | default | range | meaning |", "|---|---|---|---|"]
+    lines += [row(key, inner) for key, inner in model.model_fields.items()]
+    return "\n".join([*lines, *([f"\n{TAILS[name]}"] if name in TAILS else []), ""])
+
+
+def as_prose(text: str | None) -> str:
+    """A docstring as Markdown, its formulas as code; what it says of Python is left out."""
+    kept = cleandoc(text or "").split("\n\nArgs")[0]
+    return kept
+
+
+def row(name: str, field: FieldInfo) -> str:
+    """One key of a table."""
+    assert field.description, f"{name} has no docstring"
+    default = "needed" if field.is_required() else "none" if field.default is None else f"`{shown(field.default)}`"
+    meaning = " ".join(field.description.split())
+    return (
+        f"| `{name}` | {default} | {'; '.join(dict.fromkeys(ranges(field.annotation, field.metadata)))} | {meaning} |"
+    )
+
+
+def shown(value: Any) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(shown, value))}]"
+    return f'"{value}"' if isinstance(value, str) else f"{value:g}"
+
+
+def ranges(kind: Any, metadata: list[Any]) -> Iterator[str]:
+    """What a value may be, in words."""
+    if get_origin(kind) is Annotated:
+        inner, *said = get_args(kind)
+        yield from ranges(inner, [part for one in said for part in getattr(one, "metadata", [one])])
+    elif get_origin(kind) in (Union, UnionType):
+        for other in get_args(kind):
+            yield from ranges(other, metadata) if other is not NoneType else ()
+    elif get_origin(kind) is tuple:
+        inner = "; ".join(dict.fromkeys(text for other in get_args(kind) for text in ranges(other, [])))
+        yield f"{len(get_args(kind))} times {inner}"
+    elif get_origin(kind) is Literal:
+        yield " or ".join(f"`{shown(value)}`" for value in get_args(kind))
+    elif kind in (int, float):
+        words = {"gt": "above", "ge": "from", "lt": "below", "le": "to"}
+        said = [f"{words[k]} {getattr(m, k):g}" for m in metadata for k in words if getattr(m, k, None) is not None]
+        yield f"{'whole number' if kind is int else 'number'} {' '.join(said)}".strip()
+    else:
+        yield "text"
+
+
+def models_in(kind: Any) -> Iterator[type[BaseModel]]:
+    """The models inside an annotation."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        yield kind
+    for other in get_args(kind):
+        yield from models_in(other)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,1 @@
+"""From a device to a run file: connect, hold, release, record, judge."""

@@ -1,0 +1,368 @@
+"""Capture: from the pose through the release to a judged run file. Headless; progress is events, nothing is printed.
+
+    look at the hanging rods -> hold -> guide to the pose -> stream -> wait for rest -> go-ahead -> release -> record
+    -> stop -> gate
+
+The rods are let go by one command alone, RELEASE, and it is sent only after pose, rest and the caller's explicit
+go-ahead. Whatever ends a capture before that leaves them held.
+"""
+
+import math
+import re
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.acquisition.device import Batch, Device
+from dpr_lab.acquisition.gate import QualityReport
+from dpr_lab.acquisition.holding import (
+    Confirm,
+    HangReading,
+    HeldPose,
+    PoseReading,
+    RestReading,
+    RestWindow,
+    guide,
+    look_at_hanging,
+    raise_faults,
+)
+from dpr_lab.acquisition.recording import Recording
+from dpr_lab.acquisition.rest import at_rest
+from dpr_lab.acquisition.settings import CAPTURE_SETTINGS, CaptureSettings
+from dpr_lab.errors import ConfigError, DeviceLost, DprError, LinkError, RunError
+from dpr_lab.rig import Pose, Rig
+from dpr_lab.storage.layout import SUFFIX
+from dpr_lab.storage.metadata import RunMetadata
+from dpr_lab.storage.room import check_room
+from dpr_lab.storage.writer import RunWriter
+from firmware_protocol.messages import State, Status
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureOptions:
+    """What to record."""
+
+    rate_hz: int | None = None
+    """None: as the rig file says."""
+    duration: float = 10.0
+    """How long to record after the release, s."""
+    until_rest: bool = False
+    """Record until both rods have come to rest, at most `max_duration`, instead of for `duration`."""
+    max_duration: float = 180.0
+    pose_timeout: float = 120.0
+    """How long the operator has to bring the rods to the pose, s."""
+    rest_timeout: float = 15.0
+    """How long the held rods have to become still, s."""
+    note: str = ""
+    """The operator's own words, kept with the run."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be recorded.
+
+        Raises:
+            ValueError: a rate that is not a positive whole number, or a time that is not positive and finite.
+        """
+        if self.rate_hz is not None and not (isinstance(self.rate_hz, int) and self.rate_hz > 0):
+            raise ValueError(f"rate_hz = {self.rate_hz!r}: must be a positive whole number, or None for the rig's")
+        for name in ("duration", "max_duration", "pose_timeout", "rest_timeout"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} = {getattr(self, name)!r}: must be a time above 0 and finite, s")
+
+    @property
+    def longest(self) -> float:
+        """How long the recording can become, s."""
+        return self.max_duration if self.until_rest else self.duration
+
+
+@dataclass(frozen=True, slots=True)
+class Released:
+    """The latch opened; samples are going to `file`."""
+
+    tick: int
+    file: Path
+
+
+@dataclass(frozen=True, slots=True)
+class SwingReading:
+    """How far the recording is."""
+
+    t: float
+    """Time since the release, s."""
+    theta: tuple[float, float, float]
+    """Newest absolute angles, rad."""
+    samples: int
+    fresh: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """Time since the release (n,), s, and absolute angles (n, 3), rad, of what came since the last report."""
+
+
+Progress: TypeAlias = HangReading | PoseReading | RestReading | Released | SwingReading
+OnProgress: TypeAlias = Callable[[Progress], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Captured:
+    """A finished capture."""
+
+    run_file: Path
+    quality: QualityReport
+    release_tick: int
+    duration: float
+    """From the release to the last sample, s."""
+    lost: Mapping[str, int]
+    """Samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
+    pose_measured: tuple[float, float, float] | None
+    """Absolute angles just before the release, rad."""
+
+
+def refuse() -> bool | None:
+    """The default go-ahead: none is given."""
+    return False
+
+
+def ignore(progress: Progress) -> None:
+    """The default listener: none."""
+
+
+def capture(
+    device: Device,
+    rig: Rig,
+    pose_name: str,
+    options: CaptureOptions,
+    out_dir: Path,
+    on_progress: OnProgress = ignore,
+    confirm: Confirm = refuse,
+    settings: CaptureSettings = CAPTURE_SETTINGS,
+) -> Captured:
+    """Guide the rods to a pose, let them go, record, and judge the recording.
+
+    Args:
+        device: a connected device
+        rig: the rig it is mounted on
+        pose_name: one of the rig's poses
+        options: rate, duration and limits
+        out_dir: folder for the run file, made when missing
+        on_progress: called with every step, on this thread
+        confirm: the go-ahead, asked once the rods are still: True releases, False stops, None asks again a moment later
+        settings: how it goes, and what counts as rest
+
+    Raises:
+        ConfigError: no such pose, or a device that does not fit the rig.
+        LinkError, DeviceFault: see `Device`.
+        SafetyStop: a check before the release did not pass or no go-ahead was given; the rods stay held.
+        RunError: no room for the file, before anything moves; or the disk failed, and what was recorded is kept.
+        DeviceLost: the device went away; the message names the partial file if there is one.
+        KeyboardInterrupt: passed on, naming the file, after that was finished as incomplete and the device was stopped.
+    """
+    pose, rate_hz = _pose(rig, pose_name), options.rate_hz or rig.link.rate_hz
+    check_encoders(device, rig)
+    device.check_rate(rate_hz)
+    check_room(out_dir, options.longest * rate_hz)
+    metadata = _metadata(device, rig, pose_name, rate_hz, options.note)
+    try:
+        device.stop()  # whatever an earlier program left running; the latch stays as it is
+        device.poll(0)
+        hanging = look_at_hanging(device, rig, on_progress, settings)
+        device.hold(1 + list(rig.poses).index(pose_name))
+        guide(device, rig, pose, options.pose_timeout, on_progress, settings)
+        device.stream(rate_hz)
+        held = HeldPose(device, rig, pose, rate_hz, on_progress, settings)
+        held.await_rest(options.rest_timeout)
+        held.await_go_ahead(confirm)
+        path = new_path(out_dir, pose_name, device.info.uid)
+        return _record(device, path, metadata, held.window, hanging, options, on_progress, settings)
+    except BaseException:
+        with suppress(DprError):
+            device.stop()
+        raise
+
+
+def new_path(out_dir: Path, pose_name: str, uid: str) -> Path:
+    """A file name that is not taken: `<utc>_<pose>_<uid8>.mcap`."""
+    stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}_{in_file_name(pose_name)}_{uid[-8:]}"
+    path, number = out_dir / f"{stem}{SUFFIX}", 1
+    while path.exists():
+        number += 1
+        path = out_dir / f"{stem}-{number}{SUFFIX}"
+    return path
+
+
+def in_file_name(pose_name: str) -> str:
+    """A pose's name as it stands in the name of a run file."""
+    return re.sub(r"[^A-Za-z0-9.-]", "-", pose_name)
+
+
+def check_encoders(device: Device, rig: Rig) -> None:
+    """Refuse a device with other encoders than the rig file says.
+
+    Raises:
+        ConfigError: its counts per turn are others.
+    """
+    ours, theirs = rig.encoders.counts_per_rev, device.info.counts_per_rev
+    if ours != theirs:
+        raise ConfigError(
+            f"{rig.path or rig.name}: encoders.counts_per_rev = {list(ours)}, but the device at {device.url} has"
+            f" {list(theirs)}: correct the rig file, or choose the device that belongs to it"
+        )
+
+
+def _pose(rig: Rig, name: str) -> Pose:
+    if name not in rig.poses:
+        where = rig.path or rig.name
+        raise ConfigError(f"{where}: has no pose {name!r} (there are: {', '.join(rig.poses) or 'none'})")
+    return rig.poses[name]
+
+
+def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str) -> RunMetadata:
+    info = device.info
+    return RunMetadata(
+        rig=rig,
+        pose=pose_name,
+        rate_hz=rate_hz,
+        url=device.url,
+        firmware=info.firmware,
+        uid=info.uid,
+        protocol=f"{info.major}.{info.minor}",
+        schema_hash=f"{info.schema_hash:08x}",
+        note=note,
+        extra={"simulated_time": str(info.simulated_time).lower()},
+    )
+
+
+def _record(
+    device: Device,
+    path: Path,
+    metadata: RunMetadata,
+    rest: RestWindow,
+    hanging: tuple[float, float] | None,
+    options: CaptureOptions,
+    on_progress: OnProgress,
+    settings: CaptureSettings,
+) -> Captured:
+    with (
+        RunWriter(path, metadata) as writer,
+        Recording(writer, rest.lost_before, options.longest, hanging, settings.limits) as recording,
+    ):
+        try:
+            recording.add(rest.batches)
+            recording.expect_release()
+            _release(device)
+            _await_release(device, recording, settings)
+            on_progress(Released(recording.release_tick or 0, path))
+            _follow(device, recording, options.until_rest, on_progress, settings)
+            _stop(device, recording, settings)
+            report = recording.finish(device.clock_fit(), _notes(recording, options, settings))
+        except BaseException as error:
+            recording.count_losses(device.losses)
+            with suppress(RunError):
+                recording.note_clock(device.clock_fit())
+                recording.abort(f"{type(error).__name__}: {error}".rstrip(": "))
+            kept = f"what was recorded until then is kept in {path}"
+            if isinstance(error, KeyboardInterrupt):
+                raise KeyboardInterrupt(f"stopped by the operator; {kept}") from error
+            if isinstance(error, DprError) and not isinstance(error, RunError):  # which names the file already
+                raise type(error)(f"{error}; {kept}") from error
+            raise
+        tick, measured = recording.release_tick or 0, recording.pose_measured
+        return Captured(path, report, tick, recording.t, recording.lost, measured)
+
+
+def _release(device: Device) -> None:
+    try:
+        device.release()
+    except LinkError as error:
+        raise type(error)(f"{error}; RELEASE was sent, so the rods may be free: look before you reach in") from error
+
+
+def _take(device: Device, recording: Recording, settings: CaptureSettings) -> list[Batch]:
+    batches = device.poll(settings.poll_s)
+    recording.add(batches)
+    raise_faults(device.url, batches)
+    return batches
+
+
+def _await_release(device: Device, recording: Recording, settings: CaptureSettings) -> None:
+    deadline = time.monotonic() + settings.release_timeout_s
+    while recording.release_tick is None:
+        if time.monotonic() > deadline:
+            raise LinkError(f"{device.url}: the message with the instant of the release was lost: record again")
+        _take(device, recording, settings)
+
+
+class _Pace:
+    """Whether samples come nearly as fast as they say they are taken, so that a recording ends."""
+
+    def __init__(self, device: Device, recording: Recording, settings: CaptureSettings) -> None:
+        patience = device.silence_s / device.timing.silence_s
+        self._window_s, self._slowest = settings.pace_window_s * patience, settings.slowest_pace / patience
+        self._recording, self._url = recording, device.url
+        self._at, self._t = time.monotonic(), recording.t
+
+    def check(self, now: float) -> None:
+        """Raise DeviceLost for a device that is far too slow."""
+        waited, came = now - self._at, self._recording.t - self._t
+        if waited < self._window_s:
+            return
+        if came < self._slowest * waited:
+            raise DeviceLost(
+                f"{self._url}: in {waited:.0f} s came {came:.2g} s of samples: the device samples at another rate than"
+                f" {self._recording.rate_hz:g} Hz; check its sample timer"
+            )
+        self._at, self._t = now, self._recording.t
+
+
+def _follow(
+    device: Device, recording: Recording, until_rest: bool, on_progress: OnProgress, settings: CaptureSettings
+) -> None:
+    """Record for as long as asked, or until the rods have come to rest."""
+    next_look = heard_at = time.monotonic()
+    pace = _Pace(device, recording, settings)
+    reported = 0
+    while not recording.full:
+        batches = _take(device, recording, settings)
+        now = time.monotonic()
+        if any(batch.rows for batch in batches):
+            heard_at = now
+        elif now - heard_at > (longest := settings.silences_without_samples * device.silence_s):
+            raise DeviceLost(f"{device.url}: the device reports but sent no samples for {longest:g} s")
+        pace.check(now)
+        if now < next_look:
+            continue
+        next_look = now + settings.report_s
+        if recording.clock_due:
+            recording.note_clock(device.clock_fit())
+        still_s = settings.rest_after_s
+        t, theta = recording.tail(still_s)
+        theta0, theta1, theta2 = theta[-1].tolist()
+        fresh = recording.since(reported)
+        on_progress(SwingReading(recording.t, (theta0, theta1, theta2), len(recording.samples), fresh))
+        reported = len(recording.samples)
+        if until_rest and recording.t >= still_s and at_rest(t, theta, recording.rig, settings.limits.rest):
+            recording.end_here()
+
+
+def _notes(recording: Recording, options: CaptureOptions, settings: CaptureSettings) -> tuple[str, ...]:
+    last = recording.tail(settings.rest_after_s)
+    if not options.until_rest or at_rest(*last, recording.rig, settings.limits.rest):
+        return ()
+    return (
+        f"the rods had not come to rest when the recording ended, {recording.t:g} s after the release: where they hang"
+        " at rest was not checked",
+    )
+
+
+def _stop(device: Device, recording: Recording, settings: CaptureSettings) -> None:
+    """Stop the stream, and take in what was under way with the status that counts it."""
+    device.stop()
+    deadline = time.monotonic() + settings.last_status_s
+    counted = False
+    while not counted and time.monotonic() < deadline:
+        messages = [message for batch in _take(device, recording, settings) for message in batch.messages]
+        counted = any(isinstance(message, Status) and message.state is State.IDLE for message in messages)
+    recording.count_losses(device.losses)

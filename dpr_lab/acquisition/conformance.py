@@ -1,0 +1,262 @@
+"""Whether a device keeps to the protocol: the exchanges of `traces.json` over its own port, and its timing.
+
+It opens and closes the latch many times: a device with rods on it is no place for this.
+"""
+
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from itertools import pairwise
+from typing import Any
+
+from dpr_lab.errors import DprError, LinkTimeout
+from dpr_lab.transports.transport import Transport
+from firmware_protocol.errors import RemoteProtocolError
+from firmware_protocol.messages import (
+    DEVICE_NODE,
+    MESSAGES,
+    ClearFault,
+    Event,
+    EventKind,
+    Fault,
+    Frame,
+    Hello,
+    Hold,
+    Info,
+    KeepAlive,
+    Message,
+    Ping,
+    Pong,
+    Position,
+    Release,
+    Sample,
+    State,
+    Status,
+    Stop,
+    Stream,
+    decode,
+    encode,
+)
+
+Step = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class ConformanceSettings:
+    """How long a device may take, and what its timing must keep to."""
+
+    answer_s: float = 0.1
+    """A host sends a command again after this."""
+    patience_s: float = 5.0
+    """For something that is sure to come."""
+    timing_s: float = 2.0
+    """How long its samples are watched."""
+    rate_hz: int = 500
+    """At which; every link carries it."""
+    rate_off: float = 0.01
+    """Of the rate, by the host's clock over the time watched."""
+    reports_hz: tuple[float, float] = (7.0, 13.0)
+    """STATUS a second: ten, as a host sees them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conformity:
+    """One question put to a device, and its answer."""
+
+    what: str
+    ok: bool
+    said: str
+    """What was wrong, or found."""
+
+
+MARK = 0xBA00
+"""Tokens of the pings behind what was asked: a device works in the order of what it hears."""
+
+
+def conformity(link: Transport, settings: ConformanceSettings = ConformanceSettings()) -> Iterator[Conformity]:
+    """Put every exchange to a device that can be put over its port, and watch its timing.
+
+    Args:
+        link: open; the device has no rods on it
+        settings: how long it may take
+
+    Raises:
+        LinkTimeout: it does not answer at all.
+    """
+    peer = _Peer(link, settings)
+    told = json.loads(files("firmware_protocol").joinpath("traces.json").read_text(encoding="utf-8"))
+    for trace in told["traces"]:
+        steps: Sequence[Step] = trace["steps"]
+        if any("fault" in step for step in steps) or steps[0].get("send", [""])[0] != "HELLO":
+            continue  # needs a hand on the hardware
+        peer.to_idle()
+        wrong = next((said for n, step in enumerate(steps, 1) if (said := _step(peer, step, f"step {n}"))), "")
+        yield Conformity(trace["why"], not wrong, wrong or f"{len(steps)} steps")
+    peer.to_idle()
+    yield from _timing(peer, settings)
+    peer.to_idle()
+
+
+class _Peer:
+    """The host's end, which says just what it is told to."""
+
+    def __init__(self, link: Transport, settings: ConformanceSettings) -> None:
+        self.link, self.settings = link, settings
+        self.meaningless = 0
+        self._mark = 0
+        self._released: Event | None = None
+        self._heard: list[Message] = []
+
+    def to_idle(self) -> None:
+        """A new conversation with a device that is idle, whatever was before."""
+        self._released = None
+        self.ask(Hello(token=200))
+        for command in (Stop(token=201), ClearFault(token=202), Hold(token=203), Stream(token=204)):
+            self.ask(command)
+        self.ask(Release(token=205))
+        self.ask(Stop(token=206))
+        self._released = None
+
+    def ask(self, message: Message) -> list[Message]:
+        """The answers to a message."""
+        return self.tell(encode(message))
+
+    def tell(self, frame: Frame) -> list[Message]:
+        """The answers to a frame."""
+        self.link.send(frame)
+        return self.answers()
+
+    def fall_silent(self, seconds: float) -> list[Message]:
+        """What is said while nothing is."""
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            self.read()
+        return self.answers()
+
+    def answers(self) -> list[Message]:
+        """What was said until now, without reports, samples and repeated releases."""
+        self._mark = self._mark % 255 + 1
+        mark = Ping(MARK + self._mark)
+        self._await(lambda: any(isinstance(m, Pong) and m.token == mark.token for m in self._heard), mark)
+        said, self._heard = self._heard, []
+        return [message for message in said if self._is_answer(message)]
+
+    def status(self) -> Status:
+        """The next report."""
+        self._heard.clear()
+        self._await(lambda: any(isinstance(message, Status) for message in self._heard), KeepAlive())
+        return next(message for message in self._heard if isinstance(message, Status))
+
+    def read(self) -> list[Message]:
+        """What arrives within a moment."""
+        fresh: list[Message] = []
+        for frame in self.link.receive(0.02).frames:
+            try:
+                fresh += [decode(frame)] if frame.node == DEVICE_NODE else []
+            except RemoteProtocolError:
+                self.meaningless += 1
+        self._heard += fresh
+        return fresh
+
+    def _await(self, done: Callable[[], bool], again: Message) -> None:
+        deadline, next_at = time.monotonic() + self.settings.patience_s, 0.0
+        while not done():
+            now = time.monotonic()
+            if now > deadline:
+                raise LinkTimeout(
+                    f"{self.link.url}: no answer to {type(again).__name__} for {now - deadline + 5:.0f} s"
+                )
+            if now >= next_at:
+                self.link.send(encode(again))
+                next_at = now + self.settings.answer_s
+            self.read()
+
+    def _is_answer(self, message: Message) -> bool:
+        if isinstance(message, Sample | Position | Status):
+            return False
+        if isinstance(message, Pong):
+            return message.token & 0xFF00 != MARK
+        if isinstance(message, Event) and message.kind is EventKind.RELEASED:
+            before, self._released = self._released, message
+            return message != before
+        return True
+
+
+def _step(peer: _Peer, step: Step, where: str) -> str:
+    """What a device did otherwise than the step says; empty where nothing."""
+    if "silent_s" in step:
+        asked, answers = f"{step['silent_s']} s of silence", peer.fall_silent(step["silent_s"])
+    elif "frame" in step:
+        identifier, data = step["frame"]
+        asked, answers = f"frame {identifier:#x} {data}", peer.tell(Frame(identifier, bytes.fromhex(data)))
+    else:
+        name, fields = step["send"]
+        asked, answers = name, peer.ask(MESSAGES[name](**fields))
+    expected = [(MESSAGES[name], fields) for name, fields in step["answers"]]
+    if [type(answer) for answer in answers] != [kind for kind, _ in expected]:
+        return (
+            f"{where}, {asked}: answered {_names(answers)}, not {', '.join(n for n, _ in step['answers']) or 'nothing'}"
+        )
+    for answer, (_, fields) in zip(answers, expected, strict=True):
+        told = {name: getattr(answer, name) for name in fields}
+        if told != fields:
+            return f"{where}, {asked}: answered {answer}, not with {fields}"
+    if "then" in step:
+        state, latched, fault = step["then"]
+        found = peer.status()
+        if (found.state, found.latched, found.fault) != (State[state], latched, Fault[fault]):
+            return (
+                f"{where}, after {asked}: reports {found.state.name}, latched {found.latched}, fault {found.fault.name}"
+            )
+    return ""
+
+
+def _names(messages: Sequence[Message]) -> str:
+    return ", ".join(type(message).__name__.upper() for message in messages) or "nothing"
+
+
+def _timing(peer: _Peer, settings: ConformanceSettings) -> Iterator[Conformity]:
+    """Samples and reports for a while, by the host's clock."""
+    pages = [page for page in peer.ask(Hello(token=1)) if isinstance(page, Info)]
+    simulated = any(page.fields.get("simulated_time") for page in pages)
+    peer.ask(Hold(token=2))
+    peer.ask(Stream(token=3, rate_hz=settings.rate_hz))
+    began = time.monotonic()
+    keep_at, arrived, reports = began, list[tuple[float, int]](), 0
+    while (now := time.monotonic()) < began + settings.timing_s:
+        if now >= keep_at:
+            peer.link.send(encode(KeepAlive()))
+            keep_at = now + settings.answer_s
+        fresh = peer.read()
+        now = time.monotonic()
+        arrived += [(now, message.tick) for message in fresh if isinstance(message, Sample)]
+        reports += sum(isinstance(message, Status) for message in fresh)
+    if len(arrived) < 2:
+        yield Conformity("samples come", False, f"{len(arrived)} in {settings.timing_s:g} s")
+        return
+    steps = [(b - a) & 0xFFFF for (_, a), (_, b) in pairwise(arrived)]
+    missing = sum(step != 1 for step in steps)
+    yield Conformity("every tick has a sample", not missing, f"{len(arrived)} samples, {missing} steps that are not 1")
+    if not simulated:
+        rate = sum(steps) / (arrived[-1][0] - arrived[0][0])
+        off = abs(rate / settings.rate_hz - 1)
+        yield Conformity("the rate is right", off < settings.rate_off, f"{rate:.1f} Hz, asked {settings.rate_hz} Hz")
+        low, high = settings.reports_hz
+        hz = reports / settings.timing_s
+        yield Conformity("STATUS ten times a second", low <= hz <= high, f"{hz:.1f} a second")
+    yield Conformity("every frame means something", not peer.meaningless, f"{peer.meaningless} that did not")
+
+
+def refuse_with_rods(rods_are_off: bool) -> None:
+    """Raise unless the operator said that there is nothing to let go.
+
+    Raises:
+        DprError: they did not.
+    """
+    if not rods_are_off:
+        raise DprError(
+            "this opens and closes the latch again and again, without looking at any rod: take the rods off, then"
+            " say so with --rods-off"
+        )

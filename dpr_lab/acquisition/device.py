@@ -1,0 +1,414 @@
+"""The device driver: typed commands out, samples and messages in, losses counted by cause.
+
+A reader thread drains the link in bulk, stamps what it reads with the host's clock, and keeps the device's lease alive;
+so neither a slow disk nor a busy screen can lose a byte or stop a stream. Everything else happens on the
+caller's thread, in `poll` and in the commands.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.acquisition.interrupts import unbroken
+from dpr_lab.acquisition.settings import DEVICE_TIMING, DeviceTiming
+from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, LinkTimeout, MismatchError, SafetyStop
+from dpr_lab.rig import JOINTS
+from dpr_lab.transports.transport import Received, Transport
+from firmware_protocol.clock import FEWEST, ClockFit, Exchange, Pinger, fit_clock
+from firmware_protocol.errors import (
+    CommandRefused,
+    CommandUnanswered,
+    DevicesCollide,
+    RemoteProtocolError,
+    VersionMismatch,
+)
+from firmware_protocol.host_role import HostSession
+from firmware_protocol.identity import DeviceInfo
+from firmware_protocol.messages import (
+    DEVICE_NODE,
+    NUMBERS,
+    Ack,
+    ClearFault,
+    Command,
+    Hello,
+    Hold,
+    Message,
+    NakCode,
+    Pong,
+    Release,
+    Sample,
+    Status,
+    Stop,
+    Stream,
+    encode,
+    explain,
+)
+from firmware_protocol.stream import Row, SampleStream, blind_ticks
+
+_STREAM, _STOP = NUMBERS[Stream], NUMBERS[Stop]
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """What one read of the link brought, in order of arrival."""
+
+    host_time: float
+    """`time.monotonic()` of the read, s."""
+    raw: bytes
+    rows: tuple[Row, ...]
+    """Samples with whole ticks and positions."""
+    messages: tuple[Message, ...]
+    """Everything but samples."""
+
+
+def arrays(rows: Sequence[Row]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Ticks (n,) and position counters (n, 3) of samples."""
+    ticks = np.array([row.tick for row in rows], dtype=np.int64)
+    return ticks, np.array([row.counts for row in rows], dtype=np.int64).reshape(-1, JOINTS)
+
+
+class Device:
+    """A device at the other end of an open transport; a context manager that closes it.
+
+    Commands and `poll` belong to one thread. Every method can raise DeviceLost once the link is gone or the
+    device has fallen silent.
+
+    Args:
+        transport: the open link
+        node: which device on it
+        read_only: only look: greet it and ask for its time, but neither command it nor keep a stream of it alive
+        timing: how it is listened to
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        node: int = DEVICE_NODE,
+        *,
+        read_only: bool = False,
+        timing: DeviceTiming = DEVICE_TIMING,
+    ) -> None:
+        self._transport = transport
+        self._read_only, self._timing = read_only, timing
+        self._session = HostSession(node)
+        self._stream = SampleStream()
+        self._pinger = Pinger()
+        self._exchanges: deque[Exchange] = deque(maxlen=timing.exchanges)
+        self._rate_hz = 0
+        self._batches: deque[Batch] = deque()
+        self._bytes = self._frames = self._meaningless = 0
+        self._held: Row | None = None
+        """The newest sample waits for the next: one that is contradicted by then is left out."""
+        self._overruns = _Counter()
+        self._dropped = _Counter()
+        self._quick_pings = 0
+        self._ping_at = self._heard_at = time.monotonic()
+        self._failure: Exception | None = None
+        self._closing = threading.Event()
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
+        self._reader = threading.Thread(target=self._read, name=f"reader of {transport.url}", daemon=True)
+        self._reader.start()
+
+    def __enter__(self) -> "Device":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def url(self) -> str:
+        """Where the device is."""
+        return self._transport.url
+
+    @property
+    def info(self) -> DeviceInfo:
+        """What the device is.
+
+        Raises:
+            ValueError: before `connect`.
+        """
+        if self._session.info is None:
+            raise ValueError("connect first")
+        return self._session.info
+
+    @property
+    def status(self) -> Status | None:
+        """Where the device stood by its last STATUS; None before the first."""
+        return self._session.status
+
+    @property
+    def timing(self) -> DeviceTiming:
+        """How it is listened to."""
+        return self._timing
+
+    @property
+    def heard_at(self) -> float:
+        """When the last sample or status came, `time.monotonic()`, s."""
+        return self._heard_at
+
+    @property
+    def silence_s(self) -> float:
+        """How long the device may say nothing before it counts as lost, s."""
+        patience = self._timing.simulated_patience if self.info.simulated_time else 1.0
+        return self._timing.silence_s * patience
+
+    def connect(self, timeout: float = 2.0) -> DeviceInfo:
+        """Greet the device, over and over until it answers or `timeout` s have passed.
+
+        Raises:
+            LinkTimeout: nothing answered; says whether anything at all arrived.
+            MismatchError: the device speaks another version of the protocol.
+        """
+        deadline = time.monotonic() + timeout
+        while True:
+            try:
+                with unbroken(), self._lock:
+                    self._raise_failure()
+                    self._transport.send(self._session.hello(time.monotonic()))
+                    self._await_outcome()
+                return self.info
+            except LinkTimeout as error:
+                if time.monotonic() >= deadline:
+                    raise LinkTimeout(self._why_no_answer(timeout)) from error
+
+    def check_rate(self, rate_hz: int) -> None:
+        """Refuse a sample rate before anything moves.
+
+        Raises:
+            LinkError: more than the link can carry, with the arithmetic.
+            DeviceFault: more than the device can sample.
+        """
+        for capacity in self._transport.capacities:
+            capacity.check(rate_hz)
+        if rate_hz > self.info.rate_max_hz:
+            raise DeviceFault(f"{rate_hz} Hz is too fast for the device: choose at most {self.info.rate_max_hz} Hz")
+
+    def hold(self, pose_number: int = 0) -> None:
+        """Engage the latch; the number of the pose asked for (from 1, in the rig file's order) is for a display."""
+        self._command(Hold(pose=pose_number))
+
+    def stream(self, rate_hz: int) -> None:
+        """Start sampling at tick 0.
+
+        Raises:
+            LinkError, DeviceFault: see `check_rate`; or refused by the device.
+        """
+        self.check_rate(rate_hz)
+        with self._lock:
+            self._held = None
+            self._stream.restart(blind_ticks(rate_hz, self.info.counts_per_rev))
+            self._rate_hz = rate_hz
+        self._command(Stream(rate_hz=rate_hz))
+
+    def release(self) -> None:
+        """Open the latch. An EVENT tells the tick at which it opened."""
+        self._command(Release())
+
+    def stop(self) -> None:
+        """Stop sampling; the latch stays as it is."""
+        self._command(Stop())
+
+    def clear_fault(self) -> None:
+        """Leave the fault state; the latch stays as it is."""
+        self._command(ClearFault())
+
+    def poll(self, timeout: float) -> list[Batch]:
+        """Everything read since the last call, waiting at most `timeout` s for something.
+
+        Nothing is thrown away in between, so call it now and then while the device streams. What arrived before the
+        link was lost is given first; the call after that raises.
+        """
+        with unbroken(), self._lock:
+            self._changed.wait_for(lambda: self._batches or self._failure, timeout)
+            batches = list(self._batches)
+            self._batches.clear()
+            if not batches:
+                self._raise_failure()
+        return batches
+
+    @property
+    def losses(self) -> dict[str, int]:
+        """Samples and frames lost since the device was opened, by cause (`dpr_lab.run.LOSS_CAUSES`).
+
+        `tick_gap` counts every missing tick, also one whose frame is counted as damaged.
+        """
+        with self._lock:
+            errors, contradicted = self._transport.errors, self._stream.contradicted
+            return {
+                "device_overrun": self._overruns.total + self._dropped.total,
+                "crc": errors["crc"],
+                "framing": errors["framing"] + self._meaningless,
+                "contradicted": contradicted,
+                "tick_gap": self._stream.lost_tick_gap,
+            }
+
+    def clock_fit(self) -> ClockFit | None:
+        """Device ticks of the last stream to `time.monotonic()`.
+
+        None before enough pings were answered, and for a device whose time is simulated.
+        """
+        if self.info.simulated_time:
+            return None
+        with self._lock:
+            exchanges = list(self._exchanges)
+        try:
+            return fit_clock(exchanges, self._rate_hz) if len(exchanges) >= FEWEST else None
+        except ValueError:  # a device whose ticks stand still
+            return None
+
+    def close(self) -> None:
+        """Close the link; closing twice is harmless. A device that streams stops when its lease runs out."""
+        self._closing.set()
+        self._reader.join()
+        self._transport.close()
+
+    def _command(self, command: Command) -> None:
+        if self._read_only:
+            raise SafetyStop(f"{self.url}: {type(command).__name__} from a view that may only look: nothing was sent")
+        with unbroken(), self._lock:
+            self._raise_failure()
+            self._transport.send(self._session.command(command, time.monotonic()))
+            self._await_outcome()
+
+    def _await_outcome(self) -> None:
+        while (outcome := self._session.outcome) is None:
+            self._changed.wait()
+            self._raise_failure()
+        if outcome.error is not None:
+            raise self._translated(outcome.error) from outcome.error
+
+    def _translated(self, error: RemoteProtocolError) -> DprError:
+        kinds = {VersionMismatch: MismatchError, CommandRefused: DeviceFault, CommandUnanswered: LinkTimeout}
+        sentence = f"{self.url}: {error}"
+        if isinstance(error, CommandRefused) and error.code == NakCode.FAULTED and self.status is not None:
+            sentence += f" The fault is: {' '.join(explain(self.status.fault))}"
+        return kinds.get(type(error), LinkError)(sentence)
+
+    def _why_no_answer(self, timeout: float) -> str:
+        speeds = " and ".join(capacity.name for capacity in self._transport.capacities)
+        if self._bytes and not self._frames:
+            return (
+                f"{self.url}: {self._bytes} bytes arrived and no valid frame: {speeds or 'the speed'} is probably wrong"
+            )
+        hint = f", and that the device is set to {speeds}" if speeds else ""
+        return f"{self.url}: opened, but no DPR device answered within {timeout:g} s: check its power and wiring{hint}"
+
+    def _raise_failure(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+
+    def _read(self) -> None:
+        """The reader thread: link to batches, and what has to be sent in time."""
+        try:
+            while not self._closing.is_set():
+                received = self._transport.receive(self._timing.read_s)
+                with self._lock:
+                    self._take(received)
+                    self._send_due(time.monotonic())
+                    self._changed.notify_all()
+        except Exception as error:  # whatever it is, it must reach the caller and not end with the thread
+            with self._lock:
+                self._failure = error
+                self._changed.notify_all()
+
+    def _take(self, received: Received) -> None:
+        self._bytes += len(received.raw)
+        self._frames += len(received.frames)
+        rows: list[Row] = []
+        messages: list[Message] = []
+        for frame in received.frames:
+            try:
+                message = self._session.receive(frame)
+            except DevicesCollide as error:
+                raise LinkError(f"{self.url}: {error}") from error
+            except RemoteProtocolError:
+                self._meaningless += 1
+                continue
+            if message is None:
+                continue
+            if isinstance(message, Sample):
+                rows += self._trusted(message)
+                continue
+            self._stream.feed(message)
+            self._note(message, received.host_time)
+            messages.append(message)
+            if isinstance(message, Ack) and message.command == _STOP:
+                rows += self._hand_over(None)
+        sampled = any(frame.number == NUMBERS[Sample] for frame in received.frames)
+        self._check_silence(received.host_time, sampled or any(not isinstance(m, Pong) for m in messages))
+        if received.raw or messages:
+            self._batches.append(Batch(received.host_time, received.raw, tuple(rows), tuple(messages)))
+
+    def _trusted(self, sample: Sample) -> list[Row]:
+        """The sample before this one, unless this one contradicts it."""
+        if self._held is not None and self._stream.contradicts(self._held, sample):
+            self._held = None
+        row = self._stream.feed(sample)
+        if self._stream.went_back:
+            raise LinkError(
+                f"{self.url}: the device's ticks went back while it streamed, so that nobody knows when its samples"
+                " were taken: restart the device and record again"
+            )
+        return self._hand_over(row) if row is not None else []
+
+    def _hand_over(self, newest: Row | None) -> list[Row]:
+        before, self._held = self._held, newest
+        return [before] if before is not None else []
+
+    def _check_silence(self, now: float, heard: bool) -> None:
+        """A greeted device reports ten times a second; one that was restarted still answers pings, and only those."""
+        if heard or self._session.info is None:
+            self._heard_at = now
+            return
+        if now - self._heard_at > self.silence_s:
+            raise DeviceLost(
+                f"{self.url}: neither sample nor status for {self.silence_s:g} s: check cable and power; the device may"
+                " have restarted"
+            )
+
+    def _note(self, message: Message, host_time: float) -> None:
+        if isinstance(message, Status):
+            self._overruns.read(message.overruns)
+            self._dropped.read(message.dropped)
+        elif isinstance(message, Pong):
+            exchange = self._pinger.exchange(message, host_time)
+            if exchange is not None:
+                self._exchanges.append(exchange)
+        elif isinstance(message, Ack) and message.command == _STREAM:
+            self._overruns.restart()
+            self._dropped.restart()
+            self._exchanges.clear()
+            self._quick_pings, self._ping_at = self._timing.quick_pings, host_time
+
+    def _send_due(self, now: float) -> None:
+        for frame in self._session.due(now):
+            if not self._read_only or frame.number == NUMBERS[Hello]:
+                self._transport.send(frame)
+        if self._session.info is not None and now >= self._ping_at:
+            self._transport.send(encode(self._pinger.ping(now), self._session.node))
+            self._ping_at = now + (self._timing.quick_ping_s if self._quick_pings else self._timing.ping_s)
+            self._quick_pings = max(0, self._quick_pings - 1)
+
+
+class _Counter:
+    """A total behind a 16-bit counter that restarts with every stream."""
+
+    def __init__(self) -> None:
+        self.total = 0
+        self._last = 0
+
+    def read(self, low: int) -> None:
+        self.total += (low - self._last) & 0xFFFF
+        self._last = low
+
+    def restart(self) -> None:
+        self._last = 0

@@ -1,0 +1,303 @@
+"""The quality gate: what a recording must show before anything is fitted to it.
+
+A run that fails a check is kept and marked, never thrown away: `degraded`, with the reasons.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.acquisition.rest import RODS, pose_error, rest_motion
+from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.rig import Pose, Rig
+from dpr_lab.run import MOUNTED, Run, clock_error, elbow_turn
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One question put to a recording, and its answer."""
+
+    name: str
+    ok: bool
+    measured: float
+    limit: float
+    unit: str
+    sentence: str
+    """What was found and, where the check failed, what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class QualityReport:
+    """The gate's answer: every check that could be made."""
+
+    checks: tuple[Check, ...]
+    notes: tuple[str, ...] = ()
+    """What to know about the recording although no check fails by it."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether every check passed."""
+        return all(check.ok for check in self.checks)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The sentences of the checks that failed."""
+        return tuple(check.sentence for check in self.checks if not check.ok)
+
+    @property
+    def sentence(self) -> str:
+        """`ok`, or `degraded` with the reasons; and the notes."""
+        return "; ".join(["ok" if self.ok else f"degraded: {'; '.join(self.reasons)}", *self.notes])
+
+    def to_json(self) -> dict[str, Any]:
+        """The report as plain JSON values."""
+        return {"ok": self.ok, "checks": [asdict(check) for check in self.checks], "notes": list(self.notes)}
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedRun:
+    """What the checks look at."""
+
+    run: Run
+    rig: Rig
+    pose: Pose | None
+    duration: float
+    """How long the recording was asked to be, s."""
+    hanging: tuple[float, float] | None
+    """How far the rods hung off straight down before they were raised, rad."""
+    limits: QualityLimits
+
+
+def judge(
+    run: Run,
+    rig: Rig,
+    duration: float = 0.0,
+    hanging: tuple[float, float] | None = None,
+    limits: QualityLimits = QUALITY_LIMITS,
+) -> QualityReport:
+    """Put a recording through every check that applies to it.
+
+    Args:
+        run: the recording; its time starts at the release
+        rig: the rig it was recorded on, for the pose, the noise and the fastest speed possible
+        duration: how long it was asked to be, s; 0 when that was open
+        hanging: how far the rods hung off straight down before they were raised, rad; None when that was not seen
+        limits: what it must keep to
+
+    Returns:
+        The report. A check without data to judge, such as the rest of an imported table, is left out.
+    """
+    pose = rig.poses.get(run.pose) if run.pose is not None else None
+    judged = JudgedRun(run, rig, pose, duration, hanging, limits)
+    return QualityReport(tuple(check for question in CHECKS if (check := question(judged)) is not None))
+
+
+def fastest_possible(rig: Rig) -> NDArray[np.float64]:
+    """(2,) the fastest the rods can turn when let go at rest from anywhere, rad/s.
+
+    All potential energy E = 2 (e1 + e2) in one rod: omega_i^2 = 2 E (M^-1)_ii, largest with the rods in line,
+    where M^-1 = [b, a] / (a b - d^2) on its diagonal.
+    """
+    a, b, d, e1, _, _ = base_parameters(rig.nominal, rig.L1, rig.g)
+    energy = 2 * (e1 + d * rig.g / rig.L1)
+    return np.sqrt(2 * energy * np.array([b, a]) / (a * b - d * d))
+
+
+def _rest(judged: JudgedRun) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    run = judged.run
+    window = (run.t < 0) & (run.t >= -judged.limits.rest.window_s)
+    return (run.t[window], run.theta[window]) if np.count_nonzero(window) >= judged.limits.fewest_samples else None
+
+
+def _hanging_before(judged: JudgedRun) -> Check | None:
+    """Where the rods hung before they were raised: a wrong zero, or counts lost before, show there."""
+    if judged.hanging is None:
+        return None
+    limit = judged.limits.hang_error
+    error = np.abs(judged.hanging)
+    rod, worst = RODS[int(error.argmax())], float(error.max())
+    sentence = (
+        f"before it was raised the {rod} hung {worst:.3f} rad off straight down (limit {limit}):"
+        " lost counts, or a wrong zero in the rig file"
+    )
+    return Check("hanging_before", worst <= limit, worst, limit, "rad", sentence)
+
+
+def _rest_speed(judged: JudgedRun) -> Check | None:
+    rest = _rest(judged)
+    if rest is None:
+        return None
+    limit = judged.limits.rest.speed
+    speed, _ = rest_motion(*rest)
+    sentence = f"before the release the rods drifted at {speed:.3f} rad/s (limit {limit}): hold them still"
+    return Check("rest_speed", speed <= limit, speed, limit, "rad/s", sentence)
+
+
+def _rest_spread(judged: JudgedRun) -> Check | None:
+    rest = _rest(judged)
+    if rest is None:
+        return None
+    _, spread = rest_motion(*rest)
+    limit = judged.limits.rest.spread(judged.rig)
+    sentence = f"before the release the rods shook by {spread:.5f} rad rms (limit {limit:.5f}): let them settle"
+    return Check("rest_spread", spread <= limit, spread, limit, "rad", sentence)
+
+
+def _pose(judged: JudgedRun) -> Check | None:
+    rest = _rest(judged)
+    if rest is None or judged.pose is None:
+        return None
+    error = np.abs(pose_error(rest[1], judged.pose)).mean(axis=0)
+    rod, worst, limit = RODS[int(error.argmax())], float(error.max()), judged.pose.tolerance
+    sentence = f"the {rod} was {worst:.3f} rad off the pose (limit {limit}): place it closer"
+    return Check("pose", worst <= limit, worst, limit, "rad", sentence)
+
+
+def _release_speed(judged: JudgedRun) -> Check | None:
+    """The speed w of theta(t) = theta_rest + w t + alpha t^2 / 2 over the first 20 ms, theta_rest over those before."""
+    limits = judged.limits
+    rest, swing = _rest(judged), judged.run.swing
+    if rest is None or len(swing.t) < limits.fewest_samples:
+        return None
+    n = max(limits.fewest_samples, int(np.searchsorted(swing.t, limits.release_window_s)))
+    t, rods = swing.t[:n], swing.theta[:n, 1:] - rest[1][-n:, 1:].mean(axis=0)
+    A = np.stack([t, t * t / 2], axis=1)
+    coefficients, *_ = np.linalg.lstsq(A, rods, rcond=None)
+    speed = float(np.abs(coefficients[0]).max())
+    uncertain = float(_reading_std(judged.rig).max() * np.sqrt(np.linalg.pinv(A.T @ A)[0, 0]))
+    limit = max(limits.release_speed, limits.sigmas * uncertain)
+    sentence = f"the rods left at {speed:.2f} rad/s (limit {limit:.2g}): let go without a push"
+    return Check("release_speed", speed <= limit, speed, limit, "rad/s", sentence)
+
+
+def _reading_std(rig: Rig) -> NDArray[np.float64]:
+    """(2,) standard deviation of a reading of either rod, noise and rounding, rad."""
+    return np.abs(rig.radians_per_count[1:]) * np.sqrt(rig.encoders.noise_counts**2 + 1 / 12)
+
+
+def _lost(judged: JudgedRun) -> Check | None:
+    limit = judged.limits.lost_share
+    run = judged.run
+    lost = {cause: n for cause, n in run.lost.items() if n}
+    share = sum(lost.values()) / max(1, len(run.t) + sum(lost.values()))
+    if lost.get("contradicted"):
+        limit = 0.0
+    causes = ", ".join(f"{cause} {n}" for cause, n in lost.items()) or "none"
+    sentence = f"lost by cause: {causes}, {100 * share:.2f} % of the samples (limit {100 * limit:g} %)"
+    return Check("lost", share <= limit, share, limit, "1", sentence + ": check cable and rate")
+
+
+def _gap(judged: JudgedRun) -> Check | None:
+    limit = judged.limits.gap_periods
+    steps = np.diff(judged.run.t) * judged.run.rate_hz
+    if not len(steps):
+        return None
+    worst = float(steps.max()) - 1
+    sentence = f"the longest gap misses {worst:.0f} samples in a row (limit {limit}): check cable and rate"
+    return Check("gap", worst <= limit, worst, limit, "samples", sentence)
+
+
+def _jitter(judged: JudgedRun) -> Check | None:
+    """How unevenly the samples were taken; the device's clock alone counts, not when they arrived."""
+    limit = judged.limits.jitter_periods
+    periods = judged.run.t * judged.run.rate_hz
+    if not len(periods):
+        return None
+    off = periods - periods[0]
+    jitter = float(np.sqrt(np.mean((off - np.round(off)) ** 2)))
+    sentence = f"the samples are off their grid by {jitter:.3f} periods rms (limit {limit}): uneven clock"
+    return Check("jitter", jitter <= limit, jitter, limit, "periods", sentence)
+
+
+def _clock(judged: JudgedRun) -> Check | None:
+    """Whether the device's seconds are seconds, as far as the exchanges with the host can tell."""
+    clock, limit = judged.run.clock, judged.limits.clock_ppm
+    if "rate_ppm" not in clock:
+        return None
+    off, rate = clock_error(clock), clock["rate_ppm"]
+    sentence = (
+        f"the device's clock runs {rate:+.0f} ppm off the host's (limit {limit:g}; a crystal keeps to some 100):"
+        " check its sample timer, all times are as wrong"
+    )
+    return Check("clock", off <= limit, off, limit, "ppm", sentence)
+
+
+def _jumps(judged: JudgedRun) -> Check | None:
+    run, limits = judged.run, judged.limits
+    if len(run.t) < 2:
+        return None
+    turned = np.abs(np.diff(run.theta[:, 1:], axis=0)) - limits.sigmas * np.sqrt(2) * _reading_std(judged.rig)
+    speed = np.maximum(turned, 0.0) / np.diff(run.t)[:, np.newaxis]
+    share = (speed / (limits.speed_margin * fastest_possible(judged.rig))).max(axis=0)
+    rod, worst = RODS[int(share.argmax())], float(share.max())
+    sentence = f"the {rod} jumps at {worst:.1f} times the fastest speed possible: check encoder and its wiring"
+    return Check("jumps", worst <= 1.0, worst, 1.0, "1", sentence)
+
+
+def _moved(judged: JudgedRun) -> Check | None:
+    """Whether each joint turned that can, and no other; in counts: with a relative encoder theta2 follows theta1."""
+    limit = judged.limits.travel_counts
+    swing = judged.run.swing
+    if len(swing.t) < judged.limits.fewest_samples:
+        return None
+    if (turned := elbow_turn(swing.theta, swing.mounting)) > MOUNTED.still:
+        sentence = f"joint 2 turned by {turned:.2f} rad: by --rods or --elbow it is said to stand still"
+        return Check("moved", False, turned, MOUNTED.still, "rad", sentence)
+    counts = judged.rig.positions(swing.theta) if swing.counts is None else swing.counts
+    travel = np.ptp(counts, axis=0)[1 : 2 if judged.run.setup.held else 3]
+    joint, least = 1 + int(travel.argmin()), float(travel.min())
+    sentence = f"encoder {joint} moved by {least:.0f} counts (at least {limit}): check it and the latch"
+    return Check("moved", least >= limit, least, limit, "counts", sentence)
+
+
+def _hanging_after(judged: JudgedRun) -> Check | None:
+    """Where the rods hang once they are at rest again: counts lost on the way, or a wrong zero, show there."""
+    limit, rest = judged.limits.hang_error, judged.limits.rest
+    run = judged.run
+    last = run.t >= run.duration - rest.window_s
+    if run.setup.mounting == "clamped":  # it hangs askew
+        return None
+    if run.duration <= rest.window_s or rest_motion(run.t[last], run.theta[last])[1] > rest.spread(judged.rig):
+        return None
+    error = np.abs((run.theta[last, 1:].mean(axis=0)) % (2 * np.pi) - np.pi)
+    rod, worst = RODS[int(error.argmax())], float(error.max())
+    sentence = f"the {rod} came to rest {worst:.3f} rad off hanging (limit {limit}): lost counts, or a wrong zero"
+    return Check("hanging_after", worst <= limit, worst, limit, "rad", sentence)
+
+
+def _duration(judged: JudgedRun) -> Check | None:
+    if judged.duration <= 0:
+        return None
+    reached = judged.run.duration
+    limit = judged.duration - judged.limits.gap_periods / judged.run.rate_hz
+    sentence = f"recorded {reached:.2f} s of {judged.duration:g} s: record again"
+    return Check("duration", reached >= limit, reached, limit, "s", sentence)
+
+
+def _complete(judged: JudgedRun) -> Check | None:
+    complete = judged.run.complete
+    sentence = "the file was finished" if complete else "the file was cut off: its end is missing"
+    return Check("complete", complete, float(complete), 1.0, "1", sentence)
+
+
+CHECKS: tuple[Callable[[JudgedRun], Check | None], ...] = (
+    _hanging_before,
+    _rest_speed,
+    _rest_spread,
+    _pose,
+    _release_speed,
+    _lost,
+    _gap,
+    _jitter,
+    _clock,
+    _jumps,
+    _moved,
+    _hanging_after,
+    _duration,
+    _complete,
+)
+"""Every check, in the order a recording happens."""

@@ -1,0 +1,263 @@
+"""Between the pose and the release: the rods are held, guided, watched until still, and let go by consent only."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.acquisition.device import Batch, Device, arrays
+from dpr_lab.acquisition.rest import RODS, pose_error, rest_motion
+from dpr_lab.acquisition.settings import CaptureSettings
+from dpr_lab.errors import DeviceFault, LinkError, SafetyStop
+from dpr_lab.rig import JOINTS, Pose, Rig
+from firmware_protocol.messages import Event, EventKind, Message, Position, State, Status, explain, explain_fault
+
+HANGING = Pose(theta1=np.pi, theta2=np.pi)
+
+
+@dataclass(frozen=True, slots=True)
+class PoseReading:
+    """Where the rods are while the operator places them."""
+
+    theta: tuple[float, float, float]
+    """Absolute angles, rad."""
+    error: tuple[float, float]
+    """Signed error of inner and outer rod, whole turns aside, rad."""
+    tolerance: float
+    ok: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RestReading:
+    """Where the held rods are and how still they are."""
+
+    theta: tuple[float, float, float]
+    """Newest absolute angles, rad."""
+    error: tuple[float, float]
+    """Signed error of inner and outer rod, whole turns aside, rad."""
+    tolerance: float
+    speed: float
+    """Fastest drift, rad/s."""
+    spread: float
+    """Widest shaking, rad rms."""
+    ok: bool
+    """Whether they are at rest."""
+    restless: str
+    """Why they may not be let go; empty when they may."""
+
+
+@dataclass(frozen=True, slots=True)
+class HangReading:
+    """How the rods hang before they are raised."""
+
+    error: tuple[float, float]
+    """Signed distance of inner and outer rod from straight down, rad."""
+    ok: bool
+    """Whether it is within `QualityLimits.hang_error`; if not, counts were lost or the rig file's zero is wrong."""
+
+
+OnReading: TypeAlias = Callable[["PoseReading | RestReading | HangReading"], None]
+Confirm: TypeAlias = Callable[[], bool | None]
+
+
+class RestWindow:
+    """The newest second of the held rods, as it came."""
+
+    def __init__(self, rate_hz: int, window_s: float) -> None:
+        self.batches: deque[Batch] = deque()
+        self._lost: deque[Mapping[str, int]] = deque()
+        self._rate_hz = rate_hz
+        self._ticks = round(window_s * rate_hz)
+
+    @property
+    def lost_before(self) -> Mapping[str, int]:
+        """The device's losses when the oldest batch had arrived; empty for an empty window."""
+        return self._lost[0] if self._lost else {}
+
+    def add(self, batches: Iterable[Batch], lost: Mapping[str, int]) -> None:
+        """Take in new batches, and the device's losses so far, and let go of what is older than the window."""
+        for batch in batches:
+            self.batches.append(batch)
+            self._lost.append(lost)
+        newest = next((batch.rows[-1].tick for batch in reversed(self.batches) if batch.rows), 0)
+        while len(self.batches) > 1 and _last_tick(self.batches[0]) < newest - self._ticks:
+            self.batches.popleft()
+            self._lost.popleft()
+
+    def motion(self, rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Time (n,), s, and angles (n, 3), rad, of the window; None until it is full."""
+        ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
+        if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
+            return None
+        return ticks / self._rate_hz, rig.theta(counts)
+
+
+def _last_tick(batch: Batch) -> int:
+    return batch.rows[-1].tick if batch.rows else -1
+
+
+def raise_faults(url: str, batches: Iterable[Batch]) -> None:
+    """Raise for what the device said that ends a capture: a fault, or a lease it lost."""
+    for batch in batches:
+        for message in batch.messages:
+            _raise_for(url, message)
+
+
+def _raise_for(url: str, message: Message) -> None:
+    if isinstance(message, Event) and message.kind is EventKind.LEASE_LOST:
+        raise LinkError(f"{url}: {' '.join(explain(message.kind))}")
+    if isinstance(message, Event) and message.kind is EventKind.FAULT:
+        raise DeviceFault(f"{url}: {explain_fault(message.detail)}")
+    if isinstance(message, Status) and message.state is State.FAULT:
+        raise DeviceFault(f"{url}: {' '.join(explain(message.fault))}")
+
+
+def _raise_if_open(url: str, batches: Iterable[Batch]) -> None:
+    """Raise for a device that was told to hold and says that it let go."""
+    for message in (message for batch in batches for message in batch.messages):
+        let_go = isinstance(message, Event) and message.kind is EventKind.RELEASED
+        if let_go or (isinstance(message, Status) and not message.latched):
+            raise DeviceFault(
+                f"{url}: the device says that its latch is open, though it was told to hold and no RELEASE was sent:"
+                " the rods may be free, look before you reach in; check latch and firmware"
+            )
+
+
+def look_at_hanging(
+    device: Device, rig: Rig, on_reading: OnReading, settings: CaptureSettings
+) -> tuple[float, float] | None:
+    """How far the rods hang off straight down, rad; None unless they are seen to hang still with the latch open."""
+    readings: list[NDArray[np.float64]] = []
+    deadline = time.monotonic() + settings.hang_timeout_s
+    spread = np.sqrt(12) * settings.limits.rest.spread(rig)
+    for theta in _positions(device, rig, deadline, settings.poll_s):
+        if device.status is None:
+            continue
+        readings.append(pose_error(theta, HANGING))
+        held = device.status.latched or np.abs(readings[-1]).max() > settings.hang_near
+        if held or np.ptp(readings, axis=0).max() > spread:
+            return None
+        if len(readings) == settings.hang_readings:
+            inner, outer = np.mean(readings, axis=0).tolist()
+            on_reading(HangReading((inner, outer), max(abs(inner), abs(outer)) <= settings.limits.hang_error))
+            return inner, outer
+    return None
+
+
+def _positions(device: Device, rig: Rig, deadline: float, poll_s: float) -> Iterator[NDArray[np.float64]]:
+    """(3,) angles as POSITION tells them, until the deadline, rad."""
+    counts: dict[int, int] = {}
+    while time.monotonic() < deadline:
+        batches = device.poll(poll_s)
+        raise_faults(device.url, batches)
+        for position in (m for batch in batches for m in batch.messages if isinstance(m, Position)):
+            counts[position.joint] = position.position
+            if len(counts) == JOINTS and position.joint == JOINTS - 1:
+                yield rig.theta([counts[joint] for joint in range(JOINTS)])
+
+
+def guide(
+    device: Device, rig: Rig, pose: Pose, timeout: float, on_reading: OnReading, settings: CaptureSettings
+) -> None:
+    """Report the rods' error to the pose until it is, a few times in a row, within the tolerance."""
+    reading, steady = None, 0
+    for theta in _positions(device, rig, time.monotonic() + timeout, settings.poll_s):
+        reading = _pose_reading(theta, pose)
+        steady = steady + 1 if reading.ok else 0
+        on_reading(reading)
+        if steady == settings.steady_readings:
+            return
+    raise SafetyStop(_not_placed(pose, reading, timeout))
+
+
+def _pose_reading(theta: NDArray[np.float64], pose: Pose) -> PoseReading:
+    angles, error = _placed(theta, pose)
+    return PoseReading(angles, error, pose.tolerance, max(map(abs, error)) <= pose.tolerance)
+
+
+def _placed(theta: NDArray[np.float64], pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float]]:
+    theta0, theta1, theta2 = theta.tolist()
+    error1, error2 = pose_error(theta, pose).tolist()
+    return (theta0, theta1, theta2), (error1, error2)
+
+
+def _not_placed(pose: Pose, reading: PoseReading | None, timeout: float) -> str:
+    if reading is None:
+        return f"the device sent no positions within {timeout:g} s; nothing was released, the rods stay held"
+    rod, worst = max(zip(RODS, reading.error, strict=True), key=lambda pair: abs(pair[1]))
+    return (
+        f"the rods did not reach the pose within {timeout:g} s: the {rod} is {worst:+.3f} rad off, tolerance"
+        f" {pose.tolerance} rad; nothing was released, the rods stay held"
+    )
+
+
+class HeldPose:
+    """The rods between pose and release: held, streaming, watched."""
+
+    def __init__(
+        self, device: Device, rig: Rig, pose: Pose, rate_hz: int, on_reading: OnReading, settings: CaptureSettings
+    ) -> None:
+        self.window = RestWindow(rate_hz, settings.limits.rest.window_s)
+        self._settings = settings
+        self._device, self._rig, self._pose, self._on_reading = device, rig, pose, on_reading
+        self._report_at = 0.0
+
+    def await_rest(self, timeout: float) -> None:
+        """Wait until a whole window is still and at the pose."""
+        deadline = time.monotonic() + timeout
+        while (restless := self._look(self._settings.poll_s)) != "":
+            if time.monotonic() > deadline:
+                raise SafetyStop(f"after {timeout:g} s {restless}; nothing was released, the rods stay held")
+
+    def await_go_ahead(self, confirm: Confirm) -> None:
+        """Ask until there is an answer; then look once more, since an answer can take long."""
+        while (answer := confirm()) is None:
+            self._look(self._settings.poll_s)
+        if not answer:
+            raise SafetyStop("no go-ahead was given; nothing was released, the rods stay held")
+        restless = self._look(0)
+        if restless:
+            raise SafetyStop(f"at the go-ahead {restless}; nothing was released, the rods stay held")
+
+    def _look(self, timeout: float) -> str:
+        """Take in what is new; why the rods may not be let go, or nothing."""
+        batches = self._device.poll(timeout)
+        raise_faults(self._device.url, batches)
+        _raise_if_open(self._device.url, batches)
+        self.window.add(batches, self._device.losses)
+        motion = self.window.motion(self._rig)
+        if motion is None:
+            return "the device had not streamed a full second of samples"
+        reading = self._reading(*motion)
+        if time.monotonic() >= self._report_at:
+            self._report_at = time.monotonic() + self._settings.report_s
+            self._on_reading(reading)
+        return reading.restless or self._denied()
+
+    def _denied(self) -> str:
+        """What the device's last STATUS says against a release; empty where it holds and streams."""
+        status = self._device.status
+        if status is None:
+            return "the device had not reported that its latch holds"
+        if status.state is not State.STREAMING or not status.latched:
+            return f"the device reported {status.state.name}, not that it streams with the latch closed"
+        return ""
+
+    def _reading(self, t: NDArray[np.float64], theta: NDArray[np.float64]) -> RestReading:
+        speed, spread = rest_motion(t, theta)
+        rest = self._settings.limits.rest
+        limit = rest.spread(self._rig)
+        still = speed <= rest.speed and spread <= limit
+        worst = float(np.abs(pose_error(theta, self._pose)).mean(axis=0).max())
+        restless = ""
+        if not still:
+            drift = f"drifting {speed:.3f} rad/s (limit {rest.speed} rad/s)" if speed > rest.speed else ""
+            shaking = f"shaking {spread:.5f} rad rms (limit {limit:.5f} rad)" if spread > limit else ""
+            restless = f"the rods still moved: {' and '.join(part for part in (drift, shaking) if part)}"
+        elif worst > self._pose.tolerance:
+            restless = f"the rods were {worst:.3f} rad off the pose"
+        return RestReading(*_placed(theta[-1], self._pose), self._pose.tolerance, speed, spread, still, restless)

@@ -1,0 +1,253 @@
+"""A recording under way: written to the run file as it arrives, and spooled for the gate's judgement at its end."""
+
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, replace
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.acquisition.device import Batch, arrays
+from dpr_lab.acquisition.gate import QualityReport, judge
+from dpr_lab.acquisition.interrupts import unbroken
+from dpr_lab.acquisition.rest import pose_error
+from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
+from dpr_lab.errors import DeviceFault
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.storage.metadata import RunSummary
+from dpr_lab.storage.spool import Spool
+from dpr_lab.storage.writer import RunWriter
+from firmware_protocol.clock import ClockFit
+from firmware_protocol.messages import Event, EventKind, Message, Status
+from firmware_protocol.stream import Row
+
+
+class Recording:
+    """One release going to its file, a context manager.
+
+    Args:
+        writer: the open run file
+        lost: the device's losses before its first sample; only what comes on top belongs to this run
+        duration: how long to record after the release, s; later samples are left out, so that the length of a run does
+            not depend on how fast the host was
+        hanging: how far the rods hung off straight down before they were raised, rad; None when that was not seen
+        limits: what a good recording must keep to
+    """
+
+    def __init__(
+        self,
+        writer: RunWriter,
+        lost: Mapping[str, int],
+        duration: float,
+        hanging: tuple[float, float] | None = None,
+        limits: QualityLimits = QUALITY_LIMITS,
+    ) -> None:
+        self.release_tick: int | None = None
+        self.samples = Spool(writer.path.parent)
+        self._writer = writer
+        self._hanging, self._limits = hanging, limits
+        self._clock: dict[str, float] = {}
+        self._clock_at = 0.0
+        self._duration = duration
+        self._end_tick: int | None = None
+        self._newest_tick = -1
+        self._earliest_release: int | None = None
+        self._finished = False
+        self._lost_before = dict(lost)
+        self._lost = dict(lost)
+        self._to_epoch = time.time() - time.monotonic()
+
+    def __enter__(self) -> "Recording":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.samples.__exit__(kind, error, trace)
+
+    @property
+    def rig(self) -> Rig:
+        """The rig it is recorded on."""
+        return self._writer.metadata.rig
+
+    @property
+    def rate_hz(self) -> float:
+        """Nominal sample rate."""
+        return self._writer.metadata.rate_hz
+
+    def expect_release(self) -> None:
+        """RELEASE goes out now: from here on an instant of release is believed, if none before the newest sample."""
+        self._earliest_release = max(self._newest_tick, 0)
+
+    @property
+    def t(self) -> float:
+        """Time from the release to the newest sample, s; 0 before the release."""
+        if self.release_tick is None or not len(self.samples):
+            return 0.0
+        return (self.samples.last_tick - self.release_tick) / self._writer.metadata.rate_hz
+
+    def add(self, batches: Iterable[Batch]) -> None:
+        """Write new batches to the file."""
+        rows: list[Row] = []
+        with unbroken():
+            for batch in batches:
+                host_ns = self._host_ns(batch.host_time)
+                self._writer.raw(host_ns, batch.raw)
+                for message in batch.messages:
+                    self._message(host_ns, message)
+                rows += batch.rows
+            if rows:
+                self._newest_tick = rows[-1].tick
+            if self._end_tick is not None:
+                rows = [row for row in rows if row.tick <= self._end_tick]
+            if rows:
+                ticks, counts = arrays(rows)
+                self._writer.samples(ticks, counts)
+                self.samples.extend(ticks, counts)
+
+    @property
+    def full(self) -> bool:
+        """Whether the recording has reached its end."""
+        return self._end_tick is not None and self._newest_tick >= self._end_tick
+
+    def end_here(self) -> None:
+        """Take no further samples."""
+        self._end_tick, self._duration = self.samples.last_tick, self.t
+
+    def tail(self, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Time (n,), s, and angles (n, 3), rad, of the newest samples."""
+        rate_hz = self._writer.metadata.rate_hz
+        ticks, counts = self.samples.newest(round(seconds * rate_hz))
+        return ticks / rate_hz, self.rig.theta(counts)
+
+    @property
+    def clock_due(self) -> bool:
+        """Whether `note_clock` was not called for a while: a killed recording is to keep a clock fit as well."""
+        return time.monotonic() >= self._clock_at
+
+    def note_clock(self, clock: ClockFit | None, next_in_s: float = 5.0) -> None:
+        """Write the newest clock fit; the next is due some seconds later."""
+        now = time.monotonic()
+        self._clock_at = now + next_in_s
+        if clock is not None:
+            self._clock = {**asdict(clock), "offset_unix": clock.offset + self._to_epoch}
+            with unbroken():
+                self._writer.clock(self._host_ns(now), self._clock)
+
+    def since(self, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Time from the release (n,), s, and angles (n, 3), rad, of all samples from the `first` on, counted from 0."""
+        ticks, counts = self.samples.newest(len(self.samples) - first)
+        return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.theta(counts)
+
+    def count_losses(self, lost: Mapping[str, int]) -> None:
+        """Note the device's losses as they stand now."""
+        self._lost = dict(lost)
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Samples lost during this recording, by cause.
+
+        Every missing tick counts once: as damaged or overrun where the link or the device said so, as `tick_gap` where
+        nothing explains it.
+        """
+        lost = {cause: now - self._lost_before.get(cause, 0) for cause, now in self._lost.items()}
+        explained = sum(number for cause, number in lost.items() if cause != "tick_gap")
+        return {**lost, "tick_gap": max(0, self.samples.missing - explained)}
+
+    @property
+    def pose_measured(self) -> tuple[float, float, float] | None:
+        """Mean angles just before the release, whole turns aside, rad; None without rest or pose."""
+        pose = self.rig.poses.get(self._writer.metadata.pose or "")
+        if pose is None or self.release_tick is None:
+            return None
+        ticks, counts = self.samples.oldest(max(0, self.release_tick - self.samples.first_tick))
+        rest = self.rig.theta(counts[ticks < self.release_tick])
+        if not len(rest):
+            return None
+        theta1, theta2 = pose.theta[1:] + pose_error(rest, pose).mean(axis=0)
+        return float(rest[:, 0].mean()), float(theta1), float(theta2)
+
+    def run(self, complete: bool = True) -> Run:
+        """The recording as it stands, for the gate; without a release, time counts from the first sample."""
+        metadata = self._writer.metadata
+        ticks, counts = self.samples.newest(len(self.samples))
+        start = self.release_tick if self.release_tick is not None else ticks[0] if len(ticks) else 0
+        return Run(
+            name=self._writer.path.stem,
+            t=(ticks - start) / metadata.rate_hz,
+            theta=metadata.rig.theta(counts),
+            counts=counts,
+            pose=metadata.pose,
+            rig_name=metadata.rig.name,
+            rig_sha256=metadata.rig.sha256,
+            rate_hz=metadata.rate_hz,
+            mounting=metadata.rig.rods.mounting,
+            complete=complete,
+            clock=self._clock,
+            lost=self.lost,
+        )
+
+    def finish(self, clock: ClockFit | None, notes: tuple[str, ...] = ()) -> QualityReport:
+        """Judge the recording, add `notes` to the report, and complete its file."""
+        self.note_clock(clock)
+        report = replace(judge(self.run(), self.rig, self._duration, self._hanging, self._limits), notes=notes)
+        with unbroken():
+            self._writer.finish(self._summary(report))
+            self._finished = True
+        return report
+
+    def abort(self, reason: str) -> None:
+        """Close the file as an incomplete run, saying why; a finished one stays finished."""
+        if self._finished:
+            return
+        seen = len(self.samples) > 0
+        report = judge(self.run(complete=False), self.rig, hanging=self._hanging, limits=self._limits) if seen else None
+        with unbroken():
+            self._writer.abort(reason, self._summary(report))
+
+    def _summary(self, report: QualityReport | None) -> RunSummary:
+        return RunSummary(
+            release_tick=self.release_tick,
+            lost=self.lost,
+            clock=self._clock,
+            gate=report.sentence if report is not None else "",
+            gate_figures={f"{c.name} ({c.unit})": c.measured for c in report.checks} if report is not None else {},
+            pose_measured=self.pose_measured,
+        )
+
+    def _message(self, host_ns: int, message: Message) -> None:
+        if isinstance(message, Event):
+            if message.kind is EventKind.RELEASED and not self._take_release(message.tick):
+                return
+            self._writer.event(host_ns, message.kind.name, message.tick, str(message.detail))
+        elif isinstance(message, Status):
+            state = {"state": message.state.name, "latched": message.latched, "fault": message.fault.name}
+            counters = {"overruns": message.overruns, "dropped": message.dropped, "sent": message.sent}
+            self._writer.status(host_ns, state | counters)
+
+    def _take_release(self, tick: int, within_s: float = 60.0) -> bool:
+        """Take the instant of the release, which the device repeats; False for one known or out of the question.
+
+        One further ahead of the samples than `within_s` of device time was damaged on its way. One from before RELEASE
+        was sent cannot be: a device that says so does not know when it let go.
+
+        Raises:
+            DeviceFault: such an instant.
+        """
+        rate_hz = self._writer.metadata.rate_hz
+        if self.release_tick is not None or tick - max(self._newest_tick, 0) > within_s * rate_hz:
+            return False
+        if self._earliest_release is None or tick < self._earliest_release:
+            newest = max(self._newest_tick, 0)
+            raise DeviceFault(
+                f"the device says that it let go at tick {tick}, but RELEASE was sent after its tick {newest}: when the"
+                " rods were let go is not known; check its firmware and record again"
+            )
+        self.release_tick = tick
+        self._end_tick = tick + round(self._duration * rate_hz)
+        return True
+
+    def _host_ns(self, host_time: float) -> int:
+        return max(0, round((host_time + self._to_epoch) * 1e9))  # a clock set before 1970 has no time in the file

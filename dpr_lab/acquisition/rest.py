@@ -1,0 +1,45 @@
+"""How still the rods are, and how far from a pose."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.acquisition.settings import RestLimits
+from dpr_lab.rig import Pose, Rig
+
+RODS = ("inner rod", "outer rod")
+
+
+def rest_motion(t: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[float, float]:
+    """How much the rods moved while held.
+
+    Args:
+        t: (n,) time, s
+        theta: (n, 3) angles, rad
+
+    Returns:
+        Fastest drift of a rod (slope of a straight line), rad/s, and widest spread about that line (rms), rad.
+    """
+    time = t - t.mean()
+    rods = theta[:, 1:] - theta[:, 1:].mean(axis=0)
+    slope = time @ rods / max(float(time @ time), np.finfo(float).tiny)
+    spread = np.sqrt(np.mean((rods - np.outer(time, slope)) ** 2, axis=0))
+    return float(np.abs(slope).max()), float(spread.max())
+
+
+def at_rest(t: NDArray[np.float64], theta: NDArray[np.float64], rig: Rig, limits: RestLimits) -> bool:
+    """Whether the rods did not move; arguments as for `rest_motion`."""
+    speed, spread = rest_motion(t, theta)
+    return speed <= limits.speed and spread <= limits.spread(rig)
+
+
+def pose_error(theta: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
+    """How far the rods are from a pose, whole turns aside.
+
+    Args:
+        theta: (..., 3) absolute angles, rad
+        pose: the pose asked for
+
+    Returns:
+        (..., 2) signed error of inner and outer rod in [-pi, pi), rad
+    """
+    return (theta[..., 1:] - pose.theta[1:] + np.pi) % (2 * np.pi) - np.pi

@@ -1,0 +1,83 @@
+"""`dpr-lab certify` and `dpr-lab verify`: a diagnosis that others can check."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from dpr_lab.cli.checks import EFFECT_NAMES, complete_rig
+from dpr_lab.cli.console import emit, json_mode, line, table
+
+
+def certify(
+    runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap).")],
+    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    held_out: Annotated[
+        list[Path] | None, typer.Option(help="Run that names must carry over to; may be given again.")
+    ] = None,
+    library: Annotated[
+        str | None,
+        typer.Option(
+            help="Effects to choose from, by comma; all by default.",
+            callback=EFFECT_NAMES.check,
+            autocompletion=EFFECT_NAMES.complete,
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
+    out: Annotated[Path, typer.Option(help="The certificate.")] = Path("certificate.json"),
+    as_json: Annotated[bool, typer.Option("--json", help="The certificate on stdout too.")] = False,
+) -> None:
+    """Diagnose runs and write a certificate: hashes of recordings, rig and code, and every claim with its tolerance.
+
+    Example: dpr-lab certify runs/*.mcap --rig paper --out certificate.json
+    """
+    json_mode(as_json)
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.workflows.diagnose import DiagnoseRequest
+    from dpr_lab.workflows.diagnose import certify as certify_runs
+
+    names = tuple(name.strip() for name in library.split(",")) if library else None
+    request = DiagnoseRequest(tuple(runs), rig, tuple(held_out or ()), library=names, seed=seed)
+    with Listener() as listener:
+        made = certify_runs(request, out, listener)
+    if as_json:
+        emit(made.model_dump(by_alias=True))
+        return
+    table(
+        "Certified",
+        ["claim", "value", "within"],
+        [[k, _said(c.value), _said(c.within)] for k, c in made.claims.items()],
+    )
+    line(f"certificate: {out}")
+
+
+def verify(
+    certificate: Annotated[Path, typer.Argument(help="A certificate, its recordings where it says.")],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Make a certified diagnosis again and say which claims hold; ends with 1 where one does not.
+
+    Example: dpr-lab verify certificate.json
+    """
+    json_mode(as_json)
+    from dataclasses import asdict
+
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.workflows.diagnose import verify as verify_certificate
+
+    with Listener() as listener:
+        lines = verify_certificate(certificate, listener)
+    holds = all(item.holds for item in lines)
+    if as_json:
+        emit({"schema": 1, "holds": holds, "claims": [asdict(item) for item in lines]})
+    else:
+        rows = [[i.claim, _said(i.certified), _said(i.found), "holds" if i.holds else i.reason] for i in lines]
+        table("Verified", ["claim", "certified", "now", ""], rows)
+        broken = [item.claim for item in lines if not item.holds]
+        line("Every claim holds." if holds else f"Does not hold: {', '.join(broken)}.")
+    if not holds:
+        raise typer.Exit(1)
+
+
+def _said(value: Any) -> str:
+    return "" if value is None else (f"{value:.5g}" if isinstance(value, float) else str(value))

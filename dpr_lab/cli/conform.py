@@ -1,0 +1,38 @@
+"""`dpr-lab conform`: whether a device of one's own keeps to the protocol."""
+
+from contextlib import closing
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+
+from dpr_lab.cli.console import emit, json_mode, table
+
+
+def conform(
+    link: Annotated[str, typer.Argument(help="Where the device is, e.g. serial:///dev/ttyACM0?baud=921600.")],
+    rods_off: Annotated[
+        bool, typer.Option("--rods-off", help="There are no rods on it: the latch is opened again and again.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Put the exchanges that every firmware must answer to a device, and watch its timing. Ends with 1 when one fails.
+
+    Example: dpr-lab conform sim:// --rods-off
+    """
+    json_mode(as_json)
+    from dpr_lab.acquisition.conformance import conformity, refuse_with_rods
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.transports import open_transport
+
+    refuse_with_rods(rods_off)
+    with Listener(), closing(open_transport(link)) as opened:
+        found = list(conformity(opened))
+    ok = all(one.ok for one in found)
+    if as_json:
+        emit({"link": link, "ok": ok, "checks": [asdict(one) for one in found]})
+    else:
+        rows = [(one.what, "ok" if one.ok else "wrong", one.said) for one in found]
+        table(f"Conformity of {link}", ("what is asked", "", "found"), rows, prose=True)
+    if not ok:
+        raise typer.Exit(1)

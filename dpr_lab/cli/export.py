@@ -1,0 +1,72 @@
+"""`dpr-lab export`: a model for other programs."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dpr_lab.cli.checks import EXPORT_NAMES, complete_rig
+from dpr_lab.cli.console import emit, json_mode, line, say, table
+
+if TYPE_CHECKING:
+    from dpr_lab.workflows.export import ExportResult
+
+
+def export(
+    model: Annotated[Path, typer.Argument(help="A model that `identify` or `diagnose` wrote, or a diagnosis' folder.")],
+    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    to: Annotated[
+        str,
+        typer.Option(
+            help="Formats, by comma: mjcf, python, urdf, sdf, fmu.",
+            callback=EXPORT_NAMES.check,
+            autocompletion=EXPORT_NAMES.complete,
+        ),
+    ] = "mjcf,python,urdf,sdf",
+    check: Annotated[
+        list[Path] | None,
+        typer.Option(help="Run to replay there, and to fit again where something cannot be said; may be given again."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("export"),
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Write a model for MuJoCo, Python, URDF, SDFormat or FMI, and say how well it does there.
+
+    Example: dpr-lab export out/diagnosis --rig paper --to mjcf,python --check runs/x1.mcap --out export
+    """
+    json_mode(as_json)
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.workflows.export import ExportRequest
+    from dpr_lab.workflows.export import export as export_model
+
+    formats = tuple(dict.fromkeys(name.strip() for name in to.split(",")))
+    with Listener() as listener:
+        done = export_model(ExportRequest(model, rig, formats, out, tuple(check or ())), listener)
+    if as_json:
+        emit(done.to_json())
+    else:
+        _show(done)
+    if done.refused:
+        raise typer.Exit(1)
+
+
+def _show(done: "ExportResult") -> None:
+    from dpr_lab.report.words import in_words
+
+    if done.lab is not None and done.bare_rad is not None:
+        rows = [["the lab's own simulation", f"{1e3 * done.lab.off_rad:.3g}", f"{100 * done.lab.closed:.0f} %"]]
+        rows += [
+            [name, f"{1e3 * tried.off_rad:.3g}", f"{100 * tried.closed:.0f} %"] for name, tried in done.tried.items()
+        ]
+        rows.append(["bare model", f"{1e3 * done.bare_rad:.3g}", "0 %"])
+        runs = ", ".join(done.lab.by_run)
+        table(f"Replayed: {runs}", ["where", "off by, mrad", "gap closed"], rows)
+    for name, reasons in done.lost.items():
+        for effect, reason in reasons.items():
+            line(f"{name}: without {in_words(effect)}: {reason}")
+        if name in done.instead:
+            line(f"{name}: fitted again with {in_words(', '.join(done.instead[name])) or 'no effect'} instead")
+    for sentence in done.refused.values():
+        say(sentence)
+    for name, path in done.files.items():
+        say(f"{name}: {path}")

@@ -1,0 +1,157 @@
+"""What the commands show of a job's events: a bar on a terminal, lines on stderr."""
+
+import math
+import sys
+from contextlib import ExitStack
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from dpr_lab.cli.console import Bar, no_bar, progress, say
+from dpr_lab.kernel_cache import CACHE, watch_compiling
+from dpr_lab.workflows import events
+
+if TYPE_CHECKING:
+    from dpr_lab.acquisition.capture import Progress
+    from dpr_lab.trials.score import TrialOutcome
+
+COMPILING = "compiling the kernels, once on this computer: about a minute"
+COMPILING_ALWAYS = "compiling the kernels: about a minute, every time, for the folder of the cache cannot be written"
+
+
+class Listener:
+    """Shows a job that runs inside it; a context manager, so that no bar outlives its job."""
+
+    def __init__(self) -> None:
+        self._bars, self._watch = ExitStack(), watch_compiling(self._compiling)
+        self._kernels = 0
+        self._bar: Bar = no_bar
+        self._title = ""
+
+    def __enter__(self) -> "Listener":
+        self._watch.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._watch.__exit__(kind, error, trace)
+        self._close()
+
+    def __call__(self, event: events.Event) -> None:
+        """Show an event."""
+        match event:
+            case events.JobBegan():
+                self._close()
+                say(f"{event.number}/{event.of} {event.sentence}")
+            case events.Warned():
+                say(event.sentence)
+            case events.RunRead():
+                for note in event.notes:
+                    say(f"{event.name}: {note}")
+            case events.GenerationDone():
+                text = f"generation {event.number}, cost {event.best_cost:.4g}"
+                self._at("identify", event.number / event.at_most, 1.0, text)
+            case events.LocalFitBegan():
+                self._bar(None, "local fit")
+            case events.StageBegan():
+                self._at("diagnose", event.number - 1, event.of, event.name)
+            case events.FitBegan() | events.ScoreTestBegan():
+                from dpr_lab.report.words import in_words
+
+                self._bar(None, in_words(event.text))
+            case events.PaperSearchDone():
+                self._at("paper", event.done, event.of, f"search {event.done} of {event.of}")
+            case events.TrialSealed():
+                say(f"sealed as {event.seal}")
+            case events.TrialDone():
+                self._trial(event)
+            case events.DeviceGreeted():
+                say(f"{event.url}: device {event.info.uid}, firmware {event.info.firmware}")
+            case events.CaptureBegan():
+                say(f"{event.name}: bring the rods to {_angles(event.pose.theta1, event.pose.theta2)} and hold")
+                self._at(event.name, 0, event.at_most_s)
+            case events.CaptureProgress():
+                self._capture(event.progress)
+            case events.CaptureDone():
+                self._close()
+                say(f"{event.name}: {event.captured.run_file.name}: {event.captured.quality.sentence}")
+            case events.RunCompared() | events.RunLeftOut():
+                pass
+
+    def _at(self, title: str, done: float, total: float | None, text: str = "") -> None:
+        """Show how far something is, on a bar of its own."""
+        if title != self._title:
+            self._close()
+            self._bar, self._title = self._bars.enter_context(progress(title, total)), title
+        self._bar(done, text)
+
+    def _compiling(self) -> None:
+        """Say once why it takes so long, then show that it goes on."""
+        self._kernels += 1
+        if self._kernels == 1:
+            say(COMPILING if CACHE is not None else COMPILING_ALWAYS)
+        if not self._title:
+            self._at("first start", 0.0, None)
+        self._bar(None, f"compiling kernel {self._kernels}")
+
+    def _close(self) -> None:
+        self._bars.close()
+        self._bar, self._title = no_bar, ""
+
+    def _trial(self, event: events.TrialDone) -> None:
+        """A bar on a terminal, a line for each trial elsewhere; what failed is told on both."""
+        from dpr_lab.trials.campaign import Failure
+
+        self._at("trials", event.done, event.of, f"{event.done} of {event.of}")
+        if isinstance(event.last, Failure):
+            say(f"trial {event.last.number}: {event.last.error}")
+        elif sys.stderr.isatty():
+            return
+        elif event.last is not None:
+            last = event.last
+            truth, named = listed(last.truth), named_by(last)
+            say(f"{event.done} of {event.of}: there was {truth}; said {named}: {last.grade}")
+        elif event.done:
+            say(f"{event.done} of {event.of} trials are there already")
+
+    def _capture(self, reading: "Progress") -> None:
+        from dpr_lab.acquisition.capture import Released, SwingReading
+        from dpr_lab.acquisition.holding import HangReading, PoseReading, RestReading
+
+        match reading:
+            case HangReading(ok=False):
+                off = _degrees(reading.error)
+                say(f"the rods hang {off} off straight down: counts were lost, or the rig file's zero is wrong")
+            case PoseReading():
+                within = f"(within {math.degrees(reading.tolerance):.1f} deg)"
+                self._bar(0, f"{_degrees(reading.error)} from the pose {within}")
+            case RestReading():
+                self._bar(0, f"at the pose, moving at {reading.speed:.3f} rad/s")
+            case Released():
+                self._bar(0, "released")
+            case SwingReading():
+                self._bar(reading.t, f"{reading.t:.1f} s, {reading.samples} samples")
+            case _:
+                pass
+
+
+def listed(names: tuple[str, ...]) -> str:
+    """Names in a sentence."""
+    from dpr_lab.report.words import named
+
+    names = tuple(map(named, names))
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names) or "nothing"
+
+
+def named_by(outcome: "TrialOutcome") -> str:
+    """What the diagnosis of a trial named, and its verdict."""
+    verdict = outcome.verdict.replace("_", " ")
+    return f"{listed(outcome.named)} ({verdict})" if outcome.named else verdict
+
+
+def _angles(theta1: float, theta2: float) -> str:
+    return f"theta1 = {math.degrees(theta1):.1f} deg, theta2 = {math.degrees(theta2):.1f} deg (0 = upright)"
+
+
+def _degrees(errors: tuple[float, float]) -> str:
+    return " and ".join(f"{math.degrees(error):+.1f} deg" for error in errors)

@@ -1,0 +1,161 @@
+"""`dpr-lab rig list|show|new|check`: the rig files that come with dpr-lab, one's own, and whether it can be used."""
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from dpr_lab.cli.checks import built_in_rigs, complete_rig
+from dpr_lab.cli.console import emit, json_mode, line, table
+
+if TYPE_CHECKING:
+    from dpr_lab.rig_file import Measure
+
+app = typer.Typer(
+    help="Rig files: built in, new, checked (docs/rig-file.md says every key).",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+
+
+@app.command("list")
+def list_(as_json: Json = False) -> None:
+    """Names of the built-in rigs, for --rig.
+
+    Example: dpr-lab rig list
+    """
+    json_mode(as_json)
+    from dpr_lab.configs import find_config
+    from dpr_lab.rig import load_rig
+
+    rigs = {name: load_rig(name) for name in built_in_rigs()}
+    if as_json:
+        emit([{"name": name, "file": str(rig.path), "poses": list(rig.poses)} for name, rig in rigs.items()])
+        return
+    rows = [(name, ", ".join(rig.poses) or "none", find_config("rigs", name)) for name, rig in rigs.items()]
+    table("Built-in rigs", ("name", "poses", "file"), rows, prose=True)
+
+
+@app.command()
+def show(
+    rig: Annotated[str, typer.Argument(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    as_json: Json = False,
+) -> None:
+    """The text of a rig file, after it has been checked.
+
+    Example: dpr-lab rig show paper > my_rig.toml
+    """
+    json_mode(as_json)
+    from dpr_lab.rig import load_rig
+
+    checked = load_rig(rig)
+    assert checked.path is not None
+    if as_json:
+        emit(checked.model_dump(mode="json"))
+    else:
+        line(checked.path.read_text(encoding="utf-8").rstrip())
+
+
+Weighed = "as 0.21, or weighed and to be held as 0.21+-0.001"
+
+
+@app.command()
+def new(
+    name: Annotated[str | None, typer.Option(help="Of the rig.")] = None,
+    l1: Annotated[float | None, typer.Option("--l1", help="Between the two joints, m.")] = None,
+    l2: Annotated[float | None, typer.Option("--l2", help="Length of the outer rod, m.")] = None,
+    m1: Annotated[str | None, typer.Option(help=f"Inner rod, kg, {Weighed}.")] = None,
+    m2: Annotated[str | None, typer.Option(help=f"Outer rod, kg, {Weighed}.")] = None,
+    mb: Annotated[str | None, typer.Option(help=f"What sits on the elbow, kg, {Weighed}.")] = None,
+    g: Annotated[float, typer.Option(help="Gravity, m/s^2.")] = 9.81,
+    counts_per_rev: Annotated[int | None, typer.Option(help="Of the encoders.")] = None,
+    joint2: Annotated[
+        Literal["relative", "absolute"] | None, typer.Option(help="What the outer rod's encoder reads.")
+    ] = None,
+    url: Annotated[str | None, typer.Option("--link", help="Where the device is.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File to write; NAME.toml when left out.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write a rig file with sensible bounds from lengths and weights; a terminal is asked what no flag says.
+
+    Example: dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12 --out my_rig.toml
+    """
+    json_mode(as_json)
+    from dpr_lab.rig_file import RigMeasures, new_rig
+
+    ask = sys.stdin.isatty() and sys.stderr.isatty() and None in (name, l1, l2, m1, m2)
+    name = name or _asked(ask, "--name", "Name of the rig", "my_rig")
+    l1 = l1 if l1 is not None else float(_asked(ask, "--l1", "Between the two joints, m", kind=float))
+    l2 = l2 if l2 is not None else float(_asked(ask, "--l2", "Length of the outer rod, m", kind=float))
+    m1 = m1 or _asked(ask, "--m1", f"Inner rod, kg, {Weighed}")
+    m2 = m2 or _asked(ask, "--m2", f"Outer rod, kg, {Weighed}")
+    if ask:
+        mb = mb or _asked(ask, "--mb", "What sits on the elbow, kg; Enter where nobody knows", "")
+        counts_per_rev = counts_per_rev or int(_asked(ask, "--counts-per-rev", "Counts per turn", "16384", kind=int))
+        said = "The outer rod's encoder reads (relative to the inner rod, or absolute)"
+        joint2 = joint2 or ("absolute" if _asked(ask, "--joint2", said, "relative").startswith("a") else "relative")
+        url = url or _asked(ask, "--link", "Where the device is", "sim://")
+    measures = RigMeasures(
+        name,
+        l1,
+        l2,
+        _measure("--m1", m1),
+        _measure("--m2", m2),
+        _measure("--mb", mb) if mb else None,
+        g,
+        counts_per_rev or 16384,
+        joint2 or "relative",
+        url or "sim://",
+    )
+    file = new_rig(measures, out or Path(f"{name}.toml"))
+    if as_json:
+        emit({"file": str(file)})
+    else:
+        line(f"{file}: look at it and change it as you know better; then dpr-lab rig check {file}")
+
+
+@app.command()
+def check(
+    rig: Annotated[str, typer.Argument(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    as_json: Json = False,
+) -> None:
+    """What is wrong, missing or odd in a rig file. Ends with 1 when it cannot be used.
+
+    Example: dpr-lab rig check my_rig.toml
+    """
+    json_mode(as_json)
+    from dpr_lab.rig_file import check_rig
+
+    findings = check_rig(rig)
+    wrong = any(finding.state == "wrong" for finding in findings)
+    if as_json:
+        emit({"file": rig, "ok": not wrong, "findings": [asdict(finding) for finding in findings]})
+    elif findings:
+        rows = [(finding.state, finding.key, finding.text) for finding in findings]
+        table(f"{rig}: {'cannot be used' if wrong else 'can be used'}", ("", "key", "what"), rows, prose=True)
+    else:
+        line(f"{rig}: can be used, and nothing is missing or odd")
+    if wrong:
+        raise typer.Exit(1)
+
+
+def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind: type = str) -> str:
+    """The answer on a terminal; elsewhere the flag is missing."""
+    if not ask:
+        raise typer.BadParameter(f"{flag} is needed: {question}; on a terminal it is asked for")
+    return str(typer.prompt(question, default=default, type=kind, err=True))
+
+
+def _measure(flag: str, text: str) -> "Measure":
+    """`0.21`, or `0.21+-0.001` for a weighed value that is to be held."""
+    from dpr_lab.rig_file import Measure
+
+    value, _, std = text.replace("±", "+-").partition("+-")
+    try:
+        return Measure(float(value), float(std) if std else None)
+    except ValueError as error:
+        raise typer.BadParameter(f"{flag} {text[:50]!r}: write it {Weighed}") from error

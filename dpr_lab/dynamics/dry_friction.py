@@ -1,0 +1,135 @@
+r"""Joints under dry friction: held at rest by whatever torque that takes, up to a limit; sliding only beyond it.
+
+With u = (omega1, omega2 - omega1) the speeds of the joints, tau the torques on them and A the mass matrix of both,
+
+    A u' = tau - lambda,    lambda_j = F_j sgn(u_j) where u_j is not 0,    |lambda_j| <= F_j where it is.
+
+A is positive definite, so that u' is the one minimum of u' A u' / 2 - tau u' + sum F_j |u'_j| over the joints at rest:
+`slides` finds it among its nine cases. Between two events each joint keeps its direction and the motion is smooth.
+"""
+
+import math
+from typing import NamedTuple
+
+from dpr_lab.dynamics.arm import ReducedRods
+from dpr_lab.dynamics.equation import solved
+from dpr_lab.kernels import njit
+
+
+class EventSettings(NamedTuple):
+    """How stops and starts within a step are found."""
+
+    most: int = 8
+    """Events within one step after which no joint at rest is let go before its end: a chatter that no sample shows."""
+    late: float = 4.0
+    """How much later than it is found a joint is let go, in steps times seconds: beyond the limit for sure, and of the
+    fourth order in what it does to the speed."""
+    shortest: float = 1e-9
+    """Share of a step below which an event counts as happening at its start."""
+    farthest: float = 0.1
+    """Share of a step, at most, by which an instant is corrected at which a speed is not quite zero."""
+
+
+EVENTS = EventSettings()
+
+
+@njit
+def direction_of(speed: float) -> float:
+    """Which way a joint slides: 1, -1, or 0 where it is at rest."""
+    return 1.0 if speed > 0.0 else (-1.0 if speed < 0.0 else 0.0)
+
+
+@njit
+def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float, float]:
+    """Accelerations (alpha0, alpha1, alpha2) with the joints of direction 0 held at rest, rad/s^2."""
+    free1, free2 = solved(rods.inertia1, rods.inertia2, rods.coupling, rods.torque1, rods.torque2)
+    together = (rods.torque1 + rods.torque2) / (rods.inertia1 + rods.inertia2 + 2.0 * rods.coupling)
+    outer = rods.torque2 / rods.inertia2
+    rest1, rest2 = direction1 == 0.0, direction2 == 0.0
+    alpha1 = 0.0 if rest1 else (together if rest2 else free1)
+    alpha2 = (0.0 if rest2 else outer) if rest1 else (together if rest2 else free2)
+    return rods.push0 - rods.reach1 * alpha1 - rods.reach2 * alpha2, alpha1, alpha2
+
+
+@njit
+def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float]:
+    """Torques, N m, that friction has to withstand in the joints of direction 0; of no meaning in the others."""
+    across = rods.inertia2 + rods.coupling
+    both, outer = rods.torque1 + rods.torque2, rods.torque2
+    rest1, rest2 = direction1 == 0.0, direction2 == 0.0
+    push1 = both - (0.0 if rest2 else across / rods.inertia2 * outer)
+    push2 = outer - (0.0 if rest1 else across / (rods.inertia1 + across + rods.coupling) * both)
+    return push1, push2
+
+
+@njit
+def _beyond(push: float, forward: float, backward: float) -> float:
+    """Which way a joint gives to a push: 0 where its limits hold it."""
+    return 1.0 if push > forward else (-1.0 if push < -backward else 0.0)
+
+
+@njit
+def slides(
+    rods: ReducedRods, directions: tuple[float, float], forward: tuple[float, float], backward: tuple[float, float]
+) -> tuple[float, float]:
+    """Directions in which both joints go on, from those of which 0 means a joint at rest.
+
+    Args:
+        rods: under all torques but the friction of joints at rest
+        directions: 1, -1 or 0
+        forward: limits of friction against sliding in the direction 1, N m
+        backward: likewise -1
+    """
+    push1, push2 = pushes(rods, directions[0], directions[1])
+    give1, give2 = _beyond(push1, forward[0], backward[0]), _beyond(push2, forward[1], backward[1])
+    if directions[0] != 0.0:
+        return directions[0], give2
+    if directions[1] != 0.0:
+        return give1, directions[1]
+    across = rods.inertia2 + rods.coupling
+    whole, outer = rods.inertia1 + across + rods.coupling, rods.inertia2
+    if give1 == 0.0 and give2 == 0.0:
+        return 0.0, 0.0
+    left1 = push1 - give1 * (forward[0] if give1 > 0.0 else backward[0])
+    if give1 != 0.0 and _beyond(push2 - across * left1 / whole, forward[1], backward[1]) == 0.0:
+        return give1, 0.0
+    left2 = push2 - give2 * (forward[1] if give2 > 0.0 else backward[1])
+    if give2 != 0.0 and _beyond(push1 - across * left2 / outer, forward[0], backward[0]) == 0.0:
+        return 0.0, give2
+    for side1 in (1.0, -1.0):
+        for side2 in (1.0, -1.0):
+            left1 = push1 - side1 * (forward[0] if side1 > 0.0 else backward[0])
+            left2 = push2 - side2 * (forward[1] if side2 > 0.0 else backward[1])
+            if side1 * (outer * left1 - across * left2) > 0.0 and side2 * (whole * left2 - across * left1) > 0.0:
+                return side1, side2
+    return give1, give2
+
+
+@njit
+def stops_at(before: float, after: float, slope: float) -> float:
+    """Share of a step at which a speed falls through zero, on the parabola with this slope, of the step, at its end.
+
+    Args:
+        before: the speed at the start, in its own direction: not negative
+        after: at the end: negative
+        slope: by the share of the step, at the end
+    """
+    bend = slope - (after - before)
+    first = after - before - bend
+    if before <= 0.0:
+        return -first / bend if first > 0.0 else 0.0
+    return 2.0 * before / (math.sqrt(max(first * first - 4.0 * bend * before, 0.0)) - first)
+
+
+@njit
+def yields_at(before: float, after: float, h: float) -> float:
+    """Share of a step of h after which a joint is let go whose limit exceeds its push by these at start and end."""
+    left = max(before, 0.0)
+    return left / (left - after) + EVENTS.late * h
+
+
+@njit
+def correction(speed: float, acceleration: float, h: float) -> float:
+    """Time, s, until a speed near zero is zero; at most a small part of the step h that led there."""
+    later = -speed / acceleration if acceleration != 0.0 else 0.0
+    return min(max(later, -EVENTS.farthest * h), EVENTS.farthest * h)

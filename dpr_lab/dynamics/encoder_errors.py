@@ -1,0 +1,80 @@
+"""From the angles of the joints to those that their encoders read: timing, play and encoder errors."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dpr_lab.dynamics.segments import Segments
+from dpr_lab.dynamics.step import RigModel
+from dpr_lab.effects.effect_kernels import active_effects, encoder_errors, held_angle, reading_shifts
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.kernels import njit
+
+
+@njit
+def read_at(t: float, model: RigModel) -> tuple[float, float]:
+    """Instants, s since the release, at which joints 1 and 2 had the angles that are read as those of device time t."""
+    shift1, shift2 = reading_shifts(t, model.params, model.active)
+    return t + shift1, t + shift2
+
+
+@njit
+def apply_encoder_errors(angles: NDArray[np.float64], t: NDArray[np.float64], run: int, model: RigModel) -> None:
+    """Add to (n, >= 2) angles of joints 1 and 2 the errors of their encoders, in place.
+
+    Args:
+        angles: joint 1 absolute, joint 2 as its encoder has it, rad
+        t: (n,) device time since the release, s
+        run: number of the release, from 0
+        model: the rig and its effects, of which those of encoders count
+    """
+    for k in range(len(t)):
+        angle1, angle2 = angles[k, 0], angles[k, 1]
+        error1, error2 = encoder_errors(angle1, angle2, t[k], run, model.constants, model.params, model.active)
+        angles[k, 0], angles[k, 1] = angle1 + error1, angle2 + error2
+
+
+def with_encoder_errors(
+    angles: NDArray[np.float64], params: ArrayLike, constants: RigConstants, segments: Segments
+) -> NDArray[np.float64]:
+    """(n, N, 2) what the encoders make of the same angles under many effects; nothing is integrated for it.
+
+    Args:
+        angles: (N, 2) joint 1 absolute, joint 2 as its encoder has it, rad
+        params: (n, SIZE) effects, of which those of encoders count
+        constants: the rig
+        segments: when the angles were read
+    """
+    rows = np.array(params, dtype=np.float64, order="C")
+    return _with_errors(
+        np.array(angles, order="C"), segments.t, segments.offsets, segments.run, constants, rows, active_effects(rows)
+    )
+
+
+@njit
+def _with_errors(
+    angles: NDArray[np.float64],
+    t: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    run: NDArray[np.int64],
+    constants: RigConstants,
+    params: NDArray[np.float64],
+    active: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    read = np.empty((len(params), len(t), 2))
+    for c in range(len(params)):
+        for s in range(len(run)):
+            for k in range(offsets[s], offsets[s + 1]):
+                angle1, angle2 = angles[k, 0], angles[k, 1]
+                error1, error2 = encoder_errors(angle1, angle2, t[k], run[s], constants, params[c], active[c])
+                read[c, k, 0], read[c, k, 1] = angle1 + error1, angle2 + error2
+    return read
+
+
+@njit
+def held_along(angles: NDArray[np.float64], hold: float, model: RigModel) -> NDArray[np.float64]:
+    """(n,) angles that the encoder of joint 2 holds while its joint goes through `angles`, from `hold` on, rad."""
+    seen = np.empty(len(angles))
+    for k in range(len(angles)):
+        hold = held_angle(angles[k], hold, model.params, model.active)
+        seen[k] = hold
+    return seen

@@ -1,0 +1,463 @@
+"""Reading the encoders along tracks: lanes of candidates and segments that go through their steps together."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.lanes.driving import Drive, push
+from dpr_lab.dynamics.lanes.effects import displaced, played
+from dpr_lab.dynamics.lanes.tracks import Tracks
+from dpr_lab.dynamics.lanes.workspace import LANES, ROW, WORKSPACE, constants_at, waits
+from dpr_lab.effects.effect_kernels import (
+    ARM,
+    AT_RELEASE,
+    LAG,
+    STEPPED,
+    Acting,
+    arm_model,
+    encoder_errors,
+    internal_sliding,
+    reading_shifts,
+)
+from dpr_lab.effects.quantities import HELD_ARM, RigConstants
+from dpr_lab.kernels import njit
+
+PAD = 0.02
+"""How long before its first sample a segment starts, s: longer than any latency worth fitting."""
+
+
+class Laid(NamedTuple):
+    """Segments and what was clamped on, as compiled code takes them."""
+
+    t: NDArray[np.float64]
+    offsets: NDArray[np.int64]
+    run: NDArray[np.int64]
+    step: NDArray[np.float64]
+    parts: NDArray[np.float64]
+    """(runs, 5) L1, L2, m1, m2, mb of what hangs there."""
+    drive: Drive
+    """What drove the joints."""
+
+
+class Candidates(NamedTuple):
+    """What is to be predicted."""
+
+    bases: NDArray[np.float64]
+    """(n, runs, 6) of what hangs there"""
+    params: NDArray[np.float64]
+    """(n, runs or 1, SIZE)"""
+    initial: NDArray[np.float64]
+    """(n, S, 4)"""
+    internal: NDArray[np.float64]
+    """(n, S, internal) nan where it is taken over from the segment before."""
+
+
+class LaneSamples(NamedTuple):
+    """The samples of a segment in each lane."""
+
+    t1: NDArray[np.float64]
+    """(LANES, longest) instants at which joint 1 has the angle that is read, s."""
+    t2: NDArray[np.float64]
+    out: NDArray[np.float64]
+    """(n * N * columns,) the readings of all candidates end to end: joint 1, joint 2 and perhaps the arm, rad."""
+    columns: int
+    first: NDArray[np.int64]
+    """(LANES,) where in `out` the readings of the segment begin."""
+    next1: NDArray[np.int64]
+    """(LANES,) sample that joint 1 is read at next."""
+    next2: NDArray[np.int64]
+    size: NDArray[np.int64]
+    """(LANES,) samples of the segment; 0 where the lane is idle."""
+
+
+@njit
+def follow(
+    blocks: tuple[int, int],
+    advance: Any,
+    tracks: Tracks,
+    laid: Laid,
+    asked: Candidates,
+    rig: RigConstants,
+    angles: NDArray[np.float64],
+    begun: NDArray[np.float64],
+) -> None:
+    """Fill in (n, N, 2 or 3) readings, rad, and (n, S, internal) internal states at the starts of segments.
+
+    Args:
+        blocks: first and one past the last block of tracks
+        advance: of `dpr_lab.dynamics.lanes.stepping`
+        tracks: what goes together
+        laid: the segments
+        asked: the candidates
+        rig: its constants
+        angles: to fill in
+        begun: to fill in
+    """
+    longest = 0
+    for s in range(len(laid.run)):
+        longest = max(longest, laid.offsets[s + 1] - laid.offsets[s])
+    w, after = np.zeros(WORKSPACE), np.zeros((LANES, len(AT_RELEASE)))
+    run, place = np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
+    samples = LaneSamples(
+        np.zeros((LANES, longest)),
+        np.zeros((LANES, longest)),
+        angles.reshape(angles.size),
+        angles.shape[2],
+        np.zeros(LANES, dtype=np.int64),
+        np.zeros(LANES, dtype=np.int64),
+        np.zeros(LANES, dtype=np.int64),
+        np.zeros(LANES, dtype=np.int64),
+    )
+    for block in range(blocks[0], blocks[1]):
+        first, last = tracks.edges[block], tracks.edges[block + 1]
+        active, acts = tracks.active[block], _acting(tracks.acts, block)
+        rounds = 0
+        for k in range(LANES):
+            track = min(first + k, last - 1)
+            rounds = max(rounds, tracks.last[track] - tracks.first[track])
+            run[k], place[k] = laid.run[tracks.first[track]], 0
+            _load(w, k, int(tracks.candidate[track]), int(laid.run[tracks.first[track]]), laid, asked, rig, active)
+        for turn in range(rounds):
+            for k in range(LANES):
+                samples.size[k], w[ROW.due1 + k], w[ROW.due2 + k] = 0, np.inf, np.inf
+                if first + k < last and tracks.first[first + k] + turn < tracks.last[first + k]:
+                    c, s = int(tracks.candidate[first + k]), int(tracks.first[first + k]) + turn
+                    _begin(w, k, c, s, turn, laid, asked, acts, rig, active, samples, after[k], begun[c, s])
+            _read(w, advance, rig, active, acts, samples, after, laid.drive, run, place)
+            if acts.errors:
+                for k in range(last - first):
+                    c, s = int(tracks.candidate[first + k]), int(tracks.first[first + k]) + turn
+                    if s < tracks.last[first + k]:
+                        _add_errors(c, s, laid, asked, rig, active, angles)
+
+
+@njit
+def _acting(acts: Acting, block: int) -> Acting:
+    return Acting(
+        acts.torques[block], acts.loads[block], acts.arm[block], acts.timing[block], acts.errors[block],
+        acts.play[block], acts.stepped[block], acts.internal[block], acts.dry1[block], acts.dry2[block],
+    )  # fmt: skip
+
+
+@njit
+def _load(
+    w: NDArray[np.float64],
+    k: int,
+    c: int,
+    r: int,
+    laid: Laid,
+    asked: Candidates,
+    rig: RigConstants,
+    active: NDArray[np.bool_],
+) -> None:
+    """What lane k keeps along its track: candidate c in run r."""
+    w[ROW.L1 + k], w[ROW.L2 + k] = laid.parts[r, 0], laid.parts[r, 1]
+    w[ROW.m1 + k], w[ROW.m2 + k], w[ROW.mb + k] = laid.parts[r, 2], laid.parts[r, 3], laid.parts[r, 4]
+    w[ROW.a + k], w[ROW.b + k], w[ROW.d + k] = asked.bases[c, r, 0], asked.bases[c, r, 1], asked.bases[c, r, 2]
+    w[ROW.e1 + k], w[ROW.c1 + k], w[ROW.c2 + k] = asked.bases[c, r, 3], asked.bases[c, r, 4], asked.bases[c, r, 5]
+    w[ROW.e2 + k] = w[ROW.d + k] * rig.g / rig.L1
+    w[ROW.step + k], w[ROW.drive1 + k], w[ROW.drive2 + k] = laid.step[0], 0.0, 0.0
+    w[ROW.direction1 + k], w[ROW.direction2 + k] = np.nan, np.nan
+    params = _params(c, r, asked)
+    for i in range(len(params)):
+        w[ROW.params + i * LANES + k] = params[i]
+    arm = arm_model(constants_at(w, k, rig), HELD_ARM, params, active)
+    w[ROW.inertia + k], w[ROW.friction + k], w[ROW.stiffness + k] = arm.inertia, arm.friction, arm.stiffness
+
+
+@njit
+def _params(c: int, r: int, asked: Candidates) -> NDArray[np.float64]:
+    """(SIZE,) effects of a candidate in a run."""
+    return asked.params[c, r if asked.params.shape[1] > 1 else 0]
+
+
+@njit
+def segment_start(first: float, near: float = 0.04) -> float:
+    """When a segment starts whose first reading is taken `first` seconds after the release, s.
+
+    One that would start less than `near` after the release starts with it, where nothing is remembered yet.
+    """
+    start = first - PAD
+    return 0.0 if 0.0 < start and start < near else start
+
+
+@njit
+def _begin(
+    w: NDArray[np.float64],
+    k: int,
+    c: int,
+    s: int,
+    turn: int,
+    laid: Laid,
+    asked: Candidates,
+    acts: Acting,
+    rig: RigConstants,
+    active: NDArray[np.bool_],
+    samples: LaneSamples,
+    internal: NDArray[np.float64],
+    begun: NDArray[np.float64],
+) -> None:
+    """Put lane k at the start of segment s; leave it idle where the instants of reading make no sense.
+
+    `internal` are the internal states at the end of the segment before, `begun` becomes those at the start of this.
+    """
+    i, j, x = laid.offsets[s], laid.offsets[s + 1], asked.initial[c, s]
+    params, count = _params(c, laid.run[s], asked), j - i
+    until = laid.t[min(j, len(laid.t) - 1)]
+    samples.first[k] = (c * len(laid.t) + i) * samples.columns
+    for n in range(count):
+        samples.t1[k, n] = laid.t[i + n]
+    for n in range(count if acts.timing or acts.play else 0):
+        samples.t2[k, n] = laid.t[i + n]
+    if acts.timing:
+        for n in range(count):
+            shift1, shift2 = reading_shifts(laid.t[i + n], params, active)
+            samples.t1[k, n] += shift1
+            samples.t2[k, n] += shift2
+        until += reading_shifts(until, params, active)[0]
+    now = segment_start(samples.t1[k, 0])
+    if turn == 0:
+        _remember_nothing(x, segment_start(float(laid.t[i])), internal)
+    for n in range(len(begun)):
+        given = asked.internal[c, s, n]
+        begun[n] = internal[n] if np.isnan(given) else given
+    last1 = samples.t1[k, count - 1]
+    last2 = samples.t2[k, count - 1] if acts.timing else last1
+    longest = now + 2.0 * (laid.t[j - 1] - laid.t[i]) + 1.0
+    samples.next1[k], samples.next2[k], samples.size[k] = 0, 0, count
+    if not (last1 < longest and last2 < longest):  # or not a number: a clock that no rig has
+        for n in range(count * samples.columns):
+            samples.out[samples.first[k] + n] = np.nan
+        for n in range(len(internal)):
+            internal[n] = np.nan
+        return
+    w[ROW.due1 + k] = samples.t1[k, 0]
+    if acts.timing or acts.play:
+        w[ROW.due2 + k] = samples.t2[k, 0]
+    w[ROW.handed + k] = min(segment_start(float(until)), last1)
+    w[ROW.t + k], w[ROW.h + k], w[ROW.step + k] = now, laid.step[s], laid.step[s]
+    w[ROW.until + k], w[ROW.ahead + k], w[ROW.cut + k] = now, 0.0, 0.0
+    w[ROW.theta1 + k], w[ROW.theta2 + k], w[ROW.omega1 + k], w[ROW.omega2 + k] = x[0], x[1], x[2], x[3]
+    w[ROW.theta0 + k], w[ROW.omega0 + k] = begun[ARM], begun[ARM + 1]
+    w[ROW.old_theta0 + k], w[ROW.old_omega0 + k] = begun[ARM], begun[ARM + 1]
+    for row in (ROW.stage_omega0, ROW.stage_omega1, ROW.stage_omega2, ROW.alpha0, ROW.alpha1, ROW.alpha2):
+        w[row + k] = 0.0
+    w[ROW.hold + k] = x[1] - rig.relative2 * x[0] + begun[LAG]
+    for n, place in enumerate(STEPPED):
+        w[ROW.internal + n * LANES + k] = begun[place]
+
+
+@njit
+def _remember_nothing(x: NDArray[np.float64], now: float, internal: NDArray[np.float64]) -> None:
+    """Internal states at the first start in a run: of a rig at rest until the release, of long sliding after it."""
+    for n in range(len(internal)):
+        internal[n] = AT_RELEASE[n]
+    if now > 0.0:
+        for n, value in enumerate(internal_sliding(x[2], x[3] - x[2])):
+            internal[STEPPED[n]] = value
+
+
+@njit
+def _read(
+    w: NDArray[np.float64],
+    advance: Any,
+    rig: RigConstants,
+    active: NDArray[np.bool_],
+    acts: Acting,
+    samples: LaneSamples,
+    after: NDArray[np.float64],
+    drive: Drive,
+    run: NDArray[np.int64],
+    place: NDArray[np.int64],
+) -> None:
+    """Step all lanes on until each has read its segment."""
+    held = _any_held(w)
+    while _any_due(w):
+        if len(drive.t) > 0:
+            push(w, drive, run, place)
+        advance(w, rig, active, acts, held)
+        if not (acts.timing or acts.play):
+            _read_both(w, rig.relative2, acts.arm, samples)
+        else:
+            _read_joint1(w, acts.arm, samples)
+            if acts.play:
+                _read_play(w, rig.relative2, active, samples)
+            else:
+                _read_joint2(w, 1.0, rig.relative2, samples)
+        if acts.internal:
+            _hand_over(w, rig.relative2, active, acts.play, after)
+        held = held and _any_held(w)
+
+
+@njit
+def _any_held(w: NDArray[np.float64]) -> bool:
+    """Whether the next step of any lane begins before the release."""
+    count = 0
+    for k in range(LANES):
+        count += not w[ROW.t + k] > -0.5 * w[ROW.step + k]
+    return count > 0
+
+
+@njit
+def _any_due(w: NDArray[np.float64]) -> bool:
+    count = 0
+    for k in range(LANES):
+        count += (w[ROW.due1 + k] < np.inf) | (w[ROW.due2 + k] < np.inf)
+    return count > 0
+
+
+@njit
+def _cubic(u: float, h: float, y0: float, v0: float, y1: float, v1: float) -> float:
+    """The cubic through y0, y1 with slopes v0, v1 over a step of h, at the share u of it."""
+    v = 1.0 - u
+    return v * v * ((1.0 + 2.0 * u) * y0 + u * h * v0) + u * u * ((3.0 - 2.0 * u) * y1 - v * h * v1)
+
+
+@njit
+def _angle1(w: NDArray[np.float64], k: int, u: float) -> float:
+    """theta1 of lane k at the share u of its step, rad."""
+    return _cubic(u, w[ROW.h + k], w[ROW.old_theta1 + k], w[ROW.old_omega1 + k], w[ROW.theta1 + k], w[ROW.omega1 + k])
+
+
+@njit
+def _angle2(w: NDArray[np.float64], k: int, u: float, relative2: float) -> float:
+    """Angle of joint 2 as its encoder has it, likewise."""
+    theta2 = _cubic(u, w[ROW.h + k], w[ROW.old_theta2 + k], w[ROW.old_omega2 + k], w[ROW.theta2 + k], w[ROW.omega2 + k])
+    return theta2 - relative2 * _angle1(w, k, u)
+
+
+@njit
+def _angle0(w: NDArray[np.float64], k: int, u: float) -> float:
+    """theta0, likewise."""
+    return _cubic(u, w[ROW.h + k], w[ROW.old_theta0 + k], w[ROW.old_omega0 + k], w[ROW.theta0 + k], w[ROW.omega0 + k])
+
+
+@njit
+def _shares(w: NDArray[np.float64], due: int, until: float) -> bool:
+    """The share of its step at which each lane is to read next; whether any does by the share `until`."""
+    count = 0
+    for k in range(LANES):
+        share = (w[due + k] - w[ROW.old_t + k]) / w[ROW.h + k]
+        w[ROW.share + k] = share
+        count += share <= until
+    return count > 0
+
+
+@njit
+def _after_reading(w: NDArray[np.float64], due: int, k: int, t: NDArray[np.float64], j: int, count: int) -> int:
+    """The sample after j, which becomes due."""
+    w[due + k] = t[k, j + 1] if j + 1 < count else np.inf
+    return j + 1
+
+
+@njit
+def _read_both(w: NDArray[np.float64], relative2: float, arm: bool, samples: LaneSamples) -> None:
+    """Read the samples that fall into the step, both joints at one instant."""
+    while _shares(w, ROW.due1, 1.0):
+        for k in range(LANES):
+            w[ROW.angle1 + k] = _angle1(w, k, w[ROW.share + k])
+            w[ROW.angle2 + k] = _angle2(w, k, w[ROW.share + k], relative2)
+        for k in range(LANES):
+            if w[ROW.share + k] <= 1.0:
+                j = samples.next1[k]
+                at = samples.first[k] + j * samples.columns
+                samples.out[at], samples.out[at + 1] = w[ROW.angle1 + k], w[ROW.angle2 + k]
+                if arm and samples.columns > 2:
+                    samples.out[at + 2] = _angle0(w, k, w[ROW.share + k])
+                samples.next1[k] = _after_reading(w, ROW.due1, k, samples.t1, j, samples.size[k])
+
+
+@njit
+def _read_joint1(w: NDArray[np.float64], arm: bool, samples: LaneSamples) -> None:
+    """Read joint 1 and the arm at the samples that fall into the step."""
+    while _shares(w, ROW.due1, 1.0):
+        for k in range(LANES):
+            w[ROW.angle1 + k] = _angle1(w, k, w[ROW.share + k])
+        for k in range(LANES):
+            if w[ROW.share + k] <= 1.0:
+                j = samples.next1[k]
+                at = samples.first[k] + j * samples.columns
+                samples.out[at] = w[ROW.angle1 + k]
+                if arm and samples.columns > 2:
+                    samples.out[at + 2] = _angle0(w, k, w[ROW.share + k])
+                samples.next1[k] = _after_reading(w, ROW.due1, k, samples.t1, j, samples.size[k])
+
+
+@njit
+def _read_joint2(w: NDArray[np.float64], until: float, relative2: float, samples: LaneSamples) -> None:
+    """Read joint 2 at the samples that fall into the step before the share `until` of it."""
+    while _shares(w, ROW.due2, until):
+        for k in range(LANES):
+            w[ROW.angle2 + k] = _angle2(w, k, w[ROW.share + k], relative2)
+        for k in range(LANES):
+            if w[ROW.share + k] <= until:
+                j = samples.next2[k]
+                samples.out[samples.first[k] + j * samples.columns + 1] = w[ROW.angle2 + k]
+                samples.next2[k] = _after_reading(w, ROW.due2, k, samples.t2, j, samples.size[k])
+
+
+@njit
+def _read_play(w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_], samples: LaneSamples) -> None:
+    """Read joint 2 through the play of its encoder, which looks for a turning point at each quarter of the step."""
+    for quarter in range(1, 5):
+        until = 0.25 * quarter
+        while _shares(w, ROW.due2, until):
+            for k in range(LANES):
+                w[ROW.angle2 + k] = _angle2(w, k, w[ROW.share + k], relative2)
+            played(w, active)
+            for k in range(LANES):
+                if w[ROW.share + k] <= until:
+                    j = samples.next2[k]
+                    w[ROW.hold + k] = w[ROW.angle2 + k]
+                    samples.out[samples.first[k] + j * samples.columns + 1] = w[ROW.angle2 + k]
+                    samples.next2[k] = _after_reading(w, ROW.due2, k, samples.t2, j, samples.size[k])
+        for k in range(LANES):
+            w[ROW.angle2 + k] = _angle2(w, k, until, relative2)
+        played(w, active)
+        for k in range(LANES):
+            w[ROW.hold + k] = w[ROW.angle2 + k]
+    for k in range(LANES):
+        w[ROW.hold + k] = _angle2(w, k, 1.0, relative2) if waits(w, k) else w[ROW.hold + k]
+
+
+@njit
+def _hand_over(
+    w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_], play: bool, after: NDArray[np.float64]
+) -> None:
+    """Internal states for the next segment, where it starts in this step; the play's is that of the step's end."""
+    if not _shares(w, ROW.handed, 1.0):
+        return
+    for k in range(LANES):
+        turn1 = w[ROW.theta1 + k] - w[ROW.old_theta1 + k]
+        turn2 = w[ROW.theta2 + k] - w[ROW.old_theta2 + k] - turn1
+        w[ROW.displacement1 + k], w[ROW.displacement2 + k] = w[ROW.share + k] * turn1, w[ROW.share + k] * turn2
+    displaced(w, active)
+    for k in range(LANES):
+        u = w[ROW.share + k]
+        if u <= 1.0:
+            if u > 0.0:
+                for n, place in enumerate(STEPPED):
+                    after[k, place] = w[ROW.moved + n * LANES + k]
+                after[k, LAG] = w[ROW.hold + k] - _angle2(w, k, 1.0, relative2) if play else 0.0
+                after[k, ARM] = _angle0(w, k, u)
+                after[k, ARM + 1] = w[ROW.old_omega0 + k] + u * (w[ROW.omega0 + k] - w[ROW.old_omega0 + k])
+            w[ROW.handed + k] = np.inf
+
+
+@njit
+def _add_errors(
+    c: int,
+    s: int,
+    laid: Laid,
+    asked: Candidates,
+    rig: RigConstants,
+    active: NDArray[np.bool_],
+    angles: NDArray[np.float64],
+) -> None:
+    """Add the errors of the encoders to what candidate c reads on segment s."""
+    params = _params(c, laid.run[s], asked)
+    for i in range(laid.offsets[s], laid.offsets[s + 1]):
+        angle1, angle2 = angles[c, i, 0], angles[c, i, 1]
+        error1, error2 = encoder_errors(angle1, angle2, laid.t[i], laid.run[s], rig, params, active)
+        angles[c, i, 0], angles[c, i, 1] = angle1 + error1, angle2 + error2

@@ -1,0 +1,237 @@
+r"""Runge-Kutta steps of the rig with its effects in vector lanes: the same physics as `dpr_lab.dynamics.step`.
+
+Theory of operation. A track is one candidate along one segment. `LANES` tracks whose candidates have the same effects
+on go side by side through one flat workspace, a row of LANES numbers for each quantity (`workspace`). Everything that
+a step does is a loop over the lanes that the compiler turns into vector instructions: no loop holds a branch or a call,
+for which tanh, exp and sincos are polynomials (`dpr_lab.effects.elementary`). Each effect is a loop of its own that is
+skipped where the effect is off (`effects`); it finds the motion of the stage in the workspace and adds to five
+rows of terms. Loops over what only some effects need (the arm, joint forces, internal states) are skipped alike.
+
+Each lane has its own time and its own step. Nothing is reassociated and no lane knows of its neighbours, so that a
+candidate has the same bits in any company and for any number of threads.
+
+An arm is held until the release. While any lane has not been released the arm's loop asks lane by lane, which costs a
+few steps at the beginning of a run.
+"""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.arm import CLAMPED, FREE, arm_accelerations
+from dpr_lab.dynamics.lanes.dry_friction import accelerate_held, begin_dry, find_spare, let_go, settle
+from dpr_lab.dynamics.lanes.effects import add_load_friction, add_torques, displaced
+from dpr_lab.dynamics.lanes.workspace import LANES, ROW, arm_at, base_at, constants_at, motion_at, terms_at, waits
+from dpr_lab.dynamics.rig_constants import UNKNOWN
+from dpr_lab.dynamics.step import joint_forces
+from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED, Acting
+from dpr_lab.effects.elementary import sincos
+from dpr_lab.effects.quantities import HELD_ARM, NOTHING, RigConstants
+from dpr_lab.kernels import behind_pointer, njit
+
+_AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
+
+
+@cache
+def advance() -> Any:
+    """One Runge-Kutta step of all lanes, `_advance`, compiled by itself for kernels that take it as an argument."""
+    acts, active = Acting(*[False] * len(Acting._fields)), np.zeros(1, dtype=np.bool_)
+    return behind_pointer(_advance, np.zeros(1), UNKNOWN, active, acts, False)
+
+
+def _advance(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], acts: Acting, held: bool) -> None:
+    """One Runge-Kutta step of all lanes.
+
+    Args:
+        w: the workspace
+        rig: its constants
+        active: (effects,) which effects are on in these lanes
+        acts: what those ask for
+        held: whether any lane may lie before the release, where its arm is held
+    """
+    dry = acts.dry1 or acts.dry2
+    _begin(w)
+    if acts.arm:
+        _begin_arm(w)
+    resting = dry and begin_dry(w, acts)
+    for stage in range(4):
+        ahead = 0.0 if stage == 0 else 1.0 if stage == 3 else 0.5
+        weight = 2.0 if stage == 1 or stage == 2 else 1.0
+        _place(w, ahead)
+        if acts.arm:
+            _place_arm(w, ahead)
+        _accelerate(w, rig, active, acts, held, resting)
+        if resting and stage == 0 and find_spare(w, rig, active, ROW.first1, ROW.first2):
+            let_go(w, rig, active, acts.arm)
+            _accelerate(w, rig, active, acts, held, resting)
+            find_spare(w, rig, active, ROW.first1, ROW.first2)
+        if resting and stage == 3:
+            find_spare(w, rig, active, ROW.last1, ROW.last2)
+        _accumulate(w, weight, stage > 0)
+        if acts.arm:
+            _accumulate_arm(w, weight, stage > 0)
+    _finish(w)
+    if acts.arm:
+        _finish_arm(w)
+    if acts.stepped:
+        _move_internal(w, active)
+        if held:
+            _forget(w)
+    if dry:
+        settle(w, acts, resting)
+
+
+@njit
+def _begin(w: NDArray[np.float64]) -> None:
+    """Keep the state as that of the start of the step."""
+    for k in range(LANES):
+        w[ROW.old_t + k] = w[ROW.t + k]
+        w[ROW.old_theta1 + k], w[ROW.old_theta2 + k] = w[ROW.theta1 + k], w[ROW.theta2 + k]
+        w[ROW.old_omega1 + k], w[ROW.old_omega2 + k] = w[ROW.omega1 + k], w[ROW.omega2 + k]
+
+
+@njit
+def _begin_arm(w: NDArray[np.float64]) -> None:
+    for k in range(LANES):
+        w[ROW.old_theta0 + k], w[ROW.old_omega0 + k] = w[ROW.theta0 + k], w[ROW.omega0 + k]
+
+
+@njit
+def _place(w: NDArray[np.float64], share: float) -> None:
+    """The state of a stage, from the speeds and accelerations of the one before; for the first they do not count."""
+    for k in range(LANES):
+        ahead = share * w[ROW.h + k]
+        p1, p2 = w[ROW.stage_omega1 + k], w[ROW.stage_omega2 + k]
+        theta1, theta2 = w[ROW.theta1 + k] + ahead * p1, w[ROW.theta2 + k] + ahead * p2
+        w[ROW.stage_t + k] = w[ROW.t + k] + ahead
+        w[ROW.displacement1 + k], w[ROW.displacement2 + k] = ahead * p1, ahead * (p2 - p1)
+        w[ROW.stage_theta1 + k], w[ROW.stage_theta2 + k] = theta1, theta2
+        w[ROW.stage_omega1 + k] = w[ROW.omega1 + k] + ahead * w[ROW.alpha1 + k]
+        w[ROW.stage_omega2 + k] = w[ROW.omega2 + k] + ahead * w[ROW.alpha2 + k]
+        w[ROW.sin1 + k], w[ROW.cos1 + k] = sincos(theta1)
+        w[ROW.sin2 + k], w[ROW.cos2 + k] = sincos(theta2)
+
+
+@njit
+def _place_arm(w: NDArray[np.float64], share: float) -> None:
+    for k in range(LANES):
+        ahead = share * w[ROW.h + k]
+        w[ROW.stage_theta0 + k] = w[ROW.theta0 + k] + ahead * w[ROW.stage_omega0 + k]
+        w[ROW.stage_omega0 + k] = w[ROW.omega0 + k] + ahead * w[ROW.alpha0 + k]
+
+
+@njit
+def _accelerate(
+    w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], acts: Acting, held: bool, resting: bool
+) -> None:
+    """Accelerations of a stage, the friction that follows the load from those without it."""
+    if not (acts.torques or acts.loads or acts.arm):
+        _accelerate_bare(w)
+        return
+    for k in range(LANES):
+        w[ROW.term_a + k], w[ROW.term_b + k], w[ROW.term_coupling + k] = 0.0, 0.0, 0.0
+        w[ROW.torque1 + k], w[ROW.torque2 + k] = w[ROW.drive1 + k], w[ROW.drive2 + k]
+    if acts.torques:
+        add_torques(w, rig, active)
+    _accelerate_all(w, rig, acts.arm, held, resting)
+    if acts.loads:
+        _find_forces(w, rig)
+        add_load_friction(w, rig, active)
+        _accelerate_all(w, rig, acts.arm, held, resting)
+
+
+@njit
+def _accelerate_bare(w: NDArray[np.float64]) -> None:
+    for k in range(LANES):
+        _, w[ROW.alpha1 + k], w[ROW.alpha2 + k] = arm_accelerations(
+            motion_at(w, k), base_at(w, k), NOTHING, HELD_ARM, CLAMPED, 0.0
+        )
+
+
+@njit
+def _accelerate_all(w: NDArray[np.float64], rig: RigConstants, arm: bool, held: bool, resting: bool) -> None:
+    if resting:
+        accelerate_held(w, rig, arm)
+    elif not arm:
+        for k in range(LANES):
+            _, w[ROW.alpha1 + k], w[ROW.alpha2 + k] = arm_accelerations(
+                motion_at(w, k), base_at(w, k), terms_at(w, k), HELD_ARM, CLAMPED, 0.0
+            )
+    elif not held:
+        for k in range(LANES):
+            w[ROW.alpha0 + k], w[ROW.alpha1 + k], w[ROW.alpha2 + k] = arm_accelerations(
+                motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), FREE, 0.0
+            )
+    else:
+        for k in range(LANES):
+            mode = CLAMPED if waits(w, k) else FREE
+            w[ROW.alpha0 + k], w[ROW.alpha1 + k], w[ROW.alpha2 + k] = arm_accelerations(
+                motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, 0.0
+            )
+
+
+@njit
+def _find_forces(w: NDArray[np.float64], rig: RigConstants) -> None:
+    for k in range(LANES):
+        alphas = w[ROW.alpha0 + k], w[ROW.alpha1 + k], w[ROW.alpha2 + k]
+        w[ROW.force1 + k], w[ROW.force2 + k] = joint_forces(
+            motion_at(w, k), alphas, base_at(w, k), constants_at(w, k, rig)
+        )
+
+
+@njit
+def _accumulate(w: NDArray[np.float64], weight: float, more: bool) -> None:
+    for k in range(LANES):
+        w[ROW.turn1 + k] = (w[ROW.turn1 + k] if more else 0.0) + weight * w[ROW.stage_omega1 + k]
+        w[ROW.turn2 + k] = (w[ROW.turn2 + k] if more else 0.0) + weight * w[ROW.stage_omega2 + k]
+        w[ROW.sum1 + k] = (w[ROW.sum1 + k] if more else 0.0) + weight * w[ROW.alpha1 + k]
+        w[ROW.sum2 + k] = (w[ROW.sum2 + k] if more else 0.0) + weight * w[ROW.alpha2 + k]
+
+
+@njit
+def _accumulate_arm(w: NDArray[np.float64], weight: float, more: bool) -> None:
+    for k in range(LANES):
+        w[ROW.turn0 + k] = (w[ROW.turn0 + k] if more else 0.0) + weight * w[ROW.stage_omega0 + k]
+        w[ROW.sum0 + k] = (w[ROW.sum0 + k] if more else 0.0) + weight * w[ROW.alpha0 + k]
+
+
+@njit
+def _finish(w: NDArray[np.float64]) -> None:
+    """The state at the end of the step, and how far the joints have turned in it."""
+    for k in range(LANES):
+        h, sixth = w[ROW.h + k], w[ROW.h + k] / 6.0
+        turn1, turn2 = w[ROW.turn1 + k], w[ROW.turn2 + k]
+        w[ROW.t + k] += h
+        w[ROW.theta1 + k] += sixth * turn1
+        w[ROW.theta2 + k] += sixth * turn2
+        w[ROW.omega1 + k] += sixth * w[ROW.sum1 + k]
+        w[ROW.omega2 + k] += sixth * w[ROW.sum2 + k]
+        w[ROW.displacement1 + k], w[ROW.displacement2 + k] = sixth * turn1, sixth * (turn2 - turn1)
+
+
+@njit
+def _finish_arm(w: NDArray[np.float64]) -> None:
+    for k in range(LANES):
+        sixth = w[ROW.h + k] / 6.0
+        w[ROW.theta0 + k] += sixth * w[ROW.turn0 + k]
+        w[ROW.omega0 + k] += sixth * w[ROW.sum0 + k]
+
+
+@njit
+def _move_internal(w: NDArray[np.float64], active: NDArray[np.bool_]) -> None:
+    for k in range(LANES * len(STEPPED)):
+        w[ROW.old_internal + k] = w[ROW.internal + k]
+    displaced(w, active)
+    for k in range(LANES * len(STEPPED)):
+        w[ROW.internal + k] = w[ROW.moved + k]
+
+
+@njit
+def _forget(w: NDArray[np.float64]) -> None:
+    """Internal states before the release: those of a rig at rest."""
+    for k in range(LANES):
+        if waits(w, k):
+            for i, at_release in enumerate(_AT_RELEASE):
+                w[ROW.internal + i * LANES + k] = at_release

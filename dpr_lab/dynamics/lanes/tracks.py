@@ -1,0 +1,73 @@
+"""Which candidates and segments go through the lanes together."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.lanes.workspace import LANES
+from dpr_lab.effects.effect_kernels import Acting, acting
+
+
+class Tracks(NamedTuple):
+    """Tracks in blocks of at most `LANES` whose candidates have the same effects on.
+
+    A track is one candidate on one segment; or on all segments of a run one after the other, where effects remember
+    what happened in the segment before.
+    """
+
+    candidate: NDArray[np.int64]
+    """(tracks,)"""
+    first: NDArray[np.int64]
+    """(tracks,) first segment."""
+    last: NDArray[np.int64]
+    """(tracks,) one past the last segment."""
+    edges: NDArray[np.int64]
+    """(blocks + 1,) where the blocks begin among the tracks."""
+    active: NDArray[np.bool_]
+    """(blocks, effects) which effects are on."""
+    acts: Acting
+    """(blocks,) what they ask for."""
+
+
+def tracks_of(
+    active: NDArray[np.bool_], chained: NDArray[np.bool_], run: NDArray[np.int64], chains: NDArray[np.int64]
+) -> Tracks:
+    """Tracks of candidates on segments.
+
+    Args:
+        active: (n, runs or 1, effects) which effects are on, by candidate and run
+        chained: (n, runs or 1) whether the segments of the run must follow one another
+        run: (S,) run of each segment
+        chains: (runs with segments + 1,) where runs begin among the segments
+    """
+    n, runs, _ = active.shape
+    kinds, kind = np.unique(np.packbits(active.reshape(n * runs, -1), axis=1), axis=0, return_inverse=True)
+    kind = kind.reshape(n, runs)
+    alone = np.arange(len(run))
+    parts = [_parts(~chained, kind, run, alone, alone + 1), _parts(chained, kind, run, chains[:-1], chains[1:])]
+    group, candidate, first, last = np.concatenate(parts, axis=1)
+    order = np.argsort(group, kind="stable")
+    group = group[order]
+    begins = np.flatnonzero(np.diff(group, prepend=-1))
+    ends = np.append(begins[1:], len(group))
+    edges = np.concatenate([*(np.arange(i, j, LANES) for i, j in zip(begins, ends, strict=True)), [len(group)]])
+    on = np.unpackbits(kinds, axis=1, count=active.shape[2]).astype(np.bool_)
+    on = on[group[edges[:-1]]]
+    return Tracks(candidate[order], first[order], last[order], edges, on, acting(on))
+
+
+def _parts(
+    which: NDArray[np.bool_],
+    kind: NDArray[np.int64],
+    run: NDArray[np.int64],
+    first: NDArray[np.int64],
+    last: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """(4, tracks) kind, candidate, first and last segment of those candidates that are cut in this way.
+
+    Tracks of one segment have neighbouring candidates, and so the same instants, in neighbouring lanes.
+    """
+    own = run[first] if which.shape[1] > 1 else np.zeros(len(first), dtype=np.int64)
+    piece, candidate = np.nonzero(which[:, own].T)
+    return np.stack([kind[candidate, own[piece]], candidate, first[piece], last[piece]])

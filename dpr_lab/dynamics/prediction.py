@@ -1,0 +1,141 @@
+r"""What the encoders of a rig with effects read along segments with free initial states: the model of the fits.
+
+A segment starts `PAD` before its first sample, so that a late or fast clock never reads before it; the first of a run
+at the release itself, where that is near (`segment_start`). It is integrated by classical Runge-Kutta steps of equal
+length; the angles at the instants of reading lie on the cubic through the states at either end of a step.
+
+Some effects have internal states (`INTERNAL`): presliding, the play of an encoder, an arm on a spring. At the start of
+a segment they are those in which the segment before it, of the same run, passed this instant. Until the release they
+are those of a rig at rest: joints that do not slide, an encoder amid its play, an arm that is held. A run that starts
+later starts with joints that slide.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dpr_lab.dynamics.base import WHOLE, base_of_run
+from dpr_lab.dynamics.lanes.driving import drive_of
+from dpr_lab.dynamics.lanes.readings import PAD, Candidates, Laid, follow, segment_start
+from dpr_lab.dynamics.lanes.stepping import advance
+from dpr_lab.dynamics.lanes.tracks import tracks_of
+from dpr_lab.dynamics.rig_constants import constants_of_run
+from dpr_lab.dynamics.segments import Segments
+from dpr_lab.effects import SIZE
+from dpr_lab.effects.effect_kernels import INTERNAL, acting, active_effects
+from dpr_lab.effects.mounted import effects_of_run
+from dpr_lab.effects.quantities import RigConstants
+
+__all__ = ["INTERNAL", "PAD", "internal_states", "predict", "predict_batch", "segment_start"]
+
+Array = NDArray[np.float64]
+
+
+def predict(
+    base: ArrayLike,
+    params: ArrayLike,
+    constants: RigConstants,
+    segments: Segments,
+    initial: ArrayLike,
+    internal: ArrayLike | None = None,
+    arm: bool = False,
+) -> Array:
+    """What the encoders read, for one candidate; arguments as for `predict_batch`, without its first axis.
+
+    Returns:
+        (N, 2) theta1 and the angle of joint 2 as its encoder has it, rad; with `arm` a third column, theta0
+    """
+    base, params, initial = (np.asarray(values, dtype=np.float64)[None] for values in (base, params, initial))
+    return predict_batch(base, params, constants, segments, initial, internal, arm)[0]
+
+
+def predict_batch(
+    bases: ArrayLike,
+    params: ArrayLike,
+    constants: RigConstants,
+    segments: Segments,
+    initial: ArrayLike,
+    internal: ArrayLike | None = None,
+    arm: bool = False,
+) -> Array:
+    """What the encoders read, for many candidates in parallel: forward differences of all columns take one call.
+
+    Args:
+        bases: (n, 7) base parameters a, b, d, e1, c1, c2, p of the whole rig without any mass clamped on, SI; or (n, 6)
+            where no run is of a rod alone
+        params: (n, SIZE) effects, SI; or (n, runs, SIZE) where they differ between runs
+        constants: the rig, `dpr_lab.dynamics.rig_constants.rig_constants`
+        segments: when the encoders are read, in device time, and the Runge-Kutta step of each
+        initial: (n, S, 4) theta1, theta2, omega1, omega2 where each segment starts (`segment_start`), rad and rad/s
+        internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at each segment's start, where they are
+            not nan; none: all taken over from segment to segment. A derivative by the initial states alone needs them
+            held still, `internal_states` of the point of expansion.
+        arm: whether the arm's angle is wanted
+
+    Returns:
+        (n, N, 2) theta1 and the angle of joint 2 as its encoder has it (relative or absolute), rad; with `arm`
+        (n, N, 3), the third theta0. Not finite from where a candidate is not.
+
+    Raises:
+        ValueError: shapes that do not fit.
+    """
+    return _followed(bases, params, constants, segments, initial, internal, 3 if arm else 2)[0]
+
+
+def internal_states(
+    base: ArrayLike, params: ArrayLike, constants: RigConstants, segments: Segments, initial: ArrayLike
+) -> Array:
+    """(S, k) internal states of effects (`INTERNAL`) at each segment's start; arguments as for `predict`.
+
+    Zero where no effect has any.
+    """
+    params = np.asarray(params, dtype=np.float64)
+    if not acting(active_effects(params)).internal.any():
+        return np.zeros((len(segments), len(INTERNAL)))
+    base, params, initial = (np.asarray(values, dtype=np.float64)[None] for values in (base, params, initial))
+    return _followed(base, params, constants, segments, initial, None, 2)[1][0]
+
+
+def _followed(
+    bases: ArrayLike,
+    params: ArrayLike,
+    constants: RigConstants,
+    segments: Segments,
+    initial: ArrayLike,
+    internal: ArrayLike | None,
+    columns: int,
+) -> tuple[Array, Array]:
+    """(n, N, columns) readings and (n, S, k) internal states."""
+    bases, params, initial = (np.asarray(values, dtype=np.float64) for values in (bases, params, initial))
+    n, count, runs = len(bases), len(segments), len(segments.setups)
+    params = _shaped(params, (n, SIZE) if params.ndim == 2 else (n, runs, SIZE), "params").reshape(n, -1, SIZE)
+    if segments.held.any():
+        every = np.broadcast_to(params, (n, runs, SIZE))
+        params = np.stack([effects_of_run(every[:, i], setup) for i, setup in enumerate(segments.setups)], axis=1)
+    held = _shaped(np.asarray(np.nan if internal is None else internal), (n, count, len(INTERNAL)), "internal")
+    wholes = _shaped(bases, (n, min(bases.shape[-1], len(WHOLE))), "bases")
+    by_run = np.stack([base_of_run(wholes, setup, constants.L1, constants.g) for setup in segments.setups], axis=1)
+    begins = segments.turning_as_one(_shaped(initial, (n, count, 4), "initial"))
+    asked = Candidates(by_run, params, begins, held)
+    active = active_effects(params)
+    chained = acting(active).internal & np.logical_or.reduce(np.isnan(held), axis=(1, 2))[:, None]
+    tracks = tracks_of(active, chained, segments.run, segments.chains)
+    if any(setup.torques for setup in segments.setups):
+        tracks = tracks._replace(acts=tracks.acts._replace(torques=np.ones_like(tracks.acts.torques)))
+    angles, begun = np.zeros((n, len(segments.t), columns)), np.zeros((n, count, len(INTERNAL)))
+    rig = RigConstants(*map(float, constants))
+    follow((0, len(tracks.active)), advance(), tracks, _laid(segments, rig), asked, rig, angles, begun)
+    return angles, begun
+
+
+def _laid(segments: Segments, constants: RigConstants) -> Laid:
+    hanging = [constants_of_run(constants, setup) for setup in segments.setups]
+    parts = np.array([(rig.L1, rig.L2, rig.m1, rig.m2, rig.mb) for rig in hanging])
+    return Laid(segments.t, segments.offsets, segments.run, segments.step, parts, drive_of(segments.setups))
+
+
+def _shaped(values: Array, shape: tuple[int, ...], name: str) -> Array:
+    """The values in that shape, writable and contiguous: the kernel is compiled for no other."""
+    try:
+        return np.array(np.broadcast_to(values, shape), dtype=np.float64, order="C")
+    except ValueError:
+        raise ValueError(f"{name} must have shape {shape}, not {values.shape}") from None

@@ -1,0 +1,44 @@
+"""What was measured on a rig and what a run carried besides, as the kernels of effects read it."""
+
+import math
+
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.setup import Setup
+
+UNKNOWN = RigConstants._make([math.nan] * len(RigConstants._fields))._replace(relative2=1.0)
+"""A rig of which nothing was measured, its joint-2 encoder on the joint."""
+
+
+def rig_constants(rig: Rig) -> RigConstants:
+    """Lengths, gravity, best known masses and encoders of a rig, without any mass clamped on.
+
+    A rod whose length nobody gave is taken as twice its centroid's distance.
+    """
+    best = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
+    frame, encoders = rig.rig, rig.encoders
+    _, counts1, counts2 = encoders.counts_per_rev
+    return RigConstants(
+        L0=frame.L0,
+        L1=frame.L1,
+        L2=frame.L2 or 2.0 * best["l2"],
+        g=frame.g,
+        m1=best["m1"],
+        m2=best["m2"],
+        mb=best["mb"],
+        counts_per_rev1=float(counts1 * encoders.direction[1]),
+        counts_per_rev2=float(counts2 * encoders.direction[2]),
+        relative2=float(encoders.joint2 == "relative"),
+    )
+
+
+def constants_of_run(constants: RigConstants, setup: Setup) -> RigConstants:
+    """Lengths and masses of what hung on the rig during a run, with what was clamped on."""
+    if (added := setup.added) is not None:
+        heavier = {"m1": constants.m1 + added.mass} if added.rod == "inner" else {"m2": constants.m2 + added.mass}
+        constants = constants._replace(**heavier)
+    if setup.mounting == "inner":
+        return constants._replace(m2=0.0, L2=0.0)
+    if setup.mounting == "outer":
+        return constants._replace(m1=constants.m2, m2=0.0, mb=0.0, L1=constants.L2, L2=0.0)
+    return constants

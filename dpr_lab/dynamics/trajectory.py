@@ -1,0 +1,164 @@
+"""Generalised torques that effects exert along a trajectory that is known: what the rods do, the effects left out."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.arm import with_gravity
+from dpr_lab.dynamics.dry_friction import direction_of
+from dpr_lab.dynamics.lanes.effects import add_torques
+from dpr_lab.dynamics.lanes.workspace import LANES, ROW, WORKSPACE
+from dpr_lab.effects.effect import Stage
+from dpr_lab.effects.effect_kernels import EFFECT_OF, active_effects, arm_model
+from dpr_lab.effects.elementary import sincos
+from dpr_lab.effects.quantities import HELD_ARM, BaseParameters, RigConstants
+from dpr_lab.kernels import njit
+
+Array = NDArray[np.float64]
+
+
+def effect_torques_along(
+    t: Array,
+    run: NDArray[np.int64],
+    theta: Array,
+    omega: Array,
+    alpha: Array,
+    base: Array,
+    constants: RigConstants,
+    params: Array,
+) -> Array:
+    """Torques of the effects that act on the rods; internal states are as at the release.
+
+    Args:
+        t: (n,) since the release, s
+        run: (n,) index of the run
+        theta: (n, 2) absolute angles of the rods, rad
+        omega: (n, 2) speeds, rad/s
+        alpha: (n, 2) accelerations, rad/s^2
+        base: (6,) base parameters, SI
+        constants: the rig
+        params: (k, SIZE) effects
+
+    Returns:
+        (n, 2, k) generalised torques on theta1, theta2, N m
+    """
+    named = with_gravity(base, constants.L1, constants.g)
+    params, rig = _c(params), RigConstants(*map(float, constants))
+    active = active_effects(params)
+    used = np.flatnonzero(np.logical_or.reduce(active, axis=0)[EFFECT_OF])
+    return _effect_torques(_c(t), _c(theta), _c(omega), named, rig, params, active, used)
+
+
+def arm_torques_along(
+    t: Array,
+    run: NDArray[np.int64],
+    theta: Array,
+    omega: Array,
+    alpha: Array,
+    base: Array,
+    constants: RigConstants,
+    params: Array,
+) -> Array:
+    r"""Torques of a slightly compliant arm; arguments and result as of `effect_torques_along`.
+
+    The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F, and its acceleration drives them:
+
+        F = r sum_i e_i (sin(theta_i) omega_i^2 - cos(theta_i) alpha_i),    tau_i = -r e_i cos(theta_i) alpha0,
+
+    with r = L0 / g; the first order in 1 / A of `dpr_lab.dynamics.arm`. The arm is held until the release.
+    """
+    named = with_gravity(base, constants.L1, constants.g)
+    levers = constants.L0 / constants.g * np.array([named.e1, named.e2])
+    sine, cosine = np.sin(theta), np.cos(theta)
+    force = (sine * omega**2 - cosine * alpha) @ levers
+    arms = [arm_model(constants, HELD_ARM, row, active_effects(row)) for row in _c(params)]
+    inertia, _, friction, stiffness = np.array(arms).T
+    swing = _driven(_c(t), np.array(run), force, friction / inertia, stiffness / inertia) / inertia
+    return -(cosine * levers)[:, :, None] * swing[:, None, :]
+
+
+@njit
+def _effect_torques(
+    t: Array,
+    theta: Array,
+    omega: Array,
+    base: BaseParameters,
+    rig: RigConstants,
+    params: Array,
+    active: NDArray[np.bool_],
+    used: NDArray[np.int64],
+) -> Array:
+    """Instants side by side in the lanes, one effect vector after the other; `used` are the parameters of any."""
+    found, w = np.empty((len(t), 2, len(params))), np.zeros(WORKSPACE)
+    for first in range(0, len(t), LANES):
+        for k in range(LANES):
+            i = min(first + k, len(t) - 1)
+            _put(w, k, t[i], theta[i, 0], theta[i, 1], omega[i, 0], omega[i, 1], base, rig)
+        for c in range(len(params)):
+            for place in used:
+                for k in range(LANES):
+                    w[ROW.params + place * LANES + k] = params[c, place]
+            for k in range(LANES):
+                w[ROW.torque1 + k], w[ROW.torque2 + k] = 0.0, 0.0
+            add_torques(w, rig, active[c])
+            for k in range(min(LANES, len(t) - first)):
+                found[first + k, 0, c], found[first + k, 1, c] = w[ROW.torque1 + k], w[ROW.torque2 + k]
+    return found
+
+
+@njit
+def _put(
+    w: Array,
+    k: int,
+    t: float,
+    theta1: float,
+    theta2: float,
+    omega1: float,
+    omega2: float,
+    base: BaseParameters,
+    rig: RigConstants,
+) -> None:
+    """Put lane k into a motion of the rods on an arm that is held."""
+    w[ROW.a + k], w[ROW.b + k], w[ROW.d + k], w[ROW.e1 + k], w[ROW.e2 + k] = base.a, base.b, base.d, base.e1, base.e2
+    w[ROW.L1 + k], w[ROW.L2 + k], w[ROW.stage_t + k] = rig.L1, rig.L2, t
+    w[ROW.m1 + k], w[ROW.m2 + k], w[ROW.mb + k] = rig.m1, rig.m2, rig.mb
+    w[ROW.stage_theta1 + k], w[ROW.stage_theta2 + k] = theta1, theta2
+    w[ROW.stage_omega1 + k], w[ROW.stage_omega2 + k] = omega1, omega2
+    w[ROW.direction1 + k], w[ROW.direction2 + k] = direction_of(omega1), direction_of(omega2 - omega1)
+    w[ROW.sin1 + k], w[ROW.cos1 + k] = sincos(theta1)
+    w[ROW.sin2 + k], w[ROW.cos2 + k] = sincos(theta2)
+
+
+@njit
+def _driven(t: Array, run: NDArray[np.int64], force: Array, friction: Array, stiffness: Array) -> Array:
+    """(n, k) accelerations of oscillators of mass 1 that rest until t = 0, by the trapezoidal rule."""
+    found = np.zeros((len(t), len(stiffness)))
+    for k in range(len(stiffness)):
+        x, v = 0.0, 0.0
+        for i in range(len(t)):
+            if t[i] < 0.0:
+                continue
+            h, before = 0.0, 0.0
+            if i == 0 or run[i] != run[i - 1] or t[i - 1] < 0.0:
+                x, v = 0.0, 0.0
+            else:
+                h, before = max(t[i] - t[i - 1], 0.0), found[i - 1, k]
+            ahead, onward = x + h * v + 0.25 * h * h * before, v + 0.5 * h * before
+            now = (force[i] - friction[k] * onward - stiffness[k] * ahead) / (
+                1.0 + 0.5 * h * friction[k] + 0.25 * h * h * stiffness[k]
+            )
+            x, v = ahead + 0.25 * h * h * now, onward + 0.5 * h * now
+            found[i, k] = now
+    return found
+
+
+def _c(values: Array) -> Array:
+    """Numbers as the kernels take them, of one kind whoever calls."""
+    return np.array(values, dtype=np.float64, order="C")
+
+
+TrajectoryTorques = Callable[[Array, NDArray[np.int64], Array, Array, Array, Array, RigConstants, Array], Array]
+
+TRAJECTORY_TORQUES: Mapping[Stage, TrajectoryTorques] = {"torque": effect_torques_along, "arm": arm_torques_along}
+"""Stage of an effect -> its torques along a trajectory, for the stages that have them."""

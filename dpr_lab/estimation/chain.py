@@ -1,0 +1,34 @@
+"""A chain of integrators driven by white noise: how one rod moves where nothing is known of the rig."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.kernels import njit
+
+CHAIN = 4
+"""States of one rod: theta, omega, alpha, jerk."""
+
+SAME_INTERVAL = 1e-8
+"""Relative difference of two intervals that is rounding: instants are sums of floating-point periods."""
+
+
+@njit
+def fill_chain(interval: float, f: NDArray[np.float64], q: NDArray[np.float64]) -> None:
+    r"""Exact transition and process noise over an interval, at unit strength, in place.
+
+        f_ij = h^(j-i) / (j-i)!,    q_ij = h^(l+r+1) / (l! r! (l+r+1)),    l = CHAIN-1-i,  r = CHAIN-1-j
+
+    Args:
+        interval: h
+        f: (CHAIN, CHAIN) with zeros below its diagonal
+        q: (CHAIN, CHAIN)
+    """
+    for i in range(CHAIN):
+        for j in range(CHAIN):
+            left, right = CHAIN - 1 - i, CHAIN - 1 - j
+            power = left + right + 1
+            q[i, j] = interval**power / (math.gamma(left + 1.0) * math.gamma(right + 1.0) * power)
+            if j >= i:
+                f[i, j] = interval ** (j - i) / math.gamma(j - i + 1.0)

@@ -1,0 +1,85 @@
+"""The corrected model for other programs; a new format is one file and one line in `FORMATS`.
+
+Each effect says in `Effect.exported` what it is in the words that programs share; a program that can call functions is
+given its kernel. What is left over is lost there, and named with the reason.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.exports import mjcf, sdf, urdf
+from dpr_lab.exports.bodies import in_words, left_out
+from dpr_lab.exports.fmu import fmu
+from dpr_lab.exports.python_module import python_module
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+
+
+@dataclass(frozen=True, slots=True)
+class ExportFormat:
+    """How a corrected model is written for another program."""
+
+    program: str
+    """What it is called."""
+    main: str
+    """Name of the file that a program reads first."""
+    files: Callable[[Model, Rig, Mapping[str, str]], Mapping[str, str | bytes]]
+    """Of a model, its rig and what is lost: name of each file -> what it holds."""
+    words: frozenset[str] = frozenset()
+    """Words of effects that it has."""
+    calls: tuple[str, ...] = ()
+    """Stages of the effects whose kernels it calls."""
+
+    def lost(self, model: Model, rig: Rig) -> dict[str, str]:
+        """Effect -> why it cannot be said there."""
+        said = set(in_words(model, rig, self.words))
+        said |= {name for name in model.effects if name in EFFECTS and EFFECTS[name].stage in self.calls}
+        return left_out(model, said, self.program)
+
+    def written(
+        self, model: Model, rig: Rig, lost: Mapping[str, str] | None = None, check: Mapping[str, Any] | None = None
+    ) -> dict[str, str | bytes]:
+        """Name of each file -> what it holds; with a JSON of what is lost, where anything is.
+
+        Args:
+            model: what to write
+            rig: its rig
+            lost: what it lacks already, fitted again without; none: what it has and cannot be said
+            check: what that costs, for the JSON
+        """
+        lost = self.lost(model, rig) if lost is None else lost
+        told = {"lost": dict(lost), "check": check}
+        losses = {f"{self.main}.lost.json": json.dumps(told, ensure_ascii=False, indent=1) + "\n"} if lost else {}
+        return dict(self.files(model, rig, lost)) | losses
+
+
+_ALL = ("torque", "load", "arm", "timing", "encoder", "play")
+
+FORMATS: dict[str, ExportFormat] = {
+    "python": ExportFormat(
+        "Python",
+        "corrected_model.py",
+        lambda model, rig, _: {"corrected_model.py": python_module(model, rig)},
+        calls=_ALL,
+    ),
+    "mjcf": ExportFormat(
+        "MuJoCo",
+        mjcf.XML,
+        lambda model, rig, _: {mjcf.XML: mjcf.mjcf(model, rig), mjcf.CALLBACK: mjcf.passive(model, rig)},
+        mjcf.WORDS,
+        tuple(stage for stage in _ALL if stage != "arm"),
+    ),
+    "urdf": ExportFormat(
+        "URDF", "corrected_model.urdf", lambda *said: {"corrected_model.urdf": urdf.urdf(*said)}, urdf.WORDS
+    ),
+    "sdf": ExportFormat(
+        "SDFormat", "corrected_model.sdf", lambda *said: {"corrected_model.sdf": sdf.sdf(*said)}, sdf.WORDS
+    ),
+    "fmu": ExportFormat(
+        "FMI", "corrected_model.fmu", lambda model, rig, _: {"corrected_model.fmu": fmu(model, rig)}, calls=_ALL
+    ),
+}
+"""Name of a format -> how it is written."""

@@ -1,0 +1,144 @@
+"""The corrected rig as rigid bodies on hinges, in the words that simulators share (`dpr_lab.effects.effect.Words`)."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.effect import Words
+from dpr_lab.effects.effect_kernels import active_effects, arm_model
+from dpr_lab.effects.quantities import HELD_ARM
+from dpr_lab.exports.python_module import known_effects
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+
+Effects = Mapping[str, Mapping[str, float]]
+
+THIN = 1e-12
+"""Inertia of what is as thin as a line about its own axis, kg m^2: simulators want more than none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rod:
+    """A rod in its own frame: the joint at the origin, z along the rod, turning about y; SI."""
+
+    length: float
+    mass: float
+    centroid: float
+    """Along the rod."""
+    offset: float
+    """Of the centroid across the rod, along x."""
+    inertia: float
+    """About its centroid."""
+    damping: float
+    """Viscous friction of its joint."""
+    words: Words
+    """What its joint has besides."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """An arm that gives, turning about the vertical; SI."""
+
+    length: float
+    inertia: float
+    """Without the rods."""
+    damping: float
+    stiffness: float
+
+
+@dataclass(frozen=True, slots=True)
+class Bodies:
+    """The rig: both rods, what sits at joint 2, and how gravity pulls."""
+
+    rods: tuple[Rod, Rod]
+    tip_mass: float
+    """Of the encoder at joint 2, kg."""
+    gravity: float
+    tilt: float
+    arm: Arm | None
+
+
+def words_of(effects: Effects) -> dict[str, Words]:
+    """Effect -> its words, of those that are wholly said in words."""
+    said = {}
+    for name, values in effects.items():
+        effect = EFFECTS.get(name)
+        known = {p.name: values.get(p.name, p.default) for p in effect.parameters} if effect else {}
+        if effect is not None and effect.exported is not None and (words := effect.exported(known)):
+            said[name] = words
+    return said
+
+
+def in_words(model: Model, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
+    """The effects of a model that a program can say which knows these words."""
+    said = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
+    return {name: words for name, words in said.items() if "arm" not in words or arm_of(model, rig) is not None}
+
+
+def left_out(model: Model, said: Collection[str], program: str) -> dict[str, str]:
+    """Effect -> why a program that knows the words `said` cannot say it."""
+    return {name: _reason(name, model.effects[name], program) for name in model.effects if name not in said}
+
+
+def _reason(name: str, values: Mapping[str, float], program: str) -> str:
+    if name not in EFFECTS:
+        return "this dpr-lab does not know it"
+    if words := words_of({name: values}).get(name):
+        return f"{program} has no word for {' and '.join(words)}"
+    if EFFECTS[name].stage in ("timing", "encoder", "play"):
+        return f"{program} describes bodies, not what their encoders read"
+    return f"{program} has no words for it"
+
+
+def bodies(model: Model, rig: Rig, said: Mapping[str, Words]) -> Bodies:
+    """Rigid bodies that move as equation (1) does, docs/theory.md, with the effects that are said in words.
+
+    Their masses are those of the model at the scale of its base parameters; only what these fix is felt in a swing.
+    """
+    z = {name: item.value for name, item in model.parameters.items()}
+    a, b, d, e1 = (model.base[name].value for name in ("a", "b", "d", "e1"))
+    scale = b / (z["J2"] + z["m2"] * z["l2"] ** 2)
+    m1, m2, mb = scale * z["m1"], scale * z["m2"], scale * z["mb"]
+    every = list(said.values())
+    length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in every)
+    moment2 = d / length
+    moment1 = e1 / model.rig.g - (m2 + mb) * length
+    constants = rig_constants(rig)
+    lengths = (length, rig.L2 or 2 * z["l2"])
+    masses, moments = (m1, m2), (moment1, moment2)
+    felt = (constants.m1, constants.m2)
+    rods = []
+    for j, about_joint in enumerate((a - (m2 + mb) * length**2, b)):
+        words = _of_joint(said, j)
+        across = felt[j] * words.get("offset", 0.0)
+        more = felt[j] * words.get("offset", 0.0) ** 2
+        centroid, offset = moments[j] / masses[j], across / masses[j]
+        inertia = about_joint + more - masses[j] * (centroid**2 + offset**2)
+        damping = model.base[f"c{j + 1}"].value
+        rods.append(Rod(lengths[j], masses[j], centroid, offset, inertia, damping, words))
+    tilt = sum(words.get("tilt", 0.0) for words in every)
+    arm = arm_of(model, rig) if any("arm" in words for words in every) else None
+    return Bodies((rods[0], rods[1]), mb, model.rig.g, tilt, arm)
+
+
+def arm_of(model: Model, rig: Rig) -> Arm | None:
+    """The arm of an effect that lets it give; None where there is none, or one lighter than the rods at its tip."""
+    params = effect_params(known_effects(model.effects))
+    held = arm_model(rig_constants(rig), HELD_ARM, params, active_effects(params))
+    z = {name: item.value for name, item in model.parameters.items()}
+    scale = model.base["b"].value / (z["J2"] + z["m2"] * z["l2"] ** 2)
+    alone = held.inertia - scale * (z["m1"] + z["m2"] + z["mb"]) * rig.rig.L0**2
+    if held is HELD_ARM or not 0.0 < alone < float("inf"):
+        return None
+    return Arm(rig.rig.L0, alone, held.friction, held.stiffness)
+
+
+def _of_joint(said: Mapping[str, Words], joint: int) -> dict[str, Any]:
+    """The words of the effects of one joint, of which no two share one."""
+    found: dict[str, Any] = {}
+    for name, words in said.items():
+        if EFFECTS[name].joints == (joint,):
+            found |= words
+    return found

@@ -1,0 +1,83 @@
+"""The corrected model as a functional mock-up unit for co-simulation, FMI 3.0.
+
+Joint torques go in; angles, speeds and what the encoders read come out. Inside is the Python module, so that whatever
+runs the unit needs a Python with numpy. Source: FMI 3.0 specification, sec. 4 (Modelica Association, 2022).
+"""
+
+import importlib.util
+import tempfile
+from pathlib import Path
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.exports.python_module import python_module
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+
+_SLAVE = '''
+from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64
+
+OUTPUTS = ("theta1", "theta2", "omega1", "omega2", "encoder1", "encoder2")
+
+
+class DoublePendulum(Fmi3Slave):
+    """Joint torques in, N m; angles, speeds and encoder readings out, rad and rad/s."""
+
+    description = "double pendulum corrected by dpr-lab"
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        for name in (*OUTPUTS, "time", "torque1", "torque2"):
+            setattr(self, name, 0.0)
+        self.theta1_start, self.theta2_start, self.omega1_start, self.omega2_start = math.pi, math.pi, 0.0, 0.0
+        self.max_step = 1e-3
+        continuous = Fmi3Variability.continuous
+        self.register_variable(Float64("time", causality=Fmi3Causality.independent, variability=continuous))
+        for name in ("torque1", "torque2"):
+            self.register_variable(Float64(name, causality=Fmi3Causality.input, variability=continuous, start=0.0))
+        for name in ("theta1_start", "theta2_start", "omega1_start", "omega2_start", "max_step"):
+            self.register_variable(
+                Float64(
+                    name,
+                    causality=Fmi3Causality.parameter,
+                    variability=Fmi3Variability.fixed,
+                    start=getattr(self, name),
+                )
+            )
+        for name in OUTPUTS:
+            self.register_variable(Float64(name, causality=Fmi3Causality.output, variability=continuous))
+        self.swing = None
+
+    def exit_initialization_mode(self):
+        self.swing = Swing((self.theta1_start, self.theta2_start, self.omega1_start, self.omega2_start), self.time)
+        self.show()
+
+    def show(self):
+        self.theta1, self.theta2, self.omega1, self.omega2 = self.swing.state().tolist()
+        self.encoder1, self.encoder2 = self.swing.read(self.swing.t)
+        self.time = self.swing.t
+
+    def do_step(self, current_time, step_size):
+        if not self.swing.steps:
+            self.swing.t = self.swing.began = self.swing.followed = current_time
+        count = max(1, math.ceil(step_size / self.max_step - 1e-9))
+        for _ in range(count):
+            self.swing.step(step_size / count, self.torque1, self.torque2)
+        self.show()
+        return bool(np.isfinite(self.swing.state()).all())
+'''
+
+
+def fmu(model: Model, rig: Rig) -> bytes:
+    """The corrected model as an FMU.
+
+    Raises:
+        ConfigError: pythonfmu3 is not installed.
+    """
+    if importlib.util.find_spec("pythonfmu3") is None:
+        raise ConfigError("an FMU needs pythonfmu3: pip install dpr-lab[exports]")
+    from pythonfmu3.builder import FmuBuilder
+
+    with tempfile.TemporaryDirectory() as folder:
+        script = Path(folder) / "corrected_model.py"
+        script.write_text(python_module(model, rig) + _SLAVE, encoding="utf-8")
+        return FmuBuilder.build_FMU(script, folder).read_bytes()

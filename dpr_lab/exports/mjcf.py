@@ -1,0 +1,194 @@
+"""The corrected model as MuJoCo's MJCF, and what MJCF has no words for as a passive force (`mjcb_passive`).
+
+MuJoCo softens dry friction (a constraint of finite stiffness) and integrates presliding to first order: with either the
+swing is the lab's in the limit of small time steps. All else is the lab's to the integrator's accuracy.
+"""
+
+import math
+from functools import partial
+from xml.etree.ElementTree import Element
+
+from dpr_lab.dynamics.arm import reduced_rods
+from dpr_lab.dynamics.dry_friction import held
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.step import joint_forces, motion_of, under_load
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.effect import Words
+from dpr_lab.effects.effect_kernels import active_effects, dry_limits, effect_torques
+from dpr_lab.effects.quantities import plus
+from dpr_lab.exports.bodies import THIN, Bodies, Effects, Rod, bodies, in_words
+from dpr_lab.exports.python_module import known_effects, module_text, of_effects
+from dpr_lab.exports.xml import element, text_of
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+
+WORDS = frozenset(
+    {"friction", "stiffness", "rest_angle", "armature", "cogging", "presliding", "offset", "added_length", "tilt"}
+    | {"arm", "encoder_offset", "encoder_scale"}
+)
+"""Words of effects that MJCF has."""
+
+XML, CALLBACK = "corrected_model.xml", "passive.py"
+
+_CALLBACK = '''
+import mujoco
+
+FRICTION = {friction!r}  # of the effects called here, what the engine gives the joints already, N m
+FIRST = {first!r}  # place of joint 1 among the engine's coordinates
+GRAVITY = None  # of a file that says none
+
+
+def passive(model, data):
+    """Torques of the effects that MJCF has no words for; for mujoco.set_mjcb_passive, once the model is loaded."""
+    theta1, turn2 = data.qpos[FIRST : FIRST + 2].tolist()
+    omega1, turning2 = data.qvel[FIRST : FIRST + 2].tolist()
+    directions = math.copysign(1.0, omega1) if omega1 else 0.0, math.copysign(1.0, turning2) if turning2 else 0.0
+    angles, speeds = (0.0, theta1, theta1 + turn2), (0.0, omega1, omega1 + turning2)
+    motion = motion_of(data.time, angles, speeds, (0.0, 0.0), (0.0, 0.0), directions)
+    terms = called_torques(motion, MODEL.base, MODEL.constants, START, None, None)
+    if MODEL.acts.loads:
+        everything = effect_torques(motion, MODEL.base, MODEL.constants, START, (0.0, 0.0), None)
+        rods = reduced_rods(motion, MODEL.base, everything, MODEL.arm, 0, 0.0)
+        forces = joint_forces(motion, held(rods, *directions), MODEL.base, MODEL.constants)
+        motion = under_load(motion, *forces)
+        terms = plus(terms, load_torques(motion, MODEL.base, MODEL.constants, START, None, None))
+    data.qfrc_passive[FIRST] += terms.torque1 + terms.torque2 + directions[0] * FRICTION[0]
+    data.qfrc_passive[FIRST + 1] += terms.torque2 + directions[1] * FRICTION[1]
+
+
+class EngineSwing(Swing):
+    """The rig in MuJoCo; for `simulate(..., kind=EngineSwing)` and `readings(..., kind=EngineSwing)`."""
+
+    file = "{xml}"
+
+    def __init__(self, x0, t=0.0, run=0):
+        super().__init__(x0, t, run)
+        mujoco.set_mjcb_passive(None)
+        self.model = mujoco.MjModel.from_xml_path(self.file)
+        self.data = mujoco.MjData(self.model)
+        self.data.qpos[FIRST:] = self.x.theta1, self.x.theta2 - self.x.theta1
+        self.data.qvel[FIRST:] = self.x.omega1, self.x.omega2 - self.x.omega1
+        self.model.opt.integrator, self.longest = mujoco.mjtIntegrator.mjINT_RK4, min(self.model.opt.timestep, 5e-4)
+        if GRAVITY is not None:
+            self.model.opt.gravity[:] = 0.0, 0.0, -GRAVITY
+
+    def after(self, h, torque1, torque2):
+        count = max(1, math.ceil(h / self.longest - 1e-9))
+        self.model.opt.timestep, self.data.time = h / count, self.t
+        self.model.dof_solref[:, 0] = 2.0 * h / count  # dry friction as hard as the step allows
+        self.data.qfrc_applied[FIRST:] = torque1, torque2
+        mujoco.set_mjcb_passive(passive)
+        mujoco.mj_step(self.model, self.data, count)
+        mujoco.set_mjcb_passive(None)
+        (theta1, turn2), (omega1, turning2) = self.data.qpos[FIRST:].tolist(), self.data.qvel[FIRST:].tolist()
+        return self.x._replace(theta1=theta1, theta2=theta1 + turn2, omega1=omega1, omega2=omega1 + turning2)
+'''
+
+
+def mjcf(model: Model, rig: Rig) -> str:
+    """The corrected model as MJCF: two hinges, 0 = upright, joint 2 relative to the inner rod.
+
+    What it has no words for is listed as the custom text `left_out`, and is in the passive force (`passive`).
+    """
+    said = in_words(model, rig, WORDS)
+    made = bodies(model, rig, said)
+    root = element(None, "mujoco", model=model.rig.name)
+    element(root, "compiler", angle="radian")
+    pull = f"{made.gravity * math.sin(made.tilt)!r} 0 {-made.gravity * math.cos(made.tilt)!r}"
+    element(root, "option", gravity=pull, timestep="0.0005", integrator="RK4")
+    custom = element(root, "custom")
+    left = [name for name in model.effects if name not in said]  # in the passive force, where it is known
+    told = f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed."
+    element(custom, "text", name="left_out", data=told)
+    friction, world = rest_friction(model.effects, rig), element(root, "worldbody")
+    parent = _arm(world, made) if made.arm else world
+    inner = _rod(parent, made.rods[0], 1, f"0 {-made.arm.length!r} 0" if made.arm else "", friction[0])
+    tip = f"0 0 {made.rods[0].length!r}"
+    if made.tip_mass > 0.0:
+        _inertia(element(inner, "body", name="encoder2", pos=tip), "0 0 0", made.tip_mass, THIN)
+    _rod(inner, made.rods[1], 2, tip, friction[1])
+    _motors(root, made)
+    sensors = element(root, "sensor")
+    for j, rod in enumerate(made.rods, 1):
+        element(sensors, "jointpos", name=f"encoder{j}", joint=f"joint{j}")
+        errors = f"{rod.words.get('encoder_offset', 0.0)!r} {rod.words.get('encoder_scale', 0.0)!r}"
+        element(custom, "numeric", name=f"encoder{j}_offset_scale", data=errors)
+    return text_of(root)
+
+
+def passive(model: Model, rig: Rig) -> str:
+    """A module with the passive force of the effects that MJCF has no words for, and readings of the encoders."""
+    said = in_words(model, rig, WORDS)
+    called = [name for name in model.effects if name in EFFECTS and name not in said]
+    more = {"motion_of": motion_of, "under_load": under_load, "joint_forces": joint_forces, "held": held, "plus": plus}
+    more |= {"reduced_rods": reduced_rods, "called_torques": effect_torques}
+    text = module_text(model, rig, more, {"called_torques": partial(of_effects, effects=called)})
+    first = 1 if any("arm" in words for words in said.values()) else 0
+    friction = rest_friction({name: model.effects[name] for name in called}, rig)
+    return text + _CALLBACK.format(friction=friction, first=first, xml=XML)
+
+
+def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float]:
+    """Dry friction of both joints at rest, N m: as they hang, and the lesser where the two directions differ."""
+    constants = rig_constants(rig)
+    params = effect_params(known_effects(effects))
+    hanging = motion_of(0.0, (0.0, math.pi, math.pi), (0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+    weights = (constants.m1 + constants.m2 + constants.mb) * constants.g, constants.m2 * constants.g
+    hanging = under_load(hanging, *weights)
+    both = [dry_limits(hanging, push, push, params, active_effects(params)) for push in (1.0, -1.0)]
+    return min(both[0][0], both[1][0]), min(both[0][1], both[1][1])
+
+
+def _arm(world: Element, made: Bodies) -> Element:
+    assert made.arm is not None
+    body = element(world, "body", name="arm")
+    held_by = {"damping": repr(made.arm.damping), "stiffness": repr(made.arm.stiffness)}
+    element(body, "joint", name="joint0", type="hinge", axis="0 0 1", **held_by)
+    inertia = repr(made.arm.inertia)
+    element(body, "inertial", pos="0 0 0", mass="1e-9", diaginertia=f"{inertia} {inertia} {inertia}")
+    return body
+
+
+def _rod(parent: Element, rod: Rod, joint: int, at: str, friction: float) -> Element:
+    """A rod on its hinge, as thin as a line about its own axis."""
+    body = element(parent, "body", name=("inner", "outer")[joint - 1], **({"pos": at} if at else {}))
+    element(body, "joint", name=f"joint{joint}", type="hinge", axis="0 1 0", **_hinge(rod, joint, friction))
+    _inertia(body, f"{rod.offset!r} 0 {rod.centroid!r}", rod.mass, rod.inertia)
+    end = f"0 0 0 0 0 {rod.length!r}"
+    element(body, "geom", type="capsule", fromto=end, size="0.006", contype="0", conaffinity="0")
+    return body
+
+
+def _hinge(rod: Rod, joint: int, friction: float) -> dict[str, str]:
+    hanging = math.pi if joint == 1 else 0.0
+    found = {"damping": repr(rod.damping)}
+    if "stiffness" in rod.words:
+        found |= {"stiffness": repr(rod.words["stiffness"]), "springref": repr(hanging + rod.words["rest_angle"])}
+    if "armature" in rod.words:
+        found |= {"armature": repr(rod.words["armature"])}
+    if friction:
+        hard = {"solreffriction": "0.001 1", "solimpfriction": "0.9999 0.9999 0.001 0.5 2"}
+        found |= {"frictionloss": repr(friction), **hard}
+    return found
+
+
+def _motors(root: Element, made: Bodies) -> None:
+    """Detents and presliding, as motors without a winding."""
+    passive_parts = [(f"joint{j}", _told(rod.words, math.pi if j == 1 else 0.0)) for j, rod in enumerate(made.rods, 1)]
+    actuators = element(root, "actuator") if any(parts for _, parts in passive_parts) else root
+    for joint, parts in passive_parts:
+        for kind, numbers in parts:
+            told = {kind: " ".join(map(repr, numbers))}
+            element(actuators, "dcmotor", joint=joint, input="none", resistance="1", motorconst="0 0", **told)
+
+
+def _told(words: Words, hanging: float) -> list[tuple[str, tuple[float, ...]]]:
+    waves = [("cogging", (size, N, phase - N * hanging)) for size, N, phase in words.get("cogging", ())]
+    if "presliding" not in words:
+        return waves
+    torque, length = words["presliding"]
+    return [*waves, ("lugre", (torque / length, 0.0, torque, torque, 1.0))]
+
+
+def _inertia(body: Element, at: str, mass: float, inertia: float) -> None:
+    element(body, "inertial", pos=at, mass=repr(mass), diaginertia=f"{inertia!r} {inertia!r} {THIN!r}")

@@ -1,0 +1,120 @@
+"""What a program cannot say, said by what it can: simpler friction, fitted again to the recordings.
+
+An effect that is left out leaves its work undone, and what was fitted beside it (a viscous friction that went to
+nothing) is wrong without it. So ratios, simpler effects and all that the program can say are fitted once more.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects import EFFECTS, effect_params, named_params
+from dpr_lab.effects.effect import Effect
+from dpr_lab.exports import FORMATS
+from dpr_lab.exports.bodies import Effects, words_of
+from dpr_lab.exports.python_module import known_effects
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.data.pieces import in_pieces
+from dpr_lab.gap.data.record import record
+from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.selection.bare_model import fit_bare_model
+from dpr_lab.gap.selection.hypothesis import free_parameters
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+MOVING = ("torque", "load", "arm")
+"""Stages of effects that move the rods; the others are between the rods and what is read of them."""
+
+
+def fitted_for(formats: Sequence[str], model: Model, runs: Sequence[Run], rig: Rig) -> dict[str, Model]:
+    """Format -> the model to write: the same, or, where it cannot be said, simpler and fitted again.
+
+    Args:
+        formats: names of `FORMATS`
+        model: the corrected model
+        runs: what to fit to; a long record is cut, and only what a diagnosis fits of it counts
+        rig: the rig
+
+    Raises:
+        RunError: a run too short to fit, or one that no initial state comes near.
+    """
+    losses = {name: moving_losses(name, model, rig) for name in formats}
+    if not any(losses.values()):
+        return dict.fromkeys(formats, model)
+    problem, bare = _bare_fit(model, runs, rig)
+    found: dict[frozenset[str], Model] = {frozenset(): model}
+    for name, lost in losses.items():
+        if lost not in found:
+            effects = _without(model, lost, FORMATS[name].words)
+            found[lost] = _with(model, _best_fit(problem, effects, [bare.ratios, model.unknowns], bare.initial))
+    return {name: found[lost] for name, lost in losses.items()}
+
+
+def _best_fit(problem: Problem, effects: Effects, ratios: Sequence[Array], initial: Array) -> Estimate:
+    """The best of the fits that begin with these ratios: one far off ends where it began."""
+    params, fits = effect_params(effects), []
+    for begun in ratios:
+        at = Estimate(begun, params, initial)
+        of_rods = [effect for effect in effects if EFFECTS[effect].stage in MOVING]
+        fits.append(fit(problem, at, free_parameters(at, of_rods, problem), iterations=20))
+    return min(fits, key=lambda item: item.chi2).estimate
+
+
+def bare_model(model: Model, runs: Sequence[Run], rig: Rig) -> Model:
+    """The model without effects, fitted to the same runs; arguments and errors as of `fitted_for`."""
+    return _with(model, _bare_fit(model, runs, rig)[1])
+
+
+def moving(model: Model) -> list[str]:
+    """The effects of a model that act on the rods."""
+    return [name for name in model.effects if name in EFFECTS and EFFECTS[name].stage in MOVING]
+
+
+def moving_losses(name: str, model: Model, rig: Rig) -> frozenset[str]:
+    """The effects on the rods that a format cannot say."""
+    return frozenset(FORMATS[name].lost(model, rig)) & frozenset(moving(model))
+
+
+def _bare_fit(model: Model, runs: Sequence[Run], rig: Rig) -> tuple[Problem, Estimate]:
+    fitted, *_ = in_pieces(runs, [])
+    recordings = Recordings(tuple(record(run, rig) for run in fitted), rig)
+    _, problem, bare = fit_bare_model(recordings, model.unknowns)
+    return problem, bare.fit.estimate
+
+
+def _without(model: Model, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
+    """The effects that are left, and simpler ones in place of those that are lost."""
+    kept = {name: values for name, values in known_effects(model.effects).items() if name not in lost}
+    stand_ins = {name for gone in sorted(lost) for name in _simpler(EFFECTS[gone], words)} - set(kept)
+    return kept | {name: _typical(EFFECTS[name]) for name in sorted(stand_ins)}
+
+
+def _simpler(effect: Effect, words: frozenset[str]) -> set[str]:
+    """The simpler effects that can be said in these words, of an effect that cannot."""
+    found: set[str] = set()
+    for name in effect.nested:
+        said = words_of({name: _typical(EFFECTS[name])}).get(name, {"": None})
+        found |= {name} if words.issuperset(said) else _simpler(EFFECTS[name], words)
+    return found
+
+
+def _typical(effect: Effect) -> dict[str, float]:
+    return {p.name: p.default if p.role == "shape" else p.typical for p in effect.parameters}
+
+
+def _with(model: Model, found: Estimate) -> Model:
+    """The model with other ratios and effects."""
+    base, ratios = found.base.tolist(), found.ratios.tolist()
+    return model.model_copy(
+        update={
+            "ratios": {k: v.model_copy(update={"value": ratios[i]}) for i, (k, v) in enumerate(model.ratios.items())},
+            "base": {k: v.model_copy(update={"value": base[i]}) for i, (k, v) in enumerate(model.base.items())},
+            "effects": named_params(found.params),
+        }
+    )

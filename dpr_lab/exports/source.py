@@ -1,0 +1,132 @@
+"""Python sources of compiled functions with all that they use, for programs that have neither this package nor Numba.
+
+What is written is the function that the lab itself runs: decorators and annotations are taken off, names made unique,
+and a division by zero gives what it gives in compiled code.
+"""
+
+import ast
+import inspect
+import textwrap
+import types
+from collections.abc import Callable, Mapping
+from typing import Any
+
+PREAMBLE = '''def divided(x, y):
+    """x / y, also where y is zero: inf or nan."""
+    return x / y if y else (math.copysign(math.inf, x) * math.copysign(1.0, y) if x * x > 0.0 else math.nan)
+'''
+"""What sources of this module need before them, with `import math`, `import numpy as np`, `namedtuple`."""
+
+Rewrite = Callable[[ast.FunctionDef], ast.FunctionDef]
+
+
+def sources(roots: Mapping[str, Any], rewritten: Mapping[str, Rewrite] | None = None) -> str:
+    """Definitions of the roots and of whatever they use, in an order in which they can be run.
+
+    Args:
+        roots: name in the source -> function, compiled or not, named tuple or number
+        rewritten: name of a root -> what is to become of its definition, before names in it are followed
+
+    Raises:
+        TypeError: a root uses what has no source, such as a closure or an array.
+    """
+    writer = _Writer(rewritten or {})
+    for name, root in roots.items():
+        writer.names.setdefault(_identity(root), name)
+    for name, root in roots.items():
+        if writer.write(root) != name:  # the same once more, rewritten otherwise
+            writer.written.append(writer.definition(name, root))
+    return "\n\n\n".join(writer.written)
+
+
+class _Writer:
+    def __init__(self, rewritten: Mapping[str, Rewrite]) -> None:
+        self.rewritten = rewritten
+        self.names: dict[Any, str] = {}
+        self.begun: set[Any] = set()
+        self.written: list[str] = []
+
+    def write(self, value: Any) -> str:
+        """Write the definition of a value, after those of what it uses, unless it stands there; its name."""
+        key = _identity(value)
+        if key not in self.names:
+            self.names[key] = self._free_name(value)
+        name = self.names[key]
+        if key not in self.begun:
+            self.begun.add(key)
+            self.written.append(self.definition(name, value))
+        return name
+
+    def _free_name(self, value: Any) -> str:
+        """Its own name, or one with that of its module before it where another has that."""
+        function = _plain(value)
+        name, taken = function.__name__, set(self.names.values())
+        return name if name not in taken else f"{function.__module__.rsplit('.', 1)[-1]}_{name}"
+
+    def definition(self, name: str, value: Any) -> str:
+        function = _plain(value)
+        if isinstance(function, type):
+            return f"{name} = namedtuple({name!r}, {' '.join(function._fields)!r})"
+        (node,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
+        if not isinstance(node, ast.FunctionDef):
+            raise TypeError(f"{name} is no function that has a source")
+        node.name, node.decorator_list, node.returns = name, [], None
+        node = self.rewritten.get(name, lambda same: same)(node)
+        return ast.unparse(ast.fix_missing_locations(_Names(self, function).visit(node)))
+
+    def expression(self, value: Any, name: str = "") -> ast.expr:
+        """What stands for a value that a function finds in its module, there by this name."""
+        if isinstance(value, types.FunctionType) or hasattr(value, "py_func") or _is_record(value):
+            return ast.Name(self.write(value), ast.Load())
+        if isinstance(value, tuple) and _is_record(type(value)):
+            if id(value) not in self.names:
+                called = ast.Call(self.expression(type(value)), [self.expression(item) for item in value], [])
+                self.names[id(value)] = name
+                self.written.append(f"{name} = {ast.unparse(called)}")
+            return ast.Name(self.names[id(value)], ast.Load())
+        if isinstance(value, tuple):
+            return ast.Tuple([self.expression(item) for item in value], ast.Load())
+        if isinstance(value, types.BuiltinFunctionType) and value.__module__ == "math":
+            return ast.Attribute(ast.Name("math", ast.Load()), value.__name__, ast.Load())
+        if isinstance(value, bool | int | float):
+            return ast.Constant(value) if value - value == 0 else ast.parse(f"math.{value}", mode="eval").body
+        raise TypeError(f"{value!r} has no source that stands alone")
+
+
+class _Names(ast.NodeTransformer):
+    """A function's definition in the words of the file that it goes into."""
+
+    def __init__(self, writer: _Writer, function: types.FunctionType) -> None:
+        self.writer, self.globals = writer, function.__globals__
+        self.local = set(function.__code__.co_varnames)
+
+    def visit_arg(self, node: ast.arg) -> ast.arg:
+        return ast.arg(node.arg)
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        if node.id in self.local or node.id not in self.globals or node.id in ("math", "np"):
+            return node
+        return self.writer.expression(self.globals[node.id], node.id)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
+        return self.generic_visit(ast.Assign([node.target], node.value or ast.Constant(None)))
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        node = ast.BinOp(self.visit(node.left), node.op, self.visit(node.right))
+        if isinstance(node.op, ast.Div) and not isinstance(node.right, ast.Constant):
+            return ast.Call(ast.Name("divided", ast.Load()), [node.left, node.right], [])
+        return node
+
+
+def _plain(value: Any) -> Any:
+    """The function beneath a compiled one."""
+    return getattr(value, "py_func", value)
+
+
+def _identity(value: Any) -> Any:
+    return id(_plain(value))
+
+
+def _is_record(value: Any) -> bool:
+    """Whether it is a class of named tuples."""
+    return isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields")

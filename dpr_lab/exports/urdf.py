@@ -1,0 +1,64 @@
+"""The corrected model as URDF: inertia, viscous and dry friction.
+
+Gravity is the simulator's; a tilt is a fixed joint beneath the base. Source:
+https://wiki.ros.org/urdf/XML (link, joint).
+"""
+
+import json
+from collections.abc import Mapping
+from xml.etree.ElementTree import Element
+
+from dpr_lab.exports.bodies import THIN, Rod, bodies, in_words
+from dpr_lab.exports.xml import comment, element, text_of
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+
+WORDS = frozenset({"friction", "offset", "added_length", "tilt"})
+"""Words of effects that URDF has."""
+
+
+def urdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
+    """Links `world`, `base`, `inner`, `encoder2`, `outer`; joints 0 = upright, joint 2 relative to the inner rod."""
+    said = in_words(model, rig, WORDS)
+    made = bodies(model, rig, said)
+    root = element(None, "robot", name=model.rig.name)
+    comment(root, f"left out: {json.dumps(dict(lost), ensure_ascii=False)}")
+    element(root, "link", name="world")
+    element(root, "link", name="base")
+    _joint(root, "stand", "fixed", ("world", "base"), "0 0 0", f"0 {made.tilt!r} 0")
+    names, at = ("base", "inner", "outer"), "0 0 0"
+    for j, rod in enumerate(made.rods):
+        _link(root, names[j + 1], rod)
+        joint = _joint(root, f"joint{j + 1}", "continuous", (names[j], names[j + 1]), at, "0 0 0")
+        element(joint, "axis", xyz="0 1 0")
+        friction = rod.words.get("friction", 0.0)
+        element(joint, "dynamics", damping=repr(rod.damping), friction=repr(friction))
+        at = f"0 0 {rod.length!r}"
+    if made.tip_mass > 0.0:
+        _inertial(element(root, "link", name="encoder2"), "0 0 0", made.tip_mass, THIN)
+        _joint(root, "encoder2", "fixed", ("inner", "encoder2"), f"0 0 {made.rods[0].length!r}", "0 0 0")
+    return text_of(root)
+
+
+def _joint(root: Element, name: str, kind: str, ends: tuple[str, str], at: str, turned: str) -> Element:
+    joint = element(root, "joint", name=name, type=kind)
+    element(joint, "parent", link=ends[0])
+    element(joint, "child", link=ends[1])
+    element(joint, "origin", xyz=at, rpy=turned)
+    return joint
+
+
+def _link(root: Element, name: str, rod: Rod) -> None:
+    link = element(root, "link", name=name)
+    _inertial(link, f"{rod.offset!r} 0 {rod.centroid!r}", rod.mass, rod.inertia)
+    visual = element(link, "visual")
+    element(visual, "origin", xyz=f"0 0 {rod.length / 2!r}", rpy="0 0 0")
+    element(element(visual, "geometry"), "cylinder", radius="0.006", length=repr(rod.length))
+
+
+def _inertial(link: Element, at: str, mass: float, inertia: float) -> None:
+    inertial = element(link, "inertial")
+    element(inertial, "origin", xyz=at, rpy="0 0 0")
+    element(inertial, "mass", value=repr(mass))
+    none = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+    element(inertial, "inertia", ixx=repr(inertia), iyy=repr(inertia), izz=repr(THIN), **none)

@@ -1,0 +1,1 @@
+"""Multiple shooting: segments with free start states, fitted by Gauss-Newton."""

@@ -1,0 +1,35 @@
+"""Covariance of fitted values: noise, and what a fit takes for known though it may be off."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.projection import ColumnSpace
+
+Array = NDArray[np.float64]
+
+
+def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Array:
+    """Consider covariance of a fit's values.
+
+        f (A^T A)^-1 + sum over changes c of s_c s_c^T,    s_c = (A^T A)^-1 A^T c
+
+    Args:
+        fit: the fit
+        inflation: f, chi2 units that one piece of independent evidence costs
+        changes: (segments, m) whitened changes of the readings, one standard deviation each
+
+    Returns:
+        (free, free); zero for what is held at its bound
+    """
+    A = fit.linear.A[:, :, fit.inside]
+    inner = ColumnSpace.of(A, fit.linear.e).covariance()
+    found = inner * inflation
+    for change in changes:
+        shift = inner @ (A.reshape(-1, A.shape[2]).T @ change.ravel())
+        found += np.outer(shift, shift)
+    whole = np.zeros((len(fit.free), len(fit.free)))
+    whole[np.ix_(fit.inside, fit.inside)] = found
+    return whole

@@ -1,0 +1,181 @@
+"""Damped Gauss-Newton with bounds: free parameters and the initial states of all segments.
+
+    minimise  sum over segments s, samples k  | w_sk (y_sk - predicted(t_sk; p, x_s)) |^2
+
+Each step solves the projected normal equations of `dpr_lab.fitting.linearise`; the initial states follow. A step that
+does not lower the cost is shortened, and a segment that alone gets worse takes less of its own share: one swing that
+passes near the upright would otherwise hold back all others. Where no length helps, damping grows.
+
+A fit without free parameters moves initial states alone, as for a run that is held out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.fitting.estimate import Estimate, FreeParameter, moved
+from dpr_lab.fitting.linearise import Linearisation, linearise
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class GaussNewton:
+    """When to stop, and how to shorten steps."""
+
+    converged: float = 1e-4
+    """Relative fall of the cost in a whole step that ends the iteration: a small part of what noise leaves of it."""
+    tries: int = 10
+    """Shorter steps before one counts as failed: 0.3^10 of a step is none."""
+    shorter: float = 0.3
+    """Factor of a step that did not lower the cost."""
+    shorter_segment: float = 0.1
+    """Factor of the initial step of a segment that got worse alone."""
+    least_damping: float = 1e-9
+    """Of unit columns, to begin with."""
+    damping_fallen: float = 0.1
+    """Factor after a step that helped."""
+    damping_raised: float = 1e3
+    """Factor after one that failed."""
+    most_damping: float = 0.1
+    """Damping beyond which a step of no length helps: the estimate stays."""
+
+
+SETTINGS = GaussNewton()
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Where the iteration ended."""
+
+    estimate: Estimate
+    free: tuple[FreeParameter, ...]
+    linear: Linearisation
+    converged: bool
+    iterations: int = 0
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared whitened residuals."""
+        return self.linear.chi2
+
+    @property
+    def values(self) -> Array:
+        """(free,) fitted values."""
+        return np.array([parameter.read(self.estimate) for parameter in self.free])
+
+    @property
+    def inside(self) -> list[int]:
+        """Places of the free parameters that are not held at their bounds."""
+        return [i for i, parameter in enumerate(self.free) if parameter.read(self.estimate) > parameter.lower]
+
+
+@dataclass(frozen=True, slots=True)
+class Descent:
+    """Where an iteration ended, not yet linearised there."""
+
+    estimate: Estimate
+    predicted: Array | None
+    """(samples, 2) the readings there; none where no step was taken."""
+    chi2: float
+    linear: Linearisation
+    """Of the last step, or where the iteration ended if that is no step further."""
+    converged: bool
+    iterations: int
+
+
+def fit(
+    problem: Problem,
+    start: Estimate,
+    free: Sequence[FreeParameter],
+    *,
+    iterations: int = 12,
+    first: Linearisation | None = None,
+    settings: GaussNewton = SETTINGS,
+) -> Fit:
+    """Fit the free parameters and all initial states.
+
+    Args:
+        problem: what was measured
+        start: to start from; what is not free stays as it is
+        free: the unknowns besides the initial states
+        iterations: at most
+        first: the problem linearised at `start` where that is known already
+        settings: when to stop
+    """
+    end = descend(problem, start, free, iterations=iterations, first=first, settings=settings)
+    linear = end.linear
+    if end.predicted is not None:
+        same = linear.carried(problem, end.predicted) if end.converged else None
+        linear = same or linearise(problem, end.estimate, free, end.predicted)
+    return Fit(end.estimate, tuple(free), linear, end.converged, end.iterations)
+
+
+def descend(
+    problem: Problem,
+    start: Estimate,
+    free: Sequence[FreeParameter],
+    *,
+    iterations: int,
+    first: Linearisation | None = None,
+    settings: GaussNewton = SETTINGS,
+) -> Descent:
+    """The iteration of `fit` alone, for where it leads: arguments as there."""
+    at, free, predicted = start, tuple(free), None
+    linear = first or linearise(problem, at, free)
+    chi2, damping, converged, done = linear.chi2, settings.least_damping, False, 0
+    while done < iterations and not converged:
+        done += 1
+        if predicted is not None:
+            linear, predicted = linearise(problem, at, free, predicted), None
+        step = _step(linear, at, free, damping)
+        found = _search(problem, at, free, step, linear, settings)
+        if found is None:
+            damping *= settings.damping_raised
+            converged = damping > settings.most_damping
+            continue
+        at, predicted, after = found
+        converged = chi2 - after <= settings.converged * chi2
+        chi2 = after
+        damping = max(damping * settings.damping_fallen, settings.least_damping)
+    return Descent(at, predicted, chi2, linear, converged, done)
+
+
+def _step(linear: Linearisation, at: Estimate, free: tuple[FreeParameter, ...], damping: float) -> Array:
+    if not free:
+        return np.zeros(0)
+    lower = np.array([parameter.lower - parameter.read(at) for parameter in free])
+    return ColumnSpace.of(*linear.flat).solution(lower, damping)
+
+
+def _search(
+    problem: Problem,
+    at: Estimate,
+    free: tuple[FreeParameter, ...],
+    step: Array,
+    linear: Linearisation,
+    settings: GaussNewton,
+) -> tuple[Estimate, Array, float] | None:
+    """The first estimate along the step that lowers the cost, its readings and its cost."""
+    before = linear.chi2_by_segment
+    followed = np.isfinite(before)
+    if not followed.any():
+        return None
+    initial_steps = linear.initial_steps(step)
+    share, own = 1.0, np.ones(len(before))
+    for attempt in range(settings.tries):
+        trial = moved(at, free, share * step, (share * own)[:, None] * initial_steps)
+        predicted = problem.predict(trial)
+        after = problem.chi2_by_segment(predicted)
+        if after[followed].sum() <= before[followed].sum():
+            return trial, predicted, float(after.sum())
+        worse = ~(after <= before)
+        if attempt % 2 or worse.mean() > 0.5:
+            share *= settings.shorter
+        else:
+            own[worse] *= settings.shorter_segment
+    return None

@@ -1,0 +1,120 @@
+"""A problem around one estimate, the initial states of segments eliminated.
+
+An initial state touches its own segment only. With B = dreadings/dx_s = Q R, weighted as the readings are,
+
+    A = (I - Q Q^T) dreadings/dp,    e = (I - Q Q^T) residual
+
+leave normal equations as small as the free parameters p, however many segments there are. They are kept by segment,
+because all that is asked of a fit afterwards (what a further effect promises, how a run is predicted from the others,
+which effects are alike, detectable sizes) is linear algebra on them.
+
+Source: multiple shooting, H. G. Bock (1983); variable projection, Golub & Pereyra (1973). docs/theory.md.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.fitting.estimate import Estimate, FreeParameter
+from dpr_lab.fitting.problem import Problem
+
+Array = NDArray[np.float64]
+
+BLIND = 1e-12
+"""Standard deviations per rad below which readings say nothing of an initial state: rounding of those of a segment."""
+
+
+UNKNOWN_STARTS = np.array([0.0, 0.0, 1.0, 1.0])
+UNREAD_STARTS = np.array([0.0, 1.0, 1.0, 1.0])
+"""One over what is believed of the step of an initial state before any reading, 1/rad and s/rad.
+
+A joint that rests from before the first sample on says nothing of the speed it came with: without this its angle would
+not be told from it, and neither could be fitted. Nor does anything say where an outer rod is that does not hang there.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Linearisation:
+    """Whitened and padded to equal lengths, m = 2 * samples of the longest segment."""
+
+    residual: Array
+    """(segments, m) inf where a segment cannot be followed."""
+    e: Array
+    """(segments, m) residual without its part along the initial states."""
+    A: Array
+    """(segments, m, free) slopes without theirs."""
+    onto: Array
+    """(segments, 4, free) those along the initial states, Q^T dreadings/dp."""
+    Q: Array
+    """(segments, m, 4)"""
+    R: Array
+    """(segments, 4, 4)"""
+
+    @property
+    def chi2_by_segment(self) -> Array:
+        """(segments,) sum of squared residuals; inf where one cannot be followed."""
+        with np.errstate(over="ignore"):
+            return np.sum(self.residual**2, axis=1)
+
+    @property
+    def chi2(self) -> float:
+        """The same of all."""
+        with np.errstate(over="ignore"):
+            return float(self.chi2_by_segment.sum())
+
+    @property
+    def flat(self) -> tuple[Array, Array]:
+        """(rows, free) A and (rows,) e of all segments."""
+        return self.A.reshape(-1, self.A.shape[2]), self.e.ravel()
+
+    def projected(self, columns: Array) -> Array:
+        """(segments, m, k) whitened columns without their part along the initial states."""
+        return columns - self.Q @ (self.Q.transpose(0, 2, 1) @ columns)
+
+    def carried(self, problem: Problem, predicted: Array) -> "Linearisation | None":
+        """The same slopes about readings, (samples, 2), a little further; none where a segment is not followed."""
+        residual = problem.whitened(problem.measured - predicted)
+        if not (np.isfinite(self.residual).all() and np.isfinite(residual).all()):
+            return None
+        return replace(self, residual=residual, e=self.projected(residual[:, :, None])[:, :, 0])
+
+    def chosen(self, columns: Sequence[int]) -> "Linearisation":
+        """The same with only some of the free parameters."""
+        return replace(self, A=self.A[:, :, columns], onto=self.onto[:, :, columns])
+
+    def initial_steps(self, step: Array) -> Array:
+        """(segments, 4) the initial states' own least-squares steps, given that of the free parameters."""
+        residual = np.where(np.isfinite(self.residual), self.residual, 0.0)[:, :, None]
+        left = self.Q.transpose(0, 2, 1) @ residual - (self.onto @ step)[:, :, None]
+        return np.asarray(np.linalg.solve(self.R, left)[:, :, 0], dtype=np.float64)
+
+
+def linearise(
+    problem: Problem, at: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None
+) -> Linearisation:
+    """Residuals and all their slopes.
+
+    Args:
+        problem: what was measured
+        at: where
+        free: the unknowns besides the initial states
+        predicted: the readings there, (samples, 2), where they are known already
+    """
+    predicted = problem.predict(at) if predicted is None else predicted
+    residual = problem.whitened(problem.measured - predicted)
+    J = problem.whitened(problem.model.slopes(problem.segments, at, free))
+    lost = np.logical_not(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
+    residual[lost], J[lost] = np.inf, 0.0
+    alone = np.array([setup.alone for setup in problem.segments.setups])[problem.segments.run]
+    slow = np.where(alone[:, None, None], np.diag(UNREAD_STARTS), np.diag(UNKNOWN_STARTS))
+    Q, R = np.linalg.qr(np.concatenate([J[:, :, -4:], slow], axis=1))
+    Q = np.ascontiguousarray(Q[:, :-4])
+    blind = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(axis=1) < BLIND
+    R[lost | blind] = np.eye(4) / BLIND  # nothing says where its initial state lies: it stays
+    slopes = J[:, :, :-4]
+    onto = Q.transpose(0, 2, 1) @ slopes
+    found = Linearisation(residual, residual, slopes - Q @ onto, onto, Q, R)
+    e = found.projected(np.where(lost[:, None], 0.0, residual)[:, :, None])[:, :, 0]
+    return replace(found, e=e)

@@ -1,0 +1,114 @@
+"""What is fitted: the encoder readings of segments, how much each counts, and the model that is to predict them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.segments import Segments
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.fitting.estimate import Estimate, FreeParameter
+from dpr_lab.fitting.whitening import padded
+from dpr_lab.joint_angles import JointAngles
+
+Array = NDArray[np.float64]
+
+
+class OutputModel(Protocol):
+    """What the encoders read along segments, and how that answers to the unknowns."""
+
+    @property
+    def constants(self) -> RigConstants:
+        """What was measured on the rig."""
+        ...
+
+    def with_constants(self, constants: RigConstants) -> "OutputModel":
+        """The same of a rig that was measured otherwise."""
+        ...
+
+    def predict(self, segments: Segments, at: Estimate) -> Array:
+        """(samples, 2) joint 1 and joint 2 as its encoder has it, rad; not finite where it cannot be followed."""
+        ...
+
+    def slopes(self, segments: Segments, at: Estimate, free: Sequence[FreeParameter]) -> Array:
+        """(samples, 2, free + 4) derivatives, the last four by the initial state of each sample's own segment."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Segments of all runs.
+
+    Whitened values are padded to one length: row 2 k + j of a segment is its sample k of joint j + 1.
+    """
+
+    segments: Segments
+    measured: Array
+    """(samples, 2) encoder readings, rad."""
+    weight: Array
+    """(samples, 2) one over the standard deviation, times the root of a robust weight, 1/rad."""
+    model: OutputModel
+    masses_weighed: bool = False
+    """Whether the masses of the rig were weighed, so that friction by load shows the scale of torques."""
+
+    always: tuple[str, ...] = ()
+    """Effects that every fit frees: what they correct is hardly known of the rig."""
+    noise_correlation: float = 0.0
+    """Of the noise of neighbouring readings: what a filter or a tracker leaves."""
+
+    @property
+    def t(self) -> Array:
+        """(samples,) since the release, s."""
+        return self.segments.t
+
+    @property
+    def read(self) -> NDArray[np.bool_]:
+        """(samples, 2) which readings count."""
+        return self.weight > 0.0
+
+    @property
+    def evidence(self) -> int:
+        """Readings less the numbers of the initial states."""
+        return int(np.count_nonzero(self.read)) - int(self.segments.starts.sum())
+
+    @property
+    def joints(self) -> JointAngles:
+        """What the encoders read of the rods' angles."""
+        return JointAngles(self.model.constants.relative2 == 1.0)
+
+    @property
+    def owner(self) -> NDArray[np.int64]:
+        """(samples,) the segment of each sample."""
+        return np.repeat(np.arange(len(self.segments)), np.diff(self.segments.offsets))
+
+    def whitened(self, values: Array) -> Array:
+        """(segments, m) or (segments, m, k) from (samples, 2) or (samples, 2, k): weighted, padded with zeros."""
+        columns = values.reshape(*self.weight.shape, -1)
+        found = padded(columns, self.weight, self.segments.offsets)
+        return found.reshape(len(found), -1, *values.shape[2:])
+
+    def by_sample(self, whitened: Array) -> Array:
+        """(samples, 2) from (segments, m)."""
+        owner = self.owner
+        row = np.arange(len(owner)) - self.segments.offsets[owner]
+        return whitened.reshape(len(whitened), -1, 2)[owner, row]
+
+    def predict(self, at: Estimate) -> Array:
+        """(samples, 2) what the encoders would read, rad."""
+        return self.model.predict(self.segments, at)
+
+    def chi2_by_segment(self, predicted: Array) -> Array:
+        """(segments,) sum of squared whitened residuals; inf where a segment cannot be followed."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = np.sum(((self.measured - predicted) * self.weight) ** 2, axis=1)
+        return np.nan_to_num(np.add.reduceat(squares, self.segments.offsets[:-1]), nan=np.inf)
+
+    def chi2(self, at: Estimate) -> float:
+        """Sum over all segments."""
+        return float(self.chi2_by_segment(self.predict(at)).sum())
+
+    def weighted(self, factor: Array) -> "Problem":
+        """The same with every weight times a factor, (samples, 1 or 2)."""
+        return replace(self, weight=self.weight * factor)

@@ -1,0 +1,101 @@
+"""Columns of a linear least-squares problem: what they explain together, alone, and beside one another.
+
+    min_x  | e - A x |^2
+
+Columns count at unit norm, whatever their units, and every normal matrix carries the same ridge, so that columns that
+can do the same share what they explain instead of outbidding one another.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = Sequence[int] | slice | NDArray[np.int64]
+
+RIDGE = 1e-10
+"""Added to the diagonal of normal matrices of unit columns: some hundred times what rounding leaves of their sums."""
+
+TINY = 1e-140
+"""The norm of a column of zeros: the square of its reciprocal, over the ridge, is a number too."""
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnSpace:
+    """Columns A and a residual e, by their products."""
+
+    scale: Array
+    """(k,) one over the norm of each column."""
+    H: Array
+    """(k, k) normal matrix of the columns at unit norm."""
+    gradient: Array
+    """(k,) their products with the residual."""
+
+    @classmethod
+    def of(cls, A: Array, e: Array) -> "ColumnSpace":
+        """From columns (..., k) and a residual (...)."""
+        flat = A.reshape(-1, A.shape[-1])
+        H = flat.T @ flat
+        scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
+        return cls(scale, H * scale[:, None] * scale, (flat.T @ e.ravel()) * scale)
+
+    def __len__(self) -> int:
+        return len(self.scale)
+
+    def chosen(self, columns: Indices) -> "ColumnSpace":
+        """Only some of the columns."""
+        return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
+
+    def beside(self, held: Indices, columns: Indices) -> "ColumnSpace":
+        """Columns, and the residual, with their parts along others taken out; the scale stays that of before."""
+        across = self.H[held][:, columns]
+        out = np.linalg.solve(_ridged(self.H[held][:, held]), np.column_stack([across, self.gradient[held]]))
+        H = self.H[columns][:, columns] - across.T @ out[:, :-1]
+        return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
+
+    def solution(self, lower: Array | None = None, damping: float = 0.0) -> Array:
+        """(k,) the x that explains most, none below its bound (k,)."""
+        return self._unit_solution(lower, damping) * self.scale
+
+    def gain(self, lower: Array | None = None) -> float:
+        """Fall of |e|^2 by the solution."""
+        x = self._unit_solution(lower, 0.0)
+        return float(2 * x @ self.gradient - x @ _ridged(self.H) @ x)
+
+    def _unit_solution(self, lower: Array | None, damping: float) -> Array:
+        H = _ridged(self.H, RIDGE + damping)
+        if lower is None:
+            return np.asarray(np.linalg.solve(H, self.gradient), dtype=np.float64)
+        return bounded_solution(H, self.gradient, lower / self.scale)
+
+    def covariance(self) -> Array:
+        """(k, k) covariance of the solution under unit white noise."""
+        return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
+
+    def cosine(self, direction: Array, own: Indices, others: Indices) -> float:
+        """Between what the own columns do along a direction (own,) and the nearest that other columns can do."""
+        x = direction / self.scale[own]
+        overlap = self.H[others][:, own] @ x
+        length = float(x @ self.H[own][:, own] @ x)
+        reached = float(overlap @ np.linalg.lstsq(self.H[others][:, others], overlap, rcond=1e-9)[0])
+        return float(np.sqrt(min(max(reached / length, 0.0), 1.0))) if length > 0 else 0.0
+
+
+def _ridged(H: Array, ridge: float = RIDGE) -> Array:
+    return H + ridge * np.eye(len(H))
+
+
+def bounded_solution(H: Array, gradient: Array, lower: Array) -> Array:
+    """The x >= lower of normal equations H x = gradient: coordinates that would cross their bound are held at it."""
+    free, x = np.ones(len(gradient), dtype=bool), np.zeros(len(gradient))
+    for _ in range(len(gradient) + 1):
+        x = np.where(free, 0.0, lower)
+        if free.any():
+            x[free] = np.linalg.solve(H[np.ix_(free, free)], (gradient - H @ x)[free])
+        below = free & (x < lower)
+        if not below.any():
+            break
+        free &= ~below
+    return x

@@ -1,0 +1,227 @@
+r"""What small torques along a known trajectory do to the readings, by variation of constants.
+
+With Phi(t) the sensitivity of the state to the initial state and M the mass matrix,
+
+    dx(t) = Phi(t) integral Phi(s)^-1 [0; M(s)^-1 tau(s)] ds,
+
+so that any number of torques along the same trajectory cost one matrix product each. Used where there are hundreds of
+them: maps of torque over angle, speed, time, and shapes (orders, frequencies) that are scanned.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS, base_of_run
+from dpr_lab.dynamics.prediction import segment_start
+from dpr_lab.dynamics.rig_constants import constants_of_run
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
+from dpr_lab.effects.effect import Stage
+from dpr_lab.effects.mounted import effects_of_run
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.rods import followed as follow
+from dpr_lab.kernels import njit
+from dpr_lab.setup import Setup
+
+Array = NDArray[np.float64]
+
+GRID_S = 2.5e-3
+"""Spacing of a trajectory: trapezoids of torques then err by a thousandth."""
+
+WILDEST = 1e6
+"""rad and rad/s that no swing reaches."""
+
+SINGULAR = 1e-9
+"""Determinant of a sensitivity below which a torque cannot be told from an initial state any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """The swings of all segments on a fine grid, and how they answer to a torque."""
+
+    t: Array
+    """(n,) since the release, s."""
+    run: NDArray[np.int64]
+    """(n,)"""
+    theta: Array
+    """(n, 2) rad"""
+    omega: Array
+    """(n, 2) rad/s"""
+    alpha: Array
+    """(n, 2) rad/s^2"""
+    bases: Array
+    """(runs, 6) base parameters of what hangs there, SI."""
+    setups: tuple[Setup, ...]
+    """What that is, by run."""
+    into: Array
+    """(n, 4, 2) Phi^-1 [0; M^-1]: from generalised torques to the measure of the initial state."""
+    out: Array
+    """(samples, 2, 4) from there to the encoder readings at the samples."""
+    at: Array
+    """(samples,) place of each sample on the grid, in grid points."""
+    edges: NDArray[np.int64]
+    """(segments + 1,) where the segments begin on the grid."""
+    first: NDArray[np.int64]
+    """(segments + 1,) where they begin among the samples."""
+
+    def readings(self, torque: Array) -> Array:
+        """(samples, 2, k) change of the encoder readings under generalised torques, (n, 2, k), N m."""
+        torque = np.ascontiguousarray(torque)
+        return _answer(self.t, self.into, self.out, self.at, self.edges, self.first, torque)
+
+    def torques(self, stage: Stage, constants: RigConstants, params: Array) -> Array:
+        """(n, 2, k) generalised torques of effects (k, SIZE) of a stage of `TRAJECTORY_TORQUES`, N m."""
+        kinds = {setup: self.of_setup(setup) for setup in self.setups}
+        if len(kinds) == 1:
+            return self._torques(stage, constants, params, self.setups[0], slice(None))
+        found = np.empty((len(self.t), 2, len(params)))
+        for setup, mine in kinds.items():
+            found[mine] = self._torques(stage, constants, params, setup, mine)
+        return found
+
+    def of_setup(self, setup: Setup) -> NDArray[np.bool_]:
+        """(n,) where it is that of a setup."""
+        return np.array([one == setup for one in self.setups])[self.run]
+
+    def _torques(
+        self, stage: Stage, constants: RigConstants, params: Array, setup: Setup, mine: NDArray[np.bool_] | slice
+    ) -> Array:
+        motion = (self.t[mine], self.run[mine], self.theta[mine], self.omega[mine], self.alpha[mine])
+        base, hanging = self.bases[self.setups.index(setup)], constants_of_run(constants, setup)
+        return TRAJECTORY_TORQUES[stage](*motion, base, hanging, effects_of_run(params, setup))
+
+    @property
+    def coarser(self) -> "Trajectory":
+        """On every second point of the grid, for what is only compared; each segment has an odd number of them."""
+        begins = np.repeat(self.edges[:-1], np.diff(self.edges))
+        kept = np.flatnonzero((np.arange(len(self.t)) - begins) % 2 == 0)
+        edges = np.append(0, np.cumsum((np.diff(self.edges) + 1) // 2))
+        owner = np.repeat(np.arange(len(edges) - 1), np.diff(self.first))
+        motion = (self.t, self.run, self.theta, self.omega, self.alpha)
+        t, run, theta, omega, alpha = (values[kept] for values in motion)
+        at = edges[owner] + 0.5 * (self.at - self.edges[owner])
+        return replace(
+            self, t=t, run=run, theta=theta, omega=omega, alpha=alpha, into=self.into[kept], at=at, edges=edges
+        )
+
+    @property
+    def joint_angle(self) -> Array:
+        """(n, 2) angle of joint 1 and of joint 2, 0 = hanging straight, rad."""
+        return np.stack([self.theta[:, 0] - np.pi, self.theta[:, 1] - self.theta[:, 0]], axis=1)
+
+    @property
+    def joint_speed(self) -> Array:
+        """(n, 2) speed of joint 1 and of joint 2, rad/s."""
+        return np.stack([self.omega[:, 0], self.omega[:, 1] - self.omega[:, 0]], axis=1)
+
+
+def trajectory(problem: Problem, at: Estimate) -> Trajectory:
+    """Follow the swings of an estimate, with its ratios and initial states; its effects are small and left out."""
+    L1, g, samples = problem.model.constants.L1, problem.model.constants.g, problem.segments.offsets
+    spans = [(segment_start(float(problem.t[i])), float(problem.t[j - 1])) for i, j in pairwise(samples)]
+    instants = [_grid(first, last) for first, last in spans]
+    followed = segments(instants, problem.segments.run, problem.segments.setups, step=GRID_S)
+    setups = problem.segments.setups
+    bases = np.array([base_of_run(at.whole, setup, L1, g) for setup in setups])
+    states, slopes = follow(at.ratios, followed, at.initial, L1, g, of=4)
+    phi = slopes[:, :, len(RATIOS) :]
+    lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < WILDEST).all(axis=1))
+    phi[lost], states[lost] = np.eye(4), 0.0
+    lost |= np.abs(np.linalg.det(phi)) < SINGULAR
+    owner = np.repeat(np.arange(len(followed)), np.diff(followed.offsets))
+    inverse, alpha = _accelerations(bases[followed.run][owner], followed.held[owner], L1, g, states, followed.pushes)
+    phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be followed answers to nothing
+    edges = followed.offsets
+    place = np.concatenate(
+        [
+            edges[s] + np.interp(problem.t[i:j], instants[s], np.arange(len(instants[s])))
+            for s, (i, j) in enumerate(pairwise(samples))
+        ]
+    )
+    lower = np.minimum(place.astype(np.int64), edges[problem.owner + 1] - 2)
+    share = (place - lower)[:, None, None]
+    out = (1 - share) * phi[lower, :2] + share * phi[lower + 1, :2]
+    out[:, 1] -= problem.model.constants.relative2 * out[:, 0]
+    torque_only = np.concatenate([np.zeros_like(inverse), inverse], axis=1)
+    return Trajectory(
+        t=followed.t,
+        run=np.repeat(followed.run, np.diff(edges)),
+        theta=states[:, :2],
+        omega=states[:, 2:],
+        alpha=alpha,
+        bases=bases,
+        setups=setups,
+        into=np.asarray(np.linalg.solve(phi, torque_only), dtype=np.float64),
+        out=out,
+        at=place,
+        edges=edges,
+        first=samples,
+    )
+
+
+def _grid(first: float, last: float) -> Array:
+    return np.linspace(first, last, 2 * max(1, int(np.ceil((last - first) / GRID_S / 2))) + 1)
+
+
+def _accelerations(
+    bases: Array, held: NDArray[np.bool_], L1: float, g: float, states: Array, drive: Array
+) -> tuple[Array, Array]:
+    """(n, 2, 2) inverse mass matrices and (n, 2) accelerations of equation (1); of joint 2 held where it is."""
+    a, b, d, e1, c1, c2 = bases.T
+    theta1, theta2, omega1, omega2 = states.T
+    coupling, twist = d * np.cos(theta1 - theta2), d * np.sin(theta1 - theta2)
+    inverse = np.stack([np.stack([b, -coupling]), np.stack([-coupling, a])])
+    inverse = np.moveaxis(inverse / (a * b - coupling**2), -1, 0)
+    inverse[held] = (1 / (a + b + 2 * coupling))[held, None, None]
+    friction2 = c2 * (omega2 - omega1)
+    right = np.stack(
+        [
+            -twist * omega2**2 - c1 * omega1 + friction2 + e1 * np.sin(theta1),
+            twist * omega1**2 - friction2 + d * g / L1 * np.sin(theta2),
+        ],
+        axis=1,
+    )
+    return inverse, (inverse @ (right + drive)[:, :, None])[:, :, 0]
+
+
+@njit
+def _answer(
+    t: Array,
+    into: Array,
+    out: Array,
+    at: Array,
+    edges: NDArray[np.int64],
+    first: NDArray[np.int64],
+    torque: Array,
+) -> Array:
+    """The integral by trapezoids from each segment's start, read at the samples; torques run in the inner loop."""
+    many = torque.shape[2]
+    answer = np.empty((len(at), 2, many))
+    before, total = np.empty((4, many)), np.empty((4, many))
+    for s in range(len(edges) - 1):
+        total[:], n = 0.0, first[s]
+        for i in range(edges[s] + 1, edges[s + 1]):
+            half = 0.5 * (t[i] - t[i - 1])
+            for j in range(4):
+                a1, a2 = half * into[i - 1, j, 0], half * into[i - 1, j, 1]
+                b1, b2 = half * into[i, j, 0], half * into[i, j, 1]
+                for k in range(many):
+                    before[j, k] = total[j, k]
+                    total[j, k] += a1 * torque[i - 1, 0, k] + a2 * torque[i - 1, 1, k]
+                    total[j, k] += b1 * torque[i, 0, k] + b2 * torque[i, 1, k]
+            while n < first[s + 1] and (at[n] < i or i == edges[s + 1] - 1):
+                share = at[n] - (i - 1)
+                for axis in range(2):
+                    for k in range(many):
+                        answer[n, axis, k] = 0.0
+                    for j in range(4):
+                        here, there = (1.0 - share) * out[n, axis, j], share * out[n, axis, j]
+                        for k in range(many):
+                            answer[n, axis, k] += here * before[j, k] + there * total[j, k]
+                n += 1
+    return answer

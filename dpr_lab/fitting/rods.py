@@ -1,0 +1,115 @@
+"""The rods alone: exact derivatives of the Runge-Kutta map by ratios and initial states.
+
+A segment starts at its first sample. What hung on the rig in a run, and a known mass clamped on, make its own base
+parameters from b (a/b, 1, d/b, e1/b, c1/b, c2/b, p/b) (`dpr_lab.dynamics.base.base_of_run`), and so make b itself
+visible there, or p/b.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import BASE, RATIOS, WHOLE, base_of_run, base_slopes, ratio_slopes, ratios
+from dpr_lab.dynamics.segments import Segments
+from dpr_lab.dynamics.sensitivity import driven
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, Estimate, FreeParameter, whole_of
+from dpr_lab.joint_angles import JointAngles
+from dpr_lab.setup import BOTH, Setup
+
+Array = NDArray[np.float64]
+
+_B, _P = WHOLE.index("b"), WHOLE.index("p")
+_OTHERS = [i for i in range(len(BASE)) if i != _B]
+
+
+@dataclass(frozen=True, slots=True)
+class RodsAlone:
+    """Two rods without effects, on a clamped arm."""
+
+    constants: RigConstants
+
+    def with_constants(self, constants: RigConstants) -> "RodsAlone":
+        """The same of a rig that was measured otherwise."""
+        return RodsAlone(constants)
+
+    def predict(self, segments: Segments, at: Estimate) -> Array:
+        """(samples, 2) encoder readings, rad."""
+        values, _ = self._ratios(segments, at)
+        begins = segments.turning_as_one(at.initial)
+        states, _, _ = driven(values, self.constants.L1, self.constants.g, segments, begins, 0)
+        return JointAngles(self.constants.relative2 == 1.0).of_rods(states[:, :2])
+
+    def slopes(self, segments: Segments, at: Estimate, free: Sequence[FreeParameter]) -> Array:
+        """(samples, 2, free + 4); the free parameters are ratios, b and p/b."""
+        values, chains = self._ratios(segments, at)
+        begins = segments.turning_as_one(at.initial)
+        _, seen, by_push = driven(values, self.constants.L1, self.constants.g, segments, begins, 2)
+        seen[:, 1] -= self.constants.relative2 * seen[:, 0]
+        by_push[:, 1] -= self.constants.relative2 * by_push[:, 0]
+        columns = [parameter.index for parameter in free]
+        if columns == list(range(len(RATIOS))) and all(setup == BOTH for setup in segments.setups):
+            return seen
+        slopes = np.empty((len(seen), 2, len(free) + 4))
+        slopes[:, :, len(free) :] = seen[:, :, len(RATIOS) :]
+        for s, (first, last) in enumerate(pairwise(segments.offsets)):
+            by_ratio = seen[first:last, :, : len(RATIOS)].reshape(-1, len(RATIOS))
+            by_ratio = np.concatenate([by_ratio, by_push[first:last].reshape(-1, 1)], axis=1)
+            slopes[first:last, :, : len(free)] = (by_ratio @ chains[s][:, columns]).reshape(last - first, 2, len(free))
+            slopes[first:last, :, -4:] = by_start(slopes[first:last, :, -4:], segments.setups[segments.run[s]])
+        return slopes
+
+    def _ratios(self, segments: Segments, at: Estimate) -> tuple[Array, Array]:
+        """(segments, 6) ratios that each swings by and 1 / b, and (segments, 6, 7) their derivatives."""
+        by_run = [pushed_by(at.ratios, setup, self.constants.L1, self.constants.g) for setup in segments.setups]
+        return np.array([by_run[run][0] for run in segments.run]), np.array([by_run[run][1] for run in segments.run])
+
+
+def by_start(slopes: Array, setup: Setup) -> Array:
+    """(..., 4) derivatives by an initial state, of rods that turn as one: there is one speed, alone one angle."""
+    if setup.held:
+        slopes = slopes.copy()
+        slopes[..., 2] += slopes[..., 3]
+        slopes[..., 3] = 0.0
+        slopes[..., 1] *= not setup.alone
+    return slopes
+
+
+def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
+    """(5,) the ratios that a run swings by, and their (5, 7) derivative by the unknown ratios, b and p/b, (7,)."""
+    if setup.added is None and not setup.alone:
+        return unknown[: len(RATIOS)], np.eye(len(RATIOS), len(WHOLE))
+    base = base_of_run(whole_of(unknown), setup, L1, g)
+    return ratios(base), ratio_slopes(base) @ _whole_slopes(unknown, setup, L1, g)
+
+
+def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
+    """(6, 7) derivative of a run's base parameters by the unknown ratios, b and p/b."""
+    b, slopes = unknown[SCALE], np.zeros((len(WHOLE), len(WHOLE)))
+    slopes[_OTHERS, : len(RATIOS)], slopes[_P, ON_ELBOW] = b * np.eye(len(RATIOS)), b
+    slopes[:, SCALE] = whole_of(unknown) / b
+    return base_slopes(setup, L1, g) @ slopes if setup.alone else slopes[:_P]
+
+
+def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
+    """(6,) the ratios that a run swings by and 1 / b of it, zero without torques, and their (6, 7) derivative."""
+    values, slopes = ratios_of_run(unknown, setup, L1, g)
+    push, by_unknown = 0.0, np.zeros(len(WHOLE))
+    if setup.torques is not None:
+        base = base_of_run(whole_of(unknown), setup, L1, g)
+        push = 1 / base[_B]
+        # b of the run is b of the rig and what was clamped on; half the inertia of a rod alone.
+        by_unknown = -(push**2) * (_whole_slopes(unknown, setup, L1, g)[_B])
+    return np.append(values, push), np.vstack([slopes, by_unknown])
+
+
+def followed(
+    ratios: Array, laid_out: Segments, initial: Array, L1: float, g: float, of: int = 0
+) -> tuple[Array, Array]:
+    """(N, 4) states of segments by (7,) unknown ratios, and (N, `of`, 9) their derivatives, as of `sensitivities`."""
+    values = np.array([pushed_by(ratios, setup, L1, g)[0] for setup in laid_out.setups])[laid_out.run]
+    states, slopes, _ = driven(values, L1, g, laid_out, laid_out.turning_as_one(initial), of)
+    return states, slopes

@@ -1,0 +1,97 @@
+"""The rods with effects: readings by lanes of Runge-Kutta, derivatives by forward differences in one batch.
+
+A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). Differences are taken at twice the
+integrator's step: a slope that is off by a thousandth moves no solution of a fit, and half the steps are half the time.
+What encoders misread moves no rod, so one swing does for all of it. Derivatives by initial states hold the internal
+states of effects still: those are handed on from segment to segment, and are not to feel another segment's start.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.encoder_errors import with_encoder_errors
+from dpr_lab.dynamics.prediction import internal_states, predict, predict_batch
+from dpr_lab.dynamics.segments import Segments
+from dpr_lab.effects import EFFECTS, named_params, param_index
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.fitting.estimate import Estimate, FreeParameter, whole_of
+
+Array = NDArray[np.float64]
+
+INITIAL_STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5])
+"""Forward steps of an initial state, rad and rad/s: a thousandth of a count."""
+
+COARSER = 2.0
+"""The integrator's step for derivatives, in steps for readings."""
+
+ENCODER_AMPLITUDES = [
+    param_index(effect.name, parameter.name)
+    for effect in EFFECTS.values()
+    if effect.stage == "encoder"
+    for parameter in effect.amplitudes
+]
+"""Places of the amplitudes of what encoders misread."""
+
+
+@dataclass(frozen=True, slots=True)
+class RodsWithEffects:
+    """Two rods with every effect of the library."""
+
+    constants: RigConstants
+
+    def with_constants(self, constants: RigConstants) -> "RodsWithEffects":
+        """The same of a rig that was measured otherwise."""
+        return RodsWithEffects(constants)
+
+    def predict(self, segments: Segments, at: Estimate) -> Array:
+        """(samples, 2) encoder readings, rad."""
+        return predict(at.whole, at.params, self.constants, resolved(segments, at.params), at.initial)
+
+    def slopes(self, segments: Segments, at: Estimate, free: Sequence[FreeParameter]) -> Array:
+        """(samples, 2, free + 4) derivatives of the readings."""
+        coarse = resolved(segments, at.params)
+        coarse = replace(coarse, step=COARSER * coarse.step)
+        ratios, params, initial = _varied(at, free)
+        of_encoders = np.array(
+            [p.effect is not None and EFFECTS[p.effect].stage == "encoder" for p in free] + [False] * 4
+        )
+        moving, still = np.flatnonzero(~of_encoders), np.flatnonzero(of_encoders)
+        swung = np.append(moving, len(ratios) - 1)  # the estimate itself is the last row
+        quiet = params[swung]
+        quiet[-1, ENCODER_AMPLITUDES] = 0.0
+        handed = internal_states(at.whole, at.params, self.constants, coarse, at.initial)
+        internal = np.full((len(swung), *handed.shape), np.nan)
+        internal[len(moving) - 4 : len(moving)] = handed
+        swings = predict_batch(whole_of(ratios[swung]), quiet, self.constants, coarse, initial[swung], internal)
+        angles = np.empty((len(ratios), len(segments.t), 2))
+        angles[moving] = swings[:-1]
+        angles[[*still, -1]] = with_encoder_errors(swings[-1], params[[*still, -1]], self.constants, coarse)
+        steps = np.array([*(parameter.step for parameter in free), *INITIAL_STEPS])
+        return np.moveaxis((angles[:-1] - angles[-1]) / steps[:, None, None], 0, -1)
+
+
+def resolved(segments: Segments, params: Array) -> Segments:
+    """The segments with steps short enough for every effect that is on."""
+    active = ((EFFECTS[name].longest_step, values) for name, values in named_params(params).items())
+    limits = [longest(values) for longest, values in active if longest is not None]
+    return replace(segments, step=np.minimum(segments.step, min(limits))) if limits else segments
+
+
+def _varied(at: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array, Array]:
+    """(n, 7) ratios, (n, SIZE) parameters and (n, segments, 4) initial states, n = free + 4 + 1.
+
+    A row for each free parameter and each number of the initial states, moved by its step; the last as it is.
+    """
+    rows = len(free) + 5
+    ratios, params = np.tile(at.ratios, (rows, 1)), np.tile(at.params, (rows, 1))
+    initial = np.tile(at.initial, (rows, 1, 1))
+    for i, parameter in enumerate(free):
+        for index, value in parameter.overrides:
+            params[i, index] = value
+        (ratios if parameter.effect is None else params)[i, parameter.index] += parameter.step
+    for j in range(4):
+        initial[len(free) + j, :, j] += INITIAL_STEPS[j]
+    return ratios, params, initial

@@ -1,0 +1,1 @@
+"""Screened and thinned recordings, as the diagnosis sees them."""

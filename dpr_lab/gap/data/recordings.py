@@ -1,0 +1,128 @@
+"""Screened recordings of one rig, and the fitting problem that they make once they are cut into segments."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.prediction import segment_start
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.fitting.cut import cut
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.rods_with_effects import RodsWithEffects
+from dpr_lab.gap.data.record import Record
+from dpr_lab.rig import MASSES, Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentLengths:
+    """Lengths at which the model is fitted, s."""
+
+    first: float = 0.25
+    """From which any rig file within 20 % of the truth converges."""
+    working: float = 0.5
+    """At which effects are told apart: four to seven times as sensitive as the first, and still Gauss-Newton-able."""
+
+
+LENGTHS = SegmentLengths()
+
+
+@dataclass(frozen=True, slots=True)
+class InitialGuess:
+    """How an initial state is guessed from the readings about it."""
+
+    near_s: float = 0.03
+    """Readings that count: a cubic follows any swing so far."""
+    fewest: int = 6
+    """Readings for a cubic; where they are not near, the next ones count."""
+    before: int = 4
+    """Readings before a segment's first that then count too."""
+
+
+GUESS = InitialGuess()
+
+
+@dataclass(frozen=True, slots=True)
+class Recordings:
+    """Runs as the diagnosis sees them, and their rig."""
+
+    records: tuple[Record, ...]
+    rig: Rig
+
+    @property
+    def constants(self) -> RigConstants:
+        """What was measured on the rig."""
+        return rig_constants(self.rig)
+
+    @property
+    def masses_weighed(self) -> bool:
+        """Whether all masses are measured, so that friction that follows the load shows the scale of all torques."""
+        return all(self.rig.parameters[name].measured is not None for name in MASSES)
+
+    def cut(self, length: float) -> tuple[Problem, Array]:
+        """Segments of about a length, s, and (segments, 4) initial states guessed from the readings."""
+        stretches = [(i, s) for i, item in enumerate(self.records) for s in cut(item.t, length, item.breaks)]
+        records = self.records
+        problem = Problem(
+            segments=segments(
+                [records[i].t[s] for i, s in stretches],
+                [i for i, _ in stretches],
+                [item.run.setup for item in records],
+                [records[i].step for i, _ in stretches],
+            ),
+            measured=np.concatenate([records[i].joints[s] for i, s in stretches]),
+            weight=np.concatenate([1 / records[i].sigma[s] for i, s in stretches]),
+            model=RodsWithEffects(self.constants),
+            masses_weighed=self.masses_weighed,
+            always=tuple(name for name, effect in EFFECTS.items() if effect.corrects in self.rig.unsure),
+            noise_correlation=float(np.mean([item.noise_correlation for item in records])),
+        )
+        relative2 = self.rig.encoders.joint2 == "relative"
+        return problem, np.array([_initial_state(records[i], s, relative2) for i, s in stretches])
+
+    def without(self, problem: Problem, off: NDArray[np.bool_]) -> "Recordings":
+        """Without some readings (samples, 2) of a problem cut from these: faults that only a model shows."""
+        if not off.any():
+            return self
+        run = problem.segments.run[problem.owner]
+        return replace(
+            self,
+            records=tuple(item.without(problem.t[run == i], off[run == i]) for i, item in enumerate(self.records)),
+        )
+
+    def only(self, chosen: Sequence[Record]) -> "Recordings":
+        """Other runs of the same rig."""
+        return Recordings(tuple(chosen), self.rig)
+
+
+def _initial_state(item: Record, stretch: slice, relative2: bool, guess: InitialGuess = GUESS) -> Array:
+    """(4,) state where the segment of a stretch starts, by a cubic through the readings; at the release, at rest.
+
+    Returns:
+        theta1, theta2, omega1, omega2, rad and rad/s
+    """
+    first_read = float(item.t[stretch.start])
+    at = segment_start(first_read)
+    if at == 0.0 and len(item.run.rest):
+        return np.append(item.run.rest[:, 1:].mean(axis=0), [0.0, 0.0])
+    first, last = np.searchsorted(item.t, _between(item.breaks, first_read))
+    near = np.arange(first, last)[np.abs(item.t[first:last] - at) < guess.near_s]
+    if len(near) < guess.fewest:
+        near = np.arange(max(first, stretch.start - guess.before), min(last, stretch.start + guess.fewest))
+    powers = np.vander(item.t[near] - at, 4, increasing=True)
+    value, slope = np.linalg.lstsq(powers, item.joints[near], rcond=None)[0][:2]
+    turn = np.array([0.0, float(relative2)])
+    return np.concatenate([value + turn * value[0], slope + turn * slope[0]])
+
+
+def _between(breaks: Array, t: float) -> tuple[float, float]:
+    """The breaks before and after an instant."""
+    after = int(np.searchsorted(breaks, t, side="right"))
+    edges = [-np.inf, *breaks.tolist(), np.inf]
+    return edges[after], edges[after + 1]

@@ -1,0 +1,1 @@
+"""How sure: classes, probabilities, intervals, detectable sizes, recordings left out."""

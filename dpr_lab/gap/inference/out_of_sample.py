@@ -1,0 +1,134 @@
+"""How far the gap shrinks once the named effects are in the model, on recordings that took no part in the fit."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.prediction import predict
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.gauss_newton import descend, fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.data.record import Record
+from dpr_lab.gap.data.recordings import LENGTHS, Recordings
+from dpr_lab.gap.selection.cross_validation import folds, left_out_chi2
+from dpr_lab.gap.selection.hypothesis import Hypothesis
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class BlockBootstrap:
+    """How the interval of a reduction is drawn."""
+
+    block: int = 2
+    """Neighbouring segments that are drawn together: residuals of one swing resemble each other."""
+    draws: int = 400
+    """Enough for the ends of a 90 % interval to a twentieth of its width."""
+
+
+BOOTSTRAP = BlockBootstrap()
+
+
+@dataclass(frozen=True, slots=True)
+class FreeRunSettings:
+    """How a model runs free."""
+
+    settle_s: float = 0.3
+    """What the initial state is fitted to."""
+    length_s: float = 2.6
+    """From the beginning to where the free run is compared: chaos takes over later."""
+    iterations: int = 30
+
+
+FREE_RUN = FreeRunSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class GapReduction:
+    """Share of the gap above the noise floor that closes: 1 - rms after / rms before, not below -1."""
+
+    estimate: float
+    interval90: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """Recordings as models foretell them that were fitted to others, only the initial states free."""
+
+    names: tuple[str, ...]
+    """Of the runs."""
+    run: NDArray[np.int64]
+    """(segments,)"""
+    dof: NDArray[np.int64]
+    """(segments,) readings less the numbers of an initial state."""
+    chi2: Callable[[Hypothesis], Array]
+    """(segments,) by a model."""
+
+    @property
+    def runs(self) -> list[tuple[str, NDArray[np.bool_]]]:
+        """Name of each run, and which segments are its own."""
+        return [(self.names[r], self.run == r) for r in np.unique(self.run)]
+
+
+def left_out(recordings: Recordings, problem: Problem) -> Unseen:
+    """Each run as foretold from the others, or each quarter of the only one."""
+    fold = folds(problem)
+    return _unseen(recordings, problem, lambda item: left_out_chi2(item.fit, fold))
+
+
+def held_out(recordings: Recordings, base: Hypothesis) -> Unseen:
+    """Whole recordings that the diagnosis never saw."""
+    problem, initial = recordings.cut(LENGTHS.working)
+    begun = descend(problem, replace(base.fit.estimate, initial=initial), (), iterations=20).estimate.initial
+
+    def chi2(item: Hypothesis) -> Array:
+        found = descend(problem, replace(item.fit.estimate, initial=begun), (), iterations=20)
+        return problem.chi2_by_segment(problem.predict(found.estimate))
+
+    return _unseen(recordings, problem, chi2)
+
+
+def _unseen(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis], Array]) -> Unseen:
+    dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
+    return Unseen(tuple(item.run.name for item in recordings.records), problem.segments.run, dof, chi2)
+
+
+def reduction(above: Array, rng: np.random.Generator) -> GapReduction:
+    """How far the gap closes: (2, segments) chi2 above the noise, before and after."""
+    sums = np.add.reduceat(above, np.arange(0, above.shape[1], BOOTSTRAP.block), axis=1)
+    blocks = sums.shape[1]
+    drawn = [share(sums[:, rng.integers(0, blocks, blocks)]) for _ in range(BOOTSTRAP.draws)]
+    low, high = np.quantile(drawn, [0.05, 0.95])
+    return GapReduction(share(above), (float(low), float(high)))
+
+
+def share(above: Array) -> float:
+    """Share of the gap that closes, from (2, segments) chi2 above the noise, before and after."""
+    before, after = np.maximum(above.sum(axis=1), 0.0)
+    return max(float(1 - np.sqrt(after / before)), -1.0) if before > 0 else 0.0
+
+
+def free_run_errors(recordings: Recordings, at: Estimate, settings: FreeRunSettings = FREE_RUN) -> dict[str, float]:
+    """Run -> rms error of a free run from its beginning, rad: an initial state from the first readings, then unseen.
+
+    Args:
+        recordings: the runs
+        at: ratios and effects to simulate with
+        settings: what is fitted and compared
+    """
+    return {item.run.name: _free_run_error(recordings, item, at, settings) for item in recordings.records}
+
+
+def _free_run_error(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings) -> float:
+    since = item.t - item.t[0]
+    head, unseen = since < settings.settle_s, (since >= settings.settle_s) & (since <= settings.length_s)
+    short = replace(item, t=item.t[head], joints=item.joints[head], sigma=item.sigma[head])
+    problem, initial = recordings.only([short]).cut(settings.settle_s)
+    begun = fit(problem, replace(at, initial=initial), (), iterations=settings.iterations).estimate
+    whole = segments([np.concatenate([item.t[:1], item.t[unseen]])], setups=[item.run.setup], step=item.step)
+    angles = predict(begun.whole, begun.params, recordings.constants, whole, begun.initial[:1])
+    read = 1 if item.run.setup.alone else 2
+    return float(np.sqrt(np.mean((item.joints[unseen] - angles[1:])[:, :read] ** 2)))

@@ -1,0 +1,1 @@
+"""What is said: where, verdict, advice, and the result model."""

@@ -1,0 +1,188 @@
+"""What to record or to check next, so that what is still open is decided.
+
+For each named effect and its alternatives the recordings of a menu are simulated at the fitted estimate; the one on
+which the alternative is least able to imitate the effect,
+
+    discrimination = |s| sqrt(1 - cos^2),
+
+in standard deviations of the noise, is advised. What no recording tells apart has none: only the bench splits it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.prediction import PAD, predict
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.effects import EFFECTS
+from dpr_lab.fitting.estimate import effect_parameters
+from dpr_lab.fitting.linearise import linearise
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.gap.data.record import RATE_HZ
+from dpr_lab.gap.data.recordings import LENGTHS, Recordings
+from dpr_lab.gap.inference.posterior import CALIBRATION, Alternative, EffectPosterior
+from dpr_lab.gap.result.diagnosis import AdvisedCheck
+from dpr_lab.gap.selection.hypothesis import Hypothesis
+from dpr_lab.rig import AddedMass
+
+Array = NDArray[np.float64]
+
+WORTH_A_RECORDING = 0.05
+"""Probability from which an alternative is worth one."""
+
+TOLD_APART = 5.0
+"""Standard deviations by which two effects must differ on a recording, for it to be advised."""
+
+
+@dataclass(frozen=True, slots=True)
+class PossibleRelease:
+    """A release that could be made."""
+
+    text: str
+    theta: tuple[float, float]
+    """Released at rest from these absolute angles, rad."""
+    duration: float
+    added: AddedMass | None = None
+
+
+MENU = (
+    PossibleRelease(
+        "a release of 5 degrees from hanging, recorded for 30 s until it rests", (np.pi - 0.09, np.pi - 0.09), 30.0
+    ),
+    PossibleRelease("a release with both rods horizontal", (np.pi / 2, np.pi / 2), 10.0),
+    PossibleRelease("its mirror image, both rods horizontal on the other side", (1.5 * np.pi, 1.5 * np.pi), 10.0),
+    PossibleRelease("a release from near upright", (0.1, 0.1), 10.0),
+    PossibleRelease(
+        "a release with both rods horizontal and 100 g clamped to the outer rod 0.2 m from its pivot",
+        (np.pi / 2, np.pi / 2),
+        10.0,
+        AddedMass(rod="outer", mass=0.1, position=0.2),
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class NextStep:
+    """What to do next, in a sentence, and the checks that it is made of."""
+
+    text: str
+    checks: tuple[AdvisedCheck, ...]
+    """Their ids are not given yet."""
+
+
+def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[NextStep]:
+    """Bench checks for what is not told apart and recordings for alternatives; empty when nothing is open."""
+    said: list[NextStep] = []
+    for item in posteriors:
+        if len(item.members) > 1:
+            checks = dict.fromkeys(EFFECTS[name].bench_check for name in item.members[:2])
+            share = item.probability / len(item.members)
+            measured = [
+                _measurement(item.name, name, item.members, [share] * len(item.members)) for name in item.members
+            ]
+            text = f"Only the bench tells {' from '.join(item.members)}: {' '.join(checks)}"
+            said.append(NextStep(text, tuple(measured)))
+        for other in item.alternatives:
+            if other.probability >= WORTH_A_RECORDING:
+                said.append(_best_release(recordings, chosen, item, other))
+    return said
+
+
+def _best_release(recordings: Recordings, chosen: Hypothesis, item: EffectPosterior, rival: Alternative) -> NextStep:
+    name, other, likely = item.name, rival.name, [item.probability, rival.probability]
+    found = [(_discrimination(recordings, chosen, name, other, choice), choice) for choice in MENU]
+    strength, best = max(found, key=lambda pair: pair[0])
+    if strength < TOLD_APART:
+        text = f"No recording of the menu tells {name} from {other}. {EFFECTS[name].bench_check}"
+        return NextStep(text, (_measurement(name, name, (name, other), likely),))
+    text = f"To tell {name} from {other}, record {best.text}: they differ by {strength:.0f} standard deviations there."
+    apart = strength / np.sqrt(chosen.residuals.inflation * CALIBRATION.temperature)
+    return NextStep(text, (_check("recording", best.text, name, (name, other), told_bits(likely, apart)),))
+
+
+def _measurement(about: str, measured: str, splits: Sequence[str], likely: Sequence[float]) -> AdvisedCheck:
+    """A measurement of one effect's amplitude, as good as certain: zero where one of no kin is the cause."""
+    effect = EFFECTS[measured]
+    own = sum(p for name, p in zip(splits, likely, strict=True) if akin(name, measured))
+    bits = told_bits([own, sum(likely) - own], np.inf)
+    amplitude = effect.amplitudes[0]
+    made = _check("measurement", effect.bench_check, about, splits, bits)
+    return made.model_copy(update={"measures": measured, "quantity": f"{amplitude.name}, {amplitude.unit}"})
+
+
+def akin(name: str, other: str) -> bool:
+    """Whether two effects are forms of one, so that a measured amplitude speaks for both."""
+    return not {name, *EFFECTS[name].nested}.isdisjoint({other, *EFFECTS[other].nested})
+
+
+def _check(
+    kind: Literal["recording", "measurement"], text: str, about: str, splits: Sequence[str], bits: float
+) -> AdvisedCheck:
+    return AdvisedCheck(id="", kind=kind, text=text, about=about, splits=list(splits), expected_bits=bits)
+
+
+def told_bits(likely: Sequence[float], apart: float) -> float:
+    """Bits by which a check is expected to lower the uncertainty between two causes, times how likely either is.
+
+    A log likelihood ratio is normal with mean +-d^2/2 and variance d^2, where d standard deviations lie between what
+    the causes foretell.
+
+    Args:
+        likely: (2,) probabilities, which need not add up to one
+        apart: d
+    """
+    either = sum(likely)
+    if either <= 0 or min(likely) <= 0:
+        return 0.0
+    p = likely[0] / either
+    before = _entropy(np.array([p]))[0]
+    if not np.isfinite(apart):
+        return float(either * before)
+    z = np.linspace(-6, 6, 241)
+    weight = np.exp(-(z**2) / 2) / np.exp(-(z**2) / 2).sum()
+    odds = np.log(p / (1 - p))
+    left = [_entropy(1 / (1 + np.exp(-np.clip(odds + sign * apart**2 / 2 + apart * z, -500, 500)))) for sign in (1, -1)]
+    return float(either * max(before - weight @ (p * left[0] + (1 - p) * left[1]), 0.0))
+
+
+def _entropy(p: Array) -> Array:
+    p = np.clip(p, 1e-12, 1 - 1e-12)
+    return -(p * np.log2(p) + (1 - p) * np.log2(1 - p))
+
+
+def _discrimination(
+    recordings: Recordings,
+    chosen: Hypothesis,
+    name: str,
+    other: str,
+    choice: PossibleRelease,
+) -> float:
+    """Standard deviations by which the readings differ from the nearest that the other effect can do."""
+    at = chosen.fit.estimate
+    trial, initial = _simulated(recordings, chosen, choice)
+    known = [parameter for parameter in chosen.fit.free if parameter.effect in (None, *trial.always)]
+    held, own = [*known, *effect_parameters(EFFECTS[other])], effect_parameters(EFFECTS[name])
+    linear = linearise(trial, replace(at, initial=initial), [*held, *own])
+    A, _ = linear.flat
+    sizes = np.array([parameter.read(at) for parameter in own])
+    signal = A[:, len(held) :] @ (sizes if sizes.any() else np.array([parameter.size for parameter in own]))
+    explained = ColumnSpace.of(A[:, : len(held)], signal).gain()
+    return float(np.sqrt(max(signal @ signal - explained, 0.0)))
+
+
+def _simulated(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease) -> tuple[Problem, Array]:
+    """A release of the menu at the fitted estimate, without noise but weighted by it."""
+    rate = RATE_HZ
+    t = PAD + np.arange(int(choice.duration * rate)) / rate
+    at, like = chosen.fit.estimate, min(recordings.records, key=lambda item: item.run.setup.alone)
+    start = np.array([[*choice.theta, 0.0, 0.0]])
+    setup = replace(like.run.setup, added=choice.added)
+    angles = predict(at.whole, at.params, recordings.constants, segments([t], setups=[setup]), start)
+    sigma = np.tile(np.median(like.sigma, axis=0), (len(t), 1))
+    run = replace(like.run, added_mass=choice.added)
+    record = replace(like, run=run, t=t + 0.5 * PAD, joints=angles, sigma=sigma, breaks=np.zeros(0))
+    return recordings.only([record]).cut(LENGTHS.working)

@@ -1,0 +1,206 @@
+"""A diagnosis that others can check: what was recorded, what with, and every claim with a tolerance of its own.
+
+Names and verdicts must come out the same; probabilities within 0.02, shares within 0.02, and a size or ratio within a
+tenth of its 90 % interval: the tolerances at which the answers of this program are compared between its versions.
+"""
+
+import hashlib
+import importlib.metadata
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from dpr_lab.configs import sha256_of
+from dpr_lab.errors import RunError
+from dpr_lab.gap.result.diagnosis import Diagnosis, Interval
+from dpr_lab.kernel_cache import source_hash
+from dpr_lab.rig import load_rig
+from dpr_lab.version import __version__
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """How far a claim may come out elsewhere."""
+
+    share: Number = 0.02
+    """Of a probability or a share of the gap."""
+    of_interval: Number = 0.1
+    """Of the width of a number's 90 % interval."""
+
+
+TOLERANCES = Tolerances()
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class CertifiedFile(_Part):
+    """A file, by its place beside the certificate and its hash."""
+
+    file: str
+    sha256: str
+    held_out: bool = False
+
+
+class CertifiedClaim(_Part):
+    """One statement, and how far it may be off elsewhere; 0 where it must come out the same."""
+
+    value: str | Number
+    within: Number = 0.0
+    sealed: str
+    """Hash of the claim, so that one that was changed afterwards is seen."""
+
+
+class Certificate(_Part):
+    """A diagnosis with all that it takes to make it again."""
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    recordings: list[CertifiedFile]
+    rig: CertifiedFile
+    settings: dict[str, Any]
+    """Of the diagnosis: seed, effects to choose from, and so on."""
+    made_with: dict[str, str]
+    """Hash of the code; versions of the program, Python, NumPy, SciPy and Numba; the machine's kind."""
+    claims: dict[str, CertifiedClaim]
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """One line of a verification."""
+
+    claim: str
+    certified: str | float
+    found: str | float | None
+    """None: nothing to compare with."""
+    holds: bool
+    reason: str = ""
+
+
+def certificate(
+    found: Diagnosis, recordings: Sequence[tuple[Path, bool]], rig: str, settings: Mapping[str, Any], beside: Path
+) -> Certificate:
+    """Certify a diagnosis.
+
+    Args:
+        found: the diagnosis
+        recordings: run files, and whether each was held out
+        rig: the rig file, or the name of a built-in one
+        settings: of the diagnosis
+        beside: folder of the certificate, to which the files are told relatively
+    """
+    return Certificate(
+        schema=1,
+        recordings=[_file(path, beside, held_out) for path, held_out in recordings],
+        rig=_file(Path(rig), beside) if Path(rig).is_file() else CertifiedFile(file=rig, sha256=load_rig(rig).sha256),
+        settings=dict(settings),
+        made_with=made_with(),
+        claims=claims(found),
+    )
+
+
+def claims(found: Diagnosis) -> dict[str, CertifiedClaim]:
+    """What a diagnosis says, one statement after the other."""
+    said: dict[str, tuple[str | float, float]] = {
+        "verdict": (found.verdict, 0.0),
+        "named": (", ".join(item.name for item in found.effects) or "nothing", 0.0),
+        "share of the gap closed": (found.gap.closed_held_out.estimate, TOLERANCES.share),
+    }
+    for item in found.effects:
+        said[f"{item.name}: probability"] = (item.probability, TOLERANCES.share)
+        said |= {f"{item.name}: {name}": _within(size) for name, size in item.parameters.items()}
+    said |= {name: _within(ratio) for name, ratio in found.ratios.items()}
+    return {name: CertifiedClaim(value=v, within=within, sealed=_seal(name, v)) for name, (v, within) in said.items()}
+
+
+def altered(certified: Certificate, beside: Path) -> list[Verified]:
+    """Recordings and rig file beside their hashes, and claims that were changed in the certificate.
+
+    Raises:
+        ConfigError: the rig file is not there or not valid.
+    """
+    lines = []
+    for item in (*certified.recordings, certified.rig):
+        path = beside / item.file
+        now = sha256_of(path) if path.is_file() else None
+        if item is certified.rig:
+            now = load_rig(rig_of(certified, beside)).sha256
+        reason = "" if now == item.sha256 else ("is not there" if now is None else "is not the file that was certified")
+        lines.append(Verified(item.file, item.sha256[:12], now and now[:12], not reason, reason))
+    for name, claim in certified.claims.items():
+        if claim.sealed != _seal(name, claim.value):
+            lines.append(Verified(name, claim.value, None, False, "was changed after it was certified"))
+    return lines
+
+
+def rig_of(certified: Certificate, beside: Path) -> str:
+    """The rig file, or the name of a built-in one."""
+    path = beside / certified.rig.file
+    return str(path) if path.is_file() else certified.rig.file
+
+
+def compared(certified: Certificate, found: Diagnosis) -> list[Verified]:
+    """Each claim beside what a diagnosis says now."""
+    now = claims(found)
+    lines = []
+    for name, claim in certified.claims.items():
+        value = now[name].value if name in now else None
+        if isinstance(claim.value, str) or isinstance(value, str) or value is None:
+            holds = value == claim.value
+        else:
+            holds = abs(value - claim.value) <= claim.within
+        lines.append(Verified(name, claim.value, value, holds, "" if holds else "does not come out so"))
+    return lines
+
+
+def load_certificate(path: Path) -> Certificate:
+    """Read a certificate.
+
+    Raises:
+        RunError: not there, or no certificate.
+    """
+    try:
+        return Certificate.model_validate(json.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        key = ".".join(map(str, error.errors()[0]["loc"]))
+        raise RunError(f"{path}: is not a certificate that dpr-lab wrote: {key}: {error.errors()[0]['msg']}") from error
+    except (ValueError, RecursionError) as error:
+        raise RunError(f"{path}: is not a certificate (JSON): {error}") from error
+
+
+def made_with() -> dict[str, str]:
+    """What an answer depends on besides its recordings."""
+    code = Path(__file__).parents[2]
+    libraries = {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "numba")}
+    everything = sorted(path.name for path in code.iterdir() if path.is_dir() or path.suffix == ".py")
+    return {
+        "dpr-lab": __version__,
+        "code": source_hash(code, everything),
+        "python": platform.python_version(),
+        **libraries,
+        "machine": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def _file(path: Path, beside: Path, held_out: bool = False) -> CertifiedFile:
+    place = Path(os.path.relpath(path.resolve(), beside.resolve())).as_posix()
+    return CertifiedFile(file=place, sha256=sha256_of(path), held_out=held_out)
+
+
+def _within(number: Interval) -> tuple[float, float]:
+    low, high = number.interval90
+    return number.value, TOLERANCES.of_interval * abs(high - low)
+
+
+def _seal(name: str, value: str | float) -> str:
+    return hashlib.sha256(json.dumps([name, value]).encode()).hexdigest()[:16]

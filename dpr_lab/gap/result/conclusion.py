@@ -1,0 +1,270 @@
+"""What was found, put into words and numbers: the result model."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.data.screen import AXES
+from dpr_lab.gap.inference.detectable import detectable
+from dpr_lab.gap.inference.posterior import EffectPosterior, probabilities
+from dpr_lab.gap.inference.transfer import Transfer
+from dpr_lab.gap.result.advise import NextStep
+from dpr_lab.gap.result.diagnosis import (
+    AdvisedCheck,
+    Diagnosis,
+    Gap,
+    Interval,
+    NamedEffect,
+    RivalEffect,
+    SensorFinding,
+    Where,
+)
+from dpr_lab.gap.result.families import families, told
+from dpr_lab.gap.result.locate import Place, where_sentence
+from dpr_lab.gap.result.verdict import sentence, verdict
+from dpr_lab.gap.selection.bare_model import scale
+from dpr_lab.gap.selection.selected import Selection
+
+Array = NDArray[np.float64]
+
+PLACES_SHOWN = 6
+"""Maps that a diagnosis shows, the most telling first."""
+
+SURELY = 3.0
+"""Standard uncertainties of L1 beyond which the rig file is wrong about it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """All that the stages of a diagnosis found."""
+
+    recordings: Recordings
+    problem: Problem
+    selection: Selection
+    posteriors: tuple[EffectPosterior, ...]
+    transfer: Transfer
+    places: tuple[Place, ...]
+    gap: Gap
+    advice: tuple[NextStep, ...]
+    covariance: Array
+    """(free, free) of the chosen fit's values."""
+    cut: str
+    """How a long record was cut; nothing where it was not."""
+
+    @property
+    def intervals(self) -> dict[tuple[str | None, str], float]:
+        """(effect, parameter) -> half of the 90 % interval of a fitted value."""
+        reach = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
+        free = self.selection.chosen.fit.free
+        return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}
+
+
+def conclude(found: Findings, seconds: float) -> Diagnosis:
+    """The diagnosis; `seconds` is what it took."""
+    chosen, kind = found.selection.chosen, verdict(found.selection, found.posteriors, found.transfer)
+    least = detectable(chosen, found.selection.last)
+    named = [_named(found, item) for item in found.posteriors] if kind in ("named", "partly_explained") else []
+    whole = families(found.problem, found.selection, named)
+    at, residuals = chosen.fit.estimate, chosen.residuals
+    return Diagnosis(
+        verdict=kind,
+        sentence=sentence(kind, found.selection, found.posteriors, found.transfer) + told(whole),
+        basis=found.transfer.basis,
+        transfer=_transfer(found.transfer),
+        withdrawn=list(found.transfer.withdrawn),
+        gap=found.gap,
+        where=[_where(place) for place in found.places[:PLACES_SHOWN]],
+        where_sentence=where_sentence(found.places),
+        effects=named,
+        families=whole,
+        rivals=_rivals(found.posteriors, closest=kind == "unexplained"),
+        probabilities=dict(probabilities(found.selection, found.posteriors, no_gap=kind == "no_gap")),
+        detectable={name: dict(sizes) for name, sizes in least.items()},
+        sensor_findings=_sensor_findings(found),
+        advice=[said.text for said in found.advice],
+        checks=_checks(found, [item.name for item in named]),
+        ratios={
+            name: _interval(value, found.intervals.get((None, name), 0.0))
+            for name, value in zip(RATIOS, at.ratios[: len(RATIOS)].tolist(), strict=True)
+        },
+        ratio_covariance=_ratio_covariance(found).tolist(),
+        p_over_b=float(at.ratios[ON_ELBOW]) if any(setup.alone for setup in found.problem.segments.setups) else None,
+        chi2_per_dof=residuals.chi2 / residuals.dof,
+        segments=len(found.problem.segments),
+        scale_b=float(at.ratios[SCALE]),
+        model_effects=named_params(at.params),
+        assumptions=[*([found.cut] if found.cut else []), *_assumptions(found), *_unseen(least)],
+        seconds=seconds,
+    )
+
+
+def _ratio_covariance(found: Findings) -> NDArray[np.float64]:
+    """(5, 5); zero for ratios that no run shows, which are the rig file's."""
+    free = found.selection.chosen.fit.free
+    mine = {parameter.index: i for i, parameter in enumerate(free) if parameter.effect is None}
+    whole = np.zeros((len(RATIOS), len(RATIOS)))
+    seen = [i for i in range(len(RATIOS)) if i in mine]
+    own = [mine[i] for i in seen]
+    whole[np.ix_(seen, seen)] = found.covariance[np.ix_(own, own)]
+    return whole
+
+
+def _checks(found: Findings, named: Sequence[str]) -> list[AdvisedCheck]:
+    """All checks of the advice, each once, with ids that those of another diagnosis do not have."""
+    at = found.selection.chosen.fit.estimate
+    own = hashlib.sha256(at.ratios.tobytes() + at.params.tobytes()).hexdigest()[:4]
+    each = {(check.kind, check.text, check.about): check for said in found.advice for check in said.checks}
+    each = {key: check for key, check in each.items() if check.about in named and check.expected_bits > 0}
+    ranked = sorted(each.values(), key=lambda check: -check.expected_bits)
+    return [check.model_copy(update={"id": f"{k}-{own}"}) for k, check in enumerate(ranked, 1)]
+
+
+def _transfer(found: Transfer) -> dict[str, dict[str, Interval]]:
+    return {
+        effect: {run: Interval(value=share.estimate, interval90=share.interval90) for run, share in runs.items()}
+        for effect, runs in found.effects.items()
+    }
+
+
+def _interval(value: float, reach: float) -> Interval:
+    return Interval(value=value, interval90=(value - reach, value + reach))
+
+
+def _where(place: Place) -> Where:
+    return Where(
+        site=place.site,
+        coordinate=place.coordinate,
+        share=place.share,
+        sentence=place.sentence,
+        knots=place.knots.tolist(),
+        values=place.values.tolist(),
+        std=place.std.tolist(),
+        unit=place.unit,
+    )
+
+
+def _named(found: Findings, item: EffectPosterior) -> NamedEffect:
+    selection = found.selection
+    less, left = selection.without[item.name].residuals.excess, max(selection.chosen.residuals.excess, 0.0)
+    whole = selection.base.residuals.excess
+    values = named_params(selection.chosen.fit.estimate.params).get(item.name, {})
+    errors = {name: found.intervals.get((item.name, name), 0.0) for name in values}
+    return NamedEffect.model_validate(
+        {
+            "name": item.name,
+            "class": list(item.members),
+            "probability": item.probability,
+            "parameters": {name: _interval(value, errors[name]) for name, value in values.items()}
+            | _implied(EFFECTS[item.name], values, errors),
+            "share": float(np.clip((less - left) / whole, 0.0, 1.0)) if whole > 0 else float(less > left),
+        }
+    )
+
+
+def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
+    """What follows from an effect's parameters, their errors taken for independent."""
+    if effect.implied is None:
+        return {}
+    found, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
+    for name, error in errors.items():
+        moved = effect.implied({**values, name: values[name] + error})
+        for key in found:
+            squares[key] += (moved.get(key, np.inf) - found[key]) ** 2
+    return {key: _interval(found[key], float(np.sqrt(squares[key]))) for key in found if np.isfinite(squares[key])}
+
+
+def _rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
+    """What else could stand in a named effect's place; where nothing is named, the closest effects first."""
+    found = [
+        _rival(other.name, other.members, other.probability, other.cosine, item.name)
+        for item in posteriors
+        for other in item.alternatives
+    ]
+    found = sorted(found, key=lambda other: (-other.probability, -other.cosine))
+    if closest:
+        found = [_rival(item.name, item.members, item.probability, 1.0, "") for item in posteriors] + found
+    return found
+
+
+def _rival(name: str, members: Sequence[str], probability: float, cosine: float, instead_of: str) -> RivalEffect:
+    fields = {"name": name, "class": list(members), "probability": probability, "cosine": cosine}
+    return RivalEffect.model_validate(fields | {"instead_of": instead_of})
+
+
+def _sensor_findings(found: Findings) -> list[SensorFinding]:
+    """What the sensors did wrong; a step that an effect found can make is that effect's."""
+    values = named_params(found.selection.chosen.fit.estimate.params)
+    hidden = [0.0, 0.0]
+    for name, effect in EFFECTS.items():
+        if effect.hides_step is not None and name in values:
+            for joint in effect.joints:
+                hidden[joint] = max(hidden[joint], effect.hides_step(values[name]))
+    return [
+        SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence)
+        for item in found.recordings.records
+        for f in item.screened.findings
+        if f.step is None or f.axis not in AXES or abs(f.step) > hidden[AXES.index(f.axis)]
+    ]
+
+
+def _assumptions(found: Findings) -> list[str]:
+    records = found.recordings.records
+    made = [
+        _length(found),
+        _scale(found),
+        "Encoder noise is white beyond what the sensor screen found; readings were averaged over 5 ms.",
+        "Start states of all segments are free; the first 30 ms after each release are left out.",
+    ]
+    if all(item.arm_moves is False for item in records):
+        made.append("Encoder 0 saw the arm stand still, so a compliant arm was not considered.")
+    elif any(item.arm_moves is None for item in records):
+        made.append("The arm's angle was not recorded.")
+    return made
+
+
+def _length(found: Findings) -> str:
+    """What is known of L1."""
+    rig, at = found.recordings.rig, found.selection.chosen.fit.estimate
+    if rig.rig.L1_std is None:
+        return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
+    (name,) = found.problem.always
+    (added,) = named_params(at.params).get(name, {"": 0.0}).values()
+    reach = max(found.intervals[key] for key in found.intervals if key[0] == name)
+    told = (
+        f"L1 is given as {rig.L1:g} m with a standard uncertainty of {rig.rig.L1_std:g} m and fitted:"
+        f" {rig.L1 + added:.5g} m +- {reach:.2g} m (90 %), at g = {rig.g:g} m/s^2 and by the device's clock."
+    )
+    return told if abs(added) < SURELY * rig.rig.L1_std else f"{told} The file's uncertainty does not allow that."
+
+
+def _unseen(least: Mapping[str, Mapping[str, float | None]]) -> list[str]:
+    """A sentence on what these recordings would not show at any size."""
+    blind = [name for name, sizes in least.items() if sizes and not any(sizes.values())]
+    return [f"No size of {', '.join(blind)} would show in these recordings."] if blind else []
+
+
+def _scale(found: Findings) -> str:
+    """What fixes the scale of all torques."""
+    if any(setup.torques for setup in found.problem.segments.setups):
+        return "The known torques fix the scale of all torques."
+    if any(setup.added for setup in found.problem.segments.setups):
+        return "The known added mass fixes the scale of all torques."
+    if (None, "b") in found.intervals:
+        return "Friction that follows the load of weighed masses fixes the scale of all torques."
+    b = scale(found.selection.base.fit.estimate.ratios, found.recordings.rig)
+    told = f"Torques are relative to b = {b.value:.4g} kg m^2 of the rig file: free swings fix no scale."
+    if b.std is None:
+        return f"{told} Only the search bounds fix it; a release with a known added mass would."
+    known = NORMAL_Q90 * b.std / b.value
+    return f"{told} The rig file knows it to {known:.1%} (90 %), which no interval of an effect holds."

@@ -1,0 +1,121 @@
+"""The verdict in one word and one sentence; an honest "unexplained" before a wrong name."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from dpr_lab.gap.inference.posterior import EffectPosterior
+from dpr_lab.gap.inference.transfer import Transfer
+from dpr_lab.gap.selection.hypothesis import Hypothesis
+from dpr_lab.gap.selection.selected import Selection
+from dpr_lab.gap.selection.thresholds import at_noise_floor
+
+Verdict = Literal["no_gap", "named", "partly_explained", "unexplained"]
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictRules:
+    """When a set counts as the cause; set on blind trials with libraries that lack it."""
+
+    named_share: float = 0.93
+    """Of the excess: right models explained 0.97 and more, wrong libraries 0.91 at most."""
+    partly_share: float = 0.5
+    """Of the excess, below which nothing is said to be explained."""
+    sure: float = 0.6
+    """Probability below which a class is not named."""
+    closes: float = 0.5
+    """Share of the gap that must close on recordings that took no part, for a set to be the cause."""
+    gap_from: float = 0.5
+    """Times the noise from which a remainder that no effect explains is a gap."""
+    noise: float = 6.0
+    """Standard deviations of the residual up to which a named set counts as the whole story."""
+
+
+RULES = VerdictRules()
+
+
+def verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> Verdict:
+    """Which of the four it is; beyond one release by what carries over to recordings that took no part."""
+    chosen, share = selection.chosen, selection.share_explained
+    if not chosen.effects:
+        return "no_gap" if _small(chosen) else "unexplained"
+    whole = share >= RULES.named_share or at_noise_floor(chosen)
+    sure = max(item.probability for item in posteriors) >= RULES.sure
+    tested = carried.basis != "one release"
+    transfers = not tested or (not carried.withdrawn and carried.closed.estimate >= RULES.closes)
+    if chosen.residuals.z < RULES.noise and whole and sure and transfers and not carried.oversized:
+        return "named"
+    nothing = tested and (carried.closed.estimate <= 0 or len(carried.withdrawn) == len(chosen.effects))
+    if share >= RULES.partly_share and not nothing:
+        return "partly_explained"
+    return "no_gap" if _small(selection.base) else "unexplained"
+
+
+def _small(item: Hypothesis) -> bool:
+    """Whether what is left is noise, or too little beside it to be called a gap."""
+    return at_noise_floor(item) or item.residuals.noise_ratio < RULES.gap_from
+
+
+def sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> str:
+    """What the operator reads first."""
+    share, left = selection.share_explained, selection.chosen.residuals.noise_ratio
+    names = _listed([_class(item) for item in posteriors if item.name not in carried.withdrawn])
+    doubts = _doubts(carried)
+    if kind == "no_gap":
+        return _no_gap(selection.base)
+    if kind == "named":
+        sure = min(item.probability for item in posteriors)
+        return (
+            f"The gap is explained by {names} (probability {sure:.0%}): nothing above the noise floor is left;"
+            f" {_closes(carried)}."
+        )
+    if kind == "partly_explained":
+        return (
+            f"Partly explained by {names}: {_closes(carried)}. Of the excess in the fitted recordings {share:.1%} is"
+            f" explained; a remainder of {left:.2g} times the noise has another cause or another form.{doubts}"
+        )
+    if not posteriors:
+        return f"Unexplained: a gap of {left:.2g} times the noise, and no effect of the library fits it."
+    closest = _listed([_class(item) for item in posteriors])
+    if share >= RULES.partly_share:
+        return (
+            f"Unexplained: {closest} would explain {share:.0%} of the excess in these recordings, and not the next:"
+            f" {_closes(carried)}."
+        )
+    return f"Unexplained: closest {closest}, which would explain only {share:.0%} of the excess."
+
+
+def _no_gap(base: Hypothesis) -> str:
+    if at_noise_floor(base):
+        return "No gap visible at this noise: the bare model explains the recordings down to the noise floor."
+    return (
+        f"No gap above the noise: a remainder of {base.residuals.noise_ratio:.2g} times the noise, which no effect of"
+        " the library explains."
+    )
+
+
+def _closes(carried: Transfer) -> str:
+    """The number that transfers, and what it was tested on."""
+    low, high = carried.closed.interval90
+    closed = (
+        f"{max(carried.closed.estimate, 0.0):.0%} of the gap closes on {{}} (90 % interval {low:.0%} to {high:.0%})"
+    )
+    if carried.basis == "one release":
+        return closed.format("quarters left out") + ", from one release: not tested on another"
+    return closed.format(carried.basis)
+
+
+def _doubts(carried: Transfer) -> str:
+    verb = "explains" if len(carried.withdrawn) == 1 else "explain"
+    told = f" {_listed(carried.withdrawn)} {verb} these recordings, not the next." if carried.withdrawn else ""
+    if carried.oversized:
+        told += f" {_listed(carried.oversized)} would be larger than on any rig: something else has that shape."
+    return told
+
+
+def _class(item: EffectPosterior) -> str:
+    return item.name if len(item.members) == 1 else f"({' or '.join(item.members)})"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)

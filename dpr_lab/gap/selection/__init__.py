@@ -1,0 +1,1 @@
+"""Which effects: fits, score tests, and the search over sets of effects."""

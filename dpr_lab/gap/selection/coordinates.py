@@ -1,0 +1,89 @@
+"""Free functions of one coordinate along a swing, as sums of hats: of an angle, a speed, the time, a joint's load."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.rig_constants import constants_of_run
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.response import Trajectory
+
+Array = NDArray[np.float64]
+
+BINS = 10
+"""Hats over a coordinate: enough for the shape of a friction curve, and few enough for each to be seen."""
+
+
+def hats(x: Array, knots: Array) -> Array:
+    """(n, k) piecewise linear functions that sum to one."""
+    place = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1 - 1e-9)
+    lower = place.astype(int)
+    found = np.zeros((len(x), len(knots)))
+    found[np.arange(len(x)), lower] = 1 - (place - lower)
+    found[np.arange(len(x)), lower + 1] = place - lower
+    return found
+
+
+def angle_hats(angle: Array) -> tuple[Array, Array]:
+    """(n, k) hats around the circle, and their knots."""
+    knots = np.linspace(-math.pi, math.pi, BINS + 1)
+    found = hats((angle + math.pi) % (2 * math.pi) - math.pi, knots)
+    found[:, 0] += found[:, -1]
+    return found[:, :-1], knots[:-1]
+
+
+def speed_hats(speed: Array) -> tuple[Array, Array]:
+    """(n, k) hats over signed roots of the speed, closer together where dry friction lives, and their knots."""
+    top = max(float(np.quantile(np.abs(speed), 0.99)), 1e-3)
+    roots = np.linspace(-1, 1, BINS)
+    knots = np.sign(roots) * roots**2 * top
+    return hats(speed, knots), knots
+
+
+def time_hats(t: Array) -> tuple[Array, Array]:
+    """(n, k) hats from the release to the last instant, and their knots."""
+    knots = np.linspace(0, float(t.max()), BINS)
+    return hats(t, knots), knots
+
+
+def load_hats(force: Array) -> tuple[Array, Array]:
+    """(n, k) hats over the forces that occur often, and their knots."""
+    knots = np.quantile(force, np.linspace(0.01, 0.99, BINS // 2))
+    return hats(force, knots), knots
+
+
+def joint_force(problem: Problem, along: Trajectory, joint: int) -> Array:
+    """(n,) force that a joint carries, N, from masses times accelerations of equation (1)."""
+    sin, cos = np.sin(along.theta), np.cos(along.theta)
+    across = cos * along.alpha - sin * along.omega**2
+    up = -sin * along.alpha - cos * along.omega**2
+    found = np.empty(len(along.t))
+    for setup, base in zip(along.setups, along.bases, strict=True):
+        mine, rig = along.of_setup(setup), constants_of_run(problem.model.constants, setup)
+        inner, outer = base[3] / rig.g, base[2] / problem.model.constants.L1
+        if joint == 0:
+            weight = (rig.m1 + rig.m2 + rig.mb) * rig.g
+            lengths = np.array([inner, outer])
+        else:
+            weight = rig.m2 * rig.g
+            lengths = np.array([rig.m2 * rig.L1, outer])
+        found[mine] = np.hypot(across[mine] @ lengths, up[mine] @ lengths + weight)
+    return found
+
+
+def encoder_angle(problem: Problem, joint: int) -> Array:
+    """(samples,) what the encoder of a joint reads from hanging, rad."""
+    relative = joint == 1 and problem.model.constants.relative2 == 1.0
+    return problem.measured[:, joint] - (0.0 if relative else math.pi)
+
+
+def encoder_speed(along: Trajectory, joint: int) -> Array:
+    """(samples,) speed of a joint at the samples, rad/s."""
+    return np.interp(along.at, np.arange(len(along.t)), along.joint_speed[:, joint])
+
+
+def under_torque(along: Trajectory, joint: int, torque: Array) -> Array:
+    """(samples, 2, k) change of the readings under torques of a joint, (n, k), N m."""
+    pair = np.stack([torque, np.zeros_like(torque)] if joint == 0 else [-torque, torque], axis=1)
+    return along.readings(pair)

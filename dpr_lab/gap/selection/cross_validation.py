@@ -1,0 +1,87 @@
+"""Prediction of a run that took no part in the fit, by linear algebra on the fit to all.
+
+Normal equations add up over segments: H = sum A^T A + P and g = sum A^T e, with P the weak prior that an effect is a
+few times its typical size at most. So the fit without run r is one Gauss-Newton step away from the fit to all,
+
+    dp = (H - H_r)^-1 (g - g_r),    V = (H - H_r)^-1,
+
+and how well it predicts r is the logarithm of its predictive density, which for Gaussian errors is
+
+    -2 log p(r | rest) = chi2(all) - chi2(rest) + f (log det H - log det (H - H_r)) + const,
+
+f being the chi2 units that one independent piece of evidence costs. A parameter that only r can see then predicts
+nothing sharply, instead of something wrong. Held-out segments keep free initial states: they are scored for their
+course, not for where they begin.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.problem import Problem
+
+Array = NDArray[np.float64]
+
+PRIOR = 10.0
+"""Standard deviation of an effect before the data, in typical sizes: wide enough for any rig, and finite."""
+
+QUARTERS = 4
+"""Folds of a single recording."""
+
+
+def folds(problem: Problem) -> NDArray[np.int64]:
+    """(segments,) the fold of each: its run, or the quarter of the only one."""
+    run = problem.segments.run
+    return run if run.min() < run.max() else (np.arange(len(run)) * QUARTERS) // len(run)
+
+
+@dataclass(frozen=True, slots=True)
+class _Fold:
+    """Normal equations of one fold, in units of the prior."""
+
+    mine: NDArray[np.bool_]
+    H: Array
+    gradient: Array
+    chi2: float
+
+
+class _Folds:
+    """Normal equations of a fit, of all segments and of each fold, in units of the prior."""
+
+    def __init__(self, fit: Fit, fold: NDArray[np.int64]) -> None:
+        free = fit.inside
+        self.A = fit.linear.A[:, :, free] * np.array([PRIOR * fit.free[i].size for i in free])
+        self.e = fit.linear.e
+        self.each = [self._fold(fold == r) for r in np.unique(fold)]
+        self.H = sum((one.H for one in self.each), np.eye(len(free)))
+        self.gradient = sum((one.gradient for one in self.each), np.zeros(len(free)))
+
+    def _fold(self, mine: NDArray[np.bool_]) -> _Fold:
+        A, e = self.A[mine].reshape(-1, self.A.shape[2]), self.e[mine].ravel()
+        return _Fold(mine, A.T @ A, A.T @ e, float(e @ e))
+
+
+def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
+    """(segments,) chi2 of each segment as predicted from the other folds."""
+    parts = _Folds(fit, fold)
+    chi2 = np.sum(parts.e**2, axis=1)
+    for one in parts.each:
+        step = np.linalg.solve(parts.H - one.H, parts.gradient - one.gradient)
+        chi2[one.mine] = np.sum((parts.e[one.mine] - parts.A[one.mine] @ step) ** 2, axis=1)
+    return chi2
+
+
+def predictive_loss(fit: Fit, fold: NDArray[np.int64], inflation: float) -> Array:
+    """(folds,) -2 log predictive density of each fold given the others, up to a constant, in units of chi2."""
+    parts = _Folds(fit, fold)
+    chi2 = sum(one.chi2 for one in parts.each)
+    every = chi2 - parts.gradient @ np.linalg.solve(parts.H, parts.gradient)
+    _, volume = np.linalg.slogdet(parts.H)
+    found = []
+    for one in parts.each:
+        H, gradient = parts.H - one.H, parts.gradient - one.gradient
+        others = chi2 - one.chi2 - gradient @ np.linalg.solve(H, gradient)
+        found.append(every - others + inflation * (volume - np.linalg.slogdet(H)[1]))
+    return np.array(found)

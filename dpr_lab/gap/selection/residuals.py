@@ -1,0 +1,131 @@
+"""What a fit leaves, against the noise, and how much independent evidence its residuals hold."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.problem import Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseAssumptions:
+    """How far residuals are believed."""
+
+    level: tuple[float, float] = (0.3, 1.3)
+    """Range, as variance, in which a noise floor that is off counts as noise, not as a gap."""
+    most_correlated: float = 0.99
+    """Autocorrelation of neighbours, at most: beyond it a record of seconds holds no second independent piece."""
+    lone: float = 8.0
+    """Standard deviations by which a single residual must differ from its neighbours."""
+    lone_among: float = 6.0
+    """Times what those about it differ by from theirs."""
+    lone_quantile: float = 0.8
+    """Of what those about it differ by: another lone one among them does not hide it."""
+    wildest: float = 1e6
+    """Standard deviations that a reading counts for where a segment cannot be followed."""
+
+
+ASSUMPTIONS = NoiseAssumptions()
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualStatistics:
+    """What a fit leaves, against the noise."""
+
+    chi2: float
+    dof: int
+    level: float
+    """Variance of the residual's rough part, in units of the noise taken for the fit: the floor of what is left."""
+    autocorrelation: float
+    """Of neighbouring residuals: the share that is smooth."""
+    noise_correlation: float = 0.0
+    """Of neighbouring errors of reading."""
+
+    @property
+    def excess(self) -> float:
+        """chi2 above the noise."""
+        return self.chi2 - self.level * self.dof
+
+    @property
+    def uncertainty(self) -> float:
+        """Standard deviation of the excess when there is nothing but noise."""
+        rho = self.noise_correlation
+        return self.level * (self.dof * (1 + rho) / (1 - rho)) ** 0.5
+
+    @property
+    def z(self) -> float:
+        """How many standard deviations the residual is from noise."""
+        return self.excess / self.uncertainty
+
+    @property
+    def inflation(self) -> float:
+        """What one independent piece of evidence costs in chi2: variance times n / n_eff of a first-order process."""
+        rho = min(max(self.autocorrelation, 0.0), ASSUMPTIONS.most_correlated)
+        return max(self.chi2 / self.dof, 1.0) * (1 + rho) / (1 - rho)
+
+    @property
+    def noise_ratio(self) -> float:
+        """Size of what is left over that of the noise, both rms."""
+        return float(np.sqrt(max(self.excess, 0.0) / (self.level * self.dof)))
+
+
+def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
+    """Compare a fit's residual with its own roughness: white noise has as much of both, a missing effect is smooth.
+
+    Noise that is correlated by rho from one reading to the next is as rough as white noise of 1 - rho its variance.
+    The level of the noise is taken from differences of neighbouring residuals (von Neumann), so that a noise floor a
+    few per cent off is no gap. A residual rougher than the floor allows is an excess too. chi2 less its rough part is
+    the sum of products of neighbours, which for white noise has the variance dof.
+
+    Source: J. von Neumann (1941), Distribution of the ratio of the mean square successive difference to the variance,
+    Annals of Mathematical Statistics 12(4), 367-395.
+    """
+    wildest, rho = ASSUMPTIONS.wildest, problem.noise_correlation
+    r = np.clip(np.nan_to_num(problem.by_sample(fit.linear.residual), nan=wildest), -wildest, wildest)
+    within = np.ones(len(r) - 1, dtype=bool)
+    within[problem.segments.offsets[1:-1] - 1] = False
+    read = problem.read
+    rough = 0.5 * float(np.sum(np.diff(r, axis=0)[within] ** 2)) / np.count_nonzero(read[1:][within])
+    mean = float(np.sum(r**2)) / np.count_nonzero(read)
+    return ResidualStatistics(
+        chi2=float(np.sum(r**2)),
+        dof=problem.evidence - len(fit.free),
+        level=float(np.clip(rough / (1 - rho), *ASSUMPTIONS.level)),
+        autocorrelation=1 - rough / mean if mean > 0 else 0.0,
+        noise_correlation=rho,
+    )
+
+
+def lone_readings(problem: Problem, at: Estimate) -> NDArray[np.bool_]:
+    """(samples, 2) readings that are off alone, up to three in a row.
+
+    Their residual is far from the straight line through the seven about it (Theil and Sen), farther than those before
+    and after are from theirs, and comes back: what a model lacks is smooth, or violent for a while, or a step.
+    """
+    r = np.nan_to_num(problem.weight * (problem.measured - problem.predict(at)))
+    off, across = np.zeros_like(r), np.full_like(r, np.inf)
+    for first, last in pairwise(problem.segments.offsets.tolist()):
+        off[first:last] = _off_a_line(r[first:last])
+        across[first + 3 : last - 3] = np.abs(r[first + 6 : last] - r[first : last - 6])
+    beside = np.concatenate([np.arange(-12, -3), np.arange(4, 13)])
+    about = np.clip(np.arange(len(r))[:, None] + beside, 0, len(r) - 1)
+    usual = np.quantile(off[about], ASSUMPTIONS.lone_quantile, axis=1)
+    return off > np.maximum(np.maximum(ASSUMPTIONS.lone, ASSUMPTIONS.lone_among * usual), 2 * across)
+
+
+def _off_a_line(values: Array, width: int = 7) -> Array:
+    """(n, 2) how far each value is off the robust line through `width` about it, of which some may be off."""
+    if len(values) < width:
+        return np.zeros_like(values)
+    begin = np.clip(np.arange(len(values)) - width // 2, 0, len(values) - width)
+    window = values[begin[:, None] + np.arange(width)]
+    i, j = np.triu_indices(width, 1)
+    slope = np.median((window[:, j] - window[:, i]) / (j - i)[:, None], axis=1)
+    level = np.median(window - slope[:, None] * np.arange(width)[:, None], axis=1)
+    return np.abs(values - level - slope * (np.arange(len(values)) - begin)[:, None])

@@ -1,0 +1,197 @@
+"""A model beside a measurement: segment residuals, and a free run as far as it can be predicted."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.prediction import segment_start
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.schedule import MAX_STEP
+from dpr_lab.dynamics.segments import STEP, Segments, segments
+from dpr_lab.effects import effect_params
+from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, Estimate
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.problem import OutputModel
+from dpr_lab.fitting.rods_with_effects import RodsWithEffects
+from dpr_lab.identification.model import Model
+from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
+from dpr_lab.identification.ratio_fit import (
+    TO_THE_MINIMUM,
+    RatioFit,
+    fit_ratios,
+    predictable_until,
+    rods_estimate,
+    segmented,
+)
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.shown import Row, Shown
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Comparison(Shown):
+    """One run against one model. All arrays share the run's instants from the release on."""
+
+    run: str
+    pose: str | None
+    held_out: bool
+    """Whether the run took no part in the identification."""
+    t: NDArray[np.float64]
+    """(n,) time since the release, s."""
+    measured: NDArray[np.float64]
+    """(n, 2) measured theta1, theta2, rad."""
+    free_run: NDArray[np.float64]
+    """(n, 2) simulated from the initial state fitted on the first segment, rad."""
+    tracked: NDArray[np.float64]
+    """(n, 2) simulated segment by segment with free initial states, rad."""
+    horizon_s: float
+    """Time until the initial state's uncertainty alone moves the free run by 0.1 rad, s.
+
+    Beyond it a sample-by-sample comparison of free runs says nothing about the model.
+    """
+    noise_rad: NDArray[np.float64]
+    """(2,) noise floor by axis, rad."""
+    segments: int
+    segment_rms_rad: NDArray[np.float64]
+    """(2,) root mean square of measured - tracked, rad."""
+    free_run_rms_rad: NDArray[np.float64]
+    """(2,) root mean square of measured - free_run up to the horizon, rad."""
+
+    def _heading(self) -> str:
+        part = "held out" if self.held_out else "used in the fit"
+        return f"Comparison with run {self.run} ({part}), to be predicted for {self.horizon_s:.3g} s"
+
+    def _rows(self) -> list[Row]:
+        told = {"noise": self.noise_rad, "segments": self.segment_rms_rad, "free run": self.free_run_rms_rad}
+        rows = ((name, *(f"{1e3 * value:.3g}" for value in values.tolist())) for name, values in told.items())
+        return [("mrad rms", "theta1", "theta2"), *rows]
+
+    @property
+    def free_run_error(self) -> NDArray[np.float64]:
+        """(n, 2) measured - free_run, rad; as published, Figure 3."""
+        return self.measured - self.free_run
+
+    @property
+    def segment_residual(self) -> NDArray[np.float64]:
+        """(n, 2) measured - tracked, rad."""
+        return self.measured - self.tracked
+
+
+@dataclass(frozen=True, slots=True)
+class FreeRun:
+    """One simulation from a fitted initial state to the end of the record."""
+
+    t: NDArray[np.float64]
+    """(n,) time since the release, s."""
+    theta: NDArray[np.float64]
+    """(n, 2) simulated theta1, theta2, rad."""
+    horizon_s: float
+    """Time since the release until which it can be predicted, as in `Comparison`, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """A run followed by a model from segment to segment; a free run can start where a segment does."""
+
+    preprocessed: PreprocessedRun
+    bare: RatioFit
+    """The rods alone, from which a horizon is told."""
+    simulated: OutputModel
+    """The model with its effects; the rods alone for one without."""
+    estimate: Estimate
+    """Of `simulated`, with the fitted initial states."""
+    step: float
+    """Its Runge-Kutta step in a free run, s."""
+    tracked: NDArray[np.float64]
+    """(n, 2) simulated segment by segment, rad."""
+    held_out: bool
+
+
+def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
+    """Simulate a run with a model: segment by segment, and as one free run from its first segment's initial state.
+
+    Args:
+        run: the measurement
+        rig: its encoders, for the noise floor
+        model: what to simulate; its ratios stay as they are, only initial states are fitted
+    """
+    return compare_followed(follow(run, rig, model))
+
+
+def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
+    """Fit the initial states of a run's segments to a model.
+
+    Args:
+        run: the measurement
+        rig: its encoders
+        model: what to follow it with
+        segment_s: length of a segment, s
+    """
+    preprocessed = preprocess(run, rig)
+    problem, initial = segmented([preprocessed], rig, segment_s)
+    bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))
+    held_out = not model.used(run.sha256)
+    if not model.effects:
+        return Followed(preprocessed, bare, problem.model, bare.fit.estimate, MAX_STEP, bare.predicted, held_out)
+    simulated, estimate = _with_effects(bare, rig, model)
+    tracked = problem.joints.to_rods(simulated.predict(_at_step(problem.segments, STEP), estimate))
+    return Followed(preprocessed, bare, simulated, estimate, STEP, tracked, held_out)
+
+
+def _with_effects(bare: RatioFit, rig: Rig, model: Model) -> tuple[RodsWithEffects, Estimate]:
+    """The model with its effects, and what it makes of a run, its initial states fitted again."""
+    laid_out, simulated = bare.problem.segments, RodsWithEffects(rig_constants(rig))
+    problem = replace(bare.problem, segments=_at_step(laid_out, STEP), model=simulated)
+    firsts = laid_out.t[laid_out.offsets[:-1]]
+    leads = firsts - np.array([segment_start(first) for first in firsts.tolist()])
+    initial = bare.fit.estimate.initial.copy()
+    initial[:, :2] -= leads[:, None] * initial[:, 2:]  # a segment with effects starts a moment before its first sample
+    start = Estimate(model.unknowns, effect_params(model.effects), initial)
+    return simulated, fit(problem, start, (), iterations=15, settings=TO_THE_MINIMUM).estimate
+
+
+def _at_step(laid_out: Segments, step: float) -> Segments:
+    return replace(laid_out, step=np.full(len(laid_out), step))
+
+
+def free_run_from(followed: Followed, at_s: float) -> FreeRun:
+    """A free run from the segment that an instant lies in.
+
+    Args:
+        followed: the run and its fitted initial states
+        at_s: where to start, s since the release; it starts where that segment does
+    """
+    laid_out = followed.bare.problem.segments
+    index = max(int(np.searchsorted(laid_out.t[laid_out.offsets[:-1]], at_s, side="right")) - 1, 0)
+    t = laid_out.t[laid_out.offsets[index] :]
+    begun = replace(followed.estimate, initial=followed.estimate.initial[index : index + 1])
+    readings = followed.simulated.predict(segments([t], setups=laid_out.setups, step=followed.step), begun)
+    theta = followed.bare.problem.joints.to_rods(readings)
+    return FreeRun(t, theta, predictable_until(followed.bare, index, t))
+
+
+def compare_followed(followed: Followed) -> Comparison:
+    """What `compare_run` gives, of a run that was followed already."""
+    run, noise = followed.preprocessed.run, followed.preprocessed.noise
+    t, measured = run.t, run.theta[:, 1:]
+    freely = free_run_from(followed, t[0])
+    predictable = t <= freely.horizon_s
+    return Comparison(
+        run=run.name,
+        pose=run.pose,
+        held_out=followed.held_out,
+        t=t,
+        measured=measured,
+        free_run=freely.theta,
+        tracked=followed.tracked,
+        horizon_s=freely.horizon_s,
+        noise_rad=np.sqrt(np.diag(noise.covariance)),
+        segments=followed.bare.segments,
+        segment_rms_rad=_rms(measured - followed.tracked),
+        free_run_rms_rad=_rms((measured - freely.theta)[predictable]),
+    )
+
+
+def _rms(error: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.sqrt(np.mean(error**2, axis=0))

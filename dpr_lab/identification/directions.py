@@ -1,0 +1,82 @@
+"""Directions in the space of the nine parameters that recordings and measured values leave free.
+
+Whatever is known is whitened rows that answer to relative changes of the parameters. A direction along which a change
+of 100 % stays below one standard deviation of all rows is free.
+"""
+
+from collections.abc import Iterator, Mapping
+from itertools import chain, combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.identification.prior_update import UNREACHED
+from dpr_lab.rig import PARAMETERS
+
+SEEN = 1.0
+"""Singular value, standard deviations per 100 % of change, from which a direction counts as seen."""
+
+_SCALED = np.array([name[0] in "mcJ" for name in PARAMETERS], dtype=np.float64)
+
+
+def _decompose(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Singular values, one for each column, and the (n, n) right singular vectors as rows."""
+    _, s, Vt = np.linalg.svd(rows)
+    return np.pad(s, (0, len(Vt) - len(s))), Vt
+
+
+def free_directions(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, k) orthonormal directions that the rows do not see."""
+    s, Vt = _decompose(rows)
+    return Vt[s < SEEN].T
+
+
+def spread(rows: NDArray[np.float64], seen: float = SEEN) -> NDArray[np.float64]:
+    """(n,) relative standard deviation of each column; inf where it has a share in a direction not seen."""
+    s, Vt = _decompose(rows)
+    std = np.linalg.norm(Vt[s >= seen].T / s[s >= seen], axis=1)
+    return np.where(np.linalg.norm(Vt[s < seen], axis=0) > UNREACHED, np.inf, std)
+
+
+def simple_basis(free: NDArray[np.float64]) -> list[dict[str, float]]:
+    """Directions of few parameters each that span the free ones, each scaled to a largest change of 1 %.
+
+    Taking the sparsest direction independent of those taken before, again and again, gives the sparsest basis there is.
+
+    Source: T. F. Coleman & A. Pothen (1986), The null space problem I.
+    """
+    basis: list[NDArray[np.float64]] = []
+    for direction in _simple_directions(free):
+        if np.linalg.matrix_rank(np.array([*basis, direction]), tol=1e-6) > len(basis):
+            basis.append(direction)
+        if len(basis) == len(free.T):
+            break
+    return [_readable(direction) for direction in basis]
+
+
+def _simple_directions(free: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """The common scale of masses, inertias and frictions, then free directions of one, two, three, ... parameters."""
+    scale = _SCALED / np.linalg.norm(_SCALED)
+    if np.linalg.norm(scale - free @ (free.T @ scale)) < UNREACHED:
+        yield scale
+    for columns in chain.from_iterable(combinations(range(len(free)), count) for count in range(1, len(free))):
+        s, Vt = _decompose(np.delete(free, columns, axis=0))
+        if np.sum(s < 1e-6) == 1:
+            yield free @ Vt[-1]
+    yield from free.T
+
+
+def _readable(direction: NDArray[np.float64]) -> dict[str, float]:
+    largest = np.max(np.abs(direction))
+    takes_part = np.abs(direction) > 1e-6 * largest
+    sign = np.sign(direction[takes_part][0])
+    changes = 0.01 * sign * direction / largest
+    return {name: float(changes[i]) for i, name in enumerate(PARAMETERS) if takes_part[i]}
+
+
+def described(direction: Mapping[str, float]) -> str:
+    """A free direction in words: `m1, m2 +1 %, l2 -0.5 %`."""
+    alike: dict[str, list[str]] = {}
+    for name, change in direction.items():
+        alike.setdefault(f"{100 * change:+.2g} %", []).append(name)
+    return ", ".join(f"{', '.join(names)} {change}" for change, names in alike.items())

@@ -1,0 +1,93 @@
+"""What releases from the rig file's poses would tell, before any is recorded."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dpr_lab.dynamics.base import RATIOS, added_base, whole_parameters
+from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.estimation.noise import NoiseFloor
+from dpr_lab.fitting.estimate import SCALE, Estimate, unknown_ratios
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.rods import ratios_of_run
+from dpr_lab.identification.preprocess import PreprocessedRun
+from dpr_lab.identification.ratio_fit import information, rods_estimate, segmented
+from dpr_lab.rig import Pose, Rig
+from dpr_lab.run import Run
+from dpr_lab.setup import Setup
+
+
+@dataclass(frozen=True, slots=True)
+class Releases:
+    """What is supposed of releases to come."""
+
+    duration_s: float = 10.0
+    """How long each is recorded: as long as `dpr-lab record` does unless asked otherwise."""
+    segment_s: float = 1.0
+    """Segments that a real rig's model can be expected to follow; longer ones would tell more."""
+
+
+RELEASES = Releases()
+
+
+def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> NDArray[np.float64]:
+    """Fisher information of the ratios, and of b with a known mass clamped on, in one release from each of the poses.
+
+    Args:
+        Z: (9,) parameters, SI
+        rig: lengths, encoders, poses, link and any added mass
+        releases: how long they are
+
+    Returns:
+        (5, 5) or (6, 6) in the order of `dpr_lab.fitting.estimate.UNKNOWN_RATIOS`; all zero without poses
+    """
+    whole, setup = whole_parameters(Z, rig.L1, rig.g), Setup(added=rig.added_mass)
+    _, slopes = ratios_of_run(unknown_ratios(whole), setup, rig.L1, rig.g)
+    seen = slopes[:, : SCALE + 1 if rig.added_mass else len(RATIOS)]
+    base = whole[:-1] + added_base(rig.added_mass, rig.L1, rig.g)
+    return seen.T @ ratio_information(base, rig, list(rig.poses.values()), releases) @ seen
+
+
+def ratio_information(
+    base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES
+) -> NDArray[np.float64]:
+    """(5, 5) Fisher information that one release from each pose holds of the ratios of these base parameters, (6,)."""
+    if not poses:
+        return np.zeros((len(RATIOS), len(RATIOS)))
+    return information(*expected_releases(base, rig, poses, releases))
+
+
+def expected_releases(
+    base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES
+) -> tuple[Problem, Estimate]:
+    """Releases simulated without noise, cut into segments, and the truth about them.
+
+    A count is off by the encoder's noise and by rounding, which is uniform: variance noise_counts^2 + 1/12.
+    """
+    joints, rate_hz = rig.encoders.joint_angles, rig.link.rate_hz
+    std = np.sqrt(rig.encoders.noise_counts**2 + 1 / 12) * np.abs(rig.radians_per_count[1:])
+    t = np.arange(round(releases.duration_s * rate_hz)) / rate_hz
+    runs = []
+    for pose in poses:
+        states = simulate(base, rig.L1, rig.g, [*pose.theta[1:], 0.0, 0.0], t)
+        theta = np.insert(states[:, :2], 0, pose.theta0, axis=1)
+        run = Run("expected", t, theta, None, None, rig.name, rig.sha256, rate_hz)
+        runs.append(PreprocessedRun(run, NoiseFloor(std, "quantisation", joints), states))
+    problem, initial = segmented(runs, rig, releases.segment_s)
+    return problem, rods_estimate(unknown_ratios(base), initial)
+
+
+def information_root(information: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """F with F^T F = information: how whitened readings answer to the unknowns.
+
+    Args:
+        information: (n, n), singular where the recordings are blind
+        scale: (n,) size of each unknown, so that no unit costs digits
+
+    Returns:
+        (n, n)
+    """
+    eigenvalues, vectors = np.linalg.eigh(scale[:, None] * information * scale)
+    return np.sqrt(np.maximum(eigenvalues, 0.0))[:, None] * vectors.T / scale

@@ -1,0 +1,273 @@
+"""What a free swing can and cannot tell about a rig, and which bench measurement would tell the rest.
+
+Everything known is whitened rows that answer to relative changes of the nine parameters: the recordings by
+F dratios/dZ Z, with F^T F the ratios' information, a measured value by Z / std. Bounds enter only where a spread is
+asked for, as priors of the standard deviation that a uniform one has. docs/theory.md, equations 48 and 49.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS, base_parameters, whole_parameters
+from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, unknown_ratios
+from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
+from dpr_lab.identification.expected import expected_releases, information_root
+from dpr_lab.identification.instruments import INSTRUMENTS, Instrument
+from dpr_lab.identification.model import ParameterValue
+from dpr_lab.identification.prior_update import unknown_jacobian
+from dpr_lab.identification.ratio_fit import fit_ratios
+from dpr_lab.rig import PARAMETERS, Rig
+
+
+@dataclass(frozen=True, slots=True)
+class AdviceSettings:
+    """From when a measured value is worth mentioning."""
+
+    helps: float = 1.1
+    """Growth of a parameter's spread, were the value missing."""
+    worthwhile_bits: float = 0.1
+    """Gain of a measurement to be made, over all nine parameters: as if one of them were known 7 % better."""
+
+
+SETTINGS = AdviceSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """One bench measurement and what it would bring."""
+
+    name: str
+    how: str
+    frees: tuple[str, ...]
+    """Parameters that it fixes and that were not fixed without it."""
+    gain_bits: float
+    """Sum over the parameters of log2(std before / std after), bounds as priors: halvings of one spread."""
+
+    @property
+    def sentence(self) -> str:
+        """What to do and what it brings."""
+        start = self.how[0].upper() + self.how[1:]
+        if self.gain_bits < SETTINGS.worthwhile_bits:
+            return f"{start}: tells nothing that is not known already."
+        fixes = f"fixes {', '.join(self.frees)}" if self.frees else "fixes no parameter by itself"
+        return (
+            f"{start}: {fixes}; on average the nine get {2 ** (self.gain_bits / len(PARAMETERS)):.1f} times as exact."
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        names = ("name", "how", "gain_bits", "sentence")
+        return {name: getattr(self, name) for name in names} | {"frees": list(self.frees)}
+
+
+@dataclass(frozen=True, slots=True)
+class LengthError:
+    """What an error of L1, which is measured and never searched for, would do to the ratios."""
+
+    error: float
+    """The error supposed, m."""
+    ratio_shift: Mapping[str, float]
+    """Relative change of each ratio."""
+    residual_over_noise: float
+    """Residual that it leaves, in units of the noise floor; 1 = it goes unseen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identifiability:
+    """What recordings and measured values fix together, what stays free, and what to measure next."""
+
+    rank: int
+    """How many of the nine directions the recordings see; at most five, six with a known added mass."""
+    singular_values: tuple[float, ...]
+    """Of the whitened sensitivity to relative changes of the nine, those that are not zero for every swing."""
+    unknowns: Mapping[str, float]
+    """The five ratios; b too where a known added mass makes it visible."""
+    cramer_rao_std: Mapping[str, float]
+    """Least standard deviation any unbiased estimate of an unknown can have; inf where the recordings are blind."""
+    null_space: tuple[Mapping[str, float], ...]
+    """Directions that recordings and measured values leave free: relative change of each parameter that takes part."""
+    parameters: Mapping[str, ParameterValue]
+    """What fixes each of the nine, with its standard deviation where something does."""
+    helps: Mapping[str, tuple[str, ...]]
+    """For each measured value the other parameters that would be less exact without it."""
+    advice: tuple[Advice, ...]
+    """Every bench measurement not yet made, best first."""
+    sequence: tuple[Advice, ...]
+    """Best next measurement after best next measurement, until all nine are fixed."""
+    length_error: LengthError | None
+    """None for a rig file without poses to simulate, or where it was not asked for."""
+
+    @property
+    def fixed_by(self) -> dict[str, str]:
+        """`data`, `measured` or `bound`, for each of the nine."""
+        return {name: value.fixed_by for name, value in self.parameters.items()}
+
+    def to_json(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        return {
+            "rank": self.rank,
+            "singular_values": list(self.singular_values),
+            "unknowns": {
+                name: {"value": value, "cramer_rao_std": std if np.isfinite(std := self.cramer_rao_std[name]) else None}
+                for name, value in self.unknowns.items()
+            },
+            "null_space": [dict(direction) for direction in self.null_space],
+            "parameters": {name: value.model_dump() for name, value in self.parameters.items()},
+            "helps": {name: list(others) for name, others in self.helps.items()},
+            "advice": [advice.to_json() for advice in self.advice],
+            "sequence": [advice.to_json() for advice in self.sequence],
+            "length_error": None if self.length_error is None else asdict(self.length_error),
+        }
+
+
+def identifiability(
+    information: NDArray[np.float64],
+    rig: Rig,
+    Z: NDArray[np.float64] | None = None,
+    *,
+    lengths: bool = True,
+    visible: Sequence[int] | None = None,
+) -> Identifiability:
+    """What is known of a rig, given what recordings tell of its ratios and what was measured.
+
+    Args:
+        information: (5, 5) Fisher information of the ratios, or (6, 6) with b: that of a fit, or
+            `expected_information`
+        rig: bounds, measured values, encoders and poses
+        Z: (9,) where to look, SI; the rig file's best known values by default
+        visible: places in `UNKNOWN_RATIOS` of what the information is of; the first ones by default
+        lengths: whether an error of L1 is to be tried out, which takes a fit to simulated releases
+    """
+    Z = rig.nominal if Z is None else Z
+    places = list(range(len(information)) if visible is None else visible)
+    values = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))[places]
+    root = information_root(information, values)
+    data = root @ unknown_jacobian(Z, rig)[places] * Z
+    known = np.vstack([data, _measured_rows(rig, Z)])
+    bounds = _bound_rows(rig, Z)
+    singular_values = np.linalg.svd(data, compute_uv=False)
+    answers = {i: i.rows(Z, rig) * Z for i in INSTRUMENTS if not _made(i, rig)}
+    return Identifiability(
+        rank=int(np.sum(singular_values >= SEEN)),
+        singular_values=tuple(singular_values.tolist()),
+        unknowns=_named([UNKNOWN_RATIOS[i] for i in places], values),
+        cramer_rao_std=_named([UNKNOWN_RATIOS[i] for i in places], values * spread(root * values)),
+        null_space=tuple(simple_basis(free_directions(known))),
+        parameters=_parameters(known, bounds, rig, Z),
+        helps=_helps(data, bounds, rig, Z),
+        advice=_ranked(answers, known, bounds),
+        sequence=_sequence(answers, known, bounds),
+        length_error=_length_error(rig, Z) if lengths and rig.poses else None,
+    )
+
+
+def summary(found: Identifiability) -> dict[str, Any]:
+    """The part that an identification's JSON carries: rank, free directions, advice as sentences."""
+    return {
+        "rank": found.rank,
+        "null_space": [dict(direction) for direction in found.null_space],
+        "advice": [advice.sentence for advice in found.advice],
+    }
+
+
+def _measured_rows(rig: Rig, Z: NDArray[np.float64]) -> NDArray[np.float64]:
+    std = np.array([rig.parameters[name].std or np.inf for name in PARAMETERS])
+    return np.diag(Z / std)[~rig.searched]
+
+
+def _bound_rows(rig: Rig, Z: NDArray[np.float64]) -> NDArray[np.float64]:
+    lower, upper = rig.bounds
+    return np.diag(Z * np.sqrt(12) / np.where(rig.searched, upper - lower, 1.0))[rig.searched]
+
+
+def _made(instrument: Instrument, rig: Rig) -> bool:
+    """Whether the rig file has this measurement already, at least as exactly."""
+    if len(instrument.parameters) != 1:
+        return False
+    std = rig.parameters[instrument.parameters[0]].std
+    return std is not None and std <= instrument.std[0]
+
+
+def _bounded_spread(known: NDArray[np.float64], bounds: NDArray[np.float64]) -> NDArray[np.float64]:
+    return spread(np.vstack([known, bounds]), seen=0.0)
+
+
+def _parameters(
+    known: NDArray[np.float64], bounds: NDArray[np.float64], rig: Rig, Z: NDArray[np.float64]
+) -> dict[str, ParameterValue]:
+    loose, std = np.isinf(spread(known)), Z * _bounded_spread(known, bounds)
+    return {
+        name: ParameterValue(
+            value=float(Z[i]),
+            std=None if loose[i] else float(std[i]),
+            fixed_by="measured" if not rig.searched[i] else "bound" if loose[i] else "data",
+        )
+        for i, name in enumerate(PARAMETERS)
+    }
+
+
+def _helps(
+    data: NDArray[np.float64], bounds: NDArray[np.float64], rig: Rig, Z: NDArray[np.float64]
+) -> dict[str, tuple[str, ...]]:
+    measured = _measured_rows(rig, Z)
+    names = [name for name in PARAMETERS if rig.parameters[name].measured is not None]
+    with_all = _bounded_spread(np.vstack([data, measured]), bounds)
+    helped = {}
+    for i, name in enumerate(names):
+        weak = measured[i : i + 1] * 1e-6  # nearly nothing rather than nothing: a measured value may have no bounds
+        without = _bounded_spread(np.vstack([data, np.delete(measured, i, axis=0), weak]), bounds)
+        helped[name] = tuple(
+            p for p, grown in zip(PARAMETERS, without > SETTINGS.helps * with_all, strict=True) if grown and p != name
+        )
+    return helped
+
+
+def _advice(
+    instrument: Instrument, answer: NDArray[np.float64], known: NDArray[np.float64], bounds: NDArray[np.float64]
+) -> Advice:
+    more = np.vstack([known, answer])
+    freed = np.isinf(spread(known)) & ~np.isinf(spread(more))
+    gain = np.sum(np.log2(_bounded_spread(known, bounds) / _bounded_spread(more, bounds)))
+    frees = tuple(name for name, is_freed in zip(PARAMETERS, freed, strict=True) if is_freed)
+    return Advice(instrument.name, instrument.how, frees, float(gain))
+
+
+def _ranked(
+    answers: Mapping[Instrument, NDArray[np.float64]], known: NDArray[np.float64], bounds: NDArray[np.float64]
+) -> tuple[Advice, ...]:
+    every = [_advice(instrument, answer, known, bounds) for instrument, answer in answers.items()]
+    return tuple(sorted(every, key=_worth, reverse=True))
+
+
+def _worth(advice: Advice) -> tuple[int, float]:
+    return len(advice.frees), advice.gain_bits
+
+
+def _sequence(
+    answers: Mapping[Instrument, NDArray[np.float64]], known: NDArray[np.float64], bounds: NDArray[np.float64]
+) -> tuple[Advice, ...]:
+    left, taken = dict(answers), []
+    while left and np.isinf(spread(known)).any():
+        advice = {instrument: _advice(instrument, answer, known, bounds) for instrument, answer in left.items()}
+        best = max(advice, key=lambda instrument: _worth(advice[instrument]))
+        if advice[best].gain_bits < SETTINGS.worthwhile_bits:
+            break
+        taken.append(advice[best])
+        known = np.vstack([known, left.pop(best)])
+    return tuple(taken)
+
+
+def _length_error(rig: Rig, Z: NDArray[np.float64], error: float = 1e-3) -> LengthError:
+    problem, at = expected_releases(base_parameters(Z, rig.L1, rig.g), rig, list(rig.poses.values()))
+    wrong = problem.model.with_constants(problem.model.constants._replace(L1=rig.L1 + error))
+    found = fit_ratios(replace(problem, model=wrong), at)
+    shift = found.ratios / at.ratios[: len(RATIOS)] - 1
+    return LengthError(error, _named(RATIOS, shift), float(np.sqrt(1 + found.chi2_per_dof)))
+
+
+def _named(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=False))

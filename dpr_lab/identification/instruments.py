@@ -1,0 +1,125 @@
+"""Bench measurements that tell what a free swing cannot: each is one line of `INSTRUMENTS`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import added_base, base_jacobian, base_parameters, ratio_slopes, ratios
+from dpr_lab.identification.expected import information_root, ratio_information
+from dpr_lab.rig import PARAMETERS, AddedMass, Rig
+
+
+@dataclass(frozen=True, slots=True)
+class Instrument:
+    """A measurement on the bench and how exact it usually is."""
+
+    name: str
+    parameters: tuple[str, ...]
+    """The parameters that its reading depends on."""
+    std: tuple[float, ...]
+    """Standard uncertainty of what is read or known, SI."""
+    how: str
+    """What to do, as an instruction."""
+    answer: "Answer"
+    """(self, Z, rig) -> (k, 9) derivative of its whitened readings with respect to the nine parameters, 1/SI."""
+
+    def rows(self, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+        """(k, 9) derivative of its readings, each over its standard uncertainty, by the nine parameters at Z, 1/SI."""
+        return self.answer(self, Z, rig)
+
+
+Answer = Callable[[Instrument, NDArray[np.float64], Rig], NDArray[np.float64]]
+
+
+def _one_parameter(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+    return np.array([[float(name == instrument.parameters[0]) for name in PARAMETERS]]) / instrument.std[0]
+
+
+def _rod_alone(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+    """Small swings of one rod about its pivot take T = 2 pi sqrt(h / g), and so give h = J / (m l) + l."""
+    at = [PARAMETERS.index(name) for name in instrument.parameters]
+    centroid, m, J = Z[at]
+    row = np.zeros((1, len(PARAMETERS)))
+    row[0, at] = 1 - J / (m * centroid**2), -J / (m**2 * centroid), 1 / (m * centroid)
+    return row / instrument.std[0]
+
+
+def _loaded_inner(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+    return _loaded_release(instrument, Z, rig, "inner", rig.L1 / 2)
+
+
+def _loaded_outer(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+    return _loaded_release(instrument, Z, rig, "outer", rig.L2 or 2 * Z[PARAMETERS.index("l2")])
+
+
+def _loaded_release(
+    instrument: Instrument, Z: NDArray[np.float64], rig: Rig, rod: Literal["inner", "outer"], position: float
+) -> NDArray[np.float64]:
+    """With a known mass on, the ratios see the scale of all masses, as exactly as the mass and its place are known.
+
+    Readings F dratios that answer to the errors of mass and place by N have the covariance I + N N^T. Friction is
+    taken as blind to the load.
+    """
+    L1, g = rig.L1, rig.g
+    mass, (mass_std, position_std) = Z[PARAMETERS.index("m2")] / 2, instrument.std
+
+    def load(more_mass: float = 0.0, further: float = 0.0) -> NDArray[np.float64]:
+        return added_base(AddedMass(rod=rod, mass=mass + more_mass, position=position + further), L1, g)
+
+    base = base_parameters(Z, L1, g) + load()
+    seen = ratio_information(base, rig, list(rig.poses.values())[:1])
+    answer = information_root(seen, ratios(base)) @ ratio_slopes(base)
+    N = answer @ np.transpose([load(mass_std) - load(), load(0.0, position_std) - load()])
+    root = np.linalg.cholesky(np.eye(len(N)) + N @ N.T)
+    return np.linalg.solve(root, answer @ base_jacobian(Z, L1, g)).astype(np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class BenchAccuracy:
+    """How exactly things are measured without an instrument maker."""
+
+    scale_kg: float = 1e-4
+    """A kitchen scale that shows 0.1 g."""
+    rule_m: float = 5e-4
+    """Half a millimetre: a rule at a knife edge, the centre of a mass."""
+    swings_m: float = 5e-4
+    """Twenty swings timed to 0.02 s tell h of a 0.4 m rod so well."""
+
+
+BENCH = BenchAccuracy()
+
+
+def _weigh(name: str, part: str) -> Instrument:
+    return Instrument(f"weigh {name}", (name,), (BENCH.scale_kg,), f"weigh {part} to 0.1 g", _one_parameter)
+
+
+def _balance(name: str, part: str) -> Instrument:
+    how = f"balance {part} on an edge and measure from pivot to edge to 0.5 mm"
+    return Instrument(f"balance {name}", (name,), (BENCH.rule_m,), how, _one_parameter)
+
+
+def _swing(rod: int, part: str) -> Instrument:
+    how = f"hang {part} alone from its pivot and time twenty small swings to 0.02 s"
+    return Instrument(f"swing rod {rod} alone", (f"l{rod}", f"m{rod}", f"J{rod}"), (BENCH.swings_m,), how, _rod_alone)
+
+
+def _add_mass(rod: int, place: str, answer: Answer) -> Instrument:
+    how = f"repeat the first pose's release with a weighed mass, about half of m2, fixed to {place}"
+    return Instrument(f"add mass to rod {rod}", PARAMETERS, (BENCH.scale_kg, BENCH.rule_m), how, answer)
+
+
+INSTRUMENTS = (
+    _weigh("m1", "the inner rod without the joint-2 encoder"),
+    _weigh("m2", "the outer rod"),
+    _weigh("mb", "the joint-2 encoder with its mount"),
+    _balance("l1", "the inner rod without the joint-2 encoder"),
+    _balance("l2", "the outer rod"),
+    _swing(1, "the inner rod"),
+    _swing(2, "the outer rod"),
+    _add_mass(1, "the middle of the inner rod", _loaded_inner),
+    _add_mass(2, "the end of the outer rod", _loaded_outer),
+)
+"""What the advice considers; the extension point: one more line is one more measurement."""

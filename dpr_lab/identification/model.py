@@ -1,0 +1,259 @@
+"""The result of an identification, as it is kept in `model.json`."""
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from dpr_lab.dynamics.base import BASE, RATIOS
+from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import RunError, printable
+from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.shown import Row, Shown
+from dpr_lab.whole_file import write_text
+
+RODS = ("theta1", "theta2")
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+Kept = TypeVar("Kept")
+
+
+def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:
+    """A table of just these names, in their order whatever the file's."""
+
+    def ordered(table: dict[str, Kept]) -> dict[str, Kept]:
+        if set(table) != set(names):
+            missing = ", ".join(name for name in names if name not in table) or "none"
+            unknown = ", ".join(name for name in table if name not in names) or "none"
+            raise ValueError(f"must hold {', '.join(names)}; missing: {missing}; unknown: {unknown}")
+        return {name: table[name] for name in names}
+
+    return ordered
+
+
+class EstimatedValue(_Record):
+    """A number with its standard deviation and 90 % interval."""
+
+    value: Number
+    std: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    interval90: tuple[Number, Number]
+    profile90: tuple[Number | None, Number | None] | None = None
+    """90 % interval by profile likelihood, where it was asked for; None for an end without a bound."""
+    fixed_by: Literal["data", "bound"] = "data"
+    """`bound`: no run shows it; it is the rig file's, and its std that of the rig file's bounds."""
+
+
+class ParameterValue(_Record):
+    """One of the nine kinetic parameters, and what fixed it.
+
+    `data`: the recordings, given the measured values. `measured`: the bench. `bound`: nothing but the bounds of the
+    search; it is one point of a family of equally good values, so it has no standard deviation.
+    """
+
+    value: Number
+    std: Number | None
+    fixed_by: Literal["data", "measured", "bound"]
+
+
+class RigFacts(_Record):
+    """What a simulation needs of the rig besides the ratios."""
+
+    name: str
+    sha256: str
+    L1: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    g: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class RunUsed(_Record):
+    """A run that the model was identified from."""
+
+    file: str
+    sha256: str
+    pose: str | None = None
+    samples: int = 0
+    duration_s: Number = 0.0
+    chi2_per_dof: Number | None = None
+    segments: int = 0
+    horizon_s: Number | None = None
+    """How long a free run from the fitted initial state can be predicted: until its uncertainty fills 0.1 rad."""
+
+
+class Covariance(_Record):
+    """A covariance matrix with the order of its rows."""
+
+    order: list[str]
+    matrix: list[list[Number]]
+
+    @model_validator(mode="after")
+    def _square(self) -> "Covariance":
+        n = len(self.order)
+        in_order = [name for name in UNKNOWN_RATIOS if name in self.order]
+        if in_order != self.order or any(len(row) != n for row in [*self.matrix, self.matrix]):
+            raise ValueError(
+                f"must be a square matrix in the order {', '.join(UNKNOWN_RATIOS)}, of those that it is of"
+            )
+        return self
+
+
+class Identifiable(_Record):
+    """What the runs can tell of the nine parameters at all."""
+
+    rank: int
+    null_space: list[dict[str, Number]]
+    """Relative changes of the parameters that leave every swing as it is."""
+    advice: list[str]
+    """Bench measurements that would fix more, best first."""
+
+
+class FitSummary(_Record):
+    """How well the model follows the runs, over segments with free initial states."""
+
+    rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
+    """Root mean square residual by axis, `theta1` and `theta2`."""
+    noise_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
+    """Noise floor by axis, from the rest before the release, quantisation or differences."""
+    segments: int
+    chi2_per_dof: Number
+    """Squared residual over noise variance and degrees of freedom; 1 = nothing left but noise."""
+    iterations: int
+    longest_segment_s: Number
+
+
+class SearchRecord(_Record):
+    """What the search did, generation by generation."""
+
+    algorithm: str
+    objective: str
+    seed: int
+    evaluations: int
+    seconds: Number
+    generations: int
+    best: dict[str, Number]
+    """The best individual of the search, before the local solver."""
+    best_cost: Number
+    history: dict[str, list[Number]]
+    """Columns over generations: `evaluations`, `best_cost`, `best_fitness`, `population_fitness`."""
+
+
+class Model(Shown, _Record):
+    """An identified model: five ratios with intervals, nine values with what fixed each, and how it was found."""
+
+    rig: RigFacts
+    ratios: Annotated[dict[str, EstimatedValue], AfterValidator(by_name(RATIOS))]
+    """a/b, d/b, e1/b, c1/b, c2/b: all that a free swing fixes (physics: the equation is homogeneous)."""
+    covariance: Covariance
+    cramer_rao_std: Annotated[dict[str, Number], AfterValidator(by_name(RATIOS))]
+    """The least standard deviation any unbiased estimate of a ratio can have at this noise."""
+    parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
+    base: Annotated[dict[str, ParameterValue], AfterValidator(by_name(BASE))]
+    """a, b, d, e1, c1, c2 in SI; their common scale is in the data only with measured values or a known added mass."""
+    identifiability: Identifiable | None = None
+    fit: FitSummary
+    search: SearchRecord
+    runs: list[RunUsed]
+    p_over_b: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    """m2 L1^2 / b, which the inner rod alone swings by beside the ratios; None where no run was of one."""
+    effects: dict[str, dict[str, Number]] = {}
+    """Effects beyond the base model that a diagnosis named: effect -> parameter -> value, SI."""
+    warnings: list[str] = []
+    """What the reader of the numbers should know."""
+    failures: list[str] = []
+    """Checks of its own that the identification did not pass; empty for a model to be trusted."""
+    version: str = ""
+
+    def _heading(self) -> str:
+        rms = " and ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
+        doubts = f"; {len(self.failures)} checks failed" if self.failures else ""
+        return f"Model of rig {self.rig.name} from {len(self.runs)} runs, {self.search.algorithm}: {rms}{doubts}"
+
+    def _rows(self) -> list[Row]:
+        ratios = [(name, f"{item.value:.5g}", f"{item.std:.2g}", item.fixed_by) for name, item in self.ratios.items()]
+        values = [
+            (name, f"{item.value:.5g}", "" if item.std is None else f"{item.std:.2g}", item.fixed_by)
+            for name, item in self.parameters.items()
+        ]
+        return [("", "value", "std", "fixed by"), *ratios, *values]
+
+    @property
+    def ratio_values(self) -> NDArray[np.float64]:
+        """(5,) the ratios in the order a/b, d/b, e1/b, c1/b, c2/b."""
+        return np.array([estimate.value for estimate in self.ratios.values()])
+
+    @property
+    def unknowns(self) -> NDArray[np.float64]:
+        """(7,) the ratios, b and p/b."""
+        b = self.base["b"].value
+        p_over_b = self.p_over_b or self.parameters["m2"].value * self.rig.L1**2 / b
+        return np.append(self.ratio_values, [b, p_over_b])
+
+    def starting_point(self, rig: Rig) -> NDArray[np.float64]:
+        """(7,) `unknowns`, for a fit of this rig to start from.
+
+        Raises:
+            RunError: it is a model of another rig.
+        """
+        if (self.rig.name, self.rig.L1) != (rig.name, rig.L1):
+            raise RunError(
+                f"the model is of rig {self.rig.name}, L1 = {self.rig.L1:g} m, not of {rig.name}, L1 = {rig.L1:g}"
+                " m: identify this rig first, or leave the model out"
+            )
+        return self.unknowns
+
+    def used(self, sha256: str) -> bool:
+        """Whether the run with this hash took part in the identification; if not, it is held out."""
+        return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
+
+    def save(self, path: Path) -> None:
+        """Write `model.json`, whole or not at all.
+
+        Raises:
+            RunError: it cannot be written.
+        """
+        write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
+
+
+def load_model(path: Path) -> Model:
+    """Read `model.json`.
+
+    Raises:
+        RunError: not there, not JSON, or not a model; the message names the key.
+    """
+    try:
+        model = Model.model_validate(_printable(json.loads(path.read_text(encoding="utf-8"))))
+        _refuse_unknown_effects(model)
+        return model
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise RunError(f"{path}: is not a model that dpr-lab wrote: {key}: {first['msg']}") from error
+    except (ValueError, RecursionError) as error:  # text of another coding, no JSON, a number of thousands of digits
+        raise RunError(f"{path}: is not a model file (JSON): {error}") from error
+
+
+def _printable(value: Any) -> Any:
+    """JSON values whose words can be shown."""
+    if isinstance(value, dict):
+        return {printable(key): _printable(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_printable(item) for item in value]
+    return printable(value) if isinstance(value, str) else value
+
+
+def _refuse_unknown_effects(model: Model) -> None:
+    for name, values in model.effects.items():
+        known = [parameter.name for parameter in EFFECTS[name].parameters] if name in EFFECTS else []
+        if name not in EFFECTS or not set(values) <= set(known):
+            raise ValueError(f"effects.{name}: no such effect, or not with {', '.join(values)}: update dpr-lab")

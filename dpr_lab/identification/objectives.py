@@ -1,0 +1,147 @@
+"""What the search minimises: the error of a candidate's simulated swings against the runs.
+
+`segments` starts every 0.25 s from the smoothed state, so that chaos cannot make the landscape noise. `paper` is
+equation (2) of docs/theory.md: one free run over the whole record, angles and speeds.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import base_of_run, rows, whole_parameters
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.fitting.cut import partition
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.search.problem import Objective
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.preprocess import PreprocessedRun
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectiveSettings:
+    """How finely a search looks."""
+
+    step: float = 0.005
+    """Runge-Kutta step and sample spacing of the published search, s; none finer is needed to find the basin."""
+    segment_s: float = 0.25
+    """Length of a segment: too short for chaos to decide which candidate follows it."""
+
+
+SETTINGS = ObjectiveSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectiveChoice:
+    """An objective and the search settings that suit it."""
+
+    build: "Callable[[Sequence[PreprocessedRun], Rig], Objective]"
+    settings: str
+    """Name of the built-in search file."""
+
+
+def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
+    """Mean squared whitened angle error over short segments from smoothed initial states; about 1 at the noise floor.
+
+    Args:
+        runs: the runs with states and noise
+        rig: for L1 and g
+
+    Returns:
+        (n, 9) candidates -> (n, runs)
+    """
+    from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
+
+    parts = []
+    for run, item in ((item.run, _seen_as_one(item, rig)) for item in runs):
+        kept = _thinned(item.run.t)
+        edges = np.searchsorted(kept, [stretch.start for stretch in partition(item.run, SETTINGS.segment_s)])
+        groups = [group for group in np.split(kept, edges[1:]) if len(group) > 1]
+        swings = segments([item.run.t[group] for group in groups], step=SETTINGS.step)
+        initial = item.states[[group[0] for group in groups]]
+        targets = item.run.theta[np.concatenate(groups), 1:]
+        whitening = np.diag(1 / item.noise.std_joint) if run.setup.held else item.noise.whitening
+        parts.append((run, swings, initial, targets, whitening))
+
+    def errors(candidates: NDArray[np.float64]) -> NDArray[np.float64]:
+        columns = [
+            segment_errors(_rows(candidates, run, rig), swings, initial, targets, whitening).sum(axis=1) / targets.size
+            for run, swings, initial, targets, whitening in parts
+        ]
+        return np.stack(columns, axis=1)
+
+    return errors
+
+
+def paper_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
+    """E(Z), docs/theory.md equation (2), by run: one free run from the smoothed first state, angles and speeds.
+
+    Args:
+        runs: the runs with states
+        rig: for L1 and g
+
+    Returns:
+        (n, 9) candidates -> (n, runs)
+    """
+    from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
+
+    parts = []
+    for run, item in ((item.run, _seen_as_one(item, rig)) for item in runs):
+        kept = _thinned(item.run.t)
+        swings = segments([item.run.t[kept]], step=SETTINGS.step)
+        parts.append((run, swings, item.states[:1], np.hstack([item.run.theta[kept, 1:], item.states[kept, 2:]])))
+
+    def errors(candidates: NDArray[np.float64]) -> NDArray[np.float64]:
+        columns = [segment_errors(_rows(candidates, run, rig), *part) for run, *part in parts]
+        return np.hstack(columns)
+
+    return errors
+
+
+OBJECTIVES = {
+    "segments": ObjectiveChoice(segment_objective, "segments"),
+    "paper": ObjectiveChoice(paper_objective, "paper"),
+}
+"""Every objective by the name that `--objective` takes."""
+
+
+def _thinned(t: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Indices of samples about a step apart: more of them cost time and say nothing new to a search."""
+    ticks = np.floor((t - t[0]) / SETTINGS.step + 1e-6)
+    return np.flatnonzero(np.diff(ticks, prepend=-1.0) > 0)
+
+
+def _rows(candidates: NDArray[np.float64], run: Run, rig: Rig) -> NDArray[np.float64]:
+    """What the kernel reads of the candidates, of what hung on the rig during the run."""
+    L1, g = rig.L1, rig.g
+    bases = base_of_run(whole_parameters(candidates, L1, g), run.setup, L1, g)
+    return rows(_as_one(bases, run.elbow, L1, g)[0] if run.setup.held else bases, L1, g)
+
+
+def _as_one(
+    bases: NDArray[np.float64], elbow: float, L1: float, g: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n, 6) base parameters of one rod that swings as two do on a clamped elbow, and (n,) by how much it leads, rad.
+
+    A = a + b + 2 d cos(delta) and E exp(i phi) = e1 + e2 exp(i delta), of theta1 + phi. The other rod stands still.
+    """
+    a, b, d, e1, c1, _ = bases.T
+    pull = e1 + d * g / L1 * np.exp(1j * elbow)
+    inertia, nothing = a + b + 2 * d * np.cos(elbow), np.zeros_like(a)
+    return np.stack([inertia, inertia, nothing, np.abs(pull), c1, nothing], axis=1), np.angle(pull)
+
+
+def _seen_as_one(item: "PreprocessedRun", rig: Rig) -> "PreprocessedRun":
+    """A run whose rods turn as one, as the swing of one rod; its lead is that of the rig file's values."""
+    if not item.run.setup.held:
+        return item
+    bases = base_of_run(whole_parameters(rig.nominal, rig.L1, rig.g), item.run.setup, rig.L1, rig.g)
+    _, lead = _as_one(bases[None], item.run.elbow, rig.L1, rig.g)
+    theta, states = item.run.theta.copy(), item.states.copy()
+    theta[:, 1], states[:, 0] = theta[:, 1] + lead, states[:, 0] + lead
+    theta[:, 2], states[:, 1], states[:, 3] = np.pi, np.pi, 0.0
+    return replace(item, run=replace(item.run, theta=theta), states=states)

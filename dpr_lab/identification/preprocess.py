@@ -1,0 +1,27 @@
+"""Runs made ready for a fit: the noise of each, and the state at every sample."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.estimation.noise import NoiseFloor, noise_floor
+from dpr_lab.estimation.velocity import smooth
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class PreprocessedRun:
+    """A run from its release on, with what the fit needs beside it."""
+
+    run: Run
+    noise: NoiseFloor
+    states: NDArray[np.float64]
+    """(n, 4) smoothed theta1, theta2, omega1, omega2 at each sample, rad and rad/s."""
+
+
+def preprocess(run: Run, rig: Rig) -> PreprocessedRun:
+    """Measure a run's noise and estimate its velocities (Kalman filter and RTS smoother)."""
+    noise = noise_floor(run, rig)
+    return PreprocessedRun(run.swing, noise, smooth(run.swing, noise).states)

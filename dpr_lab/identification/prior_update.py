@@ -1,0 +1,127 @@
+"""From ratios to the nine parameters, and what fixed each (docs/theory.md, equation 47).
+
+A free swing fixes five numbers; the nine parameters have a four-dimensional family of equally good values. Measured
+values (scale, calliper, knife edge) enter as priors with their standard uncertainty, the others as the bounds of the
+search; a known added mass also makes b itself visible. What was estimated then updates that prior as a linear
+observation (maximum a posteriori, by iterated extended Kalman updates):
+
+    K = P0 J^T (J P0 J^T + C)^-1,    Z = Z0 + K (q - q(Z0)),    P = P0 - K J P0
+
+with q the ratios (and b), J = dq/dZ and C their covariance. A parameter that the data do not reach given the measured
+ones keeps the spread of its bounds and is reported as fixed by nothing but them.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import BASE, RATIOS, base_jacobian, base_parameters, ratio_jacobian, whole_parameters
+from dpr_lab.fitting.estimate import ON_ELBOW, unknown_ratios
+from dpr_lab.identification.model import ParameterValue
+from dpr_lab.rig import PARAMETERS, Rig
+
+UNREACHED = 1e-6
+"""Relative change along the null space from which data do not fix a parameter: far above rounding."""
+
+_B = BASE.index("b")
+_RELATIVE = (*range(len(RATIOS)), ON_ELBOW)
+
+
+def update_prior(
+    estimated: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    rig: Rig,
+    visible: Sequence[int] | None = None,
+) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
+    """The nine parameters most likely by the rig file and the estimated ratios, and their base parameters.
+
+    Args:
+        estimated: (5,) ratios, or (6,) with b; or those of some places in `UNKNOWN_RATIOS`
+        covariance: their covariance
+        rig: nominal values, bounds, measured values and L1, g
+        visible: those places; ratios that are not among them stay at the rig file's values
+
+    Returns:
+        the nine parameters by name, and the six absolute base parameters by name
+    """
+    places = list(range(len(estimated)) if visible is None else visible)
+    Z, P = _update(estimated, covariance, rig, places)
+    loose = _loose(Z, places, rig)
+    slopes = base_jacobian(Z, rig.L1, rig.g)
+    base = base_parameters(Z, rig.L1, rig.g)
+    nine = {
+        name: _value(Z[i], P[i, i], _origin(loose[i]) if rig.searched[i] else "measured")
+        for i, name in enumerate(PARAMETERS)
+    }
+    moved = (slopes * Z) @ loose / np.maximum(base, 1e-30)[:, None]
+    absolute = {name: _value(base[i], slopes[i] @ P @ slopes[i], _origin(moved[i])) for i, name in enumerate(BASE)}
+    return nine, absolute
+
+
+def _origin(moved: NDArray[np.float64]) -> Literal["data", "bound"]:
+    return "bound" if np.any(np.abs(moved) > UNREACHED) else "data"
+
+
+def _value(value: np.float64, variance: np.float64, fixed_by: Literal["data", "measured", "bound"]) -> ParameterValue:
+    std = None if fixed_by == "bound" else float(np.sqrt(max(variance, 0.0)))
+    return ParameterValue(value=float(value), std=std, fixed_by=fixed_by)
+
+
+def _loose(Z: NDArray[np.float64], observed: list[int], rig: Rig) -> NDArray[np.float64]:
+    """(9, k) relative changes of the searched parameters that nothing observed can see."""
+    scaled = unknown_jacobian(Z, rig)[observed] * Z / np.maximum(_unknowns(Z, rig)[observed], 1e-12)[:, None]
+    directions = np.zeros((len(PARAMETERS), 0))
+    if rig.searched.any():
+        from scipy.linalg import null_space  # half of the time that importing this room takes
+
+        null = null_space(scaled[:, rig.searched], rcond=1e-9)
+        directions = np.zeros((len(PARAMETERS), null.shape[1]))
+        directions[rig.searched] = null
+    return directions
+
+
+def _update(
+    estimated: NDArray[np.float64], covariance: NDArray[np.float64], rig: Rig, places: list[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    prior, P0 = rig.nominal, np.diag(_prior_std(rig) ** 2)
+    given = [] if set(range(len(RATIOS))) <= set(places) else [i for i in _RELATIVE if i not in places]
+    estimated = np.append(estimated, _unknowns(prior, rig)[given])
+    covariance = np.pad(covariance, (0, len(given)))
+    places = places + given
+    Z, P = prior, P0
+    for _ in range(30):
+        J = unknown_jacobian(Z, rig)[places]
+        K = P0 @ J.T @ np.linalg.pinv(J @ P0 @ J.T + covariance, hermitian=True)
+        innovation = estimated - _unknowns(Z, rig)[places] - J @ (prior - Z)
+        moved = np.maximum(prior + K @ innovation, 1e-3 * prior)
+        P = P0 - K @ J @ P0
+        if np.max(np.abs(moved - Z) / prior) < 1e-10:
+            return moved, P
+        Z = moved
+    return Z, P
+
+
+def _unknowns(Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+    return unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
+
+
+def unknown_jacobian(Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
+    """(7, 9) derivative of the ratios, b and p/b with respect to the nine parameters."""
+    b = base_jacobian(Z, rig.L1, rig.g)[_B]
+    p = rig.L1**2 * np.eye(len(PARAMETERS))[PARAMETERS.index("m2")]
+    *_, scale, on_elbow = _unknowns(Z, rig)
+    return np.vstack([ratio_jacobian(Z, rig.L1, rig.g), b, (p - on_elbow * b) / scale])
+
+
+def _prior_std(rig: Rig) -> NDArray[np.float64]:
+    lower, upper = rig.bounds
+    measured = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS])
+    return np.where(rig.searched, (upper - lower) / np.sqrt(12), measured)
+
+
+def prior_ratio_std(rig: Rig) -> list[float]:
+    """(5,) standard deviations of the ratios by the rig file alone."""
+    J = ratio_jacobian(rig.nominal, rig.L1, rig.g) * _prior_std(rig)
+    return np.sqrt(np.sum(J**2, axis=1)).tolist()

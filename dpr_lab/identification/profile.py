@@ -1,0 +1,77 @@
+"""Profile likelihood: how far an unknown can move while everything else is fitted again (docs/theory.md, equation 23).
+
+    D(v) = min chi2(q with q_i = v) - min chi2,    90 % interval where D <= 2.7055 s
+
+with s the reduced chi-square where the model does not reach the noise, else 1. Unlike the covariance it follows curved
+valleys and ends at a bound; like every likelihood it takes residuals as independent.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import root_scalar
+from scipy.special import chdtri
+
+from dpr_lab.identification.ratio_fit import RatioFit, fit_ratios
+from dpr_lab.identification.uncertainty import RatioUncertainty
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileSettings:
+    """How far and how exactly the ends are looked for."""
+
+    widest: float = 30.0
+    """Standard deviations to look, beyond which an unknown counts as unbounded on that side."""
+    tolerance: float = 0.02
+    """Of a standard deviation."""
+    iterations: int = 6
+    """Of a fit: its start is right to first order."""
+
+
+SETTINGS = ProfileSettings()
+
+
+def profile90(found: RatioFit, sure: RatioUncertainty, index: int) -> tuple[float, float]:
+    """90 % profile likelihood interval of one unknown; a friction ratio's lower end stops at zero.
+
+    Args:
+        found: where the likelihood is largest
+        sure: its information
+        index: which unknown
+
+    Returns:
+        lower and upper end; infinite where the likelihood does not fall within `widest` standard deviations
+    """
+    std = float(sure.cramer_rao_std[index]) * max(1.0, found.chi2_per_dof) ** 0.5
+    if std == 0.0:
+        return 0.0, 0.0
+    return _end(found, sure, index, -std), _end(found, sure, index, std)
+
+
+def _end(found: RatioFit, sure: RatioUncertainty, index: int, unit: float) -> float:
+    limit = float(chdtri(1, 0.1)) * max(1.0, found.chi2_per_dof)
+    centre, widest = float(sure.values[index]), SETTINGS.widest
+    furthest = widest if unit > 0 else min(widest, centre / -unit)
+
+    def excess(units: float) -> float:
+        return _chi2_at(found, sure, index, centre + units * unit) - found.fit.chi2 - limit
+
+    outer = min(2.0, furthest)
+    while excess(outer) < 0:
+        if outer >= furthest:
+            return centre + outer * unit if furthest < widest else float(np.copysign(np.inf, unit))
+        outer = min(2 * outer, furthest)
+    return centre + float(root_scalar(excess, bracket=(0.0, outer), xtol=SETTINGS.tolerance).root) * unit
+
+
+def _chi2_at(found: RatioFit, sure: RatioUncertainty, index: int, value: float) -> float:
+    """Least chi-square with one unknown held, started where the linear problem has it."""
+    free = sure.values > 0
+    along = np.zeros(len(free))
+    along[free] = np.linalg.inv(sure.information[np.ix_(free, free)])[:, np.count_nonzero(free[:index])]
+    step = along / along[index] * (value - sure.values[index])
+    at = found.fit.estimate
+    ratios = at.ratios.copy()
+    ratios[list(found.visible)] = np.maximum(sure.values + step, 0.0)
+    start = replace(at, ratios=ratios, initial=at.initial + found.fit.linear.initial_steps(step))
+    return fit_ratios(found.problem, start, held=[found.visible[index]], iterations=SETTINGS.iterations).fit.chi2

@@ -1,0 +1,164 @@
+"""The ratios of the rods fitted to segments of runs with free initial states.
+
+The ratios are all that a free swing fixes; where a run was recorded with a known mass clamped on, b itself is fitted
+too, because the known mass sets the scale. Segments hold encoder readings, each weighed by its own noise: that is the
+same as absolute angles with the correlated noise that a relative joint 2 gives them.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.schedule import MAX_STEP
+from dpr_lab.dynamics.segments import Segments, segments
+from dpr_lab.effects import effect_params
+from dpr_lab.fitting.cut import partition
+from dpr_lab.fitting.estimate import Estimate, ratio_parameters, visible_ratios
+from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, fit
+from dpr_lab.fitting.linearise import linearise
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.rods import RodsAlone, by_start, followed
+from dpr_lab.identification.preprocess import PreprocessedRun
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+TO_THE_MINIMUM = GaussNewton(converged=1e-8)
+"""A fit whose ratios are reported: of 6e4 readings, 1e-8 of chi2 is what a fortieth of a standard deviation costs."""
+
+
+@dataclass(frozen=True, slots=True)
+class RatioFit:
+    """Where a fit of the ratios ended."""
+
+    problem: Problem
+    fit: Fit
+
+    @property
+    def unknowns(self) -> Array:
+        """(k,) those of the ratios, b and p/b that these runs show, of the rig without any added mass."""
+        return self.fit.estimate.ratios[list(self.visible)]
+
+    @property
+    def visible(self) -> tuple[int, ...]:
+        """Their places in `UNKNOWN_RATIOS`."""
+        return visible_of(self.problem.segments)
+
+    @property
+    def ratios(self) -> Array:
+        """(5,) a/b, d/b, e1/b, c1/b, c2/b of the rig without any added mass."""
+        return self.fit.estimate.ratios[: len(RATIOS)]
+
+    @property
+    def predicted(self) -> Array:
+        """(samples, 2) theta1, theta2, rad."""
+        return self.problem.joints.to_rods(self.problem.predict(self.fit.estimate))
+
+    @property
+    def segments(self) -> int:
+        """How many there are."""
+        return len(self.problem.segments)
+
+    @property
+    def longest_s(self) -> float:
+        """From the first to the last sample of the longest segment, s."""
+        t, offsets = self.problem.t, self.problem.segments.offsets
+        return float(np.max(t[offsets[1:] - 1] - t[offsets[:-1]]))
+
+    @property
+    def dof(self) -> int:
+        """Readings less all that is fitted to them."""
+        return self.problem.evidence - len(self.visible)
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Reduced chi-square; 1 = nothing left but noise."""
+        return self.fit.chi2 / self.dof
+
+    @property
+    def initial_covariances(self) -> Array:
+        """(segments, 4, 4) of each initial state from the noise alone, the unknowns taken as known."""
+        inverse = np.linalg.inv(self.fit.linear.R)
+        return inverse @ inverse.transpose(0, 2, 1)
+
+
+def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: float = 5e-3) -> tuple[Problem, Array]:
+    """Runs cut into segments, and the (segments, 4) smoothed states where those begin.
+
+    Args:
+        runs: what to fit
+        rig: lengths, gravity, encoders
+        length: wanted length of a segment, s
+        step: longest Runge-Kutta step, s; over half a second one of 5 ms errs by less than a microradian
+    """
+    cuts = [(i, stretch) for i, item in enumerate(runs) for stretch in partition(item.run, length)]
+    joints = rig.encoders.joint_angles
+    laid_out = segments(
+        [runs[i].run.t[stretch] for i, stretch in cuts],
+        [i for i, _ in cuts],
+        [item.run.setup for item in runs],
+        step,
+    )
+    measured = np.concatenate([joints.of_rods(item.run.theta[:, 1:]) for item in runs])
+    counts = np.array([[1.0, float(not item.run.setup.alone)] for item in runs])
+    weight = np.concatenate(
+        [np.tile(of / item.noise.std_joint, (len(item.run.t), 1)) for of, item in zip(counts, runs, strict=True)]
+    )
+    initial = np.array([runs[i].states[stretch.start] for i, stretch in cuts])
+    return Problem(laid_out, measured, weight, RodsAlone(rig_constants(rig))), initial
+
+
+def rods_estimate(unknown: Array, initial: Array) -> Estimate:
+    """An estimate without effects, from (7,) ratios, b and p/b, and initial states."""
+    return Estimate(unknown, effect_params({}), initial)
+
+
+def visible_of(laid_out: Segments) -> tuple[int, ...]:
+    """Places of the unknowns that segments show: b where a known mass makes it visible."""
+    return visible_ratios(laid_out.setups, any(setup.weighs for setup in laid_out.setups))
+
+
+def fit_ratios(problem: Problem, start: Estimate, *, held: Collection[int] = (), iterations: int = 40) -> RatioFit:
+    """Fit the unknowns and the initial states to segments as they are.
+
+    Args:
+        problem: what was measured
+        start: where to start from
+        held: places of unknowns that stay as they are: all of them for a run that is held out, one for its profile
+        iterations: give up (`converged` false) after as many
+    """
+    free = ratio_parameters(start, visible_of(problem.segments))
+    chosen = [parameter for parameter in free if parameter.index not in held]
+    return RatioFit(problem, fit(problem, start, chosen, iterations=iterations, settings=TO_THE_MINIMUM))
+
+
+def information(problem: Problem, at: Estimate) -> Array:
+    """(k, k) Fisher information that segments hold of the unknowns that they show, initial states eliminated."""
+    A, _ = linearise(problem, at, ratio_parameters(at, visible_of(problem.segments))).flat
+    return A.T @ A
+
+
+def predictable_until(found: RatioFit, index: int, t: Array, error_rad: float = 0.1) -> float:
+    """Until when a free run from a segment's fitted initial state can be predicted, on the clock of `t`, s.
+
+    Beyond it the initial state's uncertainty alone, carried along by the variational equation, moves an angle by more
+    than an error.
+
+    Args:
+        found: gives ratios and initial state
+        index: the segment to start from
+        t: (n,) instants, the first of them the segment's own
+        error_rad: that error
+    """
+    rig, laid_out, at = found.problem.model.constants, found.problem.segments, found.fit.estimate
+    setup = laid_out.setups[laid_out.run[index]]
+    own = segments([t], setups=[setup], step=MAX_STEP)
+    _, slopes = followed(at.ratios, own, at.initial[index : index + 1], rig.L1, rig.g, of=2)
+    growth = by_start(slopes[:, :2, len(RATIOS) :], setup)
+    variance = np.einsum("nij,jk,nik->ni", growth, found.initial_covariances[index], growth)
+    lost = np.flatnonzero(~(variance.max(axis=1) * max(1.0, found.chi2_per_dof) < error_rad**2))
+    return float(t[lost[0]] if len(lost) else t[-1])

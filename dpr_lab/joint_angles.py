@@ -1,0 +1,40 @@
+"""The one map between the absolute angles of the rods and what the encoders on their joints turn by.
+
+    joint 1 = theta1,    joint 2 = theta2 - r theta1,    r = 1 for an encoder on the joint, 0 for one fixed to the arm
+
+It is linear, so speeds, errors and sensitivities follow it as angles do.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class JointAngles:
+    """Where the encoder of joint 2 sits, and what that makes of angles."""
+
+    relative2: bool
+    """Whether encoder 2 reads theta2 - theta1; else theta2 itself."""
+
+    @property
+    def to_rods_matrix(self) -> NDArray[np.float64]:
+        """(2, 2) J of theta = J joint."""
+        return np.array([[1.0, 0.0], [float(self.relative2), 1.0]])
+
+    @property
+    def hanging(self) -> NDArray[np.float64]:
+        """(2,) joint angles at the hanging rest, rad."""
+        return self.of_rods([math.pi, math.pi])
+
+    def of_rods(self, theta: ArrayLike) -> NDArray[np.float64]:
+        """(..., 2) joint angles, of theta (..., 2): theta1, theta2; or anything that follows angles linearly."""
+        inner, outer = np.moveaxis(np.asarray(theta, dtype=np.float64), -1, 0)
+        return np.stack([inner, outer - self.relative2 * inner], axis=-1)
+
+    def to_rods(self, joint: ArrayLike) -> NDArray[np.float64]:
+        """(..., 2) theta1, theta2, of joint angles (..., 2); the inverse of `of_rods`."""
+        inner, turned = np.moveaxis(np.asarray(joint, dtype=np.float64), -1, 0)
+        return np.stack([inner, turned + self.relative2 * inner], axis=-1)

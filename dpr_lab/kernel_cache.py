@@ -1,0 +1,99 @@
+"""The folder of compiled kernels, and whoever is told that one is being compiled; nothing here needs Numba.
+
+Numba's own cache looks only at the file of the function it compiles. A kernel that calls a function of another file
+keeps its old machine code when that other file changes. Here the cache lies in a folder named by a hash of every
+kernel source, so any change starts an empty one.
+"""
+
+import hashlib
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from platformdirs import user_cache_path
+
+KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation", "fitting")
+"""Files and folders of this package that hold compiled functions."""
+
+KEPT = 4
+PRUNE_AFTER_S = 7 * 86400.0  # another process may still be writing to a folder that is not ours
+
+
+def source_hash(package: Path, sources: Iterable[str] = KERNEL_SOURCES) -> str:
+    """Hash of the names and bytes of all kernel sources under `package`."""
+    digest = hashlib.sha256()
+    for source in sources:
+        path = package / source
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            digest.update(f"{file.relative_to(package).as_posix()}\0".encode())
+            digest.update(file.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def prune(root: Path, now: float) -> None:
+    """Remove the cache folders under `root` that are neither among the newest `KEPT` nor of the last week."""
+    aged = sorted(((folder.stat().st_mtime, folder) for folder in root.iterdir() if folder.is_dir()), reverse=True)
+    for modified, folder in aged[KEPT:]:
+        if now - modified > PRUNE_AFTER_S:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def open_cache(root: Path, name: str) -> Path | None:
+    """The folder `name` under `root`, made and marked as used; None where nothing can be written."""
+    folder = root / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(bytes(1 << 20))  # a full disk has room for a name
+        os.utime(folder)
+    except OSError:
+        return None
+    with suppress(OSError):  # two processes may prune at once
+        prune(root, time.time())
+    return folder
+
+
+_ROOT = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("dpr-lab")) / "kernels"
+CACHE = open_cache(_ROOT, source_hash(Path(__file__).parent))
+"""Folder of the machine code of this version; None on a read-only home: kernels are then compiled in every process."""
+
+_SIMULATOR = "plant"
+_watching: list[Callable[[], None]] = []
+
+
+@contextmanager
+def watch_compiling(told: Callable[[], None]) -> Iterator[None]:
+    """While this lasts, `told` is called whenever a kernel, or a further one, is being compiled; from any thread."""
+    _watching.append(told)
+    try:
+        yield
+    finally:
+        _watching.remove(told)
+
+
+def compiling() -> None:
+    """Tell it: a kernel is being compiled, here or in a process that this one waits for."""
+    for told in tuple(_watching):
+        told()
+
+
+def simulator_compiled() -> bool:
+    """Whether a simulated device finds all that moves its rods compiled."""
+    return CACHE is not None and (CACHE / _SIMULATOR).exists()
+
+
+def mark_simulator_compiled() -> None:
+    """Remember that everything that moves a plant's rods is compiled."""
+    if CACHE is not None:
+        with suppress(OSError):
+            (CACHE / _SIMULATOR).touch()
+
+
+def compiling_simulator() -> None:
+    """Tell it where a simulated device is about to be started that compiles first."""
+    if not simulator_compiled():
+        compiling()

@@ -1,0 +1,58 @@
+"""How far long work is: what the numerical core tells while it works, as values and never as text to be parsed."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class StageBegan:
+    """One of the stages of a job began."""
+
+    number: int
+    """From 1."""
+    of: int
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class FitBegan:
+    """A model is being fitted to the recordings."""
+
+    effects: tuple[str, ...]
+    """The effects that it holds besides the rods; none for the bare model."""
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return f"fit {', '.join(self.effects) or 'the bare model'}"
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreTestBegan:
+    """Every effect of the library is being tried, to first order, beside a model."""
+
+    beside: tuple[str, ...]
+    """The effects that this model holds; none for the bare model."""
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return f"score test beside {', '.join(self.beside) or 'the bare model'}"
+
+
+@dataclass(frozen=True, slots=True)
+class GenerationDone:
+    """A generation of the search is done; number 0 is the initial population."""
+
+    number: int
+    at_most: int
+    """How many generations come at most."""
+    evaluations: int
+    """Candidates evaluated so far."""
+    best_cost: float
+    best_fitness: float
+    population_fitness: float
+
+
+@dataclass(frozen=True, slots=True)
+class LocalFitBegan:
+    """The search is over; the local fit goes from its best individual to the noise floor."""

@@ -1,0 +1,95 @@
+"""Figures of a diagnosis: where the gap lies, what closes it, how it grows with the horizon."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dpr_lab.gap.result.diagnosis import Diagnosis, Where
+from dpr_lab.report import style
+from dpr_lab.report.figures import empty_figure, legend_above, new_figure, save_each
+from dpr_lab.report.gap.tables import coordinate, place_map, quantity, steps
+from dpr_lab.report.words import in_words
+
+
+def where_figure(places: Sequence[Where], most: int = 4) -> Figure:
+    """Maps of the places that explain most, with 90 % intervals."""
+    with style.house_style():
+        shown = [place for place in places[:most] if place.knots]
+        if not shown:
+            return empty_figure("there is no gap to locate")
+        figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
+        grid = figure.subplots((len(shown) + 1) // 2, 2, squeeze=False)
+        for axes, place in zip(grid.flat, shown, strict=False):
+            _draw_place(axes, place)
+        for axes in grid.flat[len(shown) :]:
+            axes.set_visible(False)
+        return figure
+
+
+def _draw_place(axes: Axes, place: Where) -> None:
+    knots, values, reach = place_map(place)
+    axes.fill_between(knots, values - reach, values + reach, alpha=0.25, color=style.RESIDUAL["color"], linewidth=0)
+    axes.plot(knots, values, marker="o", markersize=3, color=style.RESIDUAL["color"])
+    axes.axhline(0.0, color="#555555", linewidth=0.8)
+    axes.set_title(f"{in_words(place.site)} by {place.coordinate}: {place.share:.0%} of the excess")
+    axes.set_xlabel(coordinate(place)[0])
+    axes.set_ylabel(quantity(place)[0])
+
+
+def waterfall_figure(diagnosis: Diagnosis) -> Figure:
+    """Gap left after each named effect, beside the noise floor."""
+    with style.house_style():
+        names, gaps = zip(*((name.replace(" [", "\n["), gap) for name, gap in steps(diagnosis)), strict=True)
+        heights = 1e3 * np.array(gaps)
+        floor = 1e3 * float(np.linalg.norm(list(diagnosis.gap.floor_rad.values())))
+        figure = new_figure(1.1 + 0.4 * len(names))
+        axes = figure.subplots()
+        bars = axes.barh(names, heights, color=style.RESIDUAL["color"], height=0.6)
+        axes.bar_label(bars, [f"{height:.3g}" for height in heights], padding=4)
+        axes.axvline(floor, label="noise floor", **style.HORIZON)
+        axes.invert_yaxis()
+        axes.set_xlabel("gap above the noise, both joints, segments of 0.5 s (mrad rms)")
+        legend_above(figure)
+        return figure
+
+
+def horizon_figure(diagnosis: Diagnosis) -> Figure:
+    """Gap before and after against the length of a segment with a free start state."""
+    with style.house_style():
+        lengths = [float(length) for length in diagnosis.gap.by_horizon]
+        if not lengths:
+            return empty_figure("nothing was compared over a horizon")
+        figure = new_figure(3.2)
+        axes = figure.subplots()
+        for name, look in (("before", style.SIMULATED), ("after", style.RESIDUAL)):
+            rms = [1e3 * max(models[name], 1e-9) for models in diagnosis.gap.by_horizon.values()]
+            axes.loglog(lengths, rms, label=f"{name} the effects", marker="o", **look)
+        floor = 1e3 * float(np.mean(list(diagnosis.gap.floor_rad.values())))
+        axes.axhline(floor, label="noise of a reading", **style.HORIZON)
+        axes.set_ylim(bottom=floor / 30)
+        axes.set_xticks(lengths, list(diagnosis.gap.by_horizon))
+        axes.minorticks_off()
+        axes.set_xlabel("horizon (s)")
+        axes.set_ylabel("gap above the noise (mrad rms)")
+        legend_above(figure)
+        return figure
+
+
+def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
+    """Write the figures of a diagnosis as PNG.
+
+    Returns:
+        path of each file by the name of its figure: where, waterfall, horizon
+
+    Raises:
+        DprError: the folder or a file cannot be written.
+    """
+    figures = {
+        "where": where_figure(diagnosis.where),
+        "waterfall": waterfall_figure(diagnosis),
+        "gap_horizon": horizon_figure(diagnosis),
+    }
+    return save_each(figures, out_dir)

@@ -1,0 +1,94 @@
+"""One HTML page of a diagnosis: verdict, which, how sure, what next, how far, where, and every assumption."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.report.gap import tables
+from dpr_lab.report.page import (
+    figures_html,
+    list_html,
+    page_html,
+    paragraph_html,
+    section_html,
+    table_html,
+    write_page,
+)
+from dpr_lab.report.words import in_words
+
+FIGURES = {
+    "where": (
+        "Line charts of torque or encoder error over joint angle, speed, time or load.",
+        "Torque or encoder error that would explain the gap, 90 % intervals, ratios and start states projected out.",
+    ),
+    "waterfall": (
+        "Bar chart of the gap left after each named effect.",
+        "The gap above the noise as effects are added one at a time, the most telling first.",
+    ),
+    "gap_horizon": (
+        "Line chart of the gap before and after over the horizon.",
+        "The gap above the noise against how long a segment with a free start state runs.",
+    ),
+}
+
+_NONE_NAMED = paragraph_html("No effect is named.")
+
+
+def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: Mapping[str, Path]) -> Path:
+    """Write `diagnosis.html`.
+
+    Args:
+        diagnosis: the result
+        title: heading of the page
+        out_dir: folder of the page
+        figures: what `save_gap_figures` returned
+
+    Raises:
+        DprError: the page cannot be written.
+    """
+    drawn = figures_html(figures, FIGURES)
+    sections = [
+        section_html("Which effects", *_which(diagnosis)),
+        section_html("What to do next", list_html(tables.next_steps(diagnosis), numbered=True)),
+        section_html("Checks that were done", *_done(diagnosis)) if diagnosis.checks_done else "",
+        section_html("How far the gap closes", *_closed(diagnosis), drawn["waterfall"], drawn["gap_horizon"]),
+        section_html("Where", paragraph_html(in_words(diagnosis.where_sentence)), _places(diagnosis), drawn["where"]),
+        section_html(
+            "Sensors", _rows(tables.FINDING_COLUMNS, tables.finding_rows(diagnosis)) or "<p>No fault was found.</p>"
+        ),
+        section_html(
+            "What these recordings would show",
+            table_html(tables.DETECTABLE_COLUMNS, tables.detectable_rows(diagnosis), style="prose"),
+        ),
+        section_html("Assumptions", list_html([in_words(text) for text in diagnosis.assumptions])),
+    ]
+    return write_page(page_html(title, tables.sentence(diagnosis), sections), out_dir / "diagnosis.html")
+
+
+def _which(diagnosis: Diagnosis) -> Iterator[str]:
+    """The effects, how the gap falls with them, and what else each can be."""
+    yield _rows(tables.EFFECT_COLUMNS, tables.effect_rows(diagnosis), tables.EFFECT_NOTE) or _NONE_NAMED
+    if diagnosis.gap.waterfall:
+        yield _rows(tables.STEP_COLUMNS, tables.step_rows(diagnosis), tables.STEP_NOTE)
+    yield _rows(tables.STANDING_COLUMNS, tables.standing_rows(diagnosis), tables.STANDING_NOTE)
+
+
+def _done(diagnosis: Diagnosis) -> Iterator[str]:
+    """How the probabilities moved, check by check."""
+    for done in diagnosis.checks_done:
+        yield paragraph_html(f"{done.check.id}: {in_words(done.check.text)} {done.result}")
+        yield _rows(tables.MOVED_COLUMNS, tables.moved_rows(done))
+
+
+def _closed(diagnosis: Diagnosis) -> Iterator[str]:
+    yield paragraph_html(tables.closed_sentence(diagnosis))
+    yield _rows(tables.CLOSED_COLUMNS, tables.closed_rows(diagnosis), tables.CLOSED_NOTE)
+
+
+def _places(diagnosis: Diagnosis) -> str:
+    return _rows(tables.PLACE_COLUMNS, tables.place_rows(diagnosis))
+
+
+def _rows(columns: Sequence[str], rows: Sequence[Sequence[str]], note: str = "") -> str:
+    """A table of prose; nothing where it would be empty."""
+    return table_html(columns, rows, note, style="prose") if rows else ""

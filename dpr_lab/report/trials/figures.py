@@ -1,0 +1,101 @@
+"""Figures of blind trials: what was taken for what, what a probability is worth, how small an effect is found."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from dpr_lab.report import style
+from dpr_lab.report.figures import empty_figure, new_figure, save_each
+from dpr_lab.report.trials.tables import size_range
+
+Summary = Mapping[str, Any]
+
+
+def confusion_figure(summary: Summary) -> Figure:
+    """What was hidden (rows) against what was named first, or the verdict where nothing was (columns)."""
+    with style.house_style():
+        table: Mapping[str, Mapping[str, int]] = summary["confusion"]
+        if not table:
+            return empty_figure("there are no trials")
+        rows, said = list(table), {name for counts in table.values() for name in counts}
+        columns = [name for name in rows if name in said] + sorted(said.difference(rows))
+        counts = np.array([[table[row].get(column, 0) for column in columns] for row in rows])
+        figure = new_figure(2.4 + 0.21 * len(rows))  # inch, for head and foot and for each row
+        axes = figure.subplots()
+        axes.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0, vmax=1.4, aspect="auto")
+        axes.grid(False)
+        axes.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
+        axes.set_yticks(range(len(rows)), rows, fontsize=7)
+        axes.set_xlabel("named first")
+        axes.set_ylabel("hidden")
+        for i, j in zip(*np.nonzero(counts), strict=True):
+            axes.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=6.5, color="#111111")
+        return figure
+
+
+def reliability_figure(summary: Summary) -> Figure:
+    """Share of the claims that held against the probability stated, with how many claims each point stands for."""
+    with style.house_style():
+        rows = summary["reliability"]
+        if not rows:
+            return empty_figure("nothing was claimed")
+        figure = new_figure(4.2)
+        axes = figure.subplots()
+        stated, true, low, high = (np.array([row[name] for row in rows]) for name in ("stated", "true", "low", "high"))
+        axes.plot([0, 1], [0, 1], label="what an honest probability gives", **style.HORIZON)
+        axes.vlines(stated, low, high, color="#888888", linewidth=1.2)
+        axes.plot(stated, true, marker="o", label="these trials, 90 % intervals", **style.EVOLUTION)
+        for row in rows:
+            axes.annotate(
+                f"{row['claims']:.0f}",
+                (row["stated"], row["true"]),
+                xytext=(6, -11),
+                textcoords="offset points",
+                fontsize=7.5,
+            )
+        axes.set(xlim=(-0.02, 1.04), ylim=(-0.04, 1.04))
+        axes.set_xlabel("probability stated")
+        axes.set_ylabel("share of the claims that held")
+        axes.legend(loc="upper left")
+        return figure
+
+
+def size_figure(summary: Summary) -> Figure:
+    """Share of the hidden effects that were named, by size over the least detectable one."""
+    with style.house_style():
+        rows = summary["by_size"]
+        if not rows:
+            return empty_figure("no effect of the library was hidden")
+        figure = new_figure(2.8)
+        axes = figure.subplots()
+        bars = axes.bar(
+            [size_range(row) for row in rows],
+            [100 * row["named"] for row in rows],
+            color=style.RESIDUAL["color"],
+            width=0.6,
+        )
+        axes.bar_label(bars, [f"of {row['effects']}" for row in rows], padding=3, fontsize=8)
+        axes.set_ylim(0, 112)
+        axes.set_xlabel("size over the detectable limit")
+        axes.set_ylabel("named (%)")
+        return figure
+
+
+def save_trial_figures(summary: Summary, out_dir: Path) -> dict[str, Path]:
+    """Write the figures of a campaign as PNG.
+
+    Returns:
+        path of each file by the name of its figure: by_size, confusion, reliability
+
+    Raises:
+        DprError: the folder or a file cannot be written.
+    """
+    figures = {
+        "by_size": size_figure(summary),
+        "confusion": confusion_figure(summary),
+        "reliability": reliability_figure(summary),
+    }
+    return save_each(figures, out_dir)

@@ -1,0 +1,305 @@
+"""A rig file written from a few measures, and one looked through before it is used."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import MASSES, Parameter, Rig, load_rig, parse_rig
+from dpr_lab.whole_file import write_text
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """A value, with its standard uncertainty where it was measured and is to be held."""
+
+    value: float
+    std: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RigMeasures:
+    """What somebody knows of a rig who has a ruler and a balance."""
+
+    name: str
+    L1: float
+    """Between the two joints, m."""
+    L2: float
+    """Of the outer rod, m."""
+    m1: Measure
+    """Inner rod, kg."""
+    m2: Measure
+    """Outer rod, kg."""
+    mb: Measure | None = None
+    """What sits on the elbow, kg; None where nobody knows."""
+    g: float = 9.81
+    counts_per_rev: int = 16384
+    joint2: Literal["relative", "absolute"] = "relative"
+    url: str = "sim://"
+
+
+@dataclass(frozen=True, slots=True)
+class DraftSettings:
+    """How wide bounds are drawn around what is known of a rod; all but the masses follow from a uniform one."""
+
+    mass: tuple[float, float] = (0.7, 1.4)
+    """Bounds of a mass that was estimated, relative."""
+    centre: tuple[float, float] = (0.15, 0.95)
+    """Bounds of a centre of mass, in lengths of the rod: a motor on either end."""
+    inertia: tuple[float, float] = (0.01, 0.26)
+    """Bounds of J, in m L^2: all of it in the middle, half of it on each end (1/4)."""
+    elbow: tuple[float, float, float] = (0.002, 0.2, 3.0)
+    """Lower bound, guess and upper bound of an unknown elbow's mass, in masses of both rods."""
+    damping: tuple[float, float, float] = (1e-5, 3e-3, 0.1)
+    """Lower bound, guess and upper bound of the damping ratio of a small swing; ball bearings have some thousandths."""
+
+
+DRAFT = DraftSettings()
+
+Bounds = tuple[float, float, float]
+"""Lower bound, guess, upper bound."""
+
+
+def draft_rig(measures: RigMeasures) -> str:
+    """The text of a rig file, with comments.
+
+    The friction's bounds are those of a damping ratio z of a small swing: c = 2 z sqrt(I k), with the inertia I and
+    the stiffness k = (moment of mass) g of what hangs on the joint.
+
+    Raises:
+        ConfigError: measures that no rig file may hold.
+    """
+    m, s = measures, DRAFT
+    rods = m.m1.value + m.m2.value
+    mb = m.mb or Measure(s.elbow[1] * rods)
+    mass = {"m1": _mass(m.m1), "m2": _mass(m.m2), "mb": _mass(mb)}
+    if m.mb is None:
+        mass["mb"] = (s.elbow[0] * rods, mb.value, s.elbow[2] * rods)
+    stds = {"m1": m.m1.std, "m2": m.m2.std, "mb": mb.std}
+    tip = m.m2.value * m.L2**2 / 3
+    hanging = m.m1.value * m.L1**2 / 3 + (mb.value + m.m2.value) * m.L1**2 + tip
+    moments = (m.m1.value / 2 + mb.value + m.m2.value) * m.L1, m.m2.value * m.L2 / 2
+    parts = [
+        _head(m),
+        _parameter("l1", "centre of mass of the inner rod, from joint 1, m", _centre(m.L1)),
+        _parameter("l2", "centre of mass of the outer rod, from joint 2, m", _centre(m.L2)),
+        _parameter("m1", "inner rod, kg", mass["m1"], stds["m1"]),
+        _parameter("m2", "outer rod, kg", mass["m2"], stds["m2"]),
+        _parameter("mb", "what sits on the elbow: encoder, bearing, motor, kg", mass["mb"], stds["mb"]),
+        _parameter("c1", "viscous friction of joint 1, N m s/rad", _friction(hanging, moments[0] * m.g)),
+        _parameter("c2", "viscous friction of joint 2, N m s/rad", _friction(tip, moments[1] * m.g)),
+        _parameter("J1", "inertia of the inner rod about its centre, kg m^2", _inertia(mass["m1"], m.L1)),
+        _parameter("J2", "inertia of the outer rod about its centre, kg m^2", _inertia(mass["m2"], m.L2)),
+        _tail(m),
+    ]
+    text = "\n".join(parts)
+    parse_rig(text)
+    return text
+
+
+def new_rig(measures: RigMeasures, file: Path) -> Path:
+    """Write the rig file of `draft_rig`.
+
+    Raises:
+        ConfigError: measures that no rig file may hold, a file that is there already, or cannot be written.
+    """
+    if file.suffix != ".toml":
+        raise ConfigError(f"{file}: give the file a name that ends in .toml")
+    if file.exists():
+        raise ConfigError(f"{file}: exists already; choose another name")
+    write_text(file, draft_rig(measures), ConfigError)
+    return file
+
+
+def _mass(measure: Measure) -> Bounds:
+    return DRAFT.mass[0] * measure.value, measure.value, DRAFT.mass[1] * measure.value
+
+
+def _centre(length: float) -> Bounds:
+    return DRAFT.centre[0] * length, length / 2, DRAFT.centre[1] * length
+
+
+def _inertia(mass: Bounds, length: float) -> Bounds:
+    lower, upper = DRAFT.inertia
+    return lower * mass[0] * length**2, mass[1] * length**2 / 12, upper * mass[2] * length**2
+
+
+def _friction(inertia: float, stiffness: float) -> Bounds:
+    lower, guess, upper = (2 * z * np.sqrt(inertia * stiffness) for z in DRAFT.damping)
+    return lower, guess, upper
+
+
+def _parameter(name: str, meaning: str, bounds: Bounds, std: float | None = None) -> str:
+    lower, guess, upper = bounds
+    lines = [f"[parameters.{name}]  # {meaning}", f"nominal = {_number(guess)}"]
+    if std is None:
+        lines += [f"lower = {_number(lower)}", f"upper = {_number(upper)}"]
+    else:
+        lines += [f"measured = {_number(guess, 9)}", f"std = {_number(std)}"]
+    return "\n".join([*lines, ""])
+
+
+def _number(value: float, digits: int = 4) -> str:
+    return repr(float(f"{value:.{digits}g}"))
+
+
+def _text(value: str) -> str:
+    """A TOML string."""
+    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _head(m: RigMeasures) -> str:
+    return f"""# SI units; angles are absolute, 0 = upright, pi = hanging. Every key: docs/rig-file.md
+# Bounds follow from a uniform rod and are wide: narrow those that you know better.
+# A weighed part gets `measured` and `std` in the place of its bounds; one of them fixes the scale of all masses.
+
+[rig]
+name = {_text(m.name)}
+L1 = {_number(m.L1, 9)}  # between the two joints, m
+L2 = {_number(m.L2, 9)}  # of the outer rod, m
+g = {_number(m.g, 9)}
+"""
+
+
+def _tail(m: RigMeasures) -> str:
+    return f"""[encoders]
+counts_per_rev = [{m.counts_per_rev}, {m.counts_per_rev}, {m.counts_per_rev}]  # arm, inner rod, outer rod
+joint2 = {_text(m.joint2)}  # the outer rod's encoder: relative to the inner rod, or absolute
+# zero_counts = [0, 0, 0]  # what they read with the rods hanging
+# direction = [1, 1, 1]    # -1 for one that counts backwards
+# noise_counts = 0.5       # standard deviation of a reading at rest
+
+# Where the rods are held before a release, rad: high ones swing widely and tell most.
+[poses.X1]
+theta1 = 3.141592653589793
+theta2 = 0.1
+
+[poses.X2]
+theta1 = 0.1
+theta2 = 0.1
+
+[poses.X3]
+theta1 = 0.1
+theta2 = 3.141592653589793
+
+[link]
+url = {_text(m.url)}
+rate_hz = 1000
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class RigFinding:
+    """One thing about a rig file."""
+
+    state: Literal["wrong", "missing", "odd"]
+    """`wrong`: it cannot be used; `missing`: something cannot be done with it; `odd`: perhaps a slip."""
+    key: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Usual:
+    """What a rig on a bench is like; what lies outside is asked about."""
+
+    gravity: tuple[float, float] = (9.76, 9.84)
+    """m/s^2, on earth."""
+    length: tuple[float, float] = (0.03, 2.0)
+    """m"""
+    mass: tuple[float, float] = (1e-3, 50.0)
+    """kg"""
+    rate_hz: int = 100
+    """At least: a rod turns up to three times a second."""
+    relative_std: float = 0.1
+    """Of a measured value, at most."""
+    tolerance: float = 0.3
+    """Of a pose, rad, at most."""
+    span: float = 1e4
+    """Upper over lower bound of what is no friction, at most: above it units were mixed up."""
+
+
+USUAL = Usual()
+
+
+def check_rig(name: str | Path) -> list[RigFinding]:
+    """What is wrong, missing or odd in a rig file; none where nothing is."""
+    try:
+        rig = load_rig(name)
+    except ConfigError as error:
+        return [RigFinding("wrong", "", line) for line in str(error).splitlines()]
+    return [*_missing(rig), *_odd_geometry(rig), *_odd_parameters(rig), *_odd_poses(rig)]
+
+
+def _missing(rig: Rig) -> Iterator[RigFinding]:
+    if not rig.poses:
+        yield RigFinding("missing", "poses", "none: capture has nothing to release from; imported tables are fine")
+    if all(rig.parameters[name].measured is None for name in MASSES) and rig.added_mass is None:
+        said = "no mass is weighed (measured, std): only ratios can be known, and the scale of all masses is free"
+        yield RigFinding("missing", "parameters", said)
+    if rig.L2 is None:
+        yield RigFinding("missing", "rig.L2", "drawings and exports guess the outer rod's length without it")
+
+
+def _odd_geometry(rig: Rig) -> Iterator[RigFinding]:
+    yield from _outside("rig.g", rig.g, USUAL.gravity, "m/s^2, and on earth it is 9.78 to 9.83")
+    yield from _outside("rig.L1", rig.L1, USUAL.length, "m: was it measured in another unit?")
+    if rig.L2 is not None:
+        yield from _outside("rig.L2", rig.L2, USUAL.length, "m: was it measured in another unit?")
+    if rig.encoders.noise_counts == 0:
+        yield RigFinding("odd", "encoders.noise_counts", "0: no reading is that quiet, and limits of rest come from it")
+    if rig.link.rate_hz < USUAL.rate_hz:
+        yield RigFinding("odd", "link.rate_hz", f"{rig.link.rate_hz} Hz is too slow to follow a fast rod")
+
+
+def _odd_parameters(rig: Rig) -> Iterator[RigFinding]:
+    for name, p in rig.parameters.items():
+        key = f"parameters.{name}"
+        if name in MASSES:
+            yield from _outside(key, p.measured or p.nominal, USUAL.mass, "kg: was it weighed in another unit?")
+        if p.std is not None and p.std > USUAL.relative_std * (p.measured or np.inf):
+            yield RigFinding("odd", key, f"std {p.std:g} is {p.std / (p.measured or 1):.0%} of the measured value")
+        if p.lower is not None and p.upper is not None and p.measured is None:
+            yield from _odd_bounds(name, p)
+    for rod, length in ((1, rig.L1), (2, rig.L2)):
+        yield from _odd_rod(rig, rod, length)
+
+
+def _odd_bounds(name: str, p: Parameter) -> Iterator[RigFinding]:
+    assert p.lower is not None
+    assert p.upper is not None
+    key = f"parameters.{name}"
+    if not p.lower <= p.nominal <= p.upper:
+        yield RigFinding("odd", key, f"nominal {p.nominal:g} lies outside its bounds {p.lower:g} to {p.upper:g}")
+    if p.upper > USUAL.span * p.lower and not name.startswith("c"):
+        yield RigFinding("odd", key, f"bounds {p.lower:g} to {p.upper:g} are very wide: is the unit right?")
+
+
+def _odd_rod(rig: Rig, rod: int, length: float | None) -> Iterator[RigFinding]:
+    """Its centre beyond its end, or an inertia that no distribution of its mass along it has: J <= m l (L - l)."""
+    centre, mass, inertia = (rig.parameters[f"{name}{rod}"] for name in "lmJ")
+    at, m, J = (p.measured or p.nominal for p in (centre, mass, inertia))
+    if length is None:
+        return
+    if at > length:
+        said = f"{at:g} m lies beyond the end of the rod at {length:g} m"
+        yield RigFinding("odd", f"parameters.l{rod}", said)
+    elif J > m * at * (length - at):
+        said = f"{J:g} kg m^2 is more than a rod of {m:g} kg and {length:g} m can have ({m * at * (length - at):.3g})"
+        yield RigFinding("odd", f"parameters.J{rod}", said)
+
+
+def _odd_poses(rig: Rig) -> Iterator[RigFinding]:
+    for name, pose in rig.poses.items():
+        key = f"poses.{name}"
+        if np.cos(pose.theta[1:]).max() < -0.99:
+            yield RigFinding("odd", key, "both rods hang: nothing swings when they are let go (0 = upright)")
+        if pose.tolerance > USUAL.tolerance:
+            yield RigFinding("odd", key, f"a tolerance of {pose.tolerance:g} rad is no pose")
+
+
+def _outside(key: str, value: float, usual: tuple[float, float], why: str) -> Iterator[RigFinding]:
+    if not usual[0] <= value <= usual[1]:
+        yield RigFinding("odd", key, f"{value:g} {why}")

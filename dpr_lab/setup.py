@@ -1,0 +1,71 @@
+"""What is known of a run besides its readings: what hung on the rig, and what drove it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dpr_lab.rig import AddedMass, Mounting
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Torques:
+    """What drove the joints: each torque holds from its instant to the next, the last one on and the first one back."""
+
+    t: NDArray[np.float64]
+    """(n,) increasing, s since the release."""
+    joints: NDArray[np.float64]
+    """(n, 2) torque of joint 1 on the inner rod, and of joint 2 on the outer one, N m."""
+
+    @property
+    def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(n + 2,) instants and (n + 2, 2) the impulse on theta1, theta2 up to each, N m s; linear between."""
+        onward = np.concatenate([self.t[:1] - 1.0, self.t, self.t[-1:] + 1e6])
+        joints = np.concatenate([self.joints[:1], self.joints])
+        held = np.stack([joints[:, 0] - joints[:, 1], joints[:, 1]], axis=1)
+        whole = np.cumsum(held * np.diff(onward)[:, None], axis=0)
+        return onward, np.concatenate([np.zeros((1, 2)), whole])
+
+    def mean_before(self, at: ArrayLike) -> NDArray[np.float64]:
+        """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the one before, N m."""
+        at, (t, impulse) = np.asarray(at, dtype=np.float64), self.knots
+        until = np.stack([np.interp(at, t, column) for column in impulse.T], axis=1)
+        passed = np.diff(at, prepend=at[0] - 1.0)
+        return np.diff(until, axis=0, prepend=until[:1]) / np.where(passed > 0, passed, 1.0)[:, None]
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What hung on the rig during a run, and what drove it."""
+
+    mounting: Mounting = "both"
+    added: AddedMass | None = None
+    """The known mass that was clamped on."""
+    elbow: float = 0.0
+    """Angle theta2 - theta1 of a clamped elbow, to a tenth of a radian."""
+    torques: Torques | None = None
+    """What drove the joints; None for a free swing."""
+
+    @property
+    def alone(self) -> bool:
+        """Whether one rod swung alone, so that the readings of joint 2 mean nothing."""
+        return self.mounting in ("inner", "outer")
+
+    @property
+    def weighs(self) -> bool:
+        """Whether a known mass or torque makes the scale of all torques visible."""
+        return self.added is not None or self.torques is not None
+
+    @property
+    def held(self) -> bool:
+        """Whether all that hung on joint 1 turned as one."""
+        return self.mounting != "both"
+
+    @property
+    def starts(self) -> int:
+        """Numbers of an initial state: two angles and two speeds, one speed of a clamped elbow, one rod's own."""
+        return {"both": 4, "clamped": 3}.get(self.mounting, 2)
+
+
+BOTH = Setup()
+"""Both rods swing, and nothing is clamped on."""

@@ -1,0 +1,197 @@
+"""Which column of a table is what: by the names that loggers use, by what was said, by place where none has a name."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.table import Table
+
+AXES = ("theta0", "theta1", "theta2")
+TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+UNITS = ("rad", "deg", "counts")
+_TORQUE_NAME = re.compile(r"(?:tau|torque|trq|effort)([12])(measured|meas|commanded|command|cmd|des|desired)?(?:nm)?")
+_TORQUE_KINDS = {"measured": "measured", "meas": "measured"} | dict.fromkeys(
+    ("commanded", "command", "cmd", "des", "desired"), "commanded"
+)
+NO_ROD = "joint 2, without a rod"
+"""Name of a column that stands in."""
+
+_TIME_NAME = r"(t|time|timestamp|elapsed|tout)?({unit})?(?<=.)"
+_TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
+_ANGLE_NAME = r"(theta|th|phi|q|angle|joint|pos|position|θ|φ){axis}(rad|radians?|deg|degrees?)?"
+_COUNT_NAME = r"(counts?|enc|encoder){axis}(counts?|ticks?)?"
+_ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}".format(axis=""))
+_SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
+_SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|(°)")
+_NO_NAME = re.compile(r"\d+|.+\[\d+\]")
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Which column is what, and in what unit."""
+
+    names: Mapping[str, str]
+    """Of t and the axes, the column's name."""
+    unit: str
+    time_unit: str
+    notes: tuple[str, ...] = ()
+
+
+def is_time(name: str) -> bool:
+    """Whether a column is named as loggers name the time."""
+    return any(re.fullmatch(_TIME_NAME.format(unit=unit), _bare(name)) for unit in _TIME_SUFFIX.values())
+
+
+def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
+    """Which column is what, by the names loggers use; quantities without exactly one match are left out."""
+    patterns = {"t": re.compile(_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit]))}
+    for axis, quantity in enumerate(AXES):
+        patterns[quantity] = re.compile((_COUNT_NAME if unit == "counts" else _ANGLE_NAME).format(axis=axis))
+    found = {q: [n for n in names if p.fullmatch(_bare(n))] for q, p in patterns.items()}
+    return {quantity: matches[0] for quantity, matches in found.items() if len(matches) == 1}
+
+
+def find_columns(
+    table: Table, given: Mapping[str, str], unit: str | None, time_unit: str | None, rate_hz: float | None
+) -> Columns:
+    """Which column is what.
+
+    Args:
+        table: the table
+        given: column name of t, theta0, theta1, theta2, where it is said
+        unit: of the angles; None for what their names say, else rad
+        time_unit: of the time; None for what its name says, else s
+        rate_hz: rows a second of a table without time
+
+    Raises:
+        RunError: a column that cannot be found, is there twice, is of another length or says another unit.
+    """
+    names = [*table.names, *table.other_lengths]
+    unit = unit or _said_unit(names, given)
+    time_unit = time_unit or _said_time_unit(names, given)
+    found, notes = guess_columns(names, unit, time_unit) | dict(given), ()
+    if not {"theta1", "theta2"} & set(found):
+        by_place = _by_place(table, found.get("t"), rate_hz is not None)
+        notes = (f"columns without names taken as {', '.join(by_place)}",) if by_place else ()
+        found |= by_place
+    if rate_hz is not None:
+        found.pop("t", None)
+    _refuse(table, found, given, rate_hz is None)
+    _check_units(table, found, unit, time_unit)
+    return Columns(found, unit, time_unit, notes)
+
+
+def find_torques(names: Sequence[str], source: str | None, path: object) -> tuple[str, ...]:
+    """Columns of the torques of joint 1 and 2; none of a free swing.
+
+    Args:
+        names: of the table's columns
+        source: `measured` or `commanded`, where there are both; `none` for none; None for what there is
+        path: of the table
+
+    Raises:
+        RunError: both kinds without a choice, or one joint's only.
+    """
+    matches = [(name, _TORQUE_NAME.fullmatch(_bare(name))) for name in names]
+    found = {(match[2] or "", match[1]): name for name, match in matches if match}
+    kinds = sorted({_TORQUE_KINDS.get(kind, "") for kind, _ in found})
+    if source == "none" or not found:
+        if source in _TORQUE_KINDS.values():
+            raise RunError(f"{path}: has no column of {source} torques; it has: {', '.join(names)}")
+        return ()
+    if source is None and len(kinds) > 1:
+        raise RunError(f"{path}: holds torques {' and '.join(kinds)}: say --torque measured or --torque commanded")
+    wanted = source or kinds[0]
+    chosen = {joint: name for (kind, joint), name in found.items() if _TORQUE_KINDS.get(kind, "") in (wanted, "")}
+    if set(chosen) != {"1", "2"}:
+        raise RunError(f"{path}: torques are needed of both joints; there are: {', '.join(chosen.values()) or 'none'}")
+    return chosen["1"], chosen["2"]
+
+
+def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
+    """A table of one rod with a column of a joint 2 that does not turn, where it has none; and those given.
+
+    The rod's own column may have a name without a number.
+    """
+    there = any("theta2" in guess_columns(table.names, unit) for unit in ("rad", "counts"))
+    if there or "theta2" in given:
+        return table, dict(given)
+    alone = [name for name in table.names if _ONE_ROD.fullmatch(_bare(name))]
+    if len(alone) == 1 and not any("theta1" in guess_columns(table.names, unit) for unit in ("rad", "counts")):
+        given = {"theta1": alone[0], **given}
+    values = (*table.values, np.zeros(len(table.lines)))
+    grown = replace(table, names=(*table.names, NO_ROD), values=values, strange=(*table.strange, ""))
+    return grown, {**given, "theta2": NO_ROD}
+
+
+def _refuse(table: Table, found: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
+    names = [*table.names, *table.other_lengths]
+    there = f"the table has: {', '.join(names)}"
+    for quantity, name in given.items():
+        if names.count(name) != 1:
+            raise RunError(f"{table.path}: {names.count(name)} columns are named {name!r} ({quantity}); {there}")
+    missing = [q for q in (("t",) if timed else ()) + ("theta1", "theta2") if q not in found]
+    if missing:
+        rate = "; of a table without time say --rate-hz" if "t" in missing else ""
+        raise RunError(
+            f"{table.path}: no single column found for {' and '.join(missing)}; {there}."
+            f" Name it, for example columns {missing[0]}=NAME; both rods are needed{rate}"
+        )
+    other = [name for name in found.values() if name in table.other_lengths]
+    if other:
+        lengths = ", ".join(f"{name} {table.other_lengths[name]:,}" for name in other)
+        raise RunError(
+            f"{table.path}: columns of different length: {lengths} values where the others have {len(table.lines):,}"
+        )
+
+
+def _said_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
+    angles = guess_columns(names, "rad") | dict(given)
+    said = [_SAID_UNIT.search(angles[axis].lower()) for axis in AXES if axis in angles]
+    units = {match[1] or "deg" for match in said if match}
+    if len(units) == 1:
+        return units.pop()
+    counted = guess_columns(names, "counts")
+    return "counts" if not {"theta1", "theta2"} & set(angles) and "theta1" in counted else "rad"
+
+
+def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
+    if "t" in given:
+        said = _SAID_TIME_UNIT.search(given["t"].lower())
+        return said[1] if said else "s"
+    return next((unit for unit in TO_SECONDS if "t" in guess_columns(names, time_unit=unit)), "s")
+
+
+def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, str]:
+    """Columns without names by their order: time if it is there, then both rods, or the arm and both rods."""
+    if table.settled or not all(_NO_NAME.fullmatch(name) for name in table.names if name != time):
+        return {}
+    rest = [name for name in table.names if name != time]
+    found: dict[str, str] = {}
+    if time is None and not without_time and _runs(table.values[0]):
+        found["t"] = rest.pop(0)
+    if len(rest) not in (2, 3) or (time is None and not without_time and not found):
+        return {}
+    return found | dict(zip(AXES[-len(rest) :], rest, strict=True))
+
+
+def _runs(column: NDArray[np.float64]) -> bool:
+    """Whether a column grows in about equal steps."""
+    steps = np.diff(column)
+    return bool(len(steps) and (steps > 0).all() and np.median(steps) > 0.5 * np.mean(steps))
+
+
+def _check_units(table: Table, found: Mapping[str, str], unit: str, time_unit: str) -> None:
+    for quantity, name in found.items():
+        pattern, given = (_SAID_TIME_UNIT, time_unit) if quantity == "t" else (_SAID_UNIT, unit)
+        said = pattern.search(name.lower())
+        if said and (said[1] or "deg") != given:
+            raise RunError(f"{table.path}: column {name!r} says {said[0]}, but the unit given is {given}")
+
+
+def _bare(name: str) -> str:
+    return re.sub(r"[\W_]+", "", name.lower())

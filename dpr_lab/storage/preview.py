@@ -1,0 +1,100 @@
+"""What was understood of a table, to be looked at before it becomes a run."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.rig import Rig
+from dpr_lab.storage.columns import AXES
+from dpr_lab.storage.csv_import import PLAUSIBLE, ImportOptions, understand
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """What was understood of a table."""
+
+    file: Path
+    kind: str
+    """What kind of file it is."""
+    columns: dict[str, str]
+    """Of t and the axes, the column's name."""
+    angles: str
+    zero: str
+    unit: str
+    time_unit: str
+    samples: int
+    duration_s: float
+    rate_hz: float
+    steps_s: tuple[float, float]
+    """Shortest and longest step."""
+    gaps: int
+    """Steps that are longer than they should be."""
+    notes: tuple[str, ...]
+    t: NDArray[np.float64]
+    """(n,) s"""
+    theta: NDArray[np.float64]
+    """(n, 3) absolute angles, 0 = upright, as the run would hold them, rad."""
+
+    def facts(self) -> dict[str, str]:
+        """In words, one line each."""
+        by_rig = self.unit == "counts"
+        reading = f"{self.unit}, by the rig's encoders" if by_rig else f"{self.unit}, {self.angles}, {self.zero} is 0"
+        axes = ", ".join(f"{axis} = {name}" for axis, name in self.columns.items())
+        gaps = f"; {self.gaps} gaps" if self.gaps else "; no gaps"
+        return {
+            "file": self.kind,
+            "columns": axes,
+            "angles": reading,
+            "time": f"{self.samples:,} rows in {self.duration_s:.6g} s, unit {self.time_unit}",
+            "rate": f"{self.rate_hz:.6g} Hz, steps {self.steps_s[0]:.4g} to {self.steps_s[1]:.4g} s{gaps}",
+            "rods": "; ".join(f"theta{k} {_range(self.theta[:, k])}" for k in (1, 2)),
+        }
+
+    def first_rows(self, rows: int = 5) -> list[tuple[float, ...]]:
+        """Time and angles of the first rows, s and rad."""
+        return [(t, *theta) for t, theta in zip(self.t[:rows].tolist(), self.theta[:rows].tolist(), strict=True)]
+
+    def to_json(self) -> dict[str, object]:
+        """Everything but the record, of which the first rows."""
+        names = ("kind", "columns", "angles", "zero", "unit", "time_unit", "samples", "duration_s", "rate_hz", "gaps")
+        said = {name: getattr(self, name) for name in names}
+        return {
+            "file": str(self.file),
+            **said,
+            "steps_s": list(self.steps_s),
+            "notes": list(self.notes),
+            "first_rows": [dict(zip(("t", *AXES), row, strict=True)) for row in self.first_rows()],
+        }
+
+
+def preview(file: Path, rig: Rig, options: ImportOptions) -> Preview:
+    """Read a table as `import_csv` does, and write nothing.
+
+    Raises:
+        RunError: as `import_csv`.
+    """
+    swing = understand(file, rig, options)
+    steps = np.diff(swing.t)
+    return Preview(
+        file=file,
+        kind=swing.kind,
+        columns=dict(swing.columns),
+        angles=swing.options.angles,
+        zero=swing.options.zero,
+        unit=swing.options.unit or "rad",
+        time_unit=swing.options.time_unit or "s",
+        samples=len(swing.t),
+        duration_s=float(swing.t[-1]),
+        rate_hz=swing.rate_hz,
+        steps_s=(float(steps.min()), float(steps.max())),
+        gaps=int(np.count_nonzero(steps > PLAUSIBLE.gap_steps * np.median(steps))),
+        notes=swing.notes,
+        t=swing.t,
+        theta=swing.theta,
+    )
+
+
+def _range(theta: NDArray[np.float64]) -> str:
+    return f"{theta.min():.3f} to {theta.max():.3f} rad"

@@ -1,0 +1,74 @@
+"""What people have, read as a table: one file for each kind, one row of `READERS`; its first bytes tell the kind.
+
+arrays        named arrays as the columns of a table, and what a reader believes of a size
+points        points followed in a picture (Tracker, DeepLabCut) as angles
+matlab        .mat up to version 7: arrays, structs
+hdf5          HDF5, .mat of version 7.3
+npz           NumPy's .npz and .npy
+parquet       Apache Parquet
+joint_states  sensor_msgs/JointState in MCAP files and ROS 2 bags
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.readers.hdf5 import read_hdf5
+from dpr_lab.storage.readers.joint_states import read_bag, read_mcap, read_sqlite
+from dpr_lab.storage.readers.matlab import read_matlab
+from dpr_lab.storage.readers.npz import read_numpy
+from dpr_lab.storage.readers.parquet import read_parquet
+from dpr_lab.storage.readers.points import read_text
+from dpr_lab.storage.table import Table
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """How one kind of file is known and read."""
+
+    kind: str
+    begins: tuple[bytes, ...]
+    """What stands at its beginning."""
+    read: Callable[[Path, Sequence[str]], Table]
+    """The file, and what of it is wanted (`ImportOptions.take`), as a table."""
+
+
+def _refuse_spreadsheet(path: Path, take: Sequence[str]) -> Table:
+    raise RunError(f"{path}: is a spreadsheet or another packed document: save its table as CSV (UTF-8) first")
+
+
+READERS: tuple[Reader, ...] = (
+    Reader("MATLAB file", (b"MATLAB 5.0",), read_matlab),
+    Reader("MATLAB file of version 7.3", (b"MATLAB 7.3",), read_hdf5),
+    Reader("HDF5 file", (b"\x89HDF\r\n\x1a\n",), read_hdf5),
+    Reader("Parquet file", (b"PAR1",), read_parquet),
+    Reader("MCAP file", (b"\x89MCAP0\r\n",), read_mcap),
+    Reader("ROS 2 bag", (b"SQLite format 3\0",), read_sqlite),
+    Reader("NumPy file", (b"\x93NUMPY", b"PK\x03\x04"), read_numpy),
+    Reader("spreadsheet", (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",), _refuse_spreadsheet),
+)
+"""Looked through in this order; what none of them knows is text."""
+
+
+def read_any(path: Path, take: Sequence[str] = ()) -> Table:
+    """Read a table of any kind.
+
+    Args:
+        path: a file, or the folder of a ROS 2 bag
+        take: names of what is wanted, where a file holds more than one recording (`ImportOptions.take`)
+
+    Raises:
+        RunError: it cannot be read, or holds no columns of numbers.
+        DprError: a library is needed that is not installed; says which.
+    """
+    if path.is_dir():
+        return read_bag(path, take)
+    try:
+        with path.open("rb") as file:
+            begin = file.read(16)
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+    fitting = (reader.read for reader in READERS if begin.startswith(reader.begins))
+    # A MATLAB file of version 4 has no mark of its own.
+    return next(fitting, read_matlab if path.suffix.lower() == ".mat" else read_text)(path, take)

@@ -1,0 +1,118 @@
+"""Named arrays as the columns of a table."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError, printable
+from dpr_lab.storage import table as text_table
+from dpr_lab.storage.columns import is_time
+from dpr_lab.storage.table import Table
+
+BROKEN = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    NotImplementedError,
+    OSError,
+    RecursionError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+)
+"""What libraries raise on bytes that are not what they should be."""
+
+
+def refuse_large(path: Path, values: int) -> None:
+    """Make sure that a file unpacks to what a recording may be.
+
+    Args:
+        path: the file
+        values: how many numbers it says, or shows, to hold
+
+    Raises:
+        RunError: it holds more.
+    """
+    most = text_table.LIMITS.values
+    if values > most:
+        raise RunError(f"{path}: unpacks to {values:,} numbers, more than {most:,}: cut it into recordings")
+
+
+def broken(path: Path, kind: str, error: BaseException) -> RunError:
+    """The sentence for a file that its library cannot read."""
+    return RunError(f"{path}: is damaged, or no {kind}: {printable(str(error)[:200]) or type(error).__name__}")
+
+
+def table_of(
+    path: Path, kind: str, arrays: Mapping[str, NDArray], take: Sequence[str] = (), notes: Sequence[str] = ()
+) -> Table:
+    """Named arrays as a table: vectors are columns, matrices several, single numbers none.
+
+    A matrix's columns are `NAME[1]`, `NAME[2]`, ...; of `group/name` the last part is the column's name where no other
+    ends so.
+
+    Args:
+        path: the file
+        kind: what kind of file it is
+        arrays: of any shape and type; what is no table of numbers is left out
+        take: names of arrays or groups; only these, and what is in them
+        notes: what is to be told
+
+    Raises:
+        RunError: no array of numbers, none of a name that is wanted, or too many numbers.
+    """
+    wanted = _wanted(path, arrays, take)
+    found = dict(_columns(wanted))
+    if not found:
+        held = ", ".join(f"{printable(name)} {_shape(array)}" for name, array in arrays.items()) or "nothing"
+        raise RunError(f"{path}: holds no columns of numbers; it holds: {held[:500]}")
+    refuse_large(path, sum(map(len, found.values())))
+    last = Counter(name.rsplit("/", 1)[-1] for name in found)
+    short = {name: name if last[name.rsplit("/", 1)[-1]] > 1 else name.rsplit("/", 1)[-1] for name in found}
+    times = [len(column) for name, column in found.items() if is_time(short[name])]
+    rows = times[0] if len(times) == 1 else Counter(map(len, found.values())).most_common(1)[0][0]
+    kept = {name: column for name, column in found.items() if len(column) == rows}
+    return Table(
+        path,
+        tuple(printable(short[name]) for name in kept),
+        tuple(np.asarray(column, dtype=np.float64) for column in kept.values()),
+        ("",) * len(kept),
+        np.arange(1, rows + 1),
+        tuple(notes),
+        kind,
+        other_lengths={short[name]: len(column) for name, column in found.items() if name not in kept},
+    )
+
+
+def _wanted(path: Path, arrays: Mapping[str, NDArray], take: Sequence[str]) -> Mapping[str, NDArray]:
+    for name in take:
+        if not any(_within(other, name) for other in arrays):
+            there = ", ".join(map(printable, arrays))
+            raise RunError(f"{path}: nothing in it is named {name!r}; there are: {there[:500] or 'none'}")
+    return {name: a for name, a in arrays.items() if not take or any(_within(name, wanted) for wanted in take)}
+
+
+def _within(name: str, wanted: str) -> bool:
+    return name == wanted or name.startswith(f"{wanted}/")
+
+
+def _columns(arrays: Mapping[str, NDArray]) -> Iterator[tuple[str, NDArray]]:
+    for name, array in arrays.items():
+        flat = np.squeeze(array)
+        if array.dtype.kind not in "biuf" or flat.ndim not in (1, 2):
+            continue
+        if flat.ndim == 1:
+            yield name, flat
+            continue
+        columns = flat if flat.shape[0] < flat.shape[1] else flat.T
+        yield from ((f"{name}[{k + 1}]", column) for k, column in enumerate(columns))
+
+
+def _shape(array: NDArray) -> str:
+    return "x".join(map(str, array.shape)) if array.dtype.kind in "biuf" else "(no numbers)"

@@ -1,0 +1,206 @@
+"""`sensor_msgs/JointState` in MCAP files and in the folders of ROS 2 bags; no ROS is needed."""
+
+import re
+import sqlite3
+import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Channel, Chunk, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+
+from dpr_lab.errors import RunError, printable
+from dpr_lab.storage.export import JOINT_STATE, JOINT_STATE_DEFINITION, extra
+from dpr_lab.storage.layout import NANOSECONDS, PROVENANCE
+from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large
+from dpr_lab.storage.scan import mapped
+from dpr_lab.storage.table import Table
+
+KIND = "ROS 2 bag"
+
+
+@dataclass(frozen=True, slots=True)
+class BagLimits:
+    """What is believed of a bag."""
+
+    record_bytes: int = 64 << 20
+    """Of one record or chunk, packed and unpacked: pictures may lie in one chunk with the joints."""
+    message_bytes: int = 1 << 16
+    """Of one JointState: some hundred joints."""
+    joints: int = 100
+
+
+LIMITS = BagLimits()
+_BROKEN = (*BROKEN, McapError, zstandard.ZstdError, struct.error)
+
+Stamped = tuple[str, int, bytes]
+"""Topic, time of the log in ns, message as CDR."""
+
+
+def read_mcap(path: Path, take: Sequence[str]) -> Table:
+    """Read the joint positions of an MCAP file; `take` is its topic.
+
+    Raises:
+        RunError: damaged, a run file, without JointState, with several topics of it, or two joints of one name.
+        DprError: mcap-ros2-support is not installed.
+    """
+    return _table(path, "MCAP file", lambda: _mcap_messages(path), take)
+
+
+def read_sqlite(path: Path, take: Sequence[str]) -> Table:
+    """Read the joint positions of a bag's `.db3` file; as `read_mcap`."""
+    return _table(path, KIND, lambda: _sqlite_messages(path), take)
+
+
+def read_bag(folder: Path, take: Sequence[str]) -> Table:
+    """Read the joint positions of a ROS 2 bag, a folder with `metadata.yaml`; as `read_mcap`."""
+    if not (folder / "metadata.yaml").is_file():
+        raise RunError(f"{folder}: is a folder without metadata.yaml, so no ROS 2 bag: name the file in it")
+    files = sorted((p for p in folder.iterdir() if p.suffix in (".mcap", ".db3")), key=_by_number)
+    if not files:
+        raise RunError(f"{folder}: is a ROS 2 bag without a .mcap or .db3 file; one that is packed is unpacked first")
+    opened = {".mcap": _mcap_messages, ".db3": _sqlite_messages}
+    return _table(folder, KIND, lambda: chain.from_iterable(opened[p.suffix](p) for p in files), take)
+
+
+def _by_number(path: Path) -> list[tuple[int, str]]:
+    return [(int(part) if part.isdigit() else 0, part) for part in re.split(r"(\d{1,9})", path.name)]
+
+
+def _table(path: Path, kind: str, messages: Callable[[], Iterable[Stamped]], take: Sequence[str]) -> Table:
+    with extra("ros2"):
+        from mcap_ros2.decoder import DecoderFactory
+    # What a file says of the message's layout is not needed, and not read.
+    schema = Schema(id=1, name=JOINT_STATE, encoding="ros2msg", data=JOINT_STATE_DEFINITION.encode())
+    decode = DecoderFactory().decoder_for("cdr", schema)
+    assert decode is not None
+    try:
+        times, names, rows, topic = _gathered(path, messages(), decode, take)
+    except _BROKEN as error:
+        raise broken(path, kind, error) from error
+    values = np.full((len(rows), len(names)), np.nan)
+    for row, positions in enumerate(rows):
+        values[row, list(positions)] = list(positions.values())
+    t = (np.array(times) - times[0]) / NANOSECONDS
+    return Table(
+        path,
+        ("t", *names),
+        (t, *values.T),
+        ("",) * (len(names) + 1),
+        np.arange(1, len(rows) + 1),
+        (f"joints of {topic}: {', '.join(names)}",),
+        kind,
+    )
+
+
+def _gathered(
+    path: Path, messages: Iterable[Stamped], decode: Callable[[bytes], Any], take: Sequence[str]
+) -> tuple[list[int], list[str], list[dict[int, float]], str]:
+    """Time in ns, joints, and position by joint of every message on the one topic."""
+    logged: list[int] = []
+    stamped: list[int] = []
+    joints: dict[str, int] = {}
+    rows: list[dict[int, float]] = []
+    topics: set[str] = set()
+    for topic, log_time, data in messages:
+        topics.add(topic)
+        if take and topic not in take:
+            continue
+        if len(topics) > 1 and not take:
+            there = ", ".join(sorted(map(printable, topics)))
+            raise RunError(f"{path}: holds JointState on several topics: choose with --take one of {there}")
+        if len(data) > LIMITS.message_bytes:
+            raise RunError(f"{path}: a JointState of {len(data):,} bytes, {LIMITS.message_bytes:,} is the most")
+        message = decode(data)
+        rows.append(_positions(path, message, joints))
+        refuse_large(path, len(rows) * (len(joints) + 1))
+        logged.append(log_time)
+        stamped.append(message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec)
+    if not rows:
+        there = f"; its topics of that type: {', '.join(sorted(map(printable, topics)))}" if topics else ""
+        raise RunError(f"{path}: holds no sensor_msgs/JointState{f' on {take[0]}' if take else ''}{there}")
+    # A driver that leaves the stamp out leaves it at zero.
+    return (stamped if all(stamped) else logged), list(joints), rows, printable(min(take or topics))
+
+
+def _positions(path: Path, message: Any, joints: dict[str, int]) -> dict[int, float]:
+    names = [printable(name) for name in message.name]
+    if len(set(names)) < len(names):
+        raise RunError(f"{path}: two joints of one name in a JointState: {', '.join(names[:10])}: rename one")
+    if len(message.position) != len(names):
+        raise RunError(f"{path}: a JointState of {len(names)} names and {len(message.position)} positions")
+    for name in names:
+        joints.setdefault(name, len(joints))
+    if len(joints) > LIMITS.joints:
+        raise RunError(f"{path}: more than {LIMITS.joints} joints")
+    return {joints[name]: float(position) for name, position in zip(names, message.position, strict=True)}
+
+
+def _mcap_messages(path: Path) -> Iterator[Stamped]:
+    schemas: dict[int, str] = {}
+    channels: dict[int, Channel] = {}
+    with mapped(path) as file:
+        reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LIMITS.record_bytes)  # pyright: ignore[reportArgumentType]
+        for record in reader.records:
+            for inner in breakup_chunk(_expanded(record), validate_crc=True) if isinstance(record, Chunk) else [record]:
+                match inner:
+                    case Metadata(name=name) if name == PROVENANCE:
+                        raise RunError(f"{path}: is a run of dpr-lab already: nothing needs to be imported")
+                    case Schema():
+                        schemas[inner.id] = inner.name
+                    case Channel() if schemas.get(inner.schema_id) in (JOINT_STATE, "sensor_msgs/JointState"):
+                        _refuse_encoding(path, inner)
+                        channels[inner.id] = inner
+                    case Message() if inner.channel_id in channels:
+                        yield channels[inner.channel_id].topic, inner.log_time, inner.data
+                    case _:
+                        pass
+
+
+def _refuse_encoding(path: Path, channel: Channel) -> None:
+    if channel.message_encoding != "cdr":
+        said = printable(channel.message_encoding[:20])
+        raise RunError(f"{path}: its JointState is written as {said!r}, not as ROS 2 does: convert the bag to ROS 2")
+
+
+def _expanded(chunk: Chunk) -> Chunk:
+    """The chunk unpacked, at most to what it says and to the limit."""
+    size = chunk.uncompressed_size
+    if size > LIMITS.record_bytes:
+        raise McapError(f"a chunk that would expand to {size:,} bytes, {LIMITS.record_bytes:,} is the most")
+    if chunk.compression == "zstd":
+        if zstandard.frame_content_size(chunk.data) > size:
+            raise McapError("a chunk larger than it says")
+        return replace(chunk, compression="", data=zstandard.decompress(chunk.data, size))
+    if chunk.compression == "lz4":
+        import lz4.frame
+
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        return replace(chunk, compression="", data=data)
+    return chunk
+
+
+def _sqlite_messages(path: Path) -> Iterator[Stamped]:
+    try:
+        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as bag:
+            bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LIMITS.record_bytes)
+            bag.execute("PRAGMA trusted_schema = OFF")
+            tables = bag.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+            if not {("topics",), ("messages",)} <= set(tables.fetchmany(LIMITS.joints)):
+                raise RunError(f"{path}: is a database, but no ROS 2 bag")
+            kinds = (JOINT_STATE, "cdr")
+            query = (
+                "SELECT name, timestamp, data FROM messages JOIN topics ON topics.id = topic_id"
+                " WHERE topics.type = ? AND serialization_format = ? ORDER BY timestamp"
+            )
+            for name, stamp, data in bag.execute(query, kinds):
+                yield str(name), int(stamp), bytes(data)
+    except sqlite3.Error as error:
+        raise broken(path, KIND, error) from error

@@ -1,0 +1,97 @@
+"""MATLAB files up to version 7: arrays, and structs of them. Its objects are code, and refused."""
+
+import struct
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage import table as text_table
+from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
+from dpr_lab.storage.table import Table
+
+KIND = "MATLAB file"
+HEADER, TAG, COMPRESSED = 128, 8, 15
+"""Bytes before the first element, bytes of an element's tag, and its type when it is packed (MAT-File Format, 2024)."""
+
+
+def object_sentence(path: Path, class_name: str) -> RunError:
+    """What to do with an object of MATLAB's."""
+    how = "s.time = ts.Time; s.data = ts.Data; save('swing.mat', '-struct', 's')"
+    return RunError(
+        f"{path}: holds an object of MATLAB's class {class_name}, which MATLAB alone can read:"
+        f" save it as a struct: {how}"
+    )
+
+
+def read_matlab(path: Path, take: Sequence[str]) -> Table:
+    """Read a .mat file: every numeric array in it, and in its structs.
+
+    Raises:
+        RunError: it cannot be read, holds an object, or unpacks to more than a recording.
+    """
+    from scipy.io import loadmat
+
+    try:
+        content = path.read_bytes() if path.stat().st_size <= _most_bytes() else b""
+        if not content:
+            refuse_large(path, path.stat().st_size // 8)
+            raise RunError(f"{path}: is empty")
+        if content.startswith(b"MATLAB 5.0"):
+            content = _unpacked(path, content)
+        held = loadmat(BytesIO(content), simplify_cells=False, chars_as_strings=False)
+    except (*BROKEN, struct.error, zlib.error) as error:
+        raise broken(path, KIND, error) from error
+    return table_of(path, KIND, dict(_arrays(path, "", held)), take)
+
+
+def _most_bytes() -> int:
+    return 8 * text_table.LIMITS.values
+
+
+def _unpacked(path: Path, content: bytes) -> bytes:
+    """The same file with no element packed; none of the sizes that it says is believed."""
+    order = "<" if content[126:HEADER] == b"IM" else ">"
+    out, at, most = [content[:HEADER]], HEADER, _most_bytes()
+    while at + TAG <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, at)
+        end = at + TAG + size
+        element = content[at:end]
+        if kind == COMPRESSED:
+            element = zlib.decompressobj().decompress(content[at + TAG : end], most + 1)
+        most -= len(element)
+        if most < 0:
+            refuse_large(path, text_table.LIMITS.values + 1)
+        out.append(element)
+        at = end
+    return b"".join(out)
+
+
+def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[str, NDArray]]:
+    """Name -> array of everything in a struct and the structs in it."""
+    from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+
+    for key, value in held.items():
+        if key.startswith("__") or not isinstance(value, np.ndarray):
+            continue
+        name = f"{within}{key}"
+        if isinstance(value, MatlabOpaque):
+            raise object_sentence(path, _class_of(value))
+        if isinstance(value, MatlabObject):
+            raise object_sentence(path, str(value.classname))
+        if value.dtype.names and value.size == 1 and not isinstance(value, MatlabFunction):
+            fields = value.reshape(-1)[0]
+            yield from _arrays(path, f"{name}/", {field: fields[field] for field in value.dtype.names})
+        else:
+            yield name, value
+
+
+def _class_of(opaque: Any) -> str:
+    said = opaque.reshape(-1)[0]
+    names = [bytes(part).decode("latin-1") for part in said if isinstance(part, bytes | np.bytes_)]
+    return names[-1] if names else "unknown"

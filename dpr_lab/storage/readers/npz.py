@@ -1,0 +1,41 @@
+"""NumPy's .npz and .npy, without the pickles that such a file may carry."""
+
+import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
+from dpr_lab.storage.table import Table
+
+KIND = "NumPy file"
+
+
+def read_numpy(path: Path, take: Sequence[str]) -> Table:
+    """Read every numeric array of a .npz, or the one of a .npy.
+
+    Raises:
+        RunError: damaged, an archive of something else, pickled objects, or more numbers than a recording has.
+    """
+    try:
+        if not zipfile.is_zipfile(path):
+            refuse_large(path, path.stat().st_size // 8)
+            with path.open("rb") as file:
+                return table_of(path, KIND, {"array": np.load(file, allow_pickle=False)}, take)
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            if not all(member.filename.endswith(".npy") for member in members):
+                raise RunError(f"{path}: is a packed document, no .npz: of a spreadsheet save the table as CSV (UTF-8)")
+            refuse_large(path, sum(member.file_size for member in members) // 8)
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
+            return table_of(path, KIND, {name: held[name] for name in held.files}, take)
+    except ValueError as error:
+        if "allow_pickle" in str(error):
+            said = "holds pickled objects, which could be code: save plain arrays of numbers"
+            raise RunError(f"{path}: {said}") from error
+        raise broken(path, KIND, error) from error
+    except (*BROKEN, zipfile.BadZipFile, zlib.error) as error:
+        raise broken(path, KIND, error) from error

@@ -1,0 +1,182 @@
+"""Points that were followed in a picture (Tracker, DeepLabCut, columns of x and y) as the angles of the rods.
+
+The inner rod reaches from the pivot to the elbow, the outer one from the elbow to the tip:
+
+    theta1 = pi + atan2(x1, -y1),  (x1, y1) = elbow - pivot, y upwards;  theta2 likewise from tip - elbow
+
+A rod keeps its length, so how much the distance of its ends scatters is the noise of a point in the picture, and that
+over the length is the noise of the angle.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.columns import is_time
+from dpr_lab.storage.table import Table, read_table
+
+
+@dataclass(frozen=True, slots=True)
+class PointSettings:
+    """When a point is believed."""
+
+    likelihood: float = 0.6
+    """At least; DeepLabCut draws no others (its pcutoff)."""
+    length_scatter: float = 0.1
+    """Of a rod, relative, at most: beyond it these are not its ends."""
+
+
+SETTINGS = PointSettings()
+PLAIN = "table of points"
+WANTED = "the pivot, the elbow and the tip, or the elbow and the tip of a pivot at rest"
+_COORDINATE = r"(?:(?P<c1>[xy])[\W_]*(?P<n1>\w+)|(?P<n2>\w+?)[\W_]*(?P<c2>[xy]))"
+_BY_NAME = re.compile(rf"{_COORDINATE}(\W*(px|pixels?|mm|cm|m)\W*)?", re.I)
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    name: str
+    at: NDArray[np.float64]
+    """(n, 2) x to the right, y upwards, NaN where it was not seen."""
+
+
+def read_text(path: Path, take: Sequence[str]) -> Table:
+    """Read a text table; one of points becomes one of angles.
+
+    Raises:
+        RunError: as `dpr_lab.storage.table.read_table`, or points that are not the ends of two rods.
+    """
+    table = read_table(path)
+    kind, points = _points(table)
+    if not points:
+        if take:
+            raise RunError(f"{path}: is one table without parts, nothing in it can be taken alone: leave out --take")
+        return table
+    return _angles(replace(table, kind=kind), points, take)
+
+
+def _points(table: Table) -> tuple[str, list[_Point]]:
+    """What the table is of, and the points in it."""
+    rows = {row[0].lower(): row for row in table.heading if row and len(row) == len(table.names)}
+    if "bodyparts" in rows and "coords" in rows:
+        columns = zip(rows["bodyparts"], (coord.lower() for coord in rows["coords"]), strict=True)
+        return "table of points by DeepLabCut", list(_upwards(table, list(columns)[1:], 1, -1.0))
+    names = [re.sub(r"[\W_]", "", name).lower() for name in table.names]
+    if names.count("x") > 1 and names.count("x") == names.count("y"):
+        columns = list(zip(_groups(table), names, strict=True))
+        return "table of points by Tracker", list(_upwards(table, columns, 0, 1.0))
+    fitted = [_BY_NAME.fullmatch(name) for name in table.names]
+    columns = [((m["n1"] or m["n2"]).lower(), (m["c1"] or m["c2"]).lower()) if m else ("", "") for m in fitted]
+    pairs = {name for name, _ in columns if {(name, "x"), (name, "y")} <= set(columns)}
+    if len(pairs) < 2 or any(re.search(r"th|phi|angle|^q\d|joint", name.lower()) for name in table.names):
+        return "", []
+    return PLAIN, list(_upwards(table, [c if c[0] in pairs else ("", "") for c in columns], 0, -1.0))
+
+
+def _groups(table: Table) -> list[str]:
+    """The name of the point that each column of a Tracker table belongs to: it stands above its first one."""
+    above = [row for row in table.heading if row != table.names and any(row)]
+    row = (above[-1] if above else ()) + ("",) * len(table.names)
+    groups, current, number = [], "", 0
+    for name, said in zip(table.names, row, strict=False):
+        if name.lower() == "x":
+            number += 1
+            current = said or (current if current and not said else f"point {number}")
+        current = said or current
+        groups.append(current)
+    return groups
+
+
+def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float) -> Iterator[_Point]:
+    at = {}
+    for k, column in enumerate(columns):
+        if column[1] in ("x", "y", "likelihood") and at.setdefault(column, k + first) != k + first:
+            raise RunError(f"{table.path}: two columns of {column[1]} for the point {column[0]!r}: one animal, one rig")
+    for name in dict.fromkeys(name for name, _ in columns):
+        if (name, "x") not in at or (name, "y") not in at:
+            continue
+        x, y = (table.values[at[name, axis]] for axis in "xy")
+        point = np.column_stack([x, up * y])
+        if (name, "likelihood") in at:
+            point[~(table.values[at[name, "likelihood"]] >= SETTINGS.likelihood)] = np.nan
+        yield _Point(name, point)
+
+
+def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
+    pivot, elbow, tip = _chosen(table, points, take)
+    inner, outer = elbow.at - pivot.at, tip.at - elbow.at
+    if table.kind == PLAIN and np.nanmedian(inner[:, 1] + outer[:, 1]) > 0:  # which way y goes, gravity tells
+        inner, outer = inner * (1, -1), outer * (1, -1)
+    notes = [f"points taken: pivot {pivot.name}, elbow {elbow.name}, tip {tip.name}; --take names others"]
+    notes += [_noise_note(table, axis, rod) for axis, rod in (("theta1", inner), ("theta2", outer))]
+    theta = [_direction(rod) for rod in (inner, outer)]
+    time = [k for k, name in enumerate(table.names) if is_time(name)]
+    columns = [table.values[k] for k in time[:1]] + theta
+    return replace(
+        table,
+        names=(("t",) if time else ()) + ("theta1", "theta2"),
+        values=tuple(columns),
+        strange=("",) * len(columns),
+        notes=(*table.notes, *notes),
+        settled=True,
+    )
+
+
+def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
+    """Pivot, elbow and tip: those named, or all in the order of the table; a pivot that was not followed is found."""
+    by_name = {point.name.lower(): point for point in points}
+    there = ", ".join(point.name for point in points)
+    unknown = [name for name in take if name.lower() not in by_name]
+    if unknown:
+        raise RunError(f"{table.path}: no point is named {unknown[0]!r}; there are: {there}")
+    chosen = [by_name[name.lower()] for name in take] or points
+    if len(chosen) not in (2, 3):
+        raise RunError(f"{table.path}: holds the points {there}: name with --take {WANTED}")
+    if len(chosen) == 2:
+        return [_Point("(middle of the elbow's circle)", _middle(table, chosen[0])), *chosen]
+    pivot = np.nanmedian(chosen[0].at, axis=0)  # it rests: its own noise is not the rods'
+    return [_Point(chosen[0].name, np.broadcast_to(pivot, chosen[0].at.shape)), *chosen[1:]]
+
+
+def _middle(table: Table, elbow: _Point) -> NDArray[np.float64]:
+    """(n, 2) the middle of the circle that a point moves on: x^2 + y^2 = 2 cx x + 2 cy y + k, by least squares."""
+    seen = elbow.at[np.isfinite(elbow.at).all(axis=1)]
+    if len(seen) < 3:
+        raise RunError(f"{table.path}: the point {elbow.name!r} was hardly seen")
+    centred = seen - seen.mean(axis=0)
+    A = np.column_stack([2 * centred, np.ones(len(seen))])
+    solution, _, rank, _ = np.linalg.lstsq(A, (centred**2).sum(axis=1), rcond=1e-9)
+    if rank < 3:
+        raise RunError(f"{table.path}: the point {elbow.name!r} moves on no circle: follow the pivot too")
+    return np.broadcast_to(solution[:2] + seen.mean(axis=0), elbow.at.shape)
+
+
+def _direction(rod: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,) absolute angle of a rod, 0 = upright, pi = hanging, unwrapped, rad."""
+    swung = np.arctan2(rod[:, 0], -rod[:, 1])
+    seen = np.isfinite(swung)
+    swung[seen] = np.unwrap(swung[seen])
+    return np.pi + swung
+
+
+def _noise_note(table: Table, axis: str, rod: NDArray[np.float64]) -> str:
+    from scipy.special import ndtri
+    from scipy.stats import median_abs_deviation
+
+    lengths = np.hypot(*rod.T)
+    seen = lengths[np.isfinite(lengths)]
+    if not len(seen) or not np.median(seen) > 0:
+        raise RunError(f"{table.path}: the ends of the rod of {axis} were never seen together")
+    length = float(np.median(seen))
+    scatter = float(median_abs_deviation(seen, scale=ndtri(0.75)))
+    if scatter > SETTINGS.length_scatter * length:
+        raise RunError(
+            f"{table.path}: the rod of {axis} changes its length by {scatter / length:.0%}: these points are not its"
+            f" ends; name with --take {WANTED}"
+        )
+    return f"{axis}: noise {scatter / length:.2g} rad, by how much the rod's length scatters in the picture"

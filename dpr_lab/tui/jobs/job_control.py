@@ -1,0 +1,82 @@
+"""The work's end of the pipe: reports go out; pause, stop and questions come in."""
+
+import contextlib
+import os
+import signal
+import threading
+import traceback
+from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection
+from queue import SimpleQueue
+from typing import Any
+
+from dpr_lab.errors import DprError
+from dpr_lab.tui.jobs.job_events import JobEvent, JobFailed, JobFinished, JobProgress
+
+
+class JobControl:
+    """What the work sees of whoever started it."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._going = threading.Event()
+        self._going.set()
+        self._stop = threading.Event()
+        self._asked: SimpleQueue[Any] = SimpleQueue()
+
+    def report(self, value: Any) -> None:
+        """Tell how far it is; the value must be picklable."""
+        self._connection.send(JobProgress(value))
+
+    def proceed(self) -> bool:
+        """Wait while paused; false once asked to stop and keep what there is."""
+        self._going.wait()
+        return not self._stop.is_set()
+
+    def questions(self) -> Iterator[Any]:
+        """What is asked from now on, without end; of questions that piled up meanwhile only the newest."""
+        while True:
+            question = self._asked.get()
+            while not self._asked.empty():
+                question = self._asked.get()
+            yield question
+
+    def listen(self) -> None:
+        """Obey until the other end is gone; then there is nobody left to work for."""
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                match self._connection.recv():
+                    case "pause":
+                        self._going.clear()
+                    case "resume":
+                        self._going.set()
+                    case "stop":
+                        self._stop.set()
+                        self._going.set()
+                    case ("ask", question):
+                        self._asked.put(question)
+        os._exit(1)
+
+
+def work(connection: Connection, function: Callable[..., Any], arguments: dict[str, Any]) -> None:
+    """The process, from start to end: `function(control, **arguments)`, and how it ended."""
+    _leave_the_terminal_alone()
+    control = JobControl(connection)
+    threading.Thread(target=control.listen, daemon=True).start()
+    try:
+        event: JobEvent = JobFinished(function(control, **arguments))
+    except DprError as error:
+        event = JobFailed(str(error))
+    except Exception as error:  # whatever it is, it must reach the screen and not end with the process
+        event = JobFailed(f"{type(error).__name__}: {error}", traceback.format_exc())
+    connection.send(event)
+
+
+def _leave_the_terminal_alone() -> None:
+    """Keys and screen belong to whoever started this process; they, and a recording beside it, come first."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for descriptor in (1, 2):
+        os.dup2(nowhere, descriptor)
+    if hasattr(os, "nice"):
+        os.nice(5)

@@ -1,0 +1,104 @@
+"""The screen's end of the pipe: a job starts, is steered, and is listened to."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from textual.dom import DOMNode
+from textual.message import Message
+
+from dpr_lab.child_process import ChildFunction
+from dpr_lab.tui.jobs.job_control import work
+from dpr_lab.tui.jobs.job_events import JobCancelled, JobEvent, JobFailed, JobProgress
+
+
+class JobProcess:
+    """A function at work in its own process, from the moment it is made.
+
+    Args:
+        function: called there as `function(control, **arguments)`; importable by name
+        arguments: picklable
+    """
+
+    def __init__(self, function: Callable[..., Any], **arguments: Any) -> None:
+        self._process = ChildFunction(work, function, arguments)
+        self.paused = False
+        self._cancelled = False
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process still runs."""
+        return self._process.alive
+
+    def events(self, patience_s: float = 5.0) -> Iterator[JobEvent]:
+        """What it reports, ending with its end; waits for each, so read it in a thread.
+
+        Args:
+            patience_s: how long the process may take to be gone after that before it is ended
+        """
+        event: JobEvent = JobProgress(None)
+        while isinstance(event, JobProgress):
+            try:
+                event = self._process.pipe.recv()
+            except (EOFError, OSError):
+                self._process.wait(patience_s)
+                event = self._gone()
+            yield event
+        self._process.end(patience_s)
+
+    def pause(self) -> None:
+        """Hold it at the next point where it can wait."""
+        self._send("pause")
+        self.paused = True
+
+    def resume(self) -> None:
+        """Let it go on."""
+        self._send("resume")
+        self.paused = False
+
+    def stop(self) -> None:
+        """Ask it to end early and keep the best so far."""
+        self._send("stop")
+        self.paused = False
+
+    def ask(self, question: Any) -> None:
+        """Ask work that takes questions; the answer comes as progress."""
+        self._send(("ask", question))
+
+    def cancel(self) -> None:
+        """End it at once; nothing is kept."""
+        self._cancelled = True
+        self._process.terminate()
+
+    def _send(self, order: Any) -> None:
+        with suppress(OSError):  # it may just have ended
+            self._process.pipe.send(order)
+
+    def _gone(self) -> JobEvent:
+        if self._cancelled:
+            return JobCancelled()
+        return JobFailed(
+            f"the work's process ended unexpectedly (exit code {self._process.exit_code}); nothing was lost but its"
+            " result: start it again, with less beside it if memory was short"
+        )
+
+
+@dataclass
+class JobHeard(Message, bubble=False):
+    """Something that a job told, for the widget that started it."""
+
+    job: JobProcess
+    event: JobEvent
+
+
+def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) -> JobProcess:
+    """Start a job as `JobProcess` does; what it tells comes to its owner as `JobHeard`."""
+    job = JobProcess(function, **arguments)
+
+    def listen() -> None:
+        for event in job.events():
+            owner.post_message(JobHeard(job, event))
+
+    owner.run_worker(listen, thread=True, exit_on_error=False, group="job")
+    return job

@@ -1,0 +1,113 @@
+"""The jobs of the screen: workflows that run under a `JobControl`, and what is done to single run files.
+
+The process that draws the screen only names these functions; what is heavy is imported where they run.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dpr_lab.errors import DprError
+from dpr_lab.tui.jobs.job_control import JobControl
+from dpr_lab.tui.jobs.kept_comparison import KeptComparison
+from dpr_lab.workflows.compare import CompareRequest
+from dpr_lab.workflows.compare import compare as compare_runs
+from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult
+from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
+from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult
+from dpr_lab.workflows.identify import identify as identify_runs
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.compare import FreeRun
+    from dpr_lab.storage.inspect import RunInfo
+
+
+def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult:
+    """Identify; can be paused, and stopped with the best so far."""
+    return identify_runs(request, control.report, control.proceed)
+
+
+def diagnose(control: JobControl, *, request: DiagnoseRequest) -> DiagnoseResult:
+    """Diagnose."""
+    return diagnose_runs(request, control.report)
+
+
+@dataclass(frozen=True, slots=True)
+class FreeRunStart:
+    """Where a free run is to start: in which run, and when after the release."""
+
+    run: int
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonSaved:
+    """All runs are compared; the job goes on to answer every `FreeRunStart` that it is asked."""
+
+    left_out: tuple[Path, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FreeRunFrom:
+    """The free run from where it was asked for."""
+
+    start: FreeRunStart
+    free_run: "FreeRun"
+
+
+def compare(control: JobControl, *, request: CompareRequest, keep: KeptComparison | None = None) -> None:
+    """Compare, and keep that; then answer each `FreeRunStart` with a free run until it is cancelled."""
+    result = compare_runs(request, control.report)
+    if keep is not None and not result.left_out:
+        with suppress(DprError):  # for convenience alone: what is not kept is simulated again
+            keep.save(result.comparisons)
+    control.report(ComparisonSaved(result.left_out))
+    for start in control.questions():
+        control.report(FreeRunFrom(start, result.free_run(start.run, start.at_s)))
+
+
+@dataclass(frozen=True, slots=True)
+class RunSurveyed:
+    """A file of a folder of runs: what it says about itself, or why it says nothing."""
+
+    path: Path
+    info: "RunInfo | None"
+    trouble: str = ""
+
+
+def survey(control: JobControl, *, paths: Sequence[Path]) -> None:
+    """Look into run files, one after the other."""
+    from dpr_lab.errors import RunError
+    from dpr_lab.storage.inspect import info
+
+    for path in paths:
+        try:
+            control.report(RunSurveyed(path, info(path)))
+        except RunError as error:
+            control.report(RunSurveyed(path, None, str(error)))
+
+
+def verify(control: JobControl, *, path: Path) -> str:
+    """Check a run file as `dpr-lab run verify` does, and say what was found."""
+    from dpr_lab.storage.inspect import verify as verify_run
+
+    checked = verify_run(path)
+    return f"{path.name}: whole and unchanged" if checked.ok else f"{path.name}: {'; '.join(checked.faults)}"
+
+
+def recover(control: JobControl, *, path: Path, out: Path) -> str:
+    """Save what a cut run still holds as `dpr-lab run recover` does, and say how much that is."""
+    from dpr_lab.storage.inspect import recover as recover_run
+
+    return f"{recover_run(path, out)} samples recovered: {out.name}"
+
+
+def export(control: JobControl, *, path: Path, out: Path) -> str:
+    """Write a run in another format as `dpr-lab run export` does, and say where it is."""
+    from dpr_lab.storage.export import export as export_run
+    from dpr_lab.storage.reader import load_run
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    return f"exported: {export_run(load_run(path), out)}"

@@ -1,0 +1,65 @@
+"""Compared runs kept in a file, so that nothing is simulated again only to be looked at."""
+
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dpr_lab.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.compare import Comparison
+
+
+@dataclass(frozen=True, slots=True)
+class KeptComparison:
+    """A file of arrays, and what they are to be of."""
+
+    file: Path
+    subject: str
+    """Model and runs, as they are now: what was kept of others does not count."""
+
+    def save(self, comparisons: "Sequence[Comparison]") -> None:
+        """Keep these, whole or not at all.
+
+        Raises:
+            DprError: they cannot be written.
+        """
+        arrays: dict[str, Any] = {
+            f"{number}.{field.name}": np.array("" if (value := getattr(item, field.name)) is None else value)
+            for number, item in enumerate(comparisons)
+            for field in fields(item)
+        }
+
+        def write(fresh: Path) -> None:
+            with fresh.open("wb") as file:
+                np.savez(file, subject=np.array(self.subject), count=np.array(len(comparisons)), **arrays)
+
+        write_whole(self.file, write)
+
+    def load(self) -> "list[Comparison]":
+        """What was kept of the same subject; nothing where there is none, or a file that is something else."""
+        from dpr_lab.identification.compare import Comparison
+
+        try:
+            with np.load(self.file) as kept:
+                if str(kept["subject"]) != self.subject:
+                    return []
+                told = [
+                    {field.name: kept[f"{number}.{field.name}"] for field in fields(Comparison)}
+                    for number in range(int(kept["count"]))
+                ]
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return []
+        return [_comparison(item) for item in told]
+
+
+def _comparison(told: dict[str, Any]) -> "Comparison":
+    from dpr_lab.identification.compare import Comparison
+
+    plain: dict[str, Any] = {name: value.item() if value.ndim == 0 else value for name, value in told.items()}
+    plain["pose"] = plain["pose"] or None
+    return Comparison(**plain)

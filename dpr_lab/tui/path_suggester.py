@@ -1,0 +1,29 @@
+"""Paths completed while they are written."""
+
+from pathlib import Path
+
+from textual.suggester import Suggester
+
+
+class PathSuggester(Suggester):
+    """The first folder, or file of a kind, that begins as what is written; `~` is the user's own folder.
+
+    Args:
+        suffix: of the files, with the dot; folders alone where it is empty
+    """
+
+    def __init__(self, suffix: str) -> None:
+        super().__init__(use_cache=False, case_sensitive=True)
+        self._suffix = suffix
+
+    async def get_suggestion(self, value: str) -> str | None:
+        """What is written, completed."""
+        folder, _, begun = value.rpartition("/")
+        where = Path(f"{folder}/" if "/" in value else ".").expanduser()
+        try:
+            names = sorted(path for path in where.iterdir() if path.name.startswith(begun))
+        except OSError:
+            return None
+        fit = (path for path in names if path.is_dir() or (self._suffix and path.suffix == self._suffix))
+        first = next((f"{path.name}/" if path.is_dir() else path.name for path in fit), None)
+        return None if first is None or not value else value[: len(value) - len(begun)] + first

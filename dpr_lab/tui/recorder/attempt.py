@@ -1,0 +1,93 @@
+"""One try at a pose, as the recorder tells of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.acquisition.capture import Captured, Released, SwingReading
+from dpr_lab.acquisition.holding import PoseReading, RestReading
+from dpr_lab.rig import Pose
+from dpr_lab.tui.recorder.messages import AttemptFinished, AttemptSeen, GoAheadAsked
+
+
+class Phase(Enum):
+    """Where an attempt is; the value says what the operator does now."""
+
+    PLACING = "bring both rods to the pose and hold them there"
+    SETTLING = "at the pose: let the rods come to rest"
+    READY = "at the pose and at rest"
+    RECORDING = "released, recording"
+    JUDGED = "recorded"
+
+
+@dataclass(slots=True)
+class Attempt:
+    """What is known of it so far."""
+
+    number: int
+    name: str
+    """Of the pose."""
+    pose: Pose
+    phase: Phase = Phase.PLACING
+    theta: tuple[float, float, float] | None = None
+    """Newest absolute angles, rad."""
+    error: tuple[float, float] | None = None
+    """How far the rods are off the pose, rad."""
+    rest: RestReading | None = None
+    latched: bool | None = None
+    lost: Mapping[str, int] = field(default_factory=dict)
+    recorded: SwingReading | None = None
+    captured: Captured | None = None
+    _asked: bool = False
+    _t: list[NDArray[np.float64]] = field(default_factory=list)
+    _theta: list[NDArray[np.float64]] = field(default_factory=list)
+
+    @property
+    def trace(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Time since the release (n,), s, and absolute angles (n, 3), rad, as they are drawn."""
+        if not self._t:
+            return np.empty(0), np.empty((0, 3))
+        return np.concatenate(self._t), np.concatenate(self._theta)
+
+    @property
+    def obstacle(self) -> str:
+        """Why the rods may not be released now; empty when they may."""
+        if self.phase is Phase.READY:
+            return ""
+        if self.phase is Phase.SETTLING and self.rest is not None and self.rest.restless:
+            return self.rest.restless
+        return self.phase.value
+
+    def hear(self, report: AttemptSeen | GoAheadAsked | AttemptFinished) -> None:
+        """Take in what the recorder said of this attempt."""
+        match report:
+            case GoAheadAsked():
+                self._asked = True
+            case AttemptFinished(captured=captured):
+                self.captured, self.phase = captured, Phase.JUDGED
+                self.lost = captured.lost
+            case AttemptSeen(progress=progress):
+                self.latched, self.lost = report.latched, report.lost
+                self._take(progress)
+        if self.rest is not None and self.phase in (Phase.PLACING, Phase.SETTLING, Phase.READY):
+            self.phase = Phase.READY if self._asked and not self.rest.restless else Phase.SETTLING
+
+    def _take(self, progress: object) -> None:
+        match progress:
+            case PoseReading():
+                self.theta, self.error = progress.theta, progress.error
+            case RestReading():
+                self.theta, self.error, self.rest = progress.theta, progress.error, progress
+            case Released():
+                self.phase, self.error = Phase.RECORDING, None
+            case SwingReading():
+                self.phase, self.error = Phase.RECORDING, None  # Released may have gone unread
+                self.theta, self.recorded = progress.theta, progress
+                t, theta = progress.fresh
+                self._t.append(t)
+                self._theta.append(theta)
+            case _:
+                pass

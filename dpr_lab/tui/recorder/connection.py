@@ -1,0 +1,90 @@
+"""The device as the screen knows it: the process that owns it, what it said last, and how long ago."""
+
+import asyncio
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dpr_lab.tui.recorder.messages import (
+    AttemptFinished,
+    AttemptSeen,
+    CaptureAttempt,
+    Connected,
+    Idle,
+    RecorderFailed,
+    RecorderOrder,
+    RecorderReport,
+)
+from dpr_lab.tui.recorder.recorder import Recorder
+from dpr_lab.tui.recorder.sighting import Sighting, seen_in
+
+
+@dataclass(slots=True)
+class DeviceConnection:
+    """At most one recorder at a time."""
+
+    log: Path
+    """File for what the recorder's process prints."""
+    connected: Connected | None = None
+    """The device's greeting; None while there is none."""
+    opening: float | None = None
+    """Since when a device is called that has not answered, `time.monotonic()`, s."""
+    message: str = ""
+    """Why there is no device any more, or why none answered."""
+    lost: Connected | None = None
+    """The device that was connected and went away."""
+    attempt: int | None = None
+    """The attempt under way."""
+    seen: Sighting = field(default_factory=Sighting)
+    """The rods as they were last seen; kept when the device is gone."""
+    _recorder: Recorder | None = None
+
+    async def open(self, url: str, rig: str, runs: Path) -> None:
+        """Call a device; a report tells whether it answers. One that was connected is let go first."""
+        await self.close()
+        self.opening = time.monotonic()
+        self._recorder = await asyncio.to_thread(Recorder, url, rig, runs, self.log)
+
+    async def close(self) -> None:
+        """Let the device go; a recording under way is finished as incomplete."""
+        recorder, self._recorder = self._recorder, None
+        self.connected = self.lost = self.opening = self.attempt = None
+        self.message, self.seen = "", Sighting()
+        if recorder is not None:
+            await asyncio.to_thread(recorder.close)
+
+    def fresh(self, now: float) -> bool:
+        """Whether what was seen last still holds: a device is connected, and was heard just now."""
+        return self.connected is not None and self.seen.fresh(now)
+
+    def tell(self, order: RecorderOrder) -> None:
+        """Give the recorder an order; without one it is dropped."""
+        if self._recorder is not None:
+            self.attempt = order.attempt if isinstance(order, CaptureAttempt) else self.attempt
+            self._recorder.tell(order)
+
+    def reports(self) -> Iterator[RecorderReport]:
+        """What the recorder said since the last call."""
+        if self._recorder is None:
+            return
+        for report in self._recorder.reports():
+            self.note(report)
+            yield report
+
+    def note(self, report: RecorderReport) -> None:
+        """Keep what a report says of the device."""
+        match report:
+            case Connected():
+                self.connected, self.opening, self.lost = report, None, None
+            case Idle() | AttemptSeen():
+                self.seen = seen_in(report, self.seen)
+            case RecorderFailed():
+                self.attempt = None
+                if not report.alive:
+                    self.lost, self.connected, self.opening = self.connected, None, None
+                    self.message = report.message
+            case AttemptFinished():
+                self.attempt = None
+            case _:
+                pass

@@ -1,0 +1,71 @@
+"""A capture as the operator sees it: reports go out, the go-ahead and the cancel come in."""
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from dpr_lab.acquisition.capture import Progress, Released, SwingReading, capture
+from dpr_lab.acquisition.device import Device
+from dpr_lab.errors import SafetyStop
+from dpr_lab.rig import Rig
+from dpr_lab.tui.recorder.mailbox import Inbox, Outbox
+from dpr_lab.tui.recorder.messages import AttemptFinished, AttemptSeen, CaptureAttempt, GoAheadAsked
+from dpr_lab.tui.recorder.settings import SETTINGS
+
+
+def carry_out(
+    order: CaptureAttempt, device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox
+) -> AttemptFinished:
+    """Capture as ordered; raises what `capture` does."""
+    guided = _GuidedCapture(order, device, inbox, outbox)
+    captured = capture(device, rig, order.pose, order.options, runs, guided.on_progress, guided.confirm)
+    return AttemptFinished(order.attempt, captured, device.clock_fit())
+
+
+def lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:
+    """Samples lost since the device had lost that many, by cause."""
+    return {cause: count - before[cause] for cause, count in device.losses.items()}
+
+
+class _GuidedCapture:
+    """The two ways in which a capture asks for the operator."""
+
+    def __init__(self, order: CaptureAttempt, device: Device, inbox: Inbox, outbox: Outbox) -> None:
+        self._order, self._device, self._inbox, self._outbox = order, device, inbox, outbox
+        self._lost_before = device.losses
+        self._asked_at: float | None = None
+        self._released = False
+
+    def on_progress(self, progress: Progress) -> None:
+        """Report; ends the capture by raising when the operator wants that or is gone."""
+        self._released = self._released or isinstance(progress, Released)
+        self._end_if_wanted()
+        if isinstance(progress, SwingReading):
+            progress = _thinned(progress)
+        status = self._device.status
+        latched = None if status is None else status.latched
+        lost = lost_since(self._lost_before, self._device)
+        self._outbox.add_if_read(AttemptSeen(self._order.attempt, progress, latched, self._device.heard_at, lost))
+
+    def confirm(self) -> bool | None:
+        """Whether to release: only on an order given for this attempt and pose, after it was asked for, just now."""
+        self._end_if_wanted()
+        if self._asked_at is None:
+            self._asked_at = time.monotonic()
+            self._outbox.add(GoAheadAsked(self._order.attempt))
+        order = self._inbox.take_go_ahead()
+        if order is None or (order.attempt, order.pose) != (self._order.attempt, self._order.pose):
+            return None
+        fresh = max(self._asked_at, time.monotonic() - SETTINGS.go_ahead_lasts_s) <= order.given_at
+        return True if fresh else None
+
+    def _end_if_wanted(self) -> None:
+        why = self._inbox.why_to_end(self._order.attempt)
+        if why:
+            raise SafetyStop(why if self._released else f"{why}: nothing was released, the rods stay held")
+
+
+def _thinned(recorded: SwingReading) -> SwingReading:
+    t, theta = recorded.fresh
+    step = max(1, round(1 / (SETTINGS.trace_hz * (t[1] - t[0])))) if len(t) > 1 else 1
+    return SwingReading(recorded.t, recorded.theta, recorded.samples, (t[::step], theta[::step]))

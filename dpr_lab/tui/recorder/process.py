@@ -1,0 +1,153 @@
+"""The process that owns the device: link, driver and capture live here, so that drawing can never cost a sample.
+
+It obeys orders from a pipe and reports what happens. When the other end of the pipe is gone, so is the operator:
+nothing is released any more, a recording under way is finished as incomplete, and the process ends.
+"""
+
+import contextlib
+import os
+import signal
+import sys
+import time
+import traceback
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from dpr_lab.acquisition.capture import check_encoders
+from dpr_lab.acquisition.device import Device
+from dpr_lab.acquisition.holding import raise_faults
+from dpr_lab.errors import DeviceLost, DprError
+from dpr_lab.rig import JOINTS, Rig, load_rig
+from dpr_lab.transports import open_transport
+from dpr_lab.transports.transport import Transport
+from dpr_lab.tui.recorder.guided_capture import carry_out, lost_since
+from dpr_lab.tui.recorder.mailbox import Inbox, Outbox
+from dpr_lab.tui.recorder.messages import (
+    CaptureAttempt,
+    Connected,
+    Exercise,
+    Exercised,
+    Idle,
+    RecorderFailed,
+    RecorderReport,
+)
+from dpr_lab.tui.recorder.settings import SETTINGS
+from firmware_protocol.messages import Position
+
+
+def serve(connection: Connection, url: str, rig_name: str, runs: Path, log: Path) -> None:
+    """The process, from start to end.
+
+    Args:
+        connection: to the screen
+        url: the link to open; empty for the rig file's
+        rig_name: rig file or built-in name
+        runs: folder of the run files
+        log: file for what libraries print
+    """
+    _leave_the_terminal(log)
+    inbox, outbox = Inbox(connection), Outbox(connection)
+    try:
+        rig = load_rig(rig_name)
+        with contextlib.closing(open_transport(url or rig.link.url, rig_file=rig.path)) as transport:
+            with Device(transport) as device:
+                device.connect()
+                outbox.add(_connected(device, transport, rig))
+                _obey(device, rig, runs, inbox, outbox)
+    except (DprError, KeyboardInterrupt) as error:
+        outbox.add(RecorderFailed(None, str(error) or "stopped", alive=False))
+    except Exception as error:  # whatever it is, it must reach the screen and not end with the process
+        traceback.print_exc()
+        message = f"unexpected: {type(error).__name__}: {error}; details are in {log}"
+        outbox.add(RecorderFailed(None, message, alive=False))
+    outbox.close()
+
+
+def _obey(device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox) -> None:
+    idle = _IdleWatch(device, rig, outbox)
+    while not inbox.gone:
+        order = inbox.next()
+        if order is None:
+            idle.look()
+            continue
+        report = _report_on(order, device, rig, runs, inbox, outbox)
+        outbox.add(report)
+        if isinstance(report, RecorderFailed) and not report.alive:
+            return
+
+
+def _report_on(
+    order: Exercise | CaptureAttempt, device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox
+) -> RecorderReport:
+    try:
+        if isinstance(order, Exercise):
+            return _exercise(device, order)
+        return carry_out(order, device, rig, runs, inbox, outbox)
+    except DprError as error:
+        attempt = order.attempt if isinstance(order, CaptureAttempt) else None
+        return RecorderFailed(attempt, str(error), alive=not isinstance(error, DeviceLost))
+
+
+def _connected(device: Device, transport: Transport, rig: Rig) -> Connected:
+    rate_hz = rig.link.rate_hz
+    problem = ""
+    try:
+        device.check_rate(rate_hz)
+        check_encoders(device, rig)
+    except DprError as error:
+        problem = str(error)
+    loads = tuple(capacity.load(rate_hz) for capacity in transport.capacities)
+    return Connected(device.url, device.info, rate_hz, loads, problem)
+
+
+def _exercise(device: Device, order: Exercise) -> Exercised:
+    before = device.losses
+    device.hold()
+    device.stream(order.rate_hz)
+    until, samples = time.monotonic() + order.seconds, 0
+    try:
+        while time.monotonic() < until:
+            batches = device.poll(SETTINGS.look_s)
+            raise_faults(device.url, batches)
+            samples += sum(len(batch.rows) for batch in batches)
+        clock = device.clock_fit()
+    finally:
+        with contextlib.suppress(DprError):
+            device.stop()
+    return Exercised(samples, lost_since(before, device), clock)
+
+
+class _IdleWatch:
+    """Shows where the rods are between captures, and notices when the device goes away."""
+
+    def __init__(self, device: Device, rig: Rig, outbox: Outbox) -> None:
+        self._device, self._rig, self._outbox = device, rig, outbox
+        self._counts: dict[int, int] = {}
+
+    def look(self) -> None:
+        """Take in what the device says, for a moment."""
+        for batch in self._device.poll(SETTINGS.look_s):
+            self._counts |= {m.joint: m.position for m in batch.messages if isinstance(m, Position)}
+        status = self._device.status
+        if len(self._counts) == JOINTS and status is not None:
+            theta0, theta1, theta2 = self._rig.theta([self._counts[joint] for joint in range(JOINTS)]).tolist()
+            self._outbox.add_if_read(Idle((theta0, theta1, theta2), status.latched, self._device.heard_at))
+
+
+def _leave_the_terminal(log: Path) -> None:
+    """Keys and screen belong to the other process; a terminal that closes ends that one, and we finish our file."""
+    if hasattr(os, "setsid"):
+        os.setsid()
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    except OSError:  # the recording comes before what libraries print
+        descriptor = os.open(os.devnull, os.O_WRONLY)
+    sys.stdout.flush()
+    for number in (1, 2):
+        os.dup2(descriptor, number)
+
+
+def _interrupt(signum: int, frame: object) -> None:
+    raise KeyboardInterrupt

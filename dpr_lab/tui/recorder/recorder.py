@@ -1,0 +1,45 @@
+"""The screen's end of the pipe to the process that owns the device."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from dpr_lab.child_process import ChildFunction
+from dpr_lab.tui.recorder.messages import RecorderFailed, RecorderOrder, RecorderReport
+from dpr_lab.tui.recorder.process import serve
+
+
+class Recorder:
+    """A process with a device, from the moment it is made until `close`.
+
+    Args:
+        url: the link to open; empty for the rig file's
+        rig: rig file or built-in name
+        runs: folder of the run files
+        log: file for what the process prints
+    """
+
+    def __init__(self, url: str, rig: str, runs: Path, log: Path) -> None:
+        self._process = ChildFunction(serve, url, rig, runs, log)
+        self._gone = f"the recorder ended; connect again (what it said last is in {log})"
+        self._over = False
+
+    def tell(self, order: RecorderOrder) -> None:
+        """Give an order; one to a process that is gone is answered by the report that it is."""
+        with suppress(OSError):
+            self._process.pipe.send(order)
+
+    def reports(self) -> Iterator[RecorderReport]:
+        """What has come since the last call, without waiting."""
+        while not self._over and self._process.pipe.poll():
+            try:
+                report = self._process.pipe.recv()
+            except (EOFError, OSError):
+                report = RecorderFailed(None, self._gone, alive=False)
+            self._over = isinstance(report, RecorderFailed) and not report.alive
+            yield report
+
+    def close(self, patience_s: float = 5.0) -> None:
+        """Let the process finish its file, which may take so long, and end it; closing twice is harmless."""
+        self._over = True
+        self._process.end(patience_s)

@@ -1,0 +1,139 @@
+"""What stands beside the run that Compare shows: another run, or the same run by another model."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from textual import on
+from textual.app import ComposeResult
+from textual.containers import Horizontal
+from textual.message import Message
+from textual.widgets import Input, Select
+
+from dpr_lab.tui.guard import Guarded
+from dpr_lab.tui.jobs import jobs
+from dpr_lab.tui.jobs.job_events import JobFailed, JobProgress
+from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
+from dpr_lab.tui.jobs.jobs import ComparisonSaved
+from dpr_lab.tui.path_suggester import PathSuggester
+from dpr_lab.tui.services import Services
+from dpr_lab.workflows.compare import CompareRequest
+from dpr_lab.workflows.events import RunCompared
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.compare import Comparison
+
+NOTHING, OTHER_MODEL = -1, -2
+"""What can be chosen besides the other runs, which are chosen by their numbers."""
+
+
+class Beside(Guarded, Horizontal):
+    """A list to choose from, and a field for another model's file.
+
+    Args:
+        services: whose workspace holds the runs
+    """
+
+    DEFAULT_CSS = """
+    Beside { height: 1; }
+    Beside Select { width: 2fr; margin-right: 1; }
+    Beside Input { width: 1fr; }
+    """
+
+    class Offered(Message):
+        """Something else stands beside the run, or is being simulated."""
+
+        def __init__(self, news: str = "") -> None:
+            super().__init__()
+            self.news = news
+
+    def __init__(self, services: Services, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self._services = services
+        self._runs: Sequence[Comparison] = ()
+        self._names: Sequence[str] = ()
+        self._shown = 0
+        self._model: dict[str, Comparison] = {}
+        self._job: JobProcess | None = None
+        self._offered: list[tuple[str, int]] = []
+
+    def compose(self) -> ComposeResult:
+        """List and field."""
+        yield Select([("beside: nothing", NOTHING)], value=NOTHING, allow_blank=False, id="beside", compact=True)
+        hint = self._services.keys.fill("another model ({compare.edit})")
+        yield Input(placeholder=hint, id="other", suggester=PathSuggester(".json"), compact=True)
+
+    def offer(self, runs: "Sequence[Comparison]", names: Sequence[str], shown: int) -> None:
+        """Offer these runs but for the one that is shown."""
+        self._runs, self._names, self._shown = runs, names, shown
+        options = [("beside: nothing", NOTHING)]
+        options += [(f"beside: {name}", i) for i, name in enumerate(names) if i != shown]
+        if self._model:
+            options.append((f"beside: the model {Path(self._field.value).name}", OTHER_MODEL))
+        if options != self._offered:
+            picker, self._offered = self.query_one(Select), options
+            here = picker.value
+            picker.set_options(options)
+            picker.value = here if any(here == value for _, value in options) else NOTHING
+
+    @property
+    def chosen(self) -> "Comparison | None":
+        """The second run, or the same run by the other model."""
+        number = self.query_one(Select).value
+        if number == OTHER_MODEL and self._shown < len(self._runs):
+            return self._model.get(self._runs[self._shown].run)
+        return self._runs[number] if isinstance(number, int) and 0 <= number < len(self._runs) else None
+
+    def cycle(self) -> None:
+        """The next one."""
+        picker, values = self.query_one(Select), [value for _, value in self._offered] or [NOTHING]
+        here = values.index(picker.value) if isinstance(picker.value, int) and picker.value in values else -1
+        picker.value = values[(here + 1) % len(values)]
+
+    def edit(self) -> None:
+        """Go to the field."""
+        self._field.focus()
+
+    def on_unmount(self) -> None:
+        """Nobody is left to simulate for."""
+        self._end()
+
+    @property
+    def _field(self) -> Input:
+        return self.query_one(Input)
+
+    @on(Select.Changed)
+    def _picked(self, event: Select.Changed) -> None:
+        event.stop()
+        self.post_message(self.Offered())
+
+    @on(Input.Submitted)
+    def _named(self, event: Input.Submitted) -> None:
+        """Simulate the runs by another model too; by none where the field is empty."""
+        self._end()
+        self._model = {}
+        if name := event.value.strip():
+            model = Path(name).expanduser()
+            request = CompareRequest(tuple(self._services.workspace.runs), model, None, leave_out=True)
+            self._job = start_job(self, jobs.compare, request=request)
+            self.post_message(self.Offered(f"simulating by {model}"))
+
+    @on(JobHeard)
+    def _heard(self, message: JobHeard) -> None:
+        if message.job is not self._job:
+            return
+        match message.event:
+            case JobProgress(RunCompared(comparison)):
+                self._model[comparison.run] = comparison
+            case JobProgress(ComparisonSaved()):
+                self._end()
+                self.offer(self._runs, self._names, self._shown)
+                self.query_one(Select).value = OTHER_MODEL
+            case JobFailed() as failed:
+                self._job = None
+                raise failed.error
+
+    def _end(self) -> None:
+        if self._job is not None:
+            self._job.cancel()
+            self._job = None

@@ -1,0 +1,333 @@
+"""Place the rods, let them go, record, judge."""
+
+import time
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+
+from dpr_lab.acquisition.capture import CaptureOptions
+from dpr_lab.acquisition.holding import HangReading
+from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.tui.recorder.attempt import Attempt, Phase
+from dpr_lab.tui.recorder.messages import (
+    AttemptFinished,
+    AttemptSeen,
+    CancelAttempt,
+    CaptureAttempt,
+    GoAhead,
+    GoAheadAsked,
+    RecorderFailed,
+    RecorderReport,
+)
+from dpr_lab.tui.recorder.sighting import SETTINGS as SIGHTING
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.step import Step
+from dpr_lab.tui.texts import NOTICES, counted_runs
+from dpr_lab.tui.widgets.capture_view import CaptureState, CaptureView
+from dpr_lab.tui.widgets.checklist import kept, next_pose, set_aside
+from dpr_lab.tui.widgets.countdown import Countdown
+from dpr_lab.tui.widgets.status_line import RecordingNow
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureChoices:
+    """What the operator can choose from."""
+
+    durations: tuple[float, ...] = (5.0, 10.0, 20.0, 30.0, 60.0)
+    """How long to record, s; after the last comes until rest, and then the first again."""
+    most_repeats: int = 5
+    """Of each pose; more swings of one pose tell little that is new."""
+    pose_timeout: float = 1800.0
+    """How long the operator has to reach a pose, s: at a screen one sees what is missing, so there is time."""
+    rest_timeout: float = 120.0
+    """How long the held rods have to become still, s."""
+
+
+CHOICES = CaptureChoices()
+BUSY = "An attempt is under way: end it with {capture.end}, or keep ({capture.keep}) or repeat ({capture.again}) it"
+UNDECIDED = "A recorded swing waits: keep it with {capture.keep}, or put it aside and repeat with {capture.again}"
+
+
+class CaptureStep(Step):
+    """The guided release."""
+
+    NAME = "Capture"
+    HELP = """
+Record one free swing for each pose of the rig.
+
+1. `{capture.start}` closes the latch and guides you: turn each rod until its mark is between the brackets.
+2. Let the rods come to rest in the latch.
+3. `{capture.release}` starts a countdown; **any other key stops it**. It begins once the terminal has confirmed that it
+   drew it; where a number is not confirmed within 0.3 s, nothing is released. At its end the latch opens and the swing
+   is recorded.
+4. The recording is judged. `{capture.keep}` keeps it, `{capture.again}` puts it into `runs/aside` and starts the same
+   pose again.
+
+`{capture.end}` ends an attempt; the rods stay held, and what was recorded is kept. Nothing but the countdown ever opens
+the latch. `{capture.pose_up}` and `{capture.pose_down}` choose the pose, `{capture.length}` how long to record,
+`{capture.repeats}` how often. `{capture.connect}` connects again after the cable was out.
+
+What is grey is old: the device was not heard since, and the latch may have opened.
+"""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(
+            "s",
+            "start",
+            "Start",
+            id="capture.start",
+            tooltip="record a swing: guide to the pose",
+        ),
+        Binding("r", "release", "RELEASE", id="capture.release", tooltip="release the rods"),
+        Binding("k", "keep", "Keep", id="capture.keep", tooltip="keep the recording"),
+        Binding("a", "again", "Again", id="capture.again", tooltip="put the recording aside and repeat"),
+        Binding("x", "end", "End", id="capture.end", tooltip="end the attempt"),
+        Binding("up", "pose(-1)", "Pose", id="capture.pose_up", show=False),
+        Binding("down", "pose(1)", "Pose", id="capture.pose_down", show=False),
+        Binding("d", "length", "How long", id="capture.length", tooltip="how long to record", show=False),
+        Binding("f", "repeats", "How often", id="capture.repeats", tooltip="how often to record each pose", show=False),
+        Binding("c", "connect", "Connect", id="capture.connect", tooltip="connect again", show=False),
+    ]
+
+    def __init__(self, services: Services, *, id: str | None = None) -> None:
+        super().__init__(services, id=id)
+        self.options = CaptureOptions(pose_timeout=CHOICES.pose_timeout, rest_timeout=CHOICES.rest_timeout)
+        self.attempt: Attempt | None = None
+        self._ended: Attempt | None = None
+        self._rig: Rig | None = None
+        self._pose = ""
+        self._repeats = 1
+        self._attempts = 0
+        self._countdown: Countdown | None = None
+
+    def compose(self) -> ComposeResult:
+        """One view of it all."""
+        yield CaptureView()
+
+    def on_mount(self) -> None:
+        """Read the workspace's rig, whose own step tells what is wrong with it; what is old grows older."""
+        self.set_interval(SIGHTING.fresh_s / 3, self._age)
+        with suppress(ConfigError):
+            self._rig = load_rig(self.workspace.rig)
+
+    def outcome(self) -> str:
+        """How many runs there are."""
+        count = len(self.workspace.runs)
+        return counted_runs(count) if count else ""
+
+    def missing(self) -> str:
+        """A device, and poses."""
+        if self.device.connected is None:
+            return f"Capture needs a device: press {self.services.key_of('Connect')} and connect one"
+        if self._rig is None:
+            return f"Capture needs a rig file that can be read: press {self.services.key_of('Rig')} and choose one"
+        if not self._rig.poses:
+            return f"The rig {self._rig.name} has no poses: add a table [poses.X1] to its file"
+        return ""
+
+    def at_stake(self) -> str:
+        """A swing that is being recorded, or that was and is not decided about."""
+        if self.recording is not None:
+            return "the recording under way"
+        if self.workspace.undecided is None:
+            return ""
+        keep = self.services.keys.of("capture.keep")
+        return f"the swing {self.workspace.undecided.stem}, which is not kept yet ({keep} in Capture keeps it)"
+
+    @property
+    def recording(self) -> RecordingNow | None:
+        """What is recorded now."""
+        attempt = self.attempt
+        if attempt is None or attempt.phase is not Phase.RECORDING:
+            return None
+        of = None if self.options.until_rest else self.options.duration
+        return RecordingNow(attempt.name, attempt.recorded.t if attempt.recorded is not None else 0.0, of)
+
+    def enter(self) -> None:
+        """Read the rig file again: it may have changed."""
+        self._rig = None
+        self._rig = load_rig(self.workspace.rig)
+        if self._pose not in self._rig.poses:
+            self._pose = next(iter(self._rig.poses), "")
+            self._pose = next_pose(self._done(), self._repeats, self._pose)
+        self._draw()
+
+    def hear(self, report: RecorderReport) -> None:
+        """Follow the attempt under way."""
+        match report:
+            case RecorderFailed():
+                self._failed(report)
+            case AttemptSeen() | GoAheadAsked() | AttemptFinished():
+                self._follow(report)
+            case _:
+                pass
+        if self.display and self._countdown is None:  # nothing moves behind it: the line is for the countdown
+            self._draw()
+
+    def _age(self) -> None:
+        if self.display and self._countdown is None and not self.device.fresh(time.monotonic()):
+            self._draw()
+
+    def action_start(self) -> None:
+        """Begin an attempt at the chosen pose."""
+        if self.attempt is not None:
+            raise DprError(self.worded(BUSY))
+        if self.workspace.undecided is not None:
+            raise DprError(self.worded(UNDECIDED))
+        if self.missing() or self._rig is None:
+            raise DprError(self.missing())
+        self._attempts += 1
+        self._ended = None
+        self.attempt = Attempt(self._attempts, self._pose, self._rig.poses[self._pose])
+        self.device.tell(CaptureAttempt(self._attempts, self._pose, self.options))
+        self._draw()
+
+    def action_release(self) -> None:
+        """Count down, then order the release of this attempt; refused unless the rods are in place and still."""
+        attempt = self.attempt
+        obstacle = self._obstacle()
+        if attempt is None or obstacle:
+            self.notify(f"Not released: {obstacle}", severity="warning", markup=False)
+            return
+        keys = frozenset(
+            key for key, active in self.screen.active_bindings.items() if active.binding.id == "capture.release"
+        )
+        self._countdown = Countdown(attempt.name, keys, self.services.sight)
+        self.app.push_screen(self._countdown, self._counted_down)
+
+    def action_keep(self) -> None:
+        """Take the recording into the workspace."""
+        self.workspace.runs.append(self._decided("keep"))
+        self._pose = next_pose(self._done(), self._repeats, self._pose)
+        self.post_message(self.Done())
+        self._draw()
+
+    def action_again(self) -> None:
+        """Put the recording aside and try the same pose again."""
+        moved = set_aside(self._decided("repeat"))
+        self.notify(f"kept aside: {moved}", markup=False)
+        self.post_message(self.Done())
+        if self.missing():
+            self._draw()
+        else:
+            self.action_start()
+
+    def action_end(self) -> None:
+        """End the attempt under way; the rods stay held."""
+        if self.attempt is not None and self.attempt.phase is not Phase.JUDGED:
+            self.device.tell(CancelAttempt(self.attempt.number))
+
+    def action_pose(self, by: int) -> None:
+        """Choose another pose."""
+        if self.attempt is None and self._rig is not None and self._rig.poses:
+            names = list(self._rig.poses)
+            self._pose = names[(names.index(self._pose) + by) % len(names)]
+            self._draw()
+
+    def action_length(self) -> None:
+        """Record for longer, or until rest."""
+        if self.options.until_rest:
+            self.options = replace(self.options, until_rest=False, duration=CHOICES.durations[0])
+        else:
+            longer = next((duration for duration in CHOICES.durations if duration > self.options.duration), None)
+            changed = {"until_rest": True} if longer is None else {"duration": longer}
+            self.options = replace(self.options, **changed)
+        self._draw()
+
+    def action_repeats(self) -> None:
+        """Record every pose once more, or only once again."""
+        self._repeats = self._repeats % CHOICES.most_repeats + 1
+        self._draw()
+
+    async def action_connect(self) -> None:
+        """Connect again, after the cable was out."""
+        if self.device.connected is None and self.device.opening is None:
+            self._ended = None
+            await self.services.connect()
+            self.post_message(self.Done())
+            self._draw()
+
+    def _obstacle(self) -> str:
+        """Why the rods may not be released now; empty when they may."""
+        if self.attempt is None:
+            return self.worded("press {capture.start} to be guided to the pose first")
+        if not self.device.fresh(now := time.monotonic()):
+            return f"no word from the device, {self.device.seen.ago(now)}"
+        return self.attempt.obstacle
+
+    def _counted_down(self, release: bool | None) -> None:
+        countdown, self._countdown = self._countdown, None
+        attempt, obstacle = self.attempt, self._obstacle()
+        if not release or attempt is None:
+            held = "nothing was released, the rods stay held"
+            if not self.device.fresh(time.monotonic()):
+                held = "no release was ordered, but the device is silent, so the latch is UNKNOWN: keep clear"
+            why = countdown.why if countdown is not None else ""
+            text = f"Not released: {why}; {held}" if why else f"Stopped: {held}"
+            self.notify(text, severity="warning", timeout=NOTICES.news_s, markup=False)
+        elif obstacle:
+            self.notify(f"Not released: {obstacle}", severity="warning", markup=False)
+        else:
+            self.device.tell(GoAhead(attempt.number, attempt.name, time.monotonic()))
+        self._draw()
+
+    def _follow(self, report: AttemptSeen | GoAheadAsked | AttemptFinished) -> None:
+        attempt = self.attempt
+        if attempt is None or report.attempt != attempt.number:
+            return
+        attempt.hear(report)
+        if self._countdown is not None and attempt.obstacle:
+            self._countdown.stop()
+        if isinstance(report, AttemptFinished):
+            self.workspace.undecided = report.captured.run_file
+            self.post_message(self.Done())
+        elif isinstance(report, AttemptSeen) and isinstance(report.progress, HangReading) and not report.progress.ok:
+            off = ", ".join(map(self.workspace.unit.text, report.progress.error))
+            warning = f"The rods hang {off} off straight down: counts were lost, or the rig file's zero is wrong"
+            self.notify(warning, severity="warning", markup=False)
+
+    def _failed(self, report: RecorderFailed) -> None:
+        if report.attempt is not None or not report.alive:
+            if self._countdown is not None:
+                self._countdown.stop()
+            if self.attempt is not None and self.attempt.phase is not Phase.JUDGED:
+                self._ended, self.attempt = self.attempt, None
+        self.post_message(self.Done())
+
+    def _decided(self, what: str) -> Path:
+        """The run that was not decided about, which it is from now on."""
+        run, self.workspace.undecided = self.workspace.undecided, None
+        if run is None:
+            raise DprError(f"Nothing to {what} yet: a recording must be finished first")
+        self.attempt = None
+        return run
+
+    def _done(self) -> dict[str, int]:
+        return kept(self.workspace.runs, self._rig.poses if self._rig is not None else ())
+
+    def _draw(self) -> None:
+        if self._rig is None or not self.is_mounted:
+            return
+        now = time.monotonic()
+        state = CaptureState(
+            rig=self._rig,
+            pose=self._pose,
+            attempt=self.attempt,
+            ended=self._ended,
+            seen=self.device.seen,
+            now=now,
+            live=self.device.fresh(now),
+            lost=self.device.lost is not None,
+            undecided=self.workspace.undecided.stem if self.workspace.undecided is not None else "",
+            unit=self.workspace.unit,
+            keys=self.services.keys,
+            options=self.options,
+            done=self._done(),
+            repeats=self._repeats,
+            obstacle=self.missing(),
+        )
+        self.query_one(CaptureView).show(state)

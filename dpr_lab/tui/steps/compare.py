@@ -1,0 +1,392 @@
+"""The model beside the measurement, from any release and from any instant of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal
+from textual.events import Resize
+from textual.widgets import Select, Static
+
+from dpr_lab.errors import RunError
+from dpr_lab.report.angles import AngleUnit
+from dpr_lab.tui.jobs import jobs
+from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
+from dpr_lab.tui.jobs.kept_comparison import KeptComparison
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.beside import Beside
+from dpr_lab.tui.steps.job_step import JobStep
+from dpr_lab.tui.texts import counted_runs, run_name
+from dpr_lab.tui.widgets.chart import Band, Chart, Mark, Series
+from dpr_lab.tui.widgets.slider import Slider
+from dpr_lab.workflows.compare import CompareRequest
+from dpr_lab.workflows.events import RunCompared, RunLeftOut
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.compare import Comparison, FreeRun
+
+AXES = ("inner rod θ1", "outer rod θ2")
+VIEWS = ("angle", "free-run error", "segment residual")
+
+
+@dataclass(frozen=True, slots=True)
+class CompareSettings:
+    """How runs are drawn beside the model."""
+
+    noise_sigmas: int = 2
+    """Half the noise band; 95 % of what is only noise lies inside."""
+    tall: int = 36
+    """Rows of the step from which on angle and error are shown one above the other."""
+    start_step_s: float = 0.5
+    """Spacing of the instants a free run can start from: the length of the comparison's segments."""
+
+
+SETTINGS = CompareSettings()
+
+
+class CompareStep(JobStep):
+    """Measured and simulated angles, and what is left between them."""
+
+    NAME = "Compare"
+    WORK = ""
+    RESTS_ON = ("the runs", "the model")
+    HELP = f"""
+Simulates every selected run with the model. A **free run** starts from the state fitted at one instant and goes on by
+itself; the slider moves that instant. It can be predicted up to the horizon (bar on the slider, line in the chart):
+beyond it the start state's uncertainty alone moves the simulation visibly, which says nothing about the model.
+
+The **segment residual** is what half-second segments with free start states leave; inside the band
+(±{SETTINGS.noise_sigmas}σ of the noise floor) and without a pattern it is noise.
+
+`{{compare.beside}}` draws a second run into the same picture, or the same run by another model, whose file you write
+into the field (`{{compare.edit}}`), such as the corrected `diagnosis/model.json`.
+
+In the chart: + and - zoom, arrows move, shift with up and down stretches, 0 shows everything again.
+`{{chart.cursors}}` sets two cursors that read off values and differences (again: moves the other one; again: takes them
+away); `{{chart.cursor_back}}` and `{{chart.cursor_on}}` move, `{{chart.cursor_far_back}}` and `{{chart.cursor_far_on}}`
+by more. Figures, report and
+numbers are written to `report/` in the bench's folder, as `dpr-lab compare` writes them.
+"""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("s", "start", "Start", id="compare.start", tooltip="compare runs with the model and write the report"),
+        Binding("v", "cycle('view')", "View", id="compare.view", tooltip="angle, free-run error, segment residual"),
+        Binding("o", "cycle('run')", "Other", id="compare.run", tooltip="the other run"),
+        Binding("O", "beside", "Beside", id="compare.beside", tooltip="another run or model in the same plot"),
+        Binding("i", "edit", "Edit", id="compare.edit", show=False),
+        Binding("j", "cycle('axis')", "Joint", id="compare.axis", tooltip="the other joint"),
+        Binding("left_square_bracket", "start_at(-1)", "Start earlier", id="compare.earlier", show=False),
+        Binding("right_square_bracket", "start_at(1)", "Start later", id="compare.later", show=False),
+    ]
+    DEFAULT_CSS = """
+    CompareStep #pickers { height: 1; }
+    CompareStep #pickers Select { width: 1fr; margin-right: 1; }
+    CompareStep #pickers #run { width: 2fr; }
+    CompareStep #figures { height: auto; max-height: 4; }
+    """
+
+    def __init__(self, services: Services, *, id: str | None = None) -> None:
+        super().__init__(services, id=id)
+        self._of: tuple[Path, float, tuple[Path, ...]] | None = None
+        self._comparisons: list[Comparison] = []
+        self._free_runs: dict[FreeRunStart, FreeRun] = {}
+        self._left_out = 0
+        self._saved = False
+
+    def compose(self) -> ComposeResult:
+        """Pickers, slider, charts, figures."""
+        with Horizontal(id="pickers"):
+            yield Select[int]([], prompt="no run yet", id="run", compact=True)
+            yield Select(list(zip(AXES, (0, 1), strict=True)), value=1, allow_blank=False, id="axis", compact=True)
+            yield Select([(view, view) for view in VIEWS], value=VIEWS[0], allow_blank=False, id="view", compact=True)
+        yield Beside(self.services)
+        keys = self.worded("free run from ({compare.earlier} {compare.later})")
+        yield Slider(keys, "s", SETTINGS.start_step_s, id="from")
+        yield Chart(id="angle")
+        yield Chart(id="error")
+        yield Static(id="figures", markup=False)
+
+    def missing(self) -> str:
+        """A model and runs."""
+        known = self.workspace.model is not None and self.workspace.model.is_file()
+        none = f"No model yet: identify one in step {self.services.key_of('Identify')}"
+        return super().missing() or ("" if known else none)
+
+    def outcome(self) -> str:
+        """How many runs were compared."""
+        return counted_runs(len(self._comparisons)) if self._comparisons and self._of is not None else ""
+
+    def enter(self) -> None:
+        """Show what was compared; compare only where nothing is there. What is stale is kept and marked."""
+        self._draw()
+        if self.missing():
+            self.say(self.missing())
+        elif not self._comparisons and self._of != self._subject():
+            if kept := self._kept.load():
+                self._of, self._saved = self._subject(), True
+                self.show(kept)
+            else:
+                self.start_work()
+
+    def report(self) -> Path | None:
+        """As `dpr-lab compare` writes it."""
+        return self.workspace.out / "report" / "report.html"
+
+    @property
+    def work(self) -> str:
+        """The simulation of all runs; its job stays to answer afterwards."""
+        return "" if self._saved else super().work
+
+    def share_done(self) -> float:
+        """By runs."""
+        return len(self._comparisons) / self._runs
+
+    def stale(self) -> str:
+        """Model or runs are not those compared last."""
+        if not self._comparisons or not self._saved or self.missing() or self._of == self._subject():
+            return ""
+        return self.worded("STALE, model or runs changed; {compare.start}: run again")
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Its job stays to answer, so it can always be started anew."""
+        return True
+
+    def start_work(self) -> None:
+        """Compare the selected runs with the model."""
+        model = self.workspace.model
+        if model is None:
+            return
+        self._of = self._subject()
+        self._comparisons, self._free_runs, self._left_out, self._saved = [], {}, 0, False
+        self.say("simulating; a first start compiles for some seconds")
+        out = self.workspace.out / "report"
+        request = CompareRequest(tuple(self.workspace.runs), model, out, leave_out=True, record=out / "comparison.json")
+        self.begin(jobs.compare, request=request, keep=self._kept)
+
+    def progressed(self, value: Any) -> None:
+        """A compared run or one left out, all of them saved, or a free run that was asked for."""
+        match value:
+            case RunCompared(comparison):
+                self._comparisons.append(comparison)
+                self._offer_runs()
+            case RunLeftOut(why=why):
+                self._left_out += 1
+                raise RunError(why)
+            case ComparisonSaved(left_out):
+                self._saved = True
+                self.made()
+                without = f"; left out: {', '.join(run.stem for run in left_out)}" if left_out else ""
+                self._draw(f"saved in {self.workspace.out / 'report'}{without}")
+                self.post_message(self.Done())
+            case FreeRunFrom():
+                self._free_runs[value.start] = value.free_run
+                self._draw()
+
+    def ended(self, why: str) -> None:
+        """No answers any more; what was compared stays."""
+        self._of = None
+        self.say(self.worded(f"{why} ({{app.browse}})") if self._left_out and not self._comparisons else why)
+
+    def action_cycle(self, what: str) -> None:
+        """The next run, axis or view."""
+        picker = self.query_one(f"#{what}", Select)
+        options = {"run": range(len(self._comparisons)), "axis": range(len(AXES)), "view": VIEWS}[what]
+        if len(options):
+            here = options.index(picker.value) if picker.value in options else -1
+            picker.value = options[(here + 1) % len(options)]
+        next(chart for chart in self.query(Chart) if chart.display).focus()
+
+    def action_edit(self) -> None:
+        """Name another model."""
+        self.query_one(Beside).edit()
+
+    def action_beside(self) -> None:
+        """The next run or model beside this one."""
+        self.query_one(Beside).cycle()
+
+    @on(Beside.Offered)
+    def _draw_beside(self, event: Beside.Offered) -> None:
+        self._draw(event.news)
+
+    def action_start_at(self, steps: int) -> None:
+        """Start the free run earlier or later."""
+        self.query_one(Slider).action_move(steps)
+
+    def show(self, comparisons: "list[Comparison]") -> None:
+        """Draw these."""
+        self._comparisons = list(comparisons)
+        self._offer_runs()
+
+    @on(Select.Changed)
+    def _picked(self, event: Select.Changed) -> None:
+        event.stop()
+        if event.select.id == "run" and (shown := self._shown) is not None:
+            slider, step = self.query_one(Slider), SETTINGS.start_step_s
+            slider.maximum = step * int(max(shown.t[-1] - step, 0.0) / step)
+            slider.value = 0.0
+            self._offer_beside()
+        self._draw()
+
+    @on(Slider.Changed)
+    def _moved(self, event: Slider.Changed) -> None:
+        event.stop()
+        run = self.query_one("#run", Select).value
+        if not isinstance(run, int):
+            return
+        if self.job is None:
+            self.say(self.worded("Kept from before: {compare.start} simulates them again, for free runs from here"))
+            return
+        start = FreeRunStart(run, event.slider.value)
+        if start in self._free_runs:
+            self._draw()
+        else:
+            self.job.ask(start)
+
+    def on_resize(self, event: Resize) -> None:
+        """A tall screen shows angle and error."""
+        self._arrange()
+
+    @property
+    def _shown(self) -> "Comparison | None":
+        run = self.query_one("#run", Select).value
+        return self._comparisons[run] if isinstance(run, int) and run < len(self._comparisons) else None
+
+    def _subject(self) -> tuple[Path, float, tuple[Path, ...]]:
+        model = self.workspace.model or Path()
+        return model, model.stat().st_mtime, tuple(self.workspace.runs)
+
+    @property
+    def _kept(self) -> KeptComparison:
+        """Where comparisons of this model and these runs are kept."""
+        return KeptComparison(self.workspace.out / "report" / "compared.npz", repr(self._subject()))
+
+    def _offer_runs(self) -> None:
+        picker = self.query_one("#run", Select)
+        here = picker.value if isinstance(picker.value, int) else 0
+        picker.set_options([(_label(comparison), i) for i, comparison in enumerate(self._comparisons)])
+        picker.value = min(here, len(self._comparisons) - 1)
+        self._offer_beside()
+
+    def _offer_beside(self) -> None:
+        number = self.query_one("#run", Select).value
+        names = [_label(comparison) for comparison in self._comparisons]
+        self.query_one(Beside).offer(self._comparisons, names, number if isinstance(number, int) else 0)
+
+    def _arrange(self) -> None:
+        view = self.query_one("#view", Select).value
+        tall = self.size.height >= SETTINGS.tall
+        self.query_one("#angle", Chart).display = tall or view == VIEWS[0]
+        self.query_one("#error", Chart).display = tall or view != VIEWS[0]
+
+    def _draw(self, news: str = "") -> None:
+        self._arrange()
+        shown = self._shown
+        if shown is None:
+            return
+        freely = self._free_run(shown)
+        axis = 1 if self.query_one("#axis", Select).value == 1 else 0
+        slider = self.query_one(Slider)
+        slider.mark = freely.horizon_s
+        horizon = [Mark(freely.horizon_s, f"horizon {freely.horizon_s:.2f} s")] if _ends_before(freely, shown) else []
+        self._draw_angle(shown, freely, axis, horizon)
+        self._draw_error(shown, freely, axis, horizon)
+        said = _figures(shown, self.workspace.unit) + (f"  {news}" if news else "")
+        if (beside := self.query_one(Beside).chosen) is not None:
+            said += f"\nbeside: {_figures(beside, self.workspace.unit)}"
+        self.say(said)
+
+    def _free_run(self, shown: "Comparison") -> "FreeRun":
+        """The free run from where the slider stands; the last one known while that is being simulated."""
+        from dpr_lab.identification.compare import FreeRun
+
+        run = self._comparisons.index(shown)
+        start = FreeRunStart(run, self.query_one(Slider).value)
+        return self._free_runs.get(start) or FreeRun(shown.t, shown.free_run, shown.horizon_s)
+
+    def _draw_angle(self, shown: "Comparison", freely: "FreeRun", axis: int, marks: list[Mark]) -> None:
+        unit = self.workspace.unit
+        measured = Series("measured", shown.t, unit.per_rad * shown.measured[:, axis])
+        simulated = Series("free run", freely.t, unit.per_rad * freely.theta[:, axis], "secondary")
+        lines = [measured, simulated]
+        if (beside := self.query_one(Beside).chosen) is not None:
+            same_run = beside.run == shown.run
+            theta = beside.free_run if same_run else beside.measured
+            lines.append(Series(_name_beside(same_run), beside.t, unit.per_rad * theta[:, axis], "accent"))
+        self.query_one("#angle", Chart).show(
+            lines,
+            x_label="time (s)",
+            y_label=f"{AXES[axis]} ({unit.symbol.strip()})",
+            marks=marks,
+            y_range=_range_of(measured.y),
+        )
+
+    def _draw_error(self, shown: "Comparison", freely: "FreeRun", axis: int, marks: list[Mark]) -> None:
+        unit = self.workspace.unit
+        noise = SETTINGS.noise_sigmas * unit.small_per_rad * float(shown.noise_rad[axis])
+        freely_seen = self.query_one("#view", Select).value == VIEWS[1]
+        if freely_seen:
+            near = freely.t <= freely.horizon_s
+            t = freely.t[near]
+            error = shown.measured[-len(freely.t) :, axis][near] - freely.theta[near, axis]
+        else:
+            t, error, marks = shown.t, shown.segment_residual[:, axis], []
+        self.query_one("#error", Chart).show(
+            [Series("residual", t, unit.small_per_rad * error), *self._error_beside(shown, axis, freely_seen)],
+            x_label="time (s)",
+            y_label=f"{AXES[axis]} ({unit.small})",
+            marks=marks,
+            band=Band(-noise, noise, f"noise ±{SETTINGS.noise_sigmas}σ"),
+            x_range=(float(shown.t[0]), float(shown.t[-1])),
+        )
+
+    def _error_beside(self, shown: "Comparison", axis: int, freely: bool) -> list[Series]:
+        """What the second run or model leaves, from the release."""
+        beside = self.query_one(Beside).chosen
+        if beside is None:
+            return []
+        near = beside.t <= (beside.horizon_s if freely else beside.t[-1])
+        error = (beside.free_run_error if freely else beside.segment_residual)[near, axis]
+        name = _name_beside(beside.run == shown.run)
+        return [Series(name, beside.t[near], self.workspace.unit.small_per_rad * error, "accent")]
+
+    def say(self, text: str) -> None:
+        """Show a sentence in the place of the figures."""
+        self.query_one("#figures", Static).update(text)
+
+
+def _name_beside(same_run: bool) -> str:
+    return "2nd model" if same_run else "other run"
+
+
+def _label(comparison: "Comparison") -> str:
+    role = "held out" if comparison.held_out else "used"
+    name = run_name(Path(comparison.run))
+    return f"{comparison.pose or '' if name == comparison.run else ''} {name} ({role})".strip()
+
+
+def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
+    """The numbers of `dpr-lab compare`'s table, inner and outer rod."""
+    from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows
+
+    row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))
+    return (
+        f"{row['role']}, {row['segments']} segments: rms {row['rms (mrad)']} {unit.small}, noise"
+        f" {row['noise (mrad)']} ({row['times noise']} times); free run from the release"
+        f" {row['free run (mrad)']} {unit.small} up to"
+        f" {row['horizon (s)']} s"
+    )
+
+
+def _ends_before(freely: "FreeRun", shown: "Comparison") -> bool:
+    return freely.horizon_s < float(shown.t[-1])
+
+
+def _range_of(angle: NDArray[np.float64]) -> tuple[float, float]:
+    """The measurement's own range, so that a free run that tumbles away leaves the chart."""
+    low, high = float(np.nanmin(angle)), float(np.nanmax(angle))
+    room = max(0.06 * (high - low), 0.01)
+    return low - room, high + room

@@ -1,0 +1,247 @@
+"""Find the device and greet it."""
+
+import time
+from typing import ClassVar
+
+from textual import on, work
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+from textual.content import Content
+from textual.widgets import Input, OptionList, Static
+from textual.widgets.option_list import Option
+
+from dpr_lab.errors import DprError
+from dpr_lab.transports import TRANSPORTS
+from dpr_lab.transports.discover import Links, SerialPortFound, discover
+from dpr_lab.tui.recorder.messages import Connected, Exercise, Exercised, Idle, RecorderFailed, RecorderReport
+from dpr_lab.tui.recorder.sighting import SETTINGS as SIGHTING
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.step import Step
+from dpr_lab.tui.texts import NOTICES
+from dpr_lab.tui.widgets.dialogs import Question
+from dpr_lab.tui.widgets.readout import BAD, GOOD, old_text
+
+SIMULATED = TRANSPORTS["sim"].example
+CONNECTING = "connecting: a first start can compile for half a minute ({connect.disconnect}: give up)"
+UNTESTED = "not done: press {connect.exercise} (closes the latch)"
+LINKS = "\n".join(f"- {kind.name}: `{kind.example}`" for kind in TRANSPORTS.values() if kind.example != SIMULATED)
+
+
+class ConnectStep(Step):
+    """Links found, one to choose, and what the device answered."""
+
+    NAME = "Connect"
+    HELP = f"""
+Choose where the device is: a link from the list, or a URL of your own (`{{connect.edit}}`).
+
+{LINKS}
+- a simulated rig, to try everything without hardware: `{{connect.simulate}}`; a rig that is connected is let go only
+  after you said yes
+
+`{{connect.exercise}}` lets the device stream for two seconds: what arrives, what is lost, and how well its clock
+follows this computer's. That closes the latch, and leaves it closed.
+"""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("c", "connect", "Connect", id="connect.connect"),
+        Binding("m", "simulate", "Simulator", id="connect.simulate"),
+        Binding("l", "exercise", "Link test", id="connect.exercise"),
+        Binding("u", "look", "Look again", id="connect.look"),
+        Binding("z", "disconnect", "Disconnect", id="connect.disconnect", show=False),
+        Binding("i", "edit", "Edit", id="connect.edit", show=False),
+    ]
+
+    def __init__(self, services: Services, *, id: str | None = None) -> None:
+        super().__init__(services, id=id)
+        self._exercised: Exercised | str = ""
+
+    def compose(self) -> ComposeResult:
+        """The links, a field for a URL, the answer."""
+        yield OptionList(id="links")
+        yield Input(placeholder="URL of the device; empty for the rig file's", id="url")
+        with VerticalScroll(id="answer", can_focus=False):
+            yield Static(id="device")
+
+    def on_mount(self) -> None:
+        """Look for links; what is old grows older."""
+        self.set_interval(SIGHTING.fresh_s / 3, self._age)
+        self.query_one(Input).value = self.workspace.link
+        self.action_look()
+
+    def outcome(self) -> str:
+        """Which device."""
+        connected = self.device.connected
+        if connected is None:
+            return ""
+        return "simulated" if connected.url.startswith("sim:") else connected.info.uid[-8:]
+
+    def enter(self) -> None:
+        """Show what is known, with the list ready for Enter."""
+        self.query_one(OptionList).focus()
+        self._draw()
+
+    def hear(self, report: RecorderReport) -> None:
+        """Follow the connection."""
+        match report:
+            case Connected():
+                self._exercised = ""
+                self.post_message(self.Done())
+            case Idle():
+                pass
+            case Exercised():
+                self._exercised = report
+            case RecorderFailed():
+                self._exercised = ""
+                severity = "warning" if report.alive else "error"
+                self.notify(report.message, severity=severity, timeout=NOTICES.error_s, markup=False)
+            case _:
+                return
+        if self.display:
+            self._draw()
+
+    @on(OptionList.OptionSelected)
+    async def _choose(self, event: OptionList.OptionSelected) -> None:
+        if event.option.id is not None:
+            self.query_one(Input).value = event.option.id
+            await self.action_connect()
+
+    @on(Input.Submitted)
+    async def action_connect(self) -> None:
+        """Connect to the URL in the field."""
+        self.services.require_free()
+        self.workspace.link = self.query_one(Input).value.strip()
+        self._exercised = ""
+        await self.services.connect()
+        self.focus()
+        self.post_message(self.Done())
+        self._draw()
+
+    async def action_simulate(self) -> None:
+        """Connect to a simulated rig; where that lets a rig go, only on a yes."""
+        connected = self.device.connected
+        if connected is None or connected.simulated:
+            await self._simulate(True)
+        else:
+            question = f"Let go of the rig at {connected.url} and connect the simulator?"
+            self.app.push_screen(Question(question, "Simulate", "Stay"), self._simulate)
+
+    async def _simulate(self, sure: bool | None) -> None:
+        if sure:
+            self.query_one(Input).value = SIMULATED
+            await self.action_connect()
+
+    async def action_disconnect(self) -> None:
+        """Let the device go."""
+        self.services.require_free()
+        await self.device.close()
+        self.post_message(self.Done())
+        self._draw()
+
+    def action_edit(self) -> None:
+        """Go to the field."""
+        self.query_one(Input).focus()
+
+    def action_exercise(self) -> None:
+        """See what the link is worth."""
+        if self.device.opening is not None:
+            raise DprError(self.worded("A connection is under way: wait, or give it up with {connect.disconnect}"))
+        connected = self.device.connected
+        if connected is None:
+            raise DprError("Connect a device first: choose a link and press Enter")
+        exercise = Exercise(connected.rate_hz)
+        self._exercised = f"streaming for {exercise.seconds:g} s ..."
+        self.device.tell(exercise)
+        self._draw()
+
+    def _age(self) -> None:
+        if self.display and not self.device.fresh(time.monotonic()):
+            self._draw()
+
+    def action_look(self) -> None:
+        """Look for links again."""
+        self._look()
+
+    @work(thread=True, exclusive=True)
+    def _look(self) -> None:
+        found = discover()
+        self.app.call_from_thread(self._list, found)
+
+    def _list(self, found: Links) -> None:
+        links = self.query_one(OptionList)
+        links.clear_options()
+        for url, what in self._offers(found).items():
+            links.add_option(Option(Content(f"{url:<34} {what}"), id=url))
+        if not found.serial:
+            hint = self.worded("no serial port found: plug the device in and press {connect.look}")
+            links.add_option(Option(Content(hint), disabled=True))
+        links.highlighted = 0
+
+    def _offers(self, found: Links) -> dict[str, str]:
+        """URL -> what it is; the last one used comes first."""
+        offers = {}
+        if self.workspace.link:
+            offers[self.workspace.link] = "used last"
+        offers |= {f"serial://{port.device}?baud=921600": _described(port) for port in found.serial}
+        offers |= {f"can://socketcan/{name}?bitrate=1000000": "CAN interface" for name in found.can_interfaces}
+        return offers | {SIMULATED: "simulated rig, no hardware needed"}
+
+    def _draw(self) -> None:
+        shown, lines = self.query_one("#device", Static), Content("\n").join(self._lines())
+        if shown.content != lines:
+            shown.update(lines)
+
+    def _lines(self) -> list[Content]:
+        device, now = self.device, time.monotonic()
+        if device.opening is not None:
+            return [Content(self.worded(CONNECTING))]
+        if device.connected is not None:
+            return [*_identity(device.connected), *self._rods(now), *self._clock()]
+        lines = [Content.styled(f"{BAD} {device.message}", "$error") if device.message else Content("not connected")]
+        if device.lost is not None:
+            lines.append(old_text(device.seen, now, self.workspace.unit))
+        return lines
+
+    def _rods(self, now: float) -> list[Content]:
+        seen, unit = self.device.seen, self.workspace.unit
+        if seen.theta is None:
+            return []
+        if not self.device.fresh(now):
+            return [old_text(seen, now, unit)]
+        latch = "closed, the rods are held" if seen.latched else "open, the rods are free"
+        return [_row("latch", latch), _row("angles", f"{unit.all_of(seen.theta)}  ({unit.scale})")]
+
+    def _clock(self) -> list[Content]:
+        if isinstance(self._exercised, str):
+            return [_row("link test", self._exercised or self.worded(UNTESTED))]
+        lost = ", ".join(f"{n} {cause.replace('_', ' ')}" for cause, n in self._exercised.lost.items() if n)
+        arrived = f"{self._exercised.samples} samples, {lost or 'none lost'}"
+        return [_row("link test", f"{BAD if lost else GOOD} {arrived}"), _row("clock", _clock_fit(self._exercised))]
+
+
+def _described(port: SerialPortFound) -> str:
+    return port.problem or (port.description if port.description != "n/a" else "serial port")
+
+
+def _identity(connected: Connected) -> list[Content]:
+    info = connected.info
+    rows = [
+        Content.styled(f"{GOOD} connected to {connected.url}", "bold $success"),
+        _row("device", f"{info.uid}, firmware {info.firmware}, protocol {info.major}.{info.minor}"),
+        _row("encoders", f"{', '.join(map(str, info.counts_per_rev))} counts per turn"),
+        *(_row("link load", load) for load in connected.loads),
+    ]
+    return [*rows, Content.styled(f"{BAD} {connected.problem}", "$error")] if connected.problem else rows
+
+
+def _clock_fit(exercised: Exercised) -> str:
+    clock = exercised.clock
+    if clock is None:
+        return "not compared: this device's time is simulated"
+    return (
+        f"known to ±{1e6 * clock.offset_std:.0f} µs, runs {clock.rate_ppm:+.1f} ± {clock.rate_ppm_std:.1f} ppm"
+        f" ({clock.n} pings, shortest {1e6 * clock.rtt_min:.0f} µs)"
+    )
+
+
+def _row(name: str, value: str) -> Content:
+    return Content(f"{name:<10} {value}")

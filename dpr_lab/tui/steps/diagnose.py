@@ -1,0 +1,351 @@
+"""Why simulation and rig differ; the verdict first, then where, which, how far, and what to do next."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Group, RenderableType
+from rich.text import Text
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, VerticalScroll
+from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
+from dpr_lab.report.angles import AngleUnit
+from dpr_lab.tui.jobs import jobs
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.job_step import JobStep, job_keys
+from dpr_lab.tui.texts import Bars, named_runs, sentences, table
+from dpr_lab.tui.widgets.chart import Chart, Series
+from dpr_lab.tui.widgets.run_browser import RunBrowser
+from dpr_lab.workflows.diagnose import RECORD, DiagnoseRequest
+
+if TYPE_CHECKING:
+    from dpr_lab.gap.result.diagnosis import Diagnosis, Where
+
+TABS = {"which": "Which", "where": "Where", "far": "How far", "next": "What next"}
+
+
+NONE_LEFT = "every selected run is held out: hold out fewer ({diagnose.hold_out}), or select more ({app.browse})"
+
+
+class DiagnoseStep(JobStep):
+    """Runs in, a diagnosis out."""
+
+    NAME = "Diagnose"
+    WORK = "the diagnosis that is running"
+    RESTS_ON = ("the rig", "the runs", "the held-out runs", "the model")
+    HELP = """
+Says where the simulation still differs from the rig, which unmodelled effect causes it, how sure that is, what else it
+could be, how much of the gap closes on data not used for the fit, and what to record or measure next.
+
+- **held out** (`{diagnose.hold_out}`): runs that take no part in the fit: what is named must carry over to them.
+- *Where* shows the torque or encoder error that would explain the gap, with its 90 % interval.
+- Effects that these recordings cannot tell apart are one class and share its probability.
+
+Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/` in the bench's folder, as
+`dpr-lab diagnose --out` writes them.
+"""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        *(key for key in job_keys("diagnose") if key.action in ("start", "cancel")),
+        Binding("h", "hold_out", "Hold out", id="diagnose.hold_out", tooltip="hold out runs"),
+        Binding("v", "view", "View", id="diagnose.view"),
+        Binding("o", "place", "Other", id="diagnose.place", tooltip="the other place of the gap"),
+    ]
+    DEFAULT_CSS = """
+    DiagnoseStep #form { height: 1; }
+    DiagnoseStep #form Label { padding: 0 1 0 0; }
+    DiagnoseStep #held-out { width: 1fr; max-width: 44; margin-right: 2; text-wrap: nowrap; text-overflow: ellipsis; }
+    DiagnoseStep #form Input { width: 7; margin-right: 2; }
+    DiagnoseStep #state { height: auto; max-height: 5; text-style: bold; }
+    DiagnoseStep TabbedContent { height: 1fr; }
+    DiagnoseStep TabPane { padding: 0; }
+    DiagnoseStep #place { width: 100%; }
+    DiagnoseStep #place-text { height: auto; max-height: 3; }
+    """
+
+    def __init__(self, services: Services, *, id: str | None = None) -> None:
+        super().__init__(services, id=id)
+        self._shown: Path | None = None
+        self._found: Diagnosis | None = None
+        self._unit: AngleUnit | None = None
+        self._stage: StageBegan | None = None
+
+    def compose(self) -> ComposeResult:
+        """The form, the verdict, and the rest in tabs."""
+        with Horizontal(id="form"):
+            yield Label("held out")
+            yield Static(id="held-out", markup=False)
+            yield Label("effects at most")
+            yield Input("4", id="max-effects", type="integer", compact=True)
+            yield Label("seed")
+            yield Input("0", id="seed", type="integer", compact=True)
+        yield Static(id="state", markup=False)
+        with TabbedContent(initial="which"):
+            with TabPane(TABS["which"], id="which"), VerticalScroll():
+                yield Static(id="which-text")
+            with TabPane(TABS["where"], id="where"):
+                yield Select[int]([], prompt="no place", id="place", compact=True)
+                yield Static(id="place-text", markup=False)
+                yield Chart(id="place-map")
+            for name in ("far", "next"):
+                with TabPane(TABS[name], id=name), VerticalScroll():
+                    yield Static(id=f"{name}-text")
+
+    def outcome(self) -> str:
+        """The verdict in two words."""
+        return self._found.verdict.replace("_", " ") if self._found is not None else ""
+
+    def enter(self) -> None:
+        """Show what is held out, and the workspace's diagnosis."""
+        self._show_held_out()
+        if self._found is not None and self._unit is not self.workspace.unit:
+            self._draw(self._found)
+        if self.workspace.diagnosis not in (None, self._shown) and self.job is None:
+            from dpr_lab.gap.result.diagnosis import load_diagnosis
+
+            self._shown = self.workspace.diagnosis
+            self.show(load_diagnosis(self._shown))
+
+    def start_work(self) -> None:
+        """Diagnose the selected runs."""
+        runs = [run for run in self.workspace.runs if run not in self.workspace.held_out]
+        if not runs:
+            raise ConfigError(self.worded(NONE_LEFT))
+        request = DiagnoseRequest(
+            runs=tuple(runs),
+            rig=self.workspace.rig,
+            held_out=tuple(self.workspace.held_out),
+            model=self.workspace.model,
+            max_effects=self.whole_number("max-effects", 1, 8),
+            seed=self.whole_number("seed"),
+            out=self._record.parent,
+        )
+        self._stage = None
+        self.say("reading the runs")
+        self.begin(jobs.diagnose, request=request)
+
+    def share_done(self) -> float:
+        """By stages."""
+        return (self._stage.number - 1) / self._stage.of if self._stage is not None else 0.0
+
+    def progressed(self, value: Any) -> None:
+        """What is being done."""
+        match value:
+            case StageBegan(number, of, name):
+                self._stage = value
+                self.say(f"{_progress(number, of)}: {name}")
+            case FitBegan() | ScoreTestBegan() if self._stage is not None:
+                from dpr_lab.report.words import in_words
+
+                self.say(f"{_progress(self._stage.number, self._stage.of)}: {in_words(value.text)}")
+
+    def finished(self, result: Any) -> None:
+        """The diagnosis, saved already."""
+        self.workspace.diagnosis = self._shown = self._record
+        self.show(result.diagnosis)
+        self.post_message(self.Done())
+
+    def ended(self, why: str) -> None:
+        """Without a diagnosis; the one from before is still there, with its sentence."""
+        from dpr_lab.report.gap.tables import sentence
+
+        found, unit = self._found, self.workspace.unit
+        before = f"; this is the one from before. {sentence(found, unit)}" if found is not None else ""
+        self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
+
+    def report(self) -> Path | None:
+        """Beside the diagnosis that is shown."""
+        return self._shown.with_name("diagnosis.html") if self._shown is not None else None
+
+    def action_hold_out(self) -> None:
+        """Choose the runs that take no part."""
+        held_out, runs = self.workspace.held_out, self.workspace.runs
+        browser = RunBrowser(self.services, held_out, runs, "Runs to hold out", take_here=False)
+        self.app.push_screen(browser, self._hold_out)
+
+    def action_place(self) -> None:
+        """The next place in which the gap can lie."""
+        self.query_one(TabbedContent).active = "where"
+        picker = self.query_one("#place", Select)
+        if self._found is not None and self._found.where and isinstance(picker.value, int):
+            picker.value = (picker.value + 1) % len(self._found.where)
+
+    def show(self, found: "Diagnosis") -> None:
+        """Draw a diagnosis: the verdict, and the rest in tabs."""
+        from dpr_lab.report.words import in_words
+
+        self._found = found
+        picker = self.query_one("#place", Select)
+        picker.set_options(
+            [
+                (f"{in_words(p.site)} by {p.coordinate}: {p.share:.0%} of the excess", i)
+                for i, p in enumerate(found.where)
+            ]
+        )
+        if found.where:
+            picker.value = 0
+        else:
+            self.query_one("#place-text", Static).update(in_words(found.where_sentence))
+        self._draw(found)
+
+    def _draw(self, found: "Diagnosis") -> None:
+        """All of it, in the unit in which angles are shown now."""
+        from dpr_lab.report.gap.tables import sentence
+
+        self._unit = unit = self.workspace.unit
+        if self.job is None:
+            self.say(sentence(found, unit) + self._doubt(found))
+        for name, drawn in (("which", _which), ("far", _far), ("next", _next)):
+            self.query_one(f"#{name}-text", Static).update(drawn(found, unit))
+        number = self.query_one("#place", Select).value
+        if isinstance(number, int) and number < len(found.where):
+            self._draw_place(found.where[number])
+
+    @property
+    def _record(self) -> Path:
+        return self.workspace.out / "diagnosis" / RECORD
+
+    def _hold_out(self, runs: list[Path] | None) -> None:
+        if runs is not None:
+            self.workspace.held_out = runs
+            self._show_held_out()
+            self.post_message(self.Done())
+
+    def _show_held_out(self) -> None:
+        self.query_one("#held-out", Static).update(named_runs(self.workspace.held_out) or "none")
+
+    def _doubt(self, found: "Diagnosis") -> str:
+        """Said where the diagnosis is of other runs than those selected."""
+        from dpr_lab.gap.data.pieces import whole
+
+        closed = found.gap.closed_held_out
+        selected = {run.stem for run in (*self.workspace.runs, *self.workspace.held_out)}
+        same = {whole(name) for name in (*closed.per_run, *closed.held_out)} == selected
+        return "" if same or not selected else " This diagnosis is of other runs than those selected now."
+
+    @on(Select.Changed, "#place")
+    def _place_picked(self, event: Select.Changed) -> None:
+        event.stop()
+        if self._found is not None and isinstance(event.value, int) and event.value < len(self._found.where):
+            self._draw_place(self._found.where[event.value])
+
+    def _draw_place(self, place: "Where") -> None:
+        from dpr_lab.report.gap.tables import coordinate, place_map, quantity
+        from dpr_lab.report.words import in_words
+
+        unit = self.workspace.unit
+        at, value, reach = place_map(place, unit)
+        edges = [
+            Series("90 % interval" if sign < 0 else "", at, value + sign * reach, "foreground") for sign in (-1, 1)
+        ]
+        zero = Series("", at, np.zeros(len(at)), "foreground")
+        scale, clipped = signal_scale(value, reach)
+        note = " The interval leaves the picture where hardly anything was recorded." if clipped else ""
+        self.query_one("#place-text", Static).update(in_words(place.sentence) + note)
+        self.query_one("#place-map", Chart).show(
+            [zero, *edges, Series("estimate", at, value)],
+            x_label=coordinate(place, unit)[0],
+            y_label=quantity(place, unit)[0],
+            y_range=scale,
+        )
+
+
+def signal_scale(value: NDArray[np.float64], reach: NDArray[np.float64]) -> tuple[tuple[float, float], bool]:
+    """The range of a curve and of its interval where that is as wide as it mostly is, and whether more is clipped.
+
+    Args:
+        value: (n,) the curve
+        reach: (n,) half of its interval, which opens where little was recorded
+    """
+    finite = np.isfinite(value) & np.isfinite(reach)
+    value, reach = value[finite], reach[finite]
+    if not len(value):
+        return (-1.0, 1.0), False
+    known = reach <= 3 * np.median(reach)
+    low, high = min(float((value - reach)[known].min()), 0.0), max(float((value + reach)[known].max()), 0.0)
+    room = 0.05 * (high - low) or 1.0
+    return (low - room, high + room), bool(((value - reach < low) | (value + reach > high)).any())
+
+
+def _progress(number: int, of: int) -> str:
+    return f"{'■' * (number - 1)}▣{'□' * (of - number)} step {number} of {of}"
+
+
+def _which(found: "Diagnosis", unit: AngleUnit) -> Group:
+    """Named effects with their probabilities and twins, what else each can be, sensor faults."""
+    from dpr_lab.report.gap import tables as gap_tables
+
+    others = {name: p for name, p in found.probabilities.items() if name in ("no_gap", "unexplained")}
+    shown: list[RenderableType] = [_effect(row) for row in gap_tables.effect_rows(found, unit)] or [
+        "No effect is named.\n"
+    ]
+    shown.append("  ".join(f"{name.replace('_', ' ')}: {p:.0%}" for name, p in others.items()))
+    if rows := gap_tables.standing_rows(found):
+        shown += ["", table("How sure that is", gap_tables.STANDING_COLUMNS, rows, prose=True)]
+        shown.append(Text(gap_tables.STANDING_NOTE, "dim"))
+    if found.sensor_findings:
+        rows = gap_tables.finding_rows(found)
+        shown += ["", table("Sensor faults", gap_tables.FINDING_COLUMNS, rows, prose=True)]
+    return Group(*shown)
+
+
+def _effect(row: Sequence[str]) -> Text:
+    """A named effect: how sure, its twins, its size with 90 % intervals."""
+    name, twins, probability, share, parameters = row
+    text = Text(name, "bold").append(
+        f": probability {probability}, {share} of the excess comes back without it\n", "not bold"
+    )
+    text.append(f"    cannot be told from: {twins}\n", "not bold")
+    return text.append(f"    90 % interval: {parameters}\n", "not bold")
+
+
+def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
+    """The gap as effects are added, and the share that closes on data not used for the fit."""
+    from dpr_lab.report.digits import three
+    from dpr_lab.report.gap import tables as gap_tables
+
+    gap, closed, per_rad = found.gap, found.gap.closed_held_out, unit.small_per_rad
+    floor = per_rad * float(np.linalg.norm(list(gap.floor_rad.values())))
+    steps = [
+        (name, max((per_rad * left) ** 2 - floor**2, 0.0) ** 0.5, None, f"{gap}, {explained}")
+        for (name, left), (_, gap, explained) in zip(
+            gap_tables.steps(found), gap_tables.step_rows(found, unit), strict=True
+        )
+    ]
+    shares = [("all runs", closed.estimate, closed.interval90), *((run, s, None) for run, s in closed.per_run.items())]
+    shares += [(f"{run} (held out)", share, None) for run, share in closed.held_out.items()]
+    low, high = closed.interval90
+    return Group(
+        f"Gap left ({unit.small} rms, both joints, segments of 0.5 s) and share of the excess explained, one effect"
+        f" after the other. A bar is what stands above the noise floor of {three(floor)}: none where only noise is"
+        " left",
+        Bars(steps),
+        f"\nOn releases that took no part in the fit {closed.estimate:.1%} of the gap above the noise closes (90 %"
+        f" interval {low:.1%} to {high:.1%})",
+        Bars([(name, max(share, 0.0), interval, f"{share:.1%}") for name, share, interval in shares], top=1.0),
+        "",
+        table("Free runs from the release", unit.heads(gap_tables.CLOSED_COLUMNS), gap_tables.closed_rows(found, unit)),
+    )
+
+
+def _next(found: "Diagnosis", unit: AngleUnit) -> Group:
+    """What to do, what would have been seen, what was taken for granted."""
+    from dpr_lab.report.gap import tables as gap_tables
+    from dpr_lab.report.words import in_words
+
+    return Group(
+        sentences("What to do next", gap_tables.next_steps(found), numbered=True),
+        table(
+            "What these recordings would show",
+            gap_tables.DETECTABLE_COLUMNS,
+            gap_tables.detectable_rows(found, unit),
+            prose=True,
+        ),
+        sentences("Assumptions", [in_words(text) for text in found.assumptions]),
+    )

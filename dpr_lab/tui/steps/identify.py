@@ -1,0 +1,260 @@
+"""From runs to a model, with the search's convergence live, pause, and a stop that keeps the best so far."""
+
+import time
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from rich.console import Group
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, VerticalScroll
+from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
+
+from dpr_lab.errors import DprError
+from dpr_lab.progress import GenerationDone, LocalFitBegan
+from dpr_lab.report.angles import AngleUnit
+from dpr_lab.tui.jobs import jobs
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.job_step import JobStep, job_keys
+from dpr_lab.tui.texts import counted_runs, named_runs, sentences, table
+from dpr_lab.tui.widgets.chart import Chart, Series
+from dpr_lab.workflows.events import RunRead
+from dpr_lab.workflows.identify import IdentifyRequest
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.model import Model
+
+TABS = ("convergence", "ratios", "nine", "seen")
+
+
+class IdentifyStep(JobStep):
+    """Runs in, model.json out."""
+
+    NAME = "Identify"
+    WORK = "the identification that is running"
+    RESTS_ON = ("the rig", "the runs")
+    CAN_PAUSE = True
+    HELP = """
+Finds the kinetic parameters from the selected runs: a global search inside the rig file's bounds, then a local fit that
+goes to the noise floor.
+
+- **objective** `segments` starts anew every quarter second, so that chaos cannot spoil the search; `paper` is the
+  paper's E(Z), one free run over the whole record.
+- **search** is the algorithm, **seed** makes it repeatable.
+- A search that is stopped early keeps its best individual and finishes from there; a cancelled one keeps nothing.
+
+A free swing fixes five ratios. Which of the nine parameters are fixed too, and by what, stands under *Nine
+parameters*; what to measure to fix the others stands under *What is seen*. The model is written to `model.json` in the
+bench's folder.
+"""
+    BINDINGS: ClassVar[list[BindingType]] = [*job_keys("identify"), Binding("v", "view", "View", id="identify.view")]
+    DEFAULT_CSS = """
+    IdentifyStep #runs { height: 1; text-wrap: nowrap; text-overflow: ellipsis; }
+    IdentifyStep #form { height: 1; }
+    IdentifyStep #form Label { padding: 0 1 0 0; }
+    IdentifyStep #form Select { width: 22; margin-right: 2; }
+    IdentifyStep #form Input { width: 8; }
+    IdentifyStep #state { height: auto; max-height: 4; }
+    IdentifyStep TabbedContent { height: 1fr; }
+    IdentifyStep TabPane { padding: 0; }
+    IdentifyStep Chart { width: 1fr; }
+    """
+
+    def __init__(self, services: Services, *, id: str | None = None) -> None:
+        super().__init__(services, id=id)
+        self.model: Model | None = None
+        self._shown: Path | None = None
+        self._unit: AngleUnit | None = None
+        self._history: list[GenerationDone] = []
+        self._instants: list[float] = []
+
+    def compose(self) -> ComposeResult:
+        """The form, what is going on, and the results in tabs."""
+        from dpr_lab.identification.objectives import OBJECTIVES
+        from dpr_lab.search import ALGORITHMS
+
+        yield Static(id="runs", markup=False)
+        with Horizontal(id="form"):
+            yield Label("objective")
+            yield _choice("objective", list(OBJECTIVES))
+            yield Label("search")
+            yield _choice("search", list(ALGORITHMS))
+            yield Label("seed")
+            yield Input("0", id="seed", type="integer", compact=True, select_on_focus=False)
+        yield Static(id="state", markup=False)
+        with TabbedContent(initial=TABS[0]):
+            with TabPane("Convergence", id=TABS[0]), Horizontal():
+                yield Chart(id="cost")
+                yield Chart(id="fitness")
+            for name, title in zip(TABS[1:], ("Ratios", "Nine parameters", "What is seen"), strict=True):
+                with TabPane(title, id=name), VerticalScroll():
+                    yield Static(id=f"{name}-text")
+
+    def outcome(self) -> str:
+        """How many runs the model rests on."""
+        if self.workspace.model is None:
+            return ""
+        return f"model of {counted_runs(len(self.model.runs))}" if self.model is not None else "model"
+
+    def enter(self) -> None:
+        """Show the workspace's runs and its model."""
+        self.query_one("#runs", Static).update(named_runs(self.workspace.runs) or self.missing())
+        if self.model is not None and self._unit is not self.workspace.unit and self.job is None:
+            self.show_model(self.model)
+        if self.workspace.model is not None and self.workspace.model != self._shown and self.job is None:
+            from dpr_lab.identification.model import load_model
+
+            self._shown = self.workspace.model
+            self.show_model(load_model(self.workspace.model))
+
+    def start_work(self) -> None:
+        """Identify the selected runs."""
+        request = IdentifyRequest(
+            runs=tuple(self.workspace.runs),
+            rig=self.workspace.rig,
+            out=self.workspace.out / "model.json",
+            objective=str(self.query_one("#objective", Select).value),
+            search=str(self.query_one("#search", Select).value),
+            seed=self.whole_number("seed"),
+        )
+        self._history, self._instants = [], []
+        self._draw_convergence()
+        self.say("reading the runs")
+        self.query_one(TabbedContent).active = TABS[0]
+        self.begin(jobs.identify, request=request)
+
+    def share_done(self) -> float:
+        """By generations; more than half of the time goes into them."""
+        last = self._history[-1] if self._history else None
+        return last.number / max(last.at_most, 1) if last is not None else 0.0
+
+    def progressed(self, value: Any) -> None:
+        """A run was read, a generation is done, or the search is."""
+        match value:
+            case RunRead(notes=notes):
+                for note in notes:
+                    self.say(f"{value.name}: {note}")
+            case GenerationDone():
+                self._history.append(value)
+                self._instants.append(time.monotonic())
+                self.say(self._standing(value))
+                self._draw_convergence()
+            case LocalFitBegan():
+                self.say("search done; the local fit goes to the bottom of the basin")
+
+    def finished(self, result: Any) -> None:
+        """The model, saved already."""
+        self.workspace.model = self._shown = result.file
+        self.show_model(result.model)
+        self.query_one(TabbedContent).active = TABS[1]
+        self.post_message(self.Done())
+        if result.model.failures:
+            failed = "; ".join(result.model.failures)
+            raise DprError(f"{failed} (the model is kept in {self._shown}, not to be trusted)")
+
+    def ended(self, why: str) -> None:
+        """Without a model; the one from before is still there, with its sentence."""
+        if self.model is None:
+            self.say(f"ended without a model: {why}")
+        else:
+            self.show_model(self.model, f"Ended without a new model ({why}); this is the one from before. ")
+
+    def action_pause(self) -> None:
+        """Pause, or go on."""
+        super().action_pause()
+        if self.job is not None and self._history:
+            self._instants.clear()
+            self.say(self._standing(self._history[-1]))
+
+    def action_stop(self) -> None:
+        """End the search, keep its best."""
+        super().action_stop()
+        self.say("stopping after this generation; its best goes on to the local fit")
+
+    def show_model(self, model: "Model", news: str = "") -> None:
+        """Draw a model: what it says, behind any news, its convergence, its numbers and what fixed each."""
+        from dpr_lab.report.tables import PARAMETER_COLUMNS, RATIO_COLUMNS, parameter_rows, ratio_rows, summary
+
+        self.model = model
+        self._unit = self.workspace.unit
+        self.say(news + summary(model, angles=self._unit) + self._doubt(model))
+        self._history = _history(model)
+        self._draw_convergence()
+        warnings = sentences("Warnings", [*model.failures, *model.warnings], mark="!")
+        ratios = table("Five ratios: all that a free swing fixes", RATIO_COLUMNS, ratio_rows(model))
+        nine = table("Nine parameters, and what fixed each", PARAMETER_COLUMNS, parameter_rows(model))
+        self.query_one("#ratios-text", Static).update(Group(ratios, warnings))
+        self.query_one("#nine-text", Static).update(nine)
+        self.query_one("#seen-text", Static).update(_seen(model))
+
+    def _doubt(self, model: "Model") -> str:
+        """Said where the model is of other runs than those selected."""
+        used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
+        return "" if used == selected or not selected else " This model is of other runs than those selected now."
+
+    def _standing(self, last: GenerationDone) -> str:
+        text = (
+            f"generation {last.number} of at most {last.at_most}, {last.evaluations} evaluations,"
+            f" best cost {last.best_cost:.4g}, population fitness {last.population_fitness:.3f}"
+        )
+        if self.job is not None and self.job.paused:
+            return f"PAUSED. {text}"
+        left = time_left(self._instants, last.at_most - last.number)
+        return f"{text}, at most {left:.0f} s left" if left is not None else text
+
+    def _draw_convergence(self) -> None:
+        shown = [item for item in self._history if item.best_cost > 0 and np.isfinite(item.best_cost)]
+        number = np.array([item.number for item in shown], dtype=np.float64)
+        cost = np.log10([item.best_cost for item in shown])
+        fitness = np.array([item.population_fitness for item in shown])
+        self.query_one("#cost", Chart).show([Series("best", number, cost)], x_label="generation", y_label="log10 cost")
+        self.query_one("#fitness", Chart).show(
+            [Series("population", number, fitness, "secondary")],
+            x_label="generation",
+            y_label="fitness",
+            y_range=(0.0, 1.05),
+        )
+
+
+def time_left(instants: list[float], generations: int, recent: int = 8) -> float | None:
+    """Time the coming generations take at the pace of the last ones, s; None while there is no pace yet.
+
+    Args:
+        instants: when each generation since the start or the last pause ended, s
+        generations: how many are to come at most
+        recent: how many generations tell the pace
+    """
+    if len(instants) < 2:
+        return None
+    return float(median(np.diff(instants[-recent - 1 :]).tolist())) * generations
+
+
+def _history(model: "Model") -> list[GenerationDone]:
+    names = ("evaluations", "best_cost", "best_fitness", "population_fitness")
+    columns = [model.search.history.get(name, []) for name in names]
+    return [
+        GenerationDone(number, model.search.generations, int(evaluations), *rest)
+        for number, (evaluations, *rest) in enumerate(zip(*columns, strict=False))
+    ]
+
+
+def _seen(model: "Model") -> Group:
+    """What the recordings can tell at all, and which bench measurement tells more."""
+    from dpr_lab.identification.directions import described
+
+    found = model.identifiability
+    if found is None:
+        return Group("This model does not say what its runs can tell.")
+    free = [described(direction) for direction in found.null_space]
+    return Group(
+        f"The recordings see {found.rank} of 9 directions.\n",
+        sentences("Changes that no recording and no measured value can see:", free),
+        sentences("One more measurement on the bench, best first:", found.advice),
+        "" if free else "All nine are fixed; a further measurement only makes them more exact.",
+    )
+
+
+def _choice(name: str, options: list[str]) -> Select[str]:
+    return Select([(option, option) for option in options], value=options[0], allow_blank=False, id=name, compact=True)

@@ -1,0 +1,210 @@
+"""A step whose work is a job in a process of its own: starting it, hearing from it, and the keys that steer it."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from textual import on
+from textual.binding import Binding
+from textual.message import Message
+from textual.widgets import Input, Static, TabbedContent, TabPane
+
+from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.tui.jobs.job_events import JobCancelled, JobFailed, JobFinished, JobProgress
+from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.step import Step
+
+
+def job_keys(place: str) -> list[Binding]:
+    """The keys that steer a step's job, as actions of that place."""
+    return [
+        Binding("s", "start", "Start", id=f"{place}.start"),
+        Binding("w", "pause", "Wait/go on", id=f"{place}.pause"),
+        Binding("x", "stop", "End", id=f"{place}.stop"),
+        Binding("X", "cancel", "Cancel", id=f"{place}.cancel"),
+    ]
+
+
+class JobStep(Step):
+    """A step with at most one job at work; what it reports arrives as calls of the four methods below."""
+
+    WORK: ClassVar[str]
+    """What runs, as an object of `lose`: `the identification`."""
+    RESTS_ON: ClassVar[tuple[str, ...]] = ()
+    """What its result is made from, of `Workspace.basis`."""
+    CAN_PAUSE: ClassVar[bool] = False
+    """Whether its work asks `JobControl.proceed`."""
+
+    DEFAULT_CSS = """
+    JobStep Select:focus SelectCurrent { text-style: reverse; }
+    JobStep VerticalScroll { border-left: blank; }
+    JobStep VerticalScroll:focus { border-left: outer $primary; }
+    """
+
+    @dataclass
+    class JobDone(Message):
+        """The job brought a result: a step shown meanwhile may need it, and the operator has not seen it."""
+
+        step: "JobStep"
+
+    def __init__(self, services: Services, *, id: str | None = None) -> None:
+        super().__init__(services, id=id)
+        self.job: JobProcess | None = None
+        self._begun = 0.0
+        self._basis: dict[str, str] = {}
+
+    def stale(self) -> str:
+        """What changed since its result was made."""
+        made, now = self.workspace.made_from.get(self.NAME, {}), self.workspace.basis()
+        changed = [kind for kind in self.RESTS_ON if made.get(kind, now[kind]) != now[kind]]
+        if not changed or not self.outcome() or self.job is not None:
+            return ""
+        return self.worded(f"STALE, {' and '.join(changed)} changed; {{{self.NAME.lower()}.start}}: run again")
+
+    @property
+    def work(self) -> str:
+        """What runs, for how long, and about how long it will go on."""
+        if self.job is None or self.job.paused:
+            return "" if self.job is None else f"{self.NAME} PAUSED"
+        elapsed = time.monotonic() - self._begun
+        left = time_left(elapsed, self.share_done(), self.workspace.took.get(self.NAME, 0.0) * self._runs)
+        return f"{self.NAME} {elapsed:.0f} s" + ("" if left is None else f", about {left:.0f} s left")
+
+    def share_done(self) -> float:
+        """How much of the work is done, from 0 to 1, as far as it tells."""
+        return 0.0
+
+    def made(self) -> None:
+        """Note what the result rests on that is there now, and how long it took."""
+        self.workspace.made_from[self.NAME] = self._basis
+        self.workspace.took[self.NAME] = (time.monotonic() - self._begun) / self._runs
+
+    @property
+    def _runs(self) -> int:
+        return max(len(self.workspace.runs), 1)
+
+    def missing(self) -> str:
+        """Runs, first of all."""
+        step = self.services.key_of("Capture")
+        none = self.worded(f"No runs selected: record some in step {step}, or choose recorded ones ({{app.browse}})")
+        return "" if self.workspace.runs else none
+
+    def say(self, text: str) -> None:
+        """Show a sentence."""
+        self.query_one("#state", Static).update(text)
+
+    def start_work(self) -> None:
+        """Begin what the form says; called when nothing is missing and nothing runs."""
+
+    def progressed(self, value: Any) -> None:
+        """The job reported something."""
+
+    def finished(self, result: Any) -> None:
+        """The job is done."""
+
+    def ended(self, why: str) -> None:
+        """The job ended without a result; why has been told already where it is an error."""
+
+    def at_stake(self) -> str:
+        """The work that runs."""
+        return self.WORK if self.job is not None else ""
+
+    def begin(self, function: Callable[..., Any], **arguments: Any) -> None:
+        """Start a job in the place of the one that may run, of which nothing more is heard."""
+        self._stop_job()
+        self._begun, self._basis = time.monotonic(), self.workspace.basis()
+        self.job = start_job(self, function, **arguments)
+        self.refresh_bindings()
+
+    def on_unmount(self) -> None:
+        """Nobody is left to work for."""
+        self._stop_job()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Show the keys that do something now."""
+        working = self.job is not None
+        pausing = working and self.CAN_PAUSE
+        return {"start": not working, "pause": pausing, "stop": pausing, "cancel": working}.get(action, True)
+
+    def action_start(self) -> None:
+        """Begin, or say what must come first."""
+        if missing := self.missing():
+            raise DprError(missing)
+        self.start_work()
+
+    def action_pause(self) -> None:
+        """Pause, or go on."""
+        if self.job is not None:
+            self.job.resume() if self.job.paused else self.job.pause()
+
+    def action_stop(self) -> None:
+        """End early, keep the best so far."""
+        if self.job is not None:
+            self.job.stop()
+
+    def action_cancel(self) -> None:
+        """End at once, keep nothing."""
+        if self.job is not None:
+            self.say("cancelling")
+            self._stop_job()
+
+    def _stop_job(self) -> None:
+        if self.job is not None:
+            self.job.cancel()
+
+    def whole_number(self, name: str, least: int = 0, most: int = 2**32 - 1) -> int:
+        """What stands in the field of that name; by default a seed of NumPy's, which has 32 bits.
+
+        Raises:
+            ConfigError: no such number.
+        """
+        text = self.query_one(f"#{name}", Input).value
+        if not text.isdecimal() or not least <= int(text) <= most:
+            raise ConfigError(f"{name} = {text!r}: write a whole number from {least} to {most}")
+        return int(text)
+
+    def action_view(self) -> None:
+        """The next tab."""
+        tabs = self.query_one(TabbedContent)
+        names = [pane.id or "" for pane in tabs.query(TabPane)]
+        tabs.active = names[(names.index(tabs.active) + 1) % len(names)]
+        self.query_one(f"#{tabs.active}").query("VerticalScroll, Chart").first().focus()
+
+    @on(Input.Submitted)
+    def _given(self) -> None:
+        self.focus()
+
+    @on(JobHeard)
+    def _job_heard(self, message: JobHeard) -> None:
+        if message.job is not self.job:
+            return
+        if isinstance(message.event, JobProgress):
+            self.progressed(message.event.value)
+            return
+        self.job = None
+        self.refresh_bindings()
+        match message.event:
+            case JobFinished(result):
+                self.made()
+                self.post_message(self.JobDone(self))
+                self.finished(result)
+            case JobFailed() as failed:
+                self.ended(failed.message)
+                raise failed.error
+            case JobCancelled():
+                self.ended("cancelled")
+
+
+def time_left(elapsed: float, share: float, last: float) -> float | None:
+    """How long work will go on: as the last time, else at its own pace; None while there is neither.
+
+    Args:
+        elapsed: since it began, s
+        share: how much of it is done, from 0 to 1
+        last: how long it took the last time with as many runs, s; 0 where it never did
+    """
+    if last > elapsed:
+        return last - elapsed
+    return elapsed * (1 - share) / share if share > 0 else None

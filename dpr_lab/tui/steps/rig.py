@@ -1,0 +1,176 @@
+"""Choose the rig and see what is known of it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+from textual.content import Content
+from textual.widgets import Input, OptionList, Static
+from textual.widgets.option_list import Option
+
+from dpr_lab.configs import BUILTIN, find_config
+from dpr_lab.errors import ConfigError
+from dpr_lab.report.angles import AngleUnit
+from dpr_lab.report.tables import PARAMETER_UNITS
+from dpr_lab.rig import PARAMETERS, Parameter, Rig, load_rig
+from dpr_lab.tui.path_suggester import PathSuggester
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.rig_editor import RigEditor
+from dpr_lab.tui.steps.step import Step
+from dpr_lab.tui.steps.table_import import TableImport
+from dpr_lab.tui.widgets.readout import BAD
+
+CORRECT = "correct it, then press {rig.read}"
+
+
+class RigStep(Step):
+    """The rig's parameters, poses and encoders."""
+
+    NAME = "Rig"
+    HELP = """
+Choose the rig file that describes your rig: one that you used before or a built-in one from the list, or `{rig.edit}`
+and the path of your own. `{rig.write}` opens the file that is shown, to change it and to save it, a built-in one under
+another name; it is saved only when it passes the checks of every rig file.
+
+A parameter is either searched for between bounds, or measured on the bench with a standard uncertainty, with which it
+then enters the identification. `{rig.read}` reads the file again after you changed it.
+
+The path of a recording of another logger (a table, `.mat`, `.npz`, `.h5`, `.parquet`, a ROS 2 bag) in the place of a
+rig file shows what is understood of it with the rig that is chosen; `ctrl+s` there makes a run of it.
+"""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("i", "edit", "Edit", id="rig.edit"),
+        Binding("f3", "write", "Change", id="rig.write", tooltip="change the rig file and save it"),
+        Binding("u", "read", "Look again", id="rig.read"),
+    ]
+
+    def __init__(self, services: Services, *, id: str | None = None) -> None:
+        super().__init__(services, id=id)
+        self._rig: Rig | None = None
+
+    def compose(self) -> ComposeResult:
+        """Names, a field for a path, the rig."""
+        yield OptionList(id="names")
+        hint = "rig file (.toml), or a built-in name; right completes a path"
+        yield Input(placeholder=hint, id="rig_file", suggester=PathSuggester(".toml"))
+        with VerticalScroll(id="described"):
+            yield Static(id="description")
+
+    def on_mount(self) -> None:
+        """Read the workspace's rig."""
+        self.query_one(Input).value = self.workspace.rig
+        self._read()
+        self._offer()
+
+    def outcome(self) -> str:
+        """Its name."""
+        return self._rig.name if self._rig is not None else ""
+
+    def enter(self) -> None:
+        """Read the file again: it may have changed."""
+        self._read()
+
+    @on(OptionList.OptionSelected)
+    async def _choose(self, event: OptionList.OptionSelected) -> None:
+        self.query_one(Input).value = event.option.id or ""
+        await self.action_read()
+
+    @on(Input.Submitted)
+    async def action_read(self) -> None:
+        """Take the rig in the field; a connected device is greeted again for it."""
+        self.services.require_free()
+        name = self.query_one(Input).value.strip()
+        path = Path(name).expanduser()
+        if name and path.exists() and path.suffix != ".toml":
+            self.app.push_screen(TableImport(path, self.workspace.rig, self.workspace.out / "runs"), self._imported)
+            return
+        if path.is_file():
+            name = str(path.resolve())
+        changed, self.workspace.rig = name != self.workspace.rig, name
+        self._read()
+        if self._rig is not None:
+            self.workspace.used(name)
+            self._offer()
+        self.focus()
+        if changed and self._rig is not None and self.device.connected is not None:
+            await self.services.connect()
+        self.post_message(self.Done())
+
+    def action_write(self) -> None:
+        """Change the rig file."""
+        self.app.push_screen(RigEditor(find_config("rigs", self.workspace.rig)), self._written)
+
+    async def _written(self, file: Path | None) -> None:
+        if file is not None:
+            self.query_one(Input).value = str(file)
+            await self.action_read()
+
+    def _imported(self, run: Path | None) -> None:
+        self.query_one(Input).value = self.workspace.rig
+        if run is not None:
+            self.workspace.runs.append(run)
+            self.notify(f"imported as {run}, and taken for identification")
+            self.post_message(self.Done())
+        self.focus()
+
+    def _offer(self) -> None:
+        """Rigs used before, then those built in."""
+        built_in = sorted(path.stem for path in (BUILTIN / "rigs").glob("*.toml"))
+        before = [name for name in self.workspace.recent_rigs if name not in built_in]
+        options = [Option(Content(f"{name}  (used before)"), id=name) for name in before]
+        options += [Option(Content(f"{name}  (built in)"), id=name) for name in built_in]
+        self.query_one(OptionList).clear_options().add_options(options)
+
+    def action_edit(self) -> None:
+        """Go to the field."""
+        self.query_one(Input).focus()
+
+    def _read(self) -> None:
+        try:
+            self._rig = load_rig(self.workspace.rig)
+        except ConfigError as error:
+            self._rig = None
+            description = Content.styled(f"{BAD} {error}\n\n{self.worded(CORRECT)}", "$error")
+        else:
+            description = Content("\n").join(_description(self._rig, self.workspace.unit))
+        self.query_one("#description", Static).update(description)
+
+
+def _description(rig: Rig, unit: AngleUnit) -> Iterator[Content]:
+    lengths = f"L0 {rig.L0:g} m, L1 {rig.L1:g} m" + (f", L2 {rig.L2:g} m" if rig.L2 is not None else "")
+    yield Content.styled(f"{rig.name}: {lengths}, g {rig.g:g} m/s²", "bold")
+    yield Content.styled(f"{'':<4}{'value':>10} {'searched or measured':<20} {'unit':<10}what it is", "dim")
+    for name in PARAMETERS:
+        yield _parameter(name, rig.parameters[name])
+    yield Content.styled(f"\nposes ({unit.scale})", "dim")
+    for name, pose in rig.poses.items():
+        yield Content(f"{name:<6} {unit.all_of(pose.theta.tolist())}  within {unit.size(pose.tolerance)}")
+    if not rig.poses:
+        yield Content.styled(f"{BAD} none: add a table such as [poses.X1] with theta1 and theta2", "$warning")
+    yield from _encoders(rig)
+
+
+def _parameter(name: str, parameter: Parameter) -> Content:
+    unit, meaning = PARAMETER_UNITS[name]
+    if parameter.measured is not None:
+        value, fixed = parameter.measured, f"measured ± {parameter.std:g}"
+    else:
+        value, fixed = parameter.nominal, f"{parameter.lower:g} … {parameter.upper:g}"
+    return Content(f"{name:<4}{value:>10g} {fixed:<20} {unit:<10}{meaning}")
+
+
+def _encoders(rig: Rig) -> Iterator[Content]:
+    encoders = rig.encoders
+    yield Content.styled("\nencoders", "dim")
+    yield Content(
+        f"counts per turn {', '.join(map(str, encoders.counts_per_rev))}, noise {encoders.noise_counts:g} counts"
+    )
+    yield Content(f"zero at {', '.join(map(str, encoders.zero_counts))} counts, joint 2 reads {encoders.joint2} angles")
+    if rig.added_mass is not None:
+        mass = rig.added_mass
+        yield Content(f"added mass {mass.mass:g} kg on the {mass.rod} rod, {mass.position:g} m from its pivot")
+    yield Content(f"link {rig.link.url} at {rig.link.rate_hz} Hz")

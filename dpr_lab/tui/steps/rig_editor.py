@@ -1,0 +1,75 @@
+"""A rig file written on the screen: checked as every rig file is before it is saved."""
+
+from pathlib import Path
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Footer, Input, Static, TextArea
+
+from dpr_lab.configs import BUILTIN
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import parse_rig
+from dpr_lab.tui.guard import Guarded
+from dpr_lab.tui.path_suggester import PathSuggester
+from dpr_lab.whole_file import write_text
+
+
+class RigEditor(Guarded, ModalScreen[Path | None]):
+    """The text of a rig file and where to save it; dismissed with the file that was saved.
+
+    Args:
+        source: the rig file to begin with
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("ctrl+s", "save", "Save", id="editor.save", priority=True),
+        Binding("escape", "dismiss", "Leave", id="editor.leave"),
+    ]
+    DEFAULT_CSS = """
+    RigEditor { align: center middle; }
+    RigEditor > Vertical { width: 100%; height: 100%; background: $surface; border: round $primary; padding: 0 1; }
+    RigEditor TextArea { height: 1fr; border: none; }
+    RigEditor Input { height: 1; }
+    RigEditor #verdict { height: auto; max-height: 4; text-style: bold; }
+    """
+
+    def __init__(self, source: Path) -> None:
+        super().__init__()
+        self._source = source
+
+    def compose(self) -> ComposeResult:
+        """Where to save it, its text, what is wrong with it."""
+        own = self._source.parent != BUILTIN / "rigs"
+        with Vertical() as page:
+            page.border_title = "Rig file"
+            target = str(self._source if own else Path.cwd() / f"my_{self._source.name}")
+            yield Input(target, id="target", suggester=PathSuggester(".toml"), compact=True)
+            yield TextArea(self._source.read_text(encoding="utf-8"), show_line_numbers=True)
+            yield Static(id="verdict", markup=False)
+            yield Footer(show_command_palette=False, compact=True)
+
+    def on_mount(self) -> None:
+        """The text is to be edited."""
+        self.query_one(TextArea).focus()
+
+    def action_save(self) -> None:
+        """Check the text, and write it whole or not at all."""
+        text, target = self.query_one(TextArea).text, Path(self.query_one(Input).value.strip()).expanduser()
+        try:
+            parse_rig(text)
+            _write(target, text)
+        except ConfigError as error:
+            self.query_one("#verdict", Static).update(f"not saved: {error}")
+        else:
+            self.dismiss(target.resolve())
+
+
+def _write(target: Path, text: str) -> None:
+    if target.suffix != ".toml":
+        raise ConfigError(f"{target}: give the file a name that ends in .toml")
+    if target.resolve().parent == BUILTIN.resolve() / "rigs":
+        raise ConfigError(f"{target}: is built in: save your rig under another name")
+    write_text(target, text, ConfigError)

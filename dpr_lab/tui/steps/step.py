@@ -1,0 +1,87 @@
+"""A step of the bench screen: what all six have in common."""
+
+from pathlib import Path
+from typing import ClassVar
+
+from textual.containers import Vertical
+from textual.message import Message
+
+from dpr_lab.tui.guard import Guarded
+from dpr_lab.tui.recorder.connection import DeviceConnection
+from dpr_lab.tui.recorder.messages import RecorderReport
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.widgets.status_line import RecordingNow
+from dpr_lab.tui.workspace import Workspace
+
+
+class Step(Guarded, Vertical, can_focus=True):
+    """A page of the stepper.
+
+    It can take the focus itself, so that its keys work while none of its widgets has it.
+
+    Args:
+        services: what it works with
+        id: Textual's
+    """
+
+    NAME: ClassVar[str]
+    """One word, for the stepper."""
+    HELP: ClassVar[str | None] = ""
+    """Markdown: what the step is for and what its keys do."""
+
+    class Done(Message):
+        """The step has something new: the stepper is redrawn and the workspace saved."""
+
+    def __init__(self, services: Services, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self.services = services
+
+    @property
+    def workspace(self) -> Workspace:
+        """What the operator works on."""
+        return self.services.workspace
+
+    @property
+    def device(self) -> DeviceConnection:
+        """The device, if there is one."""
+        return self.services.device
+
+    def worded(self, text: str) -> str:
+        """A text with the operator's keys in it, see `KeyNames.fill`."""
+        return self.services.keys.fill(text)
+
+    @property
+    def recording(self) -> RecordingNow | None:
+        """What the step records now."""
+        return None
+
+    def outcome(self) -> str:
+        """A few words for the stepper once there is a result; empty before."""
+        return ""
+
+    def stale(self) -> str:
+        """What changed since the result was made, and the key that makes it anew; empty while it holds."""
+        return ""
+
+    @property
+    def work(self) -> str:
+        """What runs and for how long; empty when nothing does."""
+        return ""
+
+    def report(self) -> Path | None:
+        """The page that the step wrote."""
+        return None
+
+    def missing(self) -> str:
+        """A sentence naming what must come first, and how; empty when the step can be worked on."""
+        return ""
+
+    def enter(self) -> None:
+        """Called each time the step is shown."""
+
+    def hear(self, report: RecorderReport) -> None:
+        """Called with everything that the recorder says."""
+
+    def at_stake(self) -> str:
+        """What quitting now would lose, as an object of `lose`; empty when nothing."""
+        return ""

@@ -1,0 +1,131 @@
+"""Frames go out, confirmations come in.
+
+Behind each frame the cursor is set to a cell that stands for the frame's number, and the terminal is asked where the
+cursor is (`ESC [ 6 n`; ECMA-48, DSR). It answers (`ESC [ row ; column R`) when it has drawn all that came before; so
+the answer confirms the frame, and no key and no late answer can be taken for it.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from rich.color import ColorSystem
+from textual._compositor import CompositorUpdate
+from textual.driver import Driver
+from textual.geometry import Size
+
+from dpr_lab.errors import SafetyStop
+from dpr_lab.tui.terminal.frame import CellFrame
+from dpr_lab.tui.terminal.pace import Pace
+
+BEGIN, END = "\x1b[?2026h", "\x1b[?2026l"
+"""A terminal that knows synchronized output shows what is between them at once."""
+WHY_UNSEEN = "use a terminal on this computer, a faster line or a smaller window, or release with dpr-lab capture"
+READ_ONLY = (
+    "a browser is read-only, since whoever opens the page need not stand at the rods: release at the bench, or start"
+    " with dpr-lab tui --allow-release"
+)
+
+
+class Display:
+    """Draws on a terminal what Textual wants, as fast as the terminal confirms it.
+
+    Args:
+        driver: writes to the terminal; None while there is none
+        colours: the terminal's
+        allow_release: whether what a browser shows counts as seen by the operator
+    """
+
+    def __init__(
+        self, driver: Callable[[], Driver | None], colours: ColorSystem | None, allow_release: bool = False
+    ) -> None:
+        self._driver, self._colours, self._allow_release = driver, colours, allow_release
+        self._frame = CellFrame(0, 0, colours)
+        self._pace = Pace(1, time.monotonic())
+        self._number = 0
+        self._later: asyncio.TimerHandle | None = None
+        self._waiting: dict[int, asyncio.Future[float]] = {}
+        self.together = False
+        """Whether the terminal knows synchronized output."""
+
+    def show(self, update: CompositorUpdate, size: Size) -> None:
+        """Draw an update, when its turn comes; one that is overtaken by another is never sent."""
+        if (self._frame.width, self._frame.height) != size:
+            self._frame = CellFrame(size.width, size.height, self._colours)
+            self._pace = Pace(max(size.width * size.height, 1), time.monotonic())
+        self._frame.paint(update)
+        self._send_soon()
+
+    def forget(self) -> None:
+        """Something else was on the terminal: send everything again."""
+        self._frame.forget()
+        self._send_soon()
+
+    def hurry(self) -> None:
+        """The operator waits for an answer to a key."""
+        self._pace.refill()
+        self._send_soon()
+
+    def confirmed(self, column: int, row: int) -> None:
+        """The terminal said where the cursor is, from 0."""
+        now = time.monotonic()
+        for number in [n for n in range(max(self._number - 64, 0), self._number + 1) if self._cell(n) == (column, row)]:
+            round_trip = self._pace.confirmed(number, now)
+            waiting = self._waiting.pop(number, None)
+            if waiting is not None and not waiting.done() and round_trip is not None:
+                waiting.set_result(round_trip)
+        self._send_soon()
+
+    async def seen(self, patience_s: float) -> float:
+        """As `Sight.seen` says."""
+        driver = self._driver()
+        if driver is None or driver.is_headless:
+            raise SafetyStop(f"this screen is drawn on no terminal, so nobody can see the countdown: {WHY_UNSEEN}")
+        if driver.is_web and not self._allow_release:
+            raise SafetyStop(READ_ONLY)
+        number = self._send()
+        waiting = self._waiting[number] = asyncio.get_running_loop().create_future()
+        try:
+            return await asyncio.wait_for(waiting, patience_s)
+        except TimeoutError:
+            raise SafetyStop(
+                f"the terminal did not confirm within {patience_s:g} s that it drew the countdown: {WHY_UNSEEN}"
+            ) from None
+        finally:
+            self._waiting.pop(number, None)
+
+    def close(self) -> None:
+        """Nothing is drawn any more."""
+        if self._later is not None:
+            self._later.cancel()
+
+    def _send_soon(self) -> None:
+        if self._later is not None:
+            self._later.cancel()
+            self._later = None
+        driver = self._driver()
+        if driver is None or not self._frame.changed:
+            return
+        wait = max(self._pace.wait(time.monotonic()), 0.0 if getattr(driver, "idle", True) else 0.05)
+        if wait > 0:
+            self._later = asyncio.get_running_loop().call_later(wait, self._send_soon)
+        else:
+            self._send()
+
+    def _send(self) -> int:
+        """Send what changed, and ask for its confirmation; returns the frame's number."""
+        driver = self._driver()
+        assert driver is not None
+        self._number += 1
+        column, row = self._cell(self._number)
+        changes = self._frame.changes()
+        shown = f"{BEGIN}{changes}{END}" if self.together and changes else changes
+        text = f"{shown}\x1b[{row + 1};{column + 1}H\x1b[6n"
+        self._pace.sent(self._number, len(text.encode()), time.monotonic())
+        driver.write(text)
+        return self._number
+
+    def _cell(self, number: int) -> tuple[int, int]:
+        """The cell that stands for a frame: in the right half, since `ESC [ 1 ; 2 R` is a key's too."""
+        right = max(self._frame.width // 2, 1)
+        return self._frame.width - 1 - number % right, number // right % max(self._frame.height, 1)

@@ -1,0 +1,166 @@
+"""The cells of a terminal as they should be and as they were sent; what is sent is the difference."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from rich.cells import get_character_cell_size
+from rich.color import ColorSystem
+from rich.style import Style
+from textual._compositor import ChopsUpdate, CompositorUpdate, LayoutUpdate
+from textual.strip import Strip
+
+ATTRIBUTES = {"bold": "1", "dim": "2", "italic": "3", "underline": "4", "blink": "5", "reverse": "7", "strike": "9"}
+"""Attribute of a Rich style -> its SGR parameter (ECMA-48)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a character looks, as SGR parameters; empty for the terminal's own."""
+
+    attributes: str = ""
+    colour: str = ""
+    ground: str = ""
+
+    def after(self, before: "Look | None") -> str:
+        """The control sequence that leads here from a look; from an unknown one for None."""
+        if before is None or before.attributes != self.attributes:
+            parts = [part for part in ("0", self.attributes, self.colour, self.ground) if part]
+        else:
+            parts = [self.colour or "39"] if self.colour != before.colour else []
+            parts += [self.ground or "49"] if self.ground != before.ground else []
+        return f"\x1b[{';'.join(parts)}m" if parts else ""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSettings:
+    """What is cheaper to send."""
+
+    bridge: int = 4
+    """Unchanged cells between two changed ones that cost less than moving the cursor over them."""
+    looks: int = 4096
+    """Looks remembered; a screen has some dozen, and some styles differ by nothing that is seen."""
+
+
+SETTINGS = FrameSettings()
+Cell = tuple[str, Look]
+BLANK: Cell = (" ", Look())
+UNKNOWN: Cell = ("", Look("?"))
+"""Equal to no cell that is wanted."""
+
+
+class CellFrame:
+    """A screen of cells.
+
+    Args:
+        width: columns
+        height: rows
+        colours: the terminal's; None draws without
+    """
+
+    def __init__(self, width: int, height: int, colours: ColorSystem | None) -> None:
+        self.width, self.height = width, height
+        self._colours = colours
+        self._wanted = [[BLANK] * width for _ in range(height)]
+        self._sent: list[list[Cell]] = []
+        self._looks: dict[tuple[object, ...], Look] = {}
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is known of what the terminal shows: the next changes are all cells."""
+        self._sent = [[UNKNOWN] * self.width for _ in range(self.height)]
+
+    @property
+    def changed(self) -> bool:
+        """Whether the terminal shows something else than it should."""
+        return self._wanted != self._sent
+
+    def paint(self, update: CompositorUpdate) -> None:
+        """Take in what Textual wants to be drawn."""
+        if isinstance(update, LayoutUpdate):
+            for y, strips in enumerate(update.strips, update.region.y):
+                x = update.region.x
+                for strip in strips:
+                    x = self._put(x, y, strip)
+        elif isinstance(update, ChopsUpdate):
+            for y, begin, end in update.spans:
+                for x, strip in update.chops[y].items():
+                    if strip is not None and x < end and x + strip.cell_length > begin:
+                        self._put(max(x, begin), y, strip.crop(max(begin - x, 0), end - x))
+
+    def changes(self) -> str:
+        """What to send so that the terminal shows what it should; from then on it counts as sent."""
+        out: list[str] = []
+        pen: Look | None = None
+        for y, (wanted, sent) in enumerate(zip(self._wanted, self._sent, strict=True)):
+            at = 0
+            for first, last in _runs(wanted, sent):
+                out.append(f"\x1b[{first - at}C" if 0 < at <= first else f"\x1b[{y + 1};{first + 1}H")
+                for text, look in wanted[first:last]:
+                    if look != pen:
+                        out.append(look.after(pen))
+                        pen = look
+                    out.append(text)
+                at = last
+            sent[:] = wanted
+        return "".join(out)
+
+    def _put(self, x: int, y: int, strip: Strip) -> int:
+        """Write a strip from a cell on; returns where it ends."""
+        row = self._wanted[y] if 0 <= y < self.height else None
+        for segment in strip:
+            if segment.control:
+                continue
+            look = self._look(segment.style or Style.null())
+            for character in segment.text:
+                wide = 1 if character.isascii() else get_character_cell_size(character)
+                if row is not None and 0 <= x <= self.width - wide:
+                    self._set(row, x, character if character.isprintable() else "·", look, wide)
+                x += wide
+        return x
+
+    @staticmethod
+    def _set(row: list[Cell], x: int, character: str, look: Look, wide: int) -> None:
+        if wide == 0:
+            if x > 0:
+                row[x - 1] = (row[x - 1][0] + character, row[x - 1][1])
+            return
+        row[x] = (character, look)
+        if wide == 2:
+            row[x + 1] = ("", look)
+
+    def _look(self, style: Style) -> Look:
+        names = tuple(name for name in ATTRIBUTES if getattr(style, name))
+        key = (style.color, style.bgcolor, names)
+        if (found := self._looks.get(key)) is None:
+            if len(self._looks) >= SETTINGS.looks:
+                self._looks.clear()
+            found = self._looks[key] = Look(";".join(ATTRIBUTES[n] for n in names), *self._sgr(style))
+        return found
+
+    def _sgr(self, style: Style) -> tuple[str, str]:
+        if self._colours is None:
+            return "", ""
+        colour, ground = (
+            ";".join(part.downgrade(self._colours).get_ansi_codes(foreground)) if part is not None else ""
+            for part, foreground in ((style.color, True), (style.bgcolor, False))
+        )
+        return colour, ground
+
+
+def _runs(wanted: Sequence[Cell], sent: Sequence[Cell]) -> Iterator[tuple[int, int]]:
+    """First cell and end of each stretch to be sent; cells between two that cost less than a jump are in it."""
+    if wanted == sent:
+        return
+    first = last = -1
+    for x, (new, old) in enumerate(zip(wanted, sent, strict=True)):
+        if new == old:
+            continue
+        if first < 0:
+            first = x
+        elif x - last > SETTINGS.bridge:
+            yield first, last
+            first = x
+        last = x + 1
+    while first > 0 and wanted[first][0] == "":  # the second half of a wide character
+        first -= 1
+    yield first, last

@@ -1,0 +1,59 @@
+"""When the next frame may be sent: not before the last one is drawn, and not more than the line should carry."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class PaceSettings:
+    """What a terminal is trusted with."""
+
+    bytes_per_cell_s: float = 3.5
+    """What moving pictures may take of a line: 6.7 kB/s at 80x24, under what 115200 baud carry."""
+    burst_per_cell: float = 6.0
+    """Sent at once before that limit holds: a whole screen in colours."""
+    lost_after_s: float = 2.0
+    """A frame that is not confirmed for so long no longer holds back the next one."""
+
+
+SETTINGS = PaceSettings()
+
+
+class Pace:
+    """Frames sent and confirmed; time comes in as an argument, s.
+
+    Args:
+        cells: of the terminal
+        now: the time
+    """
+
+    def __init__(self, cells: int, now: float) -> None:
+        self._cells = cells
+        self._credit, self._counted_at = SETTINGS.burst_per_cell * cells, now
+        self._out: dict[int, float] = {}
+
+    def wait(self, now: float) -> float:
+        """How long until the next frame may be sent, s; 0 for at once."""
+        self._count(now)
+        budget = max(-self._credit, 0.0) / (SETTINGS.bytes_per_cell_s * self._cells)
+        return max(budget, *(at + SETTINGS.lost_after_s - now for at in self._out.values()), 0.0)
+
+    def refill(self) -> None:
+        """The operator pressed a key: the answer comes at once."""
+        self._credit = SETTINGS.burst_per_cell * self._cells
+
+    def sent(self, frame: int, size: int, now: float) -> None:
+        """A frame of so many bytes was sent."""
+        self._count(now)
+        self._credit -= size
+        self._out[frame] = now
+
+    def confirmed(self, frame: int, now: float) -> float | None:
+        """A frame is drawn, and so are those before it; the round trip, s, or None for one that was not sent."""
+        sent = self._out.get(frame)
+        self._out = {other: at for other, at in self._out.items() if other > frame}
+        return None if sent is None else now - sent
+
+    def _count(self, now: float) -> None:
+        most = SETTINGS.burst_per_cell * self._cells
+        self._credit = min(self._credit + (now - self._counted_at) * SETTINGS.bytes_per_cell_s * self._cells, most)
+        self._counted_at = now

@@ -1,0 +1,18 @@
+"""What is drawn is characters alone: a name, a note or a device's words cannot steer the terminal, wherever shown."""
+
+from rich.segment import Segment
+from textual.color import Color
+from textual.filter import LineFilter
+
+from dpr_lab.errors import printable
+
+
+class Plain(LineFilter):
+    """Spells control characters out; a line keeps its width, and what does not fit into it then goes."""
+
+    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
+        """The same line without them."""
+        if all(text.isprintable() or printable(text) == text for text, _, _ in segments):
+            return segments
+        spelled = [Segment(printable(text), style, control) for text, style, control in segments]
+        return Segment.adjust_line_length(spelled, sum(segment.cell_length for segment in segments), pad=False)

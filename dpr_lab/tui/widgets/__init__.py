@@ -1,0 +1,1 @@
+"""What steps are made of: drawings, read-outs, choices and dialogs."""

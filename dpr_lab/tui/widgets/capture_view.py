@@ -1,0 +1,204 @@
+"""The picture of a capture: what to do, the rods, the read-outs, the poses to go, and the swing."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from textual.app import ComposeResult
+from textual.containers import Horizontal, Vertical
+from textual.content import Content
+from textual.widgets import Static
+
+from dpr_lab.acquisition.capture import CaptureOptions
+from dpr_lab.acquisition.gate import QualityReport
+from dpr_lab.acquisition.rest import pose_error
+from dpr_lab.report.angles import AngleUnit
+from dpr_lab.rig import Pose, Rig
+from dpr_lab.tui.keys import KeyNames
+from dpr_lab.tui.recorder.attempt import Attempt, Phase
+from dpr_lab.tui.recorder.sighting import Sighting
+from dpr_lab.tui.widgets import readout
+from dpr_lab.tui.widgets.chart import Chart, Series
+from dpr_lab.tui.widgets.checklist import checklist_text
+from dpr_lab.tui.widgets.pendulum import Lengths, Pendulum
+from dpr_lab.tui.widgets.readout import BAD, GOOD, Placement
+
+BEGIN = "press {capture.start}: the latch closes and you are guided to the pose"
+CHOICE = "{capture.keep}: keep it  {capture.again}: put it aside and repeat"
+TONES = {Phase.READY: "bold $success", Phase.RECORDING: "bold $primary"}
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureState:
+    """What is to be seen."""
+
+    rig: Rig
+    pose: str
+    """Name of the chosen pose; empty where the rig has none."""
+    attempt: Attempt | None
+    ended: Attempt | None
+    """The attempt before, where it ended without a verdict: what it recorded stays in sight."""
+    seen: Sighting
+    """The rods as they were last seen."""
+    now: float
+    """`time.monotonic()`, s."""
+    live: bool
+    """Whether what was seen last still holds."""
+    lost: bool
+    """Whether a device that was connected is gone."""
+    undecided: str
+    """A run of an earlier session that was neither kept nor repeated."""
+    unit: AngleUnit
+    keys: KeyNames
+    options: CaptureOptions
+    done: Mapping[str, int]
+    """Runs kept, by pose."""
+    repeats: int
+    obstacle: str
+    """Why no attempt can begin; empty when one can."""
+
+
+class CaptureView(Vertical):
+    """Shows the state of a capture."""
+
+    def compose(self) -> ComposeResult:
+        """What to do on top, rods and read-outs below, the swing at the foot."""
+        yield Static(id="headline")
+        with Horizontal(id="rods"):
+            yield Pendulum(id="pendulum")
+            yield Static(id="readout")
+            yield Static(id="checklist")
+        yield Chart(id="swing")
+
+    def show(self, state: CaptureState) -> None:
+        """Draw a state; what looks as before is not drawn again."""
+        swung = state.attempt or state.ended
+        self.set_class(swung is not None and swung.phase is Phase.RECORDING and state.live, "-swinging")
+        for name, content in (
+            ("headline", headline(state)),
+            ("readout", Content("\n").join(_readout(state))),
+            ("checklist", _plan(state)),
+        ):
+            shown = self.query_one(f"#{name}", Static)
+            if shown.content != content:
+                shown.update(content, layout=name == "headline")
+        self._show_rods(state)
+        self._show_swing(state.attempt or state.ended, state.unit)
+
+    def _show_rods(self, state: CaptureState) -> None:
+        rig, attempt = state.rig, state.attempt
+        swinging = attempt is not None and attempt.phase in (Phase.RECORDING, Phase.JUDGED)
+        wanted = rig.poses.get(state.pose) if not swinging and state.live else None
+        lengths = Lengths(rig.L0, rig.L1, rig.L2 or rig.L1)
+        pose = None if wanted is None else wanted.theta.tolist()
+        self.query_one(Pendulum).show(state.seen.theta, pose, lengths, old=not state.live)
+
+    def _show_swing(self, attempt: Attempt | None, unit: AngleUnit) -> None:
+        t, theta = attempt.trace if attempt is not None else (np.empty(0), np.empty((0, 3)))
+        shown = theta * unit.per_rad
+        lines = [Series("θ1 inner", t, shown[:, 1]), Series("θ2 outer", t, shown[:, 2], tone="secondary")]
+        self.query_one(Chart).show(
+            lines, x_label="time since the release (s)", y_label=f"angle ({unit.symbol.strip()}, 0 = upright)"
+        )
+
+
+def headline(state: CaptureState) -> Content:
+    """What to do now, in one line."""
+    attempt = state.attempt
+    if state.lost:
+        return Content.styled(_after_loss(state), "bold $background on $error")
+    if attempt is not None and attempt.captured is not None:
+        ok = attempt.captured.quality.ok
+        text = f"{attempt.name}: {GOOD + ' good' if ok else BAD + ' degraded'}. {state.keys.fill(CHOICE)}"
+        return Content.styled(text, "bold $success" if ok else "bold $warning")
+    if attempt is None and state.undecided:
+        return Content.styled(f"{state.undecided}: not decided yet. {state.keys.fill(CHOICE)}", "bold $warning")
+    if attempt is None:
+        text = state.obstacle or state.keys.fill(
+            "press {capture.start}: the latch closes and you are guided to the pose"
+        )
+        return Content.styled(
+            f"{state.pose}: {text}" if state.pose else text, "bold $warning" if state.obstacle else ""
+        )
+    if not state.live:
+        return Content.styled(f"NO WORD from the device, {state.seen.ago(state.now)}: keep clear", "bold $error")
+    return Content.styled(f"{attempt.name}: {_now(attempt, state)}", TONES.get(attempt.phase, "bold"))
+
+
+def _after_loss(state: CaptureState) -> str:
+    swung = state.ended is not None and state.ended.phase is Phase.RECORDING
+    danger = "the rods may swing" if swung else "the latch may open"
+    return state.keys.fill(f"DEVICE LOST: {danger}, keep clear; check the cable, {{capture.connect}}: connect again")
+
+
+def _now(attempt: Attempt, state: CaptureState) -> str:
+    if attempt.phase is Phase.READY:
+        return state.keys.fill("at the pose and at rest. Press {capture.release} to RELEASE")
+    if attempt.recorded is None:
+        return attempt.phase.value
+    until = "until rest" if state.options.until_rest else f"of {state.options.duration:g} s"
+    return f"{attempt.phase.value}, {attempt.recorded.t:.1f} s {until}"
+
+
+def _readout(state: CaptureState) -> Iterator[Content]:
+    attempt = state.attempt
+    if attempt is not None and attempt.captured is not None:
+        yield from _judgement(attempt.captured.quality)
+        yield readout.lost_text(attempt.captured.lost, None)
+        yield Content(attempt.captured.run_file.name)
+        return
+    if not state.live:
+        yield readout.old_text(state.seen, state.now, state.unit)
+    else:
+        yield from _live(state)
+    if attempt is not None:
+        yield readout.lost_text(attempt.lost, attempt.recorded.samples if attempt.recorded is not None else None)
+
+
+def _live(state: CaptureState) -> Iterator[Content]:
+    attempt, placement = state.attempt, _placement(state)
+    if placement is not None:
+        yield readout.placement_text(placement, state.unit)
+    elif state.seen.theta is not None:
+        yield Content.styled(state.unit.all_of(state.seen.theta), "bold")
+    if attempt is not None and attempt.phase is not Phase.RECORDING:
+        yield readout.rest_text(attempt.rest, state.rig, state.unit)
+    yield readout.latch_text(state.seen.latched)
+
+
+def _judgement(verdict: QualityReport) -> Iterator[Content]:
+    passed = sum(check.ok for check in verdict.checks)
+    yield Content.styled(f"{passed} of {len(verdict.checks)} checks passed", "bold")
+    for reason in verdict.reasons:
+        yield Content.styled(f"{BAD} {reason}", "$warning")
+    for note in verdict.notes:
+        yield Content(note)
+
+
+def _placement(state: CaptureState) -> Placement | None:
+    if state.attempt is not None:
+        pose, error = state.attempt.pose, state.attempt.error
+    else:
+        pose, theta = state.rig.poses.get(state.pose), state.seen.theta
+        error = _error(theta, pose) if pose is not None and theta is not None else None
+    return None if pose is None or error is None else Placement((pose.theta1, pose.theta2), error, pose.tolerance)
+
+
+def _error(theta: tuple[float, float, float], pose: Pose) -> tuple[float, float]:
+    inner, outer = pose_error(np.array(theta), pose).tolist()
+    return inner, outer
+
+
+def _plan(state: CaptureState) -> Content:
+    options = state.options
+    length = f"until rest, at most {options.max_duration:g} s" if options.until_rest else f"for {options.duration:g} s"
+    return Content("\n").join(
+        [
+            checklist_text(state.done, state.repeats, state.pose),
+            Content.styled(
+                f"\n{state.keys.of('capture.length')}: record {length}"
+                f"\n{state.keys.of('capture.repeats')}: {state.repeats} of each pose",
+                "dim",
+            ),
+        ]
+    )

@@ -1,0 +1,367 @@
+"""A line chart for the terminal: series, a noise band, marks; zoom and pan by keyboard or mouse."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+from rich.text import Text
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.color import Color, ColorParseError
+from textual.containers import Grid, Vertical
+from textual.events import Resize
+from textual.timer import Timer
+from textual.widgets import Static
+from textual_plot import HiResMode, PlotWidget
+from textual_plot.plot_widget import Legend
+
+from dpr_lab.tui import FRAMES_PER_S
+from dpr_lab.tui.widgets.canvas import PlainCanvas
+from dpr_lab.tui.widgets.chart_scale import Array, even_ticks, moved, pieces, range_of, visible, zoomed
+from dpr_lab.tui.widgets.cursors import Cursors, begun, readings
+
+Tone = Literal["primary", "secondary", "accent", "foreground", "success", "warning", "error"]
+
+
+@dataclass(frozen=True, slots=True)
+class ChartSettings:
+    """How a chart looks."""
+
+    tick_columns: int = 11
+    """Columns for a number on the x axis, with room to the next."""
+    tick_rows: float = 1.5
+    """Rows from one number on the y axis to the next, at least."""
+    end_label: int = 9
+    """Longest name at the end of a line; a longer one stands above the chart only."""
+    margin: float = 0.05
+    """Room above and below the lines, as a share of their height."""
+
+
+SETTINGS = ChartSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One line: told apart by its name at its end as well as by the theme's colour."""
+
+    label: str
+    x: Array
+    """(n,) increasing."""
+    y: Array
+    """(n,) values; NaN breaks the line."""
+    tone: Tone = "primary"
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A vertical line with a name."""
+
+    x: float
+    label: str
+    tone: Tone = "warning"
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Two dotted horizontal lines with a name."""
+
+    low: float
+    high: float
+    label: str
+    tone: Tone = "foreground"
+
+
+@dataclass(frozen=True, slots=True)
+class _Content:
+    series: tuple[Series, ...] = ()
+    x_label: str = ""
+    y_label: str = ""
+    marks: tuple[Mark, ...] = ()
+    band: Band | None = None
+    x_range: tuple[float, float] | None = None
+    y_range: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _EndLabel:
+    x: float
+    y: float
+    text: str
+    colour: str
+
+
+class _Plot(PlotWidget, can_focus=False):
+    """The plot below a chart's head."""
+
+    end_labels: Sequence[_EndLabel] = ()
+    """Names at the ends of lines."""
+
+    def _render_plot(self) -> None:
+        super()._render_plot()
+        canvas, taken = self.query_one("#plot", PlainCanvas), set[int]()
+        if canvas._canvas_size is None:
+            return
+        for label in self.end_labels:
+            x, y = self.get_pixel_from_coordinate(label.x, label.y)
+            y = min(max(y, 1), max(canvas.size.height - 2, 1))
+            y = next((row for row in (y, y - 1, y + 1) if row not in taken), y)
+            taken.add(y)
+            canvas.write_text(x + 1, y, f"[{label.colour}]{label.text}")
+
+    def compose(self) -> ComposeResult:
+        """The canvases where `PlotWidget` looks for them."""
+        with Grid():
+            for name in ("margin-top", "margin-left", "plot", "margin-bottom"):
+                yield PlainCanvas(1, 1, id=name)
+        yield Legend(id="legend")
+
+
+class Chart(Vertical, can_focus=True):
+    """A line chart; `show` may be called at any rate, before it is mounted, and while it is taken down."""
+
+    DEFAULT_CSS = """
+    Chart { height: 1fr; min-height: 6; }
+    Chart > Static { height: 1; padding: 0 1; text-wrap: nowrap; text-overflow: ellipsis; }
+    Chart > .readings { height: auto; display: none; }
+    Chart:focus > Static { text-style: bold underline; }
+    Chart > PlotWidget { height: 1fr; }
+    Chart > PlotWidget > .plot--axis { color: $foreground 60%; }
+    Chart > PlotWidget > .plot--tick { color: $foreground; text-style: none; }
+    Chart:focus > PlotWidget > .plot--axis { color: $primary; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("plus,equals_sign", "zoom(1)", "Zoom in", id="chart.zoom_in", key_display="+", show=False),
+        Binding("minus", "zoom(-1)", "Zoom out", id="chart.zoom_out", key_display="-", show=False),
+        Binding("left", "pan(-1,0)", "Earlier", id="chart.pan_left", show=False),
+        Binding("right", "pan(1,0)", "Later", id="chart.pan_right", show=False),
+        Binding("up", "pan(0,1)", "Up", id="chart.pan_up", show=False),
+        Binding("down", "pan(0,-1)", "Down", id="chart.pan_down", show=False),
+        Binding("shift+up", "zoom_y(1)", "Taller", id="chart.zoom_y_in", show=False),
+        Binding("shift+down", "zoom_y(-1)", "Flatter", id="chart.zoom_y_out", show=False),
+        Binding("0", "whole", "Whole", id="chart.whole", show=False),
+        Binding("M", "cursors", "Cursors", id="chart.cursors", tooltip="two cursors that read off differences"),
+        Binding("comma", "cursor(-1)", "Cursor back", id="chart.cursor_back", key_display=",", show=False),
+        Binding("full_stop", "cursor(1)", "Cursor on", id="chart.cursor_on", key_display=".", show=False),
+        Binding("less_than_sign", "cursor(-10)", "Cursor far back", id="chart.cursor_far_back", show=False),
+        Binding("greater_than_sign", "cursor(10)", "Cursor far on", id="chart.cursor_far_on", show=False),
+    ]
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
+        super().__init__(id=id, classes=classes)
+        self._head = Static()
+        self._readings = Static(classes="readings")
+        self._cursors: Cursors | None = None
+        self._plot = _Plot()
+        self._content = _Content()
+        self._x_view: tuple[float, float] | None = None
+        self._y_view: tuple[float, float] | None = None
+        self._drawn_at = 0.0
+        self._pending: Timer | None = None
+
+    def show(
+        self,
+        series: Sequence[Series],
+        *,
+        x_label: str,
+        y_label: str,
+        marks: Sequence[Mark] = (),
+        band: Band | None = None,
+        x_range: tuple[float, float] | None = None,
+        y_range: tuple[float, float] | None = None,
+    ) -> None:
+        """Draw these instead of what was drawn; a view that was zoomed or panned stays where it is.
+
+        Args:
+            series: lines to draw
+            x_label: what lies along x, with its unit
+            y_label: what lies along y, with its unit
+            marks: vertical lines
+            band: horizontal band, such as the noise floor
+            x_range: what to show of x until it is zoomed; all by default
+            y_range: what to show of y until it is zoomed; by default what the lines in view fill
+        """
+        content = _Content(tuple(series), x_label, y_label, tuple(marks), band, x_range, y_range)
+        if not _same(content, self._content):
+            self._content = content
+            self._draw_soon()
+
+    @property
+    def view(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """What is shown of x and of y."""
+        x_view = self._x_view or self._content.x_range or range_of(s.x for s in self._content.series)
+        return x_view, self._y_view or self._content.y_range or self._y_fitting(x_view)
+
+    def compose(self) -> ComposeResult:
+        """What the lines are, above the lines."""
+        yield self._head
+        yield self._readings
+        yield self._plot
+
+    def on_mount(self) -> None:
+        """Draw what was to be shown before, and again in other colours with every theme."""
+        self._plot.margin_top, self._plot.margin_bottom, self._plot.margin_left = 0, 1, 8
+        self.app.theme_changed_signal.subscribe(self, lambda _: self._draw_soon())
+        self._draw_soon()
+
+    @on(Resize)
+    def _redraw_for_size(self) -> None:
+        self._draw_soon()
+
+    def action_zoom(self, direction: int) -> None:
+        """Shorten or lengthen what is shown of x, around its middle."""
+        self._x_view = zoomed(self.view[0], direction)
+        self._draw_soon()
+
+    def action_zoom_y(self, direction: int) -> None:
+        """Shorten or lengthen what is shown of y, around its middle."""
+        self._y_view = zoomed(self.view[1], direction)
+        self._draw_soon()
+
+    def action_pan(self, right: int, up: int) -> None:
+        """Move what is shown by a tenth of it."""
+        x_view, y_view = self.view
+        if right:
+            self._x_view = moved(x_view, right)
+        if up:
+            self._y_view = moved(y_view, up)
+        self._draw_soon()
+
+    def action_whole(self) -> None:
+        """Show everything again."""
+        self._x_view = self._y_view = None
+        self._draw_soon()
+
+    def action_cursors(self) -> None:
+        """Two cursors, the first to be moved; then the second; then none."""
+        cursors = self._cursors
+        self._cursors = begun(self.view[0]) if cursors is None else cursors.second() if cursors.moving == 0 else None
+        self._draw_soon()
+
+    def action_cursor(self, columns: int) -> None:
+        """Move the cursor whose turn it is, by so many columns."""
+        if self._cursors is not None:
+            low, high = self.view[0]
+            wide = max(self._plot.size.width - self._plot.margin_left - 2, 8)
+            self._cursors = self._cursors.moved(columns * (high - low) / wide)
+            self._draw_soon()
+
+    @on(PlotWidget.ScaleChanged)
+    def _follow_mouse(self, event: PlotWidget.ScaleChanged) -> None:
+        event.stop()
+        low, high = event.x_min, event.x_max
+        self._x_view = (low, high - self._share_for_labels() / (1 + self._share_for_labels()) * (high - low))
+        self._y_view = (event.y_min, event.y_max)
+        self._draw_soon()
+
+    def _draw_soon(self) -> None:
+        if self._pending is None and self._can_draw():
+            wait = self._drawn_at + 1 / FRAMES_PER_S - time.monotonic()
+            self._pending = self.set_timer(max(wait, 0.001), self._draw)
+
+    def _can_draw(self) -> bool:
+        return self.is_running and self.is_attached and self._plot.is_mounted and self._plot.is_running
+
+    def _draw(self) -> None:
+        self._pending = None
+        if not self._can_draw():
+            return
+        self._drawn_at = time.monotonic()
+        x_view, y_view = self.view
+        columns = max(self._plot.size.width - self._plot.margin_left - 2, 8)
+        rows = max(self._plot.size.height - self._plot.margin_bottom - 2, 2)
+        self._head.update(self._legend())
+        self._plot.clear()
+        self._plot.end_labels = [*self._end_labels(x_view)]
+        for series in self._content.series:
+            self._draw_series(series, x_view, columns)
+        if self._content.band is not None:
+            self._draw_band(self._content.band, x_view, columns)
+        for mark in self._content.marks:
+            if x_view[0] < mark.x < x_view[1]:
+                self._plot.add_v_line(mark.x, self._colour(mark.tone))
+        self._draw_cursors(x_view)
+        drawn = any(len(series.x) for series in self._content.series)
+        self._plot.set_xticks(even_ticks(*x_view, columns // SETTINGS.tick_columns) if drawn else [])
+        self._plot.set_yticks(even_ticks(*y_view, int(rows / SETTINGS.tick_rows)) if drawn else [])
+        room = self._share_for_labels() * (x_view[1] - x_view[0])
+        self._plot.set_xlimits(x_view[0], x_view[1] + room)
+        self._plot.set_ylimits(*y_view)
+
+    def _share_for_labels(self) -> float:
+        """Room behind a view for the names of its lines, as a share of it."""
+        columns = max(self._plot.size.width - self._plot.margin_left - 2, 8)
+        longest = max((len(s.label) for s in self._content.series if len(s.label) <= SETTINGS.end_label), default=0)
+        several = len(self._content.series) > 1 and 4 * longest < columns
+        return (longest + 1) / (columns - longest - 1) if several else 0.0
+
+    def _end_labels(self, x_view: tuple[float, float]) -> Iterator[_EndLabel]:
+        if self._share_for_labels() == 0.0:
+            return
+        for series in self._content.series:
+            seen = np.flatnonzero((series.x >= x_view[0]) & (series.x <= x_view[1]) & np.isfinite(series.y))
+            if 0 < len(series.label) <= SETTINGS.end_label and len(seen):
+                x, y = float(series.x[seen[-1]]), float(series.y[seen[-1]])
+                yield _EndLabel(x, y, series.label, self._colour(series.tone))
+
+    def _draw_series(self, series: Series, x_view: tuple[float, float], columns: int) -> None:
+        x, y = visible(series.x, series.y, x_view, columns)
+        for piece in pieces(y):
+            self._plot.plot(x[piece], y[piece], line_style=self._colour(series.tone), hires_mode=HiResMode.BRAILLE)
+
+    def _draw_band(self, band: Band, x_view: tuple[float, float], columns: int) -> None:
+        """Dots, two cells apart, each in the quarter of its row where the edge lies."""
+        x = x_view[0] + (np.arange(0, columns, 2) + 0.5) * (x_view[1] - x_view[0]) / columns
+        for edge in (band.low, band.high):
+            style, y = self._colour(band.tone), np.full(len(x), edge)
+            self._plot.scatter(x, y, marker_style=style, hires_mode=HiResMode.BRAILLE)
+
+    def _draw_cursors(self, x_view: tuple[float, float]) -> None:
+        self._readings.display = self._cursors is not None
+        if self._cursors is None:
+            return
+        tones = [self._colour(tone) for tone in ("accent", "success")]
+        for x, tone in zip(self._cursors.at, tones, strict=True):
+            if x_view[0] < x < x_view[1]:
+                self._plot.add_v_line(x, tone)
+        lines = [(series.label, series.x, series.y) for series in self._content.series if series.label]
+        self._readings.update(readings(self._cursors, self._content.x_label, lines, tones))
+
+    def _legend(self) -> Text:
+        content = self._content
+        text = Text(f"{content.y_label} / {content.x_label}" if content.y_label else "")
+        for series in content.series:
+            if series.label:
+                text.append("   ━━ ", self._colour(series.tone)).append(series.label)
+        if content.band is not None:
+            text.append("   ⠂⠂ ", self._colour(content.band.tone)).append(content.band.label)
+        for mark in content.marks:
+            text.append("   │ ", self._colour(mark.tone)).append(mark.label)
+        return text
+
+    def _colour(self, tone: Tone) -> str:
+        """The theme's colour as Rich names it; the terminal's own where the theme leaves it to the terminal."""
+        try:
+            return Color.parse(self.app.theme_variables[tone]).hex6
+        except (KeyError, ColorParseError):
+            return "default"
+
+    def _y_fitting(self, x_view: tuple[float, float]) -> tuple[float, float]:
+        """All of y that lies inside an x view, with some room."""
+        inside = [s.y[(s.x >= x_view[0]) & (s.x <= x_view[1])] for s in self._content.series]
+        band = self._content.band
+        low, high = range_of([*inside, *([np.array([band.low, band.high])] if band else [])])
+        room = SETTINGS.margin * (high - low)
+        return low - room, high + room
+
+
+def _same(one: _Content, other: _Content) -> bool:
+    """Whether two contents look alike."""
+    if len(one.series) != len(other.series) or replace(one, series=()) != replace(other, series=()):
+        return False
+    return all(
+        (a.label, a.tone) == (b.label, b.tone) and np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y, equal_nan=True)
+        for a, b in zip(one.series, other.series, strict=True)
+    )

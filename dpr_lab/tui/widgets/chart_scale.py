@@ -1,0 +1,76 @@
+"""What a chart shows of its lines: ranges, views, ticks."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.report.envelope import trace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ViewSettings:
+    """How a view moves."""
+
+    zoom: float = 1.5
+    """How much shorter a view gets by one press of its key."""
+    pan: float = 0.1
+    """Share of a view that one press moves it by."""
+    narrowest: float = 1e-9
+    """Width of a view over its values: ticks closer than that look the same, and near rounding they are."""
+
+
+SETTINGS = ViewSettings()
+
+
+def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
+    """Smallest and largest finite value, apart from each other; 0 and 1 of nothing."""
+    finite = [kept for array in values if len(kept := array[np.isfinite(array)])]
+    if not finite:
+        return 0.0, 1.0
+    low, high = min(float(a.min()) for a in finite), max(float(a.max()) for a in finite)
+    return (low, high) if high - low > smallest(low, high) else (low - 0.5, high + 0.5)
+
+
+def smallest(low: float, high: float) -> float:
+    """The narrowest view whose ticks can still be told apart in floating point."""
+    return SETTINGS.narrowest * max(abs(low), abs(high), SETTINGS.narrowest)
+
+
+def zoomed(view: tuple[float, float], direction: int) -> tuple[float, float]:
+    """A shorter or longer view around the same middle."""
+    middle, half = (view[0] + view[1]) / 2, (view[1] - view[0]) / 2 * SETTINGS.zoom**-direction
+    return (middle - half, middle + half) if half > smallest(*view) else view
+
+
+def moved(view: tuple[float, float], direction: int) -> tuple[float, float]:
+    """A view further on by its share."""
+    step = direction * SETTINGS.pan * (view[1] - view[0])
+    return view[0] + step, view[1] + step
+
+
+def visible(x: Array, y: Array, x_view: tuple[float, float], columns: int) -> tuple[Array, Array]:
+    """What a view shows of a line: at most two points a column, the extremes, NaN where the line breaks."""
+    first, last = np.searchsorted(x, x_view)
+    shown = slice(max(int(first) - 1, 0), int(last) + 1)
+    return trace(x[shown], y[shown], points=2 * columns)
+
+
+def even_ticks(low: float, high: float, most: int) -> list[float]:
+    """Round numbers in even steps, at most so many (two at least), inside a view."""
+    power = 10.0 ** math.floor(math.log10(max((high - low) / max(most, 2), 1e-300)))
+    for step in (power, 2 * power, 5 * power, 10 * power, 20 * power):
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        if last - first + 1 <= max(most, 2):
+            return [min(max(number * step, low), high) for number in range(first, last + 1)]
+    return []
+
+
+def pieces(y: Array) -> Iterator[slice]:
+    """Stretches without NaN."""
+    edges = np.flatnonzero(np.diff(np.isfinite(y), prepend=False, append=False))
+    return (slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))

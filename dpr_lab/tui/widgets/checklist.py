@@ -1,0 +1,46 @@
+"""Which poses are recorded how often, and which is next."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from textual.content import Content
+
+from dpr_lab.acquisition.capture import in_file_name
+from dpr_lab.storage.sidecar import note_of, sidecar_of
+
+ASIDE = "aside"
+"""Folder beside the runs for recordings that the operator repeated; nothing is deleted."""
+
+
+def kept(runs: Iterable[Path], poses: Iterable[str]) -> dict[str, int]:
+    """How many runs there are of each pose, by the names of their files."""
+    names = [parts[1] for run in runs if len(parts := run.stem.split("_")) > 2]
+    return {pose: names.count(in_file_name(pose)) for pose in poses}
+
+
+def next_pose(done: Mapping[str, int], repeats: int, current: str) -> str:
+    """The pose to do next: this one until it is done often enough, then the first that is not."""
+    if done.get(current, repeats) < repeats:
+        return current
+    return next((pose for pose, number in done.items() if number < repeats), current)
+
+
+def checklist_text(done: Mapping[str, int], repeats: int, current: str) -> Content:
+    """A line for each pose."""
+    return Content("\n").join(_line(pose, number, repeats, pose == current) for pose, number in done.items())
+
+
+def _line(pose: str, number: int, repeats: int, current: bool) -> Content:
+    marks = "✔" * number + "○" * max(0, repeats - number)
+    return Content.styled(f"{'▶' if current else ' '} {pose} {marks} {number} of {repeats}", "bold" if current else "")
+
+
+def set_aside(run: Path) -> Path:
+    """Move a run and its hash out of the way; returns where it is now."""
+    folder = run.parent / ASIDE
+    folder.mkdir(exist_ok=True)
+    moved = folder / run.name
+    for file, target in ((sidecar_of(run), sidecar_of(moved)), (note_of(run), note_of(moved)), (run, moved)):
+        if file.exists():
+            file.replace(target)
+    return moved

@@ -1,0 +1,76 @@
+"""Two cursors in a chart, and what they read off its lines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rich.text import Text
+
+from dpr_lab.tui.widgets.chart_scale import Array
+
+NAMES = ("A", "B")
+
+
+@dataclass(frozen=True, slots=True)
+class Cursors:
+    """Where they stand."""
+
+    at: tuple[float, float]
+    """On the x axis."""
+    moving: int = 0
+    """Which of them is moved: 0 or 1."""
+
+    def moved(self, by: float) -> "Cursors":
+        """The same with the one that is moved further on."""
+        a, b = self.at
+        return replace(self, at=(a + by, b) if self.moving == 0 else (a, b + by))
+
+    def second(self) -> "Cursors":
+        """The same with the second to be moved."""
+        return replace(self, moving=1)
+
+
+def begun(x_view: tuple[float, float]) -> Cursors:
+    """Both in view: at a third and two thirds of it."""
+    low, high = x_view
+    return Cursors((low + (high - low) / 3, high - (high - low) / 3))
+
+
+def readings(cursors: Cursors, x_label: str, lines: Sequence[tuple[str, Array, Array]], colours: Sequence[str]) -> Text:
+    """Where the cursors are, what each line is there, and the differences; a row for each, and one between two lines.
+
+    Args:
+        cursors: where they stand
+        x_label: what lies along x
+        lines: name, x and y of each line
+        colours: of the cursors, as Rich names them
+    """
+    text = Text(no_wrap=True, overflow="ellipsis")
+    for number, (name, x) in enumerate(zip(NAMES, cursors.at, strict=True)):
+        mark = "▸" if number == cursors.moving else " "
+        text.append(f"{mark}{name} ", f"bold {colours[number]}").append(f"{x:.4g}  ")
+    text.append(f"{_difference(*cursors.at)}   {x_label}")
+    seen = [(label, _at(cursors, x, y)) for label, x, y in lines]
+    for label, (a, b) in seen:
+        text.append(f"\n{label}: A {_number(a)}  B {_number(b)}  {_difference(a, b)}")
+    if len(seen) == 2:
+        (one, first), (other, second) = seen
+        a, b = (_number(after - before) for before, after in zip(first, second, strict=True))
+        text.append(f"\n{other} − {one}: A {a}  B {b}")
+    return text
+
+
+def _at(cursors: Cursors, x: Array, y: Array) -> tuple[float, float]:
+    """A line between its points; NaN where it is not."""
+    if not len(x):
+        return float("nan"), float("nan")
+    a, b = np.interp(cursors.at, x, y, left=np.nan, right=np.nan).tolist()
+    return a, b
+
+
+def _number(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.4g}"
+
+
+def _difference(a: float, b: float) -> str:
+    return "B−A –" if np.isnan(b - a) else f"B−A {b - a:+.4g}"

@@ -1,0 +1,95 @@
+"""The arm and its rods as they stand now, drawn in Braille dots."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from textual import on
+from textual.geometry import Size
+
+from dpr_lab.tui.widgets.canvas import PlainCanvas
+
+Angles = Sequence[float]
+"""theta0, theta1, theta2: absolute, 0 = upright, pi = hanging, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lengths:
+    """What is drawn how long, m."""
+
+    arm: float = 0.3
+    inner: float = 0.4
+    outer: float = 0.4
+
+
+class Pendulum(PlainCanvas):
+    """Seen from the end of the arm: the rods swing in the picture, the arm shows as far as it is turned out of sight.
+
+    Dots mark the pose that is wanted, lines the rods.
+    """
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(1, 1, id=id)
+        self._lengths = Lengths()
+        self._theta: Angles | None = None
+        self._wanted: Angles | None = None
+        self._old = False
+
+    def show(self, theta: Angles | None, wanted: Angles | None, lengths: Lengths, *, old: bool = False) -> None:
+        """Draw rods at `theta`, and the pose `wanted` behind them; None leaves either out; `old` draws them in grey."""
+        same = (self._wanted, self._lengths, self._old) == (wanted, lengths, old)
+        if not same or not _alike(theta, self._theta):
+            self._theta, self._wanted, self._lengths, self._old = theta, wanted, lengths, old
+            self._draw()
+
+    @on(PlainCanvas.Resize)
+    def _fit(self, event: PlainCanvas.Resize) -> None:
+        event.stop()
+        self.reset(Size(max(1, event.size.width), max(1, event.size.height)), refresh=False)
+        self._draw()
+
+    def _draw(self) -> None:
+        colours = self.app.theme_variables
+        with self.batch_refresh():
+            self.reset()
+            if self._wanted is not None:
+                self._dots(self._wanted, colours["secondary"])
+            if self._theta is not None:
+                grey = f"dim {colours['foreground']}" if self._old else ""
+                self._rods(self._theta, grey or colours["primary"], grey or colours["foreground"])
+
+    def _rods(self, theta: Angles, rod: str, joint: str) -> None:
+        hub, elbow, tip = self._points(theta)
+        shoulder = (hub[0] - self._scale * self._lengths.arm * math.sin(theta[0]), hub[1])
+        self.draw_hires_lines([(*shoulder, *hub), (*hub, *elbow), (*elbow, *tip)], style=rod)
+        for (x, y), mark in ((hub, "◆"), (elbow, "●"), (tip, "○")):
+            self.set_pixel(int(x), int(y), mark, joint)
+
+    def _dots(self, theta: Angles, style: str) -> None:
+        points = self._points(theta)
+        for (x0, y0), (x1, y1) in pairwise(points):
+            steps = max(2, int(2 * max(abs(x1 - x0), 2 * abs(y1 - y0)) / 3))
+            ends = ((x0 + (x1 - x0) * i / steps, y0 + (y1 - y0) * i / steps) for i in range(steps + 1))
+            self.set_hires_pixels(ends, style=style)
+
+    @property
+    def _scale(self) -> float:
+        """Columns for a metre, so that the rods reach nearly to the edge; a row is as high as two columns are wide."""
+        reach = max(self._lengths.inner + self._lengths.outer, 1e-9)
+        return 0.95 * min(self.size.width / 2, self.size.height) / reach
+
+    def _points(self, theta: Angles) -> list[tuple[float, float]]:
+        """Hub, elbow and tip, in columns and rows."""
+        points = [(self.size.width / 2, self.size.height / 2)]
+        for angle, length in zip(theta[1:], (self._lengths.inner, self._lengths.outer), strict=True):
+            x, y = points[-1]
+            points.append((x + self._scale * length * math.sin(angle), y - self._scale * length * math.cos(angle) / 2))
+        return points
+
+
+def _alike(one: Angles | None, other: Angles | None) -> bool:
+    """Whether no dot of the picture would move: encoder noise is no reason to draw."""
+    if one is None or other is None:
+        return one is other
+    return all(abs(a - b) < 3e-3 for a, b in zip(one, other, strict=True))

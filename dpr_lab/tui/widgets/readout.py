@@ -1,0 +1,109 @@
+"""What the operator reads while placing the rods: each angle beside the one wanted, rest, latch, losses."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from textual.content import Content
+
+from dpr_lab.acquisition.holding import RestReading
+from dpr_lab.acquisition.settings import QUALITY_LIMITS
+from dpr_lab.report.angles import AngleUnit
+from dpr_lab.rig import Rig
+from dpr_lab.tui.recorder.sighting import Sighting
+
+GOOD, BAD, UNKNOWN = "✔", "✘", "?"
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """The rods and the pose they should be in."""
+
+    wanted: tuple[float, float]
+    """Angles of inner and outer rod, rad."""
+    error: tuple[float, float]
+    """How far they are off, whole turns aside, rad."""
+    tolerance: float
+
+
+def placement_text(placement: Placement, unit: AngleUnit) -> Content:
+    """Two lines for each rod: the angle, and how far and which way to turn it."""
+    lines = [
+        line
+        for name, wanted, error in zip(("inner θ1", "outer θ2"), placement.wanted, placement.error, strict=True)
+        for line in _rod(name, wanted, error, placement.tolerance, unit)
+    ]
+    return Content("\n").join(lines)
+
+
+def _rod(name: str, wanted: float, error: float, tolerance: float, unit: AngleUnit) -> tuple[Content, Content]:
+    inside = abs(error) <= tolerance
+    angles = f"{name} {unit.text(wanted + error):>9}  wanted {unit.text(wanted):>9}"
+    hint = "inside" if inside else f"turn {unit.text(-error)}"
+    text = f"{bar(error, tolerance)} {GOOD if inside else BAD} {hint}"
+    return Content.styled(angles, "bold"), Content.styled(text, _tone(inside))
+
+
+def bar(error: float, tolerance: float, cells_wide: int = 21, reach: float = 3.0) -> str:
+    """Where an error lies: `[ ]` is the tolerance, the mark changes inside it, arrows show that it is off the bar.
+
+    Args:
+        error: what is off, rad
+        tolerance: how far it may be off, rad
+        cells_wide: length of the bar
+        reach: how many tolerances it reaches to either side
+    """
+    half = cells_wide // 2
+    edge = round(half / reach)
+    cells = ["─"] * cells_wide
+    cells[half - edge - 1], cells[half + edge + 1] = "[", "]"
+    cells[half - edge : half + edge + 1] = " " * (2 * edge + 1)
+    place = half + round(error / tolerance * half / reach)
+    inside = abs(error) <= tolerance
+    mark = "◆" if inside else "◀" if place < 0 else "▶" if place >= cells_wide else "●"
+    place = min(max(place, half - edge if inside else 0), half + edge if inside else cells_wide - 1)
+    cells[place] = mark
+    return "".join(cells)
+
+
+def rest_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
+    """Whether the rods are at rest; if not, which limit failed."""
+    if rest is None:
+        return Content.styled(f"rest   {UNKNOWN} looked at once they are in place", "dim")
+    limits = QUALITY_LIMITS.rest
+    faults = []
+    if rest.speed > limits.speed:
+        faults.append(f"drift {unit.speed(rest.speed)} (limit {unit.speed(limits.speed)})")
+    if rest.spread > limits.spread(rig):
+        faults.append(f"shaking {unit.size(rest.spread)} (limit {unit.size(limits.spread(rig))})")
+    text = "\n         ".join(faults) or f"still, drift {unit.speed(rest.speed)}"
+    return Content.styled(f"rest   {GOOD if rest.ok else BAD} {text}", _tone(rest.ok))
+
+
+def latch_text(latched: bool | None) -> Content:
+    """Whether the latch holds the rods, where that is known now."""
+    if latched is None:
+        return Content.styled(f"latch  {UNKNOWN} UNKNOWN", "bold $warning")
+    return Content("latch  ■ CLOSED, the rods are held" if latched else "latch  □ OPEN, the rods are free")
+
+
+def old_text(seen: Sighting, now: float, unit: AngleUnit) -> Content:
+    """What was last seen, marked as old; the latch may have opened or closed since."""
+    lines = [latch_text(None)]
+    if seen.latched is not None:
+        was = "CLOSED" if seen.latched else "OPEN"
+        lines.append(Content.styled(f"       {was} when {seen.ago(now)}", "dim"))
+    if seen.theta is not None:
+        lines.append(Content.styled(f"{unit.all_of(seen.theta)}\n       {seen.ago(now)}", "dim"))
+    return Content("\n").join(lines)
+
+
+def lost_text(lost: Mapping[str, int], samples: int | None) -> Content:
+    """Samples and losses by cause."""
+    counted = "" if samples is None else f"{samples} samples, "
+    causes = ", ".join(f"{n} {cause.replace('_', ' ')}" for cause, n in lost.items() if n)
+    text = f"lost   {BAD if causes else GOOD} {counted}{causes or 'none lost'}"
+    return Content.styled(text, "$error" if causes else "")
+
+
+def _tone(good: bool) -> str:
+    return "$success" if good else "$warning"

@@ -1,0 +1,368 @@
+"""The run browser: what was recorded, filtered, checked, exported, and chosen to work on."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from rich.text import Text
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.events import Key
+from textual.screen import ModalScreen
+from textual.widgets import DataTable, Footer, Input, OptionList, Static
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.storage.export import EXPORTERS
+from dpr_lab.storage.sidecar import write_note
+from dpr_lab.tui.guard import Guarded
+from dpr_lab.tui.jobs import jobs
+from dpr_lab.tui.jobs.job_events import JobFailed, JobFinished, JobProgress
+from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
+from dpr_lab.tui.jobs.jobs import RunSurveyed
+from dpr_lab.tui.path_suggester import PathSuggester
+from dpr_lab.tui.services import Services
+from dpr_lab.tui.texts import local_time
+from dpr_lab.tui.widgets.dialogs import HELP_KEY
+
+if TYPE_CHECKING:
+    from dpr_lab.storage.inspect import RunInfo
+
+COLUMNS = ("", "pose", "recorded", "s", "lost", "state", "gate", "file")
+CHOSEN, LEFT = "✔", " "
+
+
+class RunBrowser(Guarded, ModalScreen[list[Path] | None]):
+    """Choose runs; dismissed with the new selection, or None where it stays as it was.
+
+    Args:
+        services: whose workspace says where runs are recorded, with subfolders
+        selected: what is chosen so far, wherever it is
+        others: runs from elsewhere to choose from too
+        title: what they are chosen for
+        take_here: whether ending without a choice takes the run under the cursor
+    """
+
+    NAME = "Runs"
+    HELP = """
+Choose runs: `{runs.choose}` takes the one under the cursor or leaves it, `{runs.all}` all that are shown;
+`{runs.accept}` ends with this choice (with the run under the cursor where none was chosen), `{runs.leave}` with the one
+from before. `{runs.filter}` shows only those with the words you write.
+
+`{runs.verify}` checks the file under the cursor: hash, chunks, ticks, end. `{runs.export}` writes it in another format,
+to `exports/` beside the folder of the runs. `{runs.recover}` writes what a cut run still holds as a whole file.
+`{runs.note}` edits the note of the run under the cursor; it is kept beside the file, which never changes.
+
+`{runs.folder}` lists the runs of another folder, where the right arrow completes a path and up and down bring folders
+looked at before; what is chosen stays chosen.
+
+A run whose state is *cut* ends before it was finished and gives the samples up to there; one that is *unreadable* gives
+none. Why is said below the list.
+"""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "accept", "Use", id="runs.accept", priority=True),
+        Binding("escape", "leave", "Leave", id="runs.leave"),
+        Binding("space", "choose", "Choose", id="runs.choose"),
+        Binding("asterisk", "choose_all", "All", id="runs.all", key_display="*"),
+        Binding("slash", "filter", "Filter", id="runs.filter"),
+        Binding("q", "verify", "Check", id="runs.verify"),
+        Binding("e", "export", "Export", id="runs.export"),
+        Binding("i", "edit", "Edit", id="runs.note", tooltip="edit the note"),
+        Binding("o", "other", "Other", id="runs.folder", tooltip="another folder"),
+        Binding("ctrl+r", "recover", "Recover", id="runs.recover"),
+        HELP_KEY,
+    ]
+    DEFAULT_CSS = """
+    RunBrowser { align: center middle; }
+    RunBrowser > Vertical { width: 100%; height: 100%; background: $surface; border: round $primary; padding: 0 1; }
+    RunBrowser DataTable { height: 1fr; }
+    RunBrowser #filter { height: 1; }
+    RunBrowser .asked { height: 1; display: none; }
+    RunBrowser #about { height: auto; max-height: 5; }
+    RunBrowser #result { height: auto; max-height: 4; text-style: bold; }
+    """
+
+    def __init__(
+        self,
+        services: Services,
+        selected: Sequence[Path],
+        others: Sequence[Path] = (),
+        title: str = "Runs to work on",
+        *,
+        take_here: bool = True,
+    ) -> None:
+        super().__init__()
+        self._services = services
+        self._folder = services.workspace.out / "runs"
+        self._purpose = title
+        self._touched = not take_here
+        self._chosen = [path for path in selected if path.is_file()]
+        self._others = others
+        self._paths: list[Path] = []
+        self._find()
+        self._known: dict[Path, RunSurveyed] = {}
+        self._jobs: list[JobProcess] = []
+
+    def compose(self) -> ComposeResult:
+        """Filter, table, what the run under the cursor says, keys."""
+        with Vertical() as page:
+            page.border_title = self._purpose
+            yield Input(placeholder="filter: words of pose, file, state, gate or note", id="filter", compact=True)
+            yield Input(id="folder", classes="asked", suggester=PathSuggester(""), compact=True)
+            yield Input(placeholder="note", id="note", classes="asked", compact=True)
+            yield DataTable[Text](cursor_type="row", zebra_stripes=True)
+            yield Static(id="about", markup=False)
+            yield Static(id="result", markup=False)
+            yield Footer(show_command_palette=False, compact=True)
+
+    def on_mount(self) -> None:
+        """List the files at once, what is in them as it is read."""
+        table = self._table
+        for column in COLUMNS:
+            table.add_column(column, key=column or "chosen")
+        self._survey()
+        table.focus()
+
+    def on_unmount(self) -> None:
+        """Nobody is left to look for."""
+        for job in self._jobs:
+            job.cancel()
+
+    def action_accept(self) -> None:
+        """Use what is chosen, or the run under the cursor where nothing is; in a field, take it and go to the list."""
+        if self.query_one("#folder").has_focus:
+            name = self.query_one("#folder", Input).value.strip()
+            self._look_in(Path(name).expanduser() if name else self._folder)
+        elif self.query_one("#note").has_focus:
+            self._keep_note(self.query_one("#note", Input).value)
+        elif self._table.has_focus:
+            here = [self._here] if self._here is not None and not self._touched else []
+            self.dismiss(self._chosen or here)
+        else:
+            self._to_list()
+
+    def action_leave(self) -> None:
+        """Leave the selection as it was; in the filter, go to the list."""
+        if self._table.has_focus:
+            self.dismiss(None)
+        else:
+            self._to_list()
+
+    def action_choose(self) -> None:
+        """Choose the run under the cursor, or not."""
+        self._touched = True
+        if (path := self._here) is not None:
+            self._mark(path, path not in self._chosen)
+            self._table.action_cursor_down()
+
+    def action_choose_all(self) -> None:
+        """Choose all that are shown; none, where all are chosen."""
+        self._touched, shown = True, self._shown
+        wanted = not all(path in self._chosen for path in shown)
+        for path in shown:
+            self._mark(path, wanted)
+
+    def action_filter(self) -> None:
+        """Narrow the list."""
+        self.query_one("#filter").focus()
+
+    def action_edit(self) -> None:
+        """Edit the note of the run under the cursor."""
+        known = self._known.get(self._here) if self._here is not None else None
+        if known is not None and known.info is not None:
+            self._ask("note", known.info.note)
+
+    def action_other(self) -> None:
+        """Look into another folder."""
+        self._ask("folder", f"{self._folder}/")
+
+    def action_verify(self) -> None:
+        """Check hash, chunks, ticks and end."""
+        if (path := self._here) is not None:
+            self._say(f"checking {path.name}")
+            self._jobs.append(start_job(self, jobs.verify, path=path))
+
+    def action_export(self) -> None:
+        """Write the run under the cursor in another format."""
+        if (path := self._here) is not None:
+            self.app.push_screen(FormatScreen(), partial(self._export, path))
+
+    def action_recover(self) -> None:
+        """Write what a cut run still holds as a whole file beside it."""
+        if (path := self._here) is not None:
+            out = path.with_name(f"{path.stem}-recovered{path.suffix}")
+            self._say(f"recovering {path.name}")
+            self._jobs.append(start_job(self, jobs.recover, path=path, out=out))
+
+    def on_key(self, event: Key) -> None:
+        """Up and down in the field of the folder bring those looked at before."""
+        field, recent = self.query_one("#folder", Input), list(map(str, self._services.workspace.recent_folders))
+        if field.has_focus and event.key in ("up", "down") and recent:
+            here = recent.index(field.value.rstrip("/")) if field.value.rstrip("/") in recent else -1
+            field.value = recent[(here + (1 if event.key == "down" else -1)) % len(recent)]
+            event.stop()
+
+    def _ask(self, name: str, value: str) -> None:
+        field = self.query_one(f"#{name}", Input)
+        field.display, field.value = True, value
+        field.focus()
+
+    def _to_list(self) -> None:
+        for field in self.query(".asked"):
+            field.display = False
+        self._table.focus()
+
+    def _look_in(self, folder: Path) -> None:
+        if not folder.is_dir():
+            raise ConfigError(f"{folder}: no such folder")
+        self._folder = folder.resolve()
+        self._services.workspace.looked_at(self._folder)
+        self._to_list()
+        self._find()
+        self._survey()
+
+    def _keep_note(self, note: str) -> None:
+        if (path := self._here) is not None:
+            write_note(path, note)
+            self._to_list()
+            self._jobs.append(start_job(self, jobs.survey, paths=[path]))
+
+    def _find(self) -> None:
+        """The runs of the folder, and those that were chosen elsewhere."""
+        found = {path.resolve(): path for path in (*sorted(self._folder.rglob("*.mcap")), *self._others, *self._chosen)}
+        self._paths = list(found.values())
+        self._chosen = [found[path.resolve()] for path in self._chosen]
+
+    def _survey(self) -> None:
+        """List the files at once, what is in them as it is read."""
+        self._list()
+        self._say("")
+        if self._paths:
+            self._jobs.append(start_job(self, jobs.survey, paths=self._paths))
+        else:
+            step = self._services.key_of("Capture")
+            other = self._services.keys.of("runs.folder")
+            self._say(f"No runs in {self._folder} yet: record some in step {step}, or look elsewhere ({other}).")
+
+    @property
+    def _table(self) -> DataTable[Text]:
+        return self.query_one(DataTable)
+
+    @property
+    def _shown(self) -> list[Path]:
+        words = self.query_one("#filter", Input).value.lower().split()
+        return [path for path in self._paths if all(word in self._words(path) for word in words)]
+
+    @property
+    def _here(self) -> Path | None:
+        shown, row = self._shown, self._table.cursor_row
+        return shown[row] if 0 <= row < len(shown) else None
+
+    @on(Input.Changed, "#filter")
+    def _list(self) -> None:
+        table = self._table
+        table.clear()
+        for path in self._shown:
+            table.add_row(*(Text(cell) for cell in self._cells(path)), key=str(path))
+
+    @on(DataTable.RowHighlighted)
+    def _describe(self) -> None:
+        if (path := self._here) is not None and path in self._known:
+            self.query_one("#about", Static).update(_about(self._known[path]))
+
+    def _cells(self, path: Path) -> tuple[str, ...]:
+        return (CHOSEN if path in self._chosen else LEFT, *_row(path, self._known.get(path)))
+
+    def _words(self, path: Path) -> str:
+        known = self._known.get(path)
+        note = known.info.note if known is not None and known.info is not None else ""
+        return " ".join((*_row(path, known), note)).lower()
+
+    def _mark(self, path: Path, chosen: bool) -> None:
+        self._chosen = [other for other in self._paths if (chosen if other == path else other in self._chosen)]
+        self._table.update_cell(str(path), "chosen", Text(CHOSEN if chosen else LEFT))
+
+    def _export(self, path: Path, suffix: str | None) -> None:
+        if suffix is not None:
+            out = self._folder.parent / "exports" / f"{path.stem}{suffix}"
+            self._say(f"writing {out}")
+            self._jobs.append(start_job(self, jobs.export, path=path, out=out))
+
+    @on(JobHeard)
+    def _hear(self, message: JobHeard) -> None:
+        match message.event:
+            case JobProgress(RunSurveyed() as found):
+                self._learn(found)
+            case JobFinished(str(text)):
+                self._say(text)
+            case JobFailed() as failed:
+                raise failed.error
+
+    def _learn(self, found: RunSurveyed) -> None:
+        self._known[found.path] = found
+        read = sum(path in self._known for path in self._paths)
+        self._say(f"read {read} of {len(self._paths)}" if read < len(self._paths) else "")
+        if found.path in self._shown and str(found.path) in {key.value for key in self._table.rows}:
+            for column, cell in zip(COLUMNS[1:], _row(found.path, found), strict=True):
+                self._table.update_cell(str(found.path), column, Text(cell), update_width=True)
+        else:
+            self._list()
+        if found.path == self._here:
+            self._describe()
+
+    def _say(self, text: str) -> None:
+        self.query_one("#result", Static).update(text)
+
+
+class FormatScreen(ModalScreen[str | None]):
+    """In which format to export."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss", "Leave", id="format.leave")]
+    DEFAULT_CSS = """
+    FormatScreen { align: center middle; }
+    FormatScreen OptionList { width: 40; height: auto; border: round $primary; }
+    """
+
+    def compose(self) -> ComposeResult:
+        """The formats."""
+        yield OptionList(*EXPORTERS)
+
+    @on(OptionList.OptionSelected)
+    def _picked(self, event: OptionList.OptionSelected) -> None:
+        self.dismiss(list(EXPORTERS)[event.option_index])
+
+
+def _row(path: Path, known: RunSurveyed | None) -> tuple[str, ...]:
+    if known is None:
+        return ("", "", "", "", "reading", "", path.stem)
+    if known.info is None:
+        return ("", "", "", "", "unreadable", "", path.stem)
+    info = known.info
+    return (
+        info.pose or "–",
+        local_time(info.created_utc),
+        f"{info.duration_s:.1f}",
+        str(sum(info.lost.values())),
+        "whole" if info.complete else "cut",
+        info.gate or "–",
+        path.stem,
+    )
+
+
+def _about(known: RunSurveyed) -> str:
+    if known.info is None:
+        return known.trouble
+    info = known.info
+    lines = [
+        f"{info.samples} samples at {info.rate_hz:g} Hz, rig {info.rig}, {info.source} {info.url}",
+        f"lost {_losses(info)}; {info.gaps} gaps, the longest {1e3 * info.longest_gap_s:.1f} ms",
+        *(text for text in (info.damage, info.stopped, info.note, *info.notes) if text),
+    ]
+    return "\n".join(lines)
+
+
+def _losses(info: "RunInfo") -> str:
+    causes = [f"{cause.replace('_', ' ')} {count}" for cause, count in info.lost.items() if count]
+    return ", ".join(causes) or "nothing"

@@ -1,0 +1,78 @@
+"""A slider: a value on a line, moved by keys."""
+
+from typing import ClassVar
+
+from rich.text import Text
+from textual.binding import Binding, BindingType
+from textual.message import Message
+from textual.reactive import reactive
+from textual.widget import Widget
+
+
+class Slider(Widget, can_focus=True):
+    """A value between 0 and a maximum, with a mark that says how far it means something."""
+
+    DEFAULT_CSS = """
+    Slider { height: 1; }
+    Slider:focus { text-style: bold underline; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("left", "move(-1)", "Less", id="slider.less"),
+        Binding("right", "move(1)", "More", id="slider.more"),
+        Binding("home", "to(0)", "Least", id="slider.least", show=False),
+        Binding("end", "to(1)", "Most", id="slider.most", show=False),
+    ]
+    value: reactive[float] = reactive(0.0)
+    maximum: reactive[float] = reactive(1.0)
+    mark: reactive[float | None] = reactive(None)
+
+    class Changed(Message):
+        """The value was moved by hand."""
+
+        def __init__(self, slider: "Slider") -> None:
+            super().__init__()
+            self.slider = slider
+
+        @property
+        def control(self) -> "Slider":
+            """The slider."""
+            return self.slider
+
+    def __init__(self, label: str, unit: str, step: float, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self._label, self._unit, self._step = label, unit, step
+
+    def validate_value(self, value: float) -> float:
+        """Inside, on a step."""
+        return min(max(round(value / self._step) * self._step, 0.0), self.maximum)
+
+    def watch_maximum(self) -> None:
+        """A shorter line moves the value in."""
+        self.value = self.validate_value(self.value)
+
+    def action_move(self, steps: int) -> None:
+        """Move by steps."""
+        self._move_to(self.value + steps * self._step)
+
+    def action_to(self, share: float) -> None:
+        """Move to a share of the whole."""
+        self._move_to(share * self.maximum)
+
+    def render(self) -> Text:
+        """Label, value, and the line: filled up to the value, the mark as a bar."""
+        text = f"{self._label} {self.value:.2f} {self._unit} "
+        width = max(self.size.width - len(text) - 2, 4)
+        track = ["━" if i < self._column(self.value, width) else "─" for i in range(width)]
+        if self.mark is not None:
+            track[self._column(self.mark, width)] = "┃"
+        track[self._column(self.value, width)] = "●"
+        return Text(f"{text}├{''.join(track)}┤", no_wrap=True)
+
+    def _column(self, value: float, width: int) -> int:
+        return min(max(round(value / max(self.maximum, 1e-9) * (width - 1)), 0), width - 1)
+
+    def _move_to(self, value: float) -> None:
+        before = self.value
+        self.value = value
+        if self.value != before:
+            self.post_message(self.Changed(self))

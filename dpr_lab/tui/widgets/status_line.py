@@ -1,0 +1,68 @@
+"""The row that is on every screen: which device, whether it is a simulation, the latch, a recording, the folder."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from textual.content import Content
+from textual.widgets import Static
+
+from dpr_lab.tui.recorder.connection import DeviceConnection
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingNow:
+    """What is recorded now."""
+
+    pose: str
+    t: float
+    """Time since the release, s."""
+    of: float | None = None
+    """How long it will be, s; None until rest."""
+
+
+class StatusLine(Static):
+    """Never states what is not known now."""
+
+    def show(
+        self, device: DeviceConnection, recording: RecordingNow | None, work: str, folder: Path, now: float
+    ) -> None:
+        """Draw, where something changed."""
+        parts = [_device(device, now), _latch(device, now)]
+        if recording is not None:
+            of = "" if recording.of is None else f" of {recording.of:g}"
+            text = f" ● REC {recording.pose} {recording.t:.0f}{of} s "
+            parts.append(Content.styled(text, "bold $background on $error"))
+        if work:
+            parts.append(Content.styled(f"▸ {work}", "bold $primary"))
+        parts.append(Content.styled(_shorter(folder), "dim"))
+        line = Content("  ").join(parts)
+        if line != self.content:
+            self.update(line, layout=False)
+
+
+def _device(device: DeviceConnection, now: float) -> Content:
+    if device.opening is not None:
+        return Content.styled(f"connecting, {now - device.opening:.0f} s", "bold $warning")
+    if device.connected is not None:
+        name = device.connected.info.uid[-8:]
+        if device.connected.simulated:
+            return Content.styled(f" SIMULATED {name} ", "bold $background on $accent")
+        return Content.styled(f" rig {name} ", "bold $background on $success")
+    if device.lost is not None:
+        return Content.styled(f" LOST {device.lost.info.uid[-8:]} ", "bold $background on $error")
+    return Content("no device")
+
+
+def _latch(device: DeviceConnection, now: float) -> Content:
+    seen = device.seen
+    if device.connected is None and device.lost is None:
+        return Content("")
+    if not device.fresh(now) or seen.latched is None:
+        return Content.styled(f"latch UNKNOWN, {seen.ago(now)}", "bold $warning")
+    return Content.styled("latch CLOSED" if seen.latched else "latch OPEN", "bold")
+
+
+def _shorter(folder: Path, most: int = 24) -> str:
+    home = Path.home()
+    text = f"~/{folder.relative_to(home)}" if folder.is_relative_to(home) else str(folder)
+    return text if len(text) <= most else f"…/{folder.name}"

@@ -1,0 +1,131 @@
+"""What the operator works on, kept from one start of the bench screen to the next."""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import platformdirs
+from pydantic import TypeAdapter
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.report.angles import UNITS, AngleUnit
+
+FILE = "bench.json"
+RECENT = 5
+"""How many rigs and folders are remembered."""
+UNSAVED = (
+    "what is on the bench will not be remembered at the next start (runs and results are kept): free the disk or the"
+    " folder, or name another in DPR_LAB_STATE"
+)
+
+
+def state_folder() -> Path:
+    """Where it is kept; the environment variable DPR_LAB_STATE overrides the user's own folder."""
+    return Path(os.environ.get("DPR_LAB_STATE") or platformdirs.user_state_dir("dpr-lab"))
+
+
+@dataclass(slots=True)
+class Workspace:
+    """What the operator works on."""
+
+    rig: str = "paper"
+    """Rig file, or the name of a built-in one."""
+    link: str = ""
+    """URL of the device; empty for the rig file's."""
+    out: Path = field(default_factory=lambda: Path("bench"))
+    """Folder that holds runs/, model.json, report/ and diagnosis/."""
+    runs: list[Path] = field(default_factory=list)
+    """Run files selected for identification."""
+    recent_rigs: list[str] = field(default_factory=list)
+    """Rig files used before, the last one first."""
+    recent_folders: list[Path] = field(default_factory=list)
+    """Folders whose runs were looked at, the last one first."""
+    held_out: list[Path] = field(default_factory=list)
+    """Run files that only measure how far a diagnosis closes the gap."""
+    undecided: Path | None = None
+    """A recorded run that was neither kept nor repeated."""
+    model: Path | None = None
+    diagnosis: Path | None = None
+    made_from: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Step -> what its result rests on, as `basis` gave it."""
+    took: dict[str, float] = field(default_factory=dict)
+    """Step -> how long its work took for each run the last time, s."""
+    theme: str = "dpr-dark"
+    angles: str = "degrees"
+    """Unit in which they are shown (`dpr_lab.report.angles`)."""
+    step: str = ""
+    """Name of the step shown last."""
+
+    @property
+    def unit(self) -> AngleUnit:
+        """The unit in which angles are shown."""
+        return UNITS.get(self.angles, UNITS["degrees"])
+
+    def basis(self) -> dict[str, str]:
+        """What a result made now would rest on, by kind."""
+        return {
+            "the rig": _stamp(Path(self.rig)),
+            "the runs": " ".join(sorted(map(str, self.runs))),
+            "the held-out runs": " ".join(sorted(map(str, self.held_out))),
+            "the model": _stamp(self.model) if self.model is not None else "",
+        }
+
+    def used(self, rig: str) -> None:
+        """Remember a rig file that was read."""
+        self.recent_rigs = [rig, *(other for other in self.recent_rigs if other != rig)][:RECENT]
+
+    def looked_at(self, folder: Path) -> None:
+        """Remember a folder of runs."""
+        self.recent_folders = [folder, *(other for other in self.recent_folders if other != folder)][:RECENT]
+
+    def save(self, folder: Path) -> None:
+        """Write it as JSON, whole or not at all.
+
+        Raises:
+            ConfigError: the folder cannot be written to.
+        """
+        fresh = folder / f"{FILE}.new"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            fresh.write_bytes(_WORKSPACE.dump_json(self, indent=1))
+            fresh.replace(folder / FILE)
+        except OSError as error:
+            raise ConfigError(f"{folder}: {error.strerror}: {UNSAVED}") from error
+
+
+def _stamp(path: Path) -> str:
+    return f"{path} {path.stat().st_mtime_ns}" if path.is_file() else str(path)
+
+
+_WORKSPACE = TypeAdapter(Workspace)
+
+
+def load(folder: Path) -> tuple[Workspace, list[str]]:
+    """The workspace as it was left, and notices about what is not as it was.
+
+    A damaged file means a fresh start; a run, model or diagnosis that is gone is dropped. Never raises.
+    """
+    path = folder / FILE
+    try:
+        workspace = _WORKSPACE.validate_json(path.read_bytes())
+    except FileNotFoundError:
+        return Workspace(), []
+    except (OSError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        return Workspace(), [f"{path}: cannot be used ({reason}): the bench starts fresh"]
+    return workspace, _drop_missing(workspace)
+
+
+def _drop_missing(workspace: Workspace) -> list[str]:
+    gone = list(dict.fromkeys(run for run in (*workspace.runs, *workspace.held_out) if not run.is_file()))
+    workspace.runs = [run for run in workspace.runs if run not in gone]
+    workspace.held_out = [run for run in workspace.held_out if run not in gone]
+    if workspace.undecided is not None and not workspace.undecided.is_file():
+        workspace.undecided = None
+    if workspace.model is not None and not workspace.model.is_file():
+        gone.append(workspace.model)
+        workspace.model = None
+    if workspace.diagnosis is not None and not workspace.diagnosis.exists():
+        gone.append(workspace.diagnosis)
+        workspace.diagnosis = None
+    return [f"{path}: is gone, so it was dropped from the bench" for path in gone]

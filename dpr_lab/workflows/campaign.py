@@ -1,0 +1,78 @@
+"""Many blind trials in, scores with a page of figures out."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.events import OnEvent, TrialDone, ignore
+
+if TYPE_CHECKING:
+    from dpr_lab.trials.campaign import Campaign, Failure, Tried
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignRequest:
+    """What to try, how often, and where the results go."""
+
+    campaign: "Campaign"
+    n: int
+    """How many trials in all."""
+    out: Path
+    """Folder of results; a campaign that it holds goes on where it was."""
+    jobs: int = 1
+    """Trials side by side on this machine."""
+    scheduler: str | None = None
+    """Address of a dask scheduler to use instead."""
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignResult:
+    """What a campaign came to."""
+
+    summary: dict[str, Any]
+    failures: "tuple[Failure, ...]"
+    files: dict[str, str]
+
+
+def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> CampaignResult:
+    """Run a campaign, score it, and write summary, figures and page.
+
+    Tells `TrialDone`, at the start and after each trial.
+
+    Raises:
+        RunError: the folder holds another campaign, or one that is running.
+        DprError: a file cannot be written, or the workers are gone; what was done is kept.
+    """
+    from dpr_lab.trials.campaign import run_campaign as run_trials
+
+    refuse_file(request.out)
+    tried = run_trials(
+        request.campaign,
+        request.n,
+        request.out,
+        jobs=request.jobs,
+        scheduler=request.scheduler,
+        on_trial=lambda done, last: on_event(TrialDone(done, request.n, last)),
+    )
+    summary, files = _saved(tried, request.campaign, request.out)
+    return CampaignResult(summary, tried.failures, files)
+
+
+def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """Write summary, figures and page; the summary, and the paths by name."""
+    from dpr_lab.report.saving import write_json
+    from dpr_lab.report.trials.figures import save_trial_figures
+    from dpr_lab.report.trials.html import write_trials_report
+    from dpr_lab.trials.summary import summary
+
+    counted = summary(tried.outcomes)
+    figures = save_trial_figures(counted, out)
+    setting = (
+        f"Hidden in turn: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig “{campaign.rig}” and"
+        f" plant “{campaign.plant}”, seeds from {campaign.seed} on."
+    )
+    failures = [f"trial {failure.number}: {failure.error}" for failure in tried.failures]
+    page = write_trials_report(counted, setting, failures, out, figures)
+    write_json(counted, out / "summary.json")
+    return counted, {"page": str(page), "summary": str(out / "summary.json"), "trials": str(out / "trials.jsonl")}

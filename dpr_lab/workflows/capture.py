@@ -1,0 +1,119 @@
+"""A device and poses in, run files out: guide the rods to each pose, release, record, judge."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from dpr_lab.workflows.checks import refuse_file, refuse_no_poses, refuse_unknown_poses, with_rods
+from dpr_lab.workflows.events import CaptureBegan, CaptureDone, CaptureProgress, DeviceGreeted, OnEvent, ignore
+
+if TYPE_CHECKING:
+    from dpr_lab.acquisition.capture import Captured, CaptureOptions
+    from dpr_lab.acquisition.device import Device
+    from dpr_lab.acquisition.holding import Confirm
+    from dpr_lab.rig import Rig
+    from firmware_protocol.identity import DeviceInfo
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureRequest:
+    """What to record, and where."""
+
+    rig: str
+    """Rig file, or the name of a built-in one."""
+    out: Path
+    """Folder of the runs."""
+    options: "CaptureOptions"
+    poses: tuple[str, ...] = ()
+    """To release from, in this order; all of the rig's when empty."""
+    repeat: int = 1
+    """How often to go through the poses."""
+    url: str | None = None
+    """The link to open; the rig file's when None."""
+    rods: str | None = None
+    """Which hang on the rig; as the rig file says when None."""
+    elbow: str | None = None
+    """Whether joint 2 can turn; likewise."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureResult:
+    """What was recorded, and on which device."""
+
+    url: str
+    device: "DeviceInfo"
+    captured: "tuple[Captured, ...]"
+
+    @property
+    def ok(self) -> bool:
+        """Whether every recording passed every check."""
+        return all(run.quality.ok for run in self.captured)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The run files, in the order of their releases."""
+        return tuple(run.run_file for run in self.captured)
+
+
+def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ignore) -> CaptureResult:
+    """Record free swings, one run file for each release.
+
+    Tells `DeviceGreeted`; for each pose `CaptureBegan`, `CaptureProgress`, `CaptureDone`.
+
+    Args:
+        request: what to record
+        confirm: the go-ahead for each release, as `dpr_lab.acquisition.capture.capture` asks it
+        on_event: told how far it is
+
+    Raises:
+        ConfigError: the rig is not valid or lacks a pose, or a file stands where the folder is to be.
+        DprError: see `dpr_lab.acquisition.capture.capture`.
+    """
+    from dpr_lab.acquisition.capture import check_encoders
+    from dpr_lab.acquisition.device import Device
+    from dpr_lab.rig import load_rig
+    from dpr_lab.transports import open_transport
+
+    rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
+    refuse_unknown_poses(rig, request.poses)
+    refuse_no_poses(rig)
+    refuse_file(request.out)
+    url = request.url or rig.link.url
+    with _rig_file(rig) as rig_file, Device(open_transport(url, rig_file=rig_file)) as device:
+        info = device.connect()
+        on_event(DeviceGreeted(device.url, info))
+        check_encoders(device, rig)  # before the operator is sent to a pose
+        device.check_rate(request.options.rate_hz or rig.link.rate_hz)
+        return CaptureResult(url, info, tuple(_captures(request, rig, device, confirm, on_event)))
+
+
+@contextmanager
+def _rig_file(rig: "Rig") -> "Iterator[Path | None]":
+    """The file of a rig, for a device that is simulated: a passing one where other rods hang there."""
+    from dpr_lab.storage.metadata import rig_toml
+
+    if rig.path is not None:
+        yield rig.path
+        return
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "rig.toml"
+        file.write_text(rig_toml(rig), encoding="utf-8")
+        yield file
+
+
+def _captures(
+    request: CaptureRequest, rig: "Rig", device: "Device", confirm: "Confirm", on_event: OnEvent
+) -> "Iterator[Captured]":
+    from dpr_lab.acquisition.capture import capture as capture_run
+
+    options = request.options
+    for name in (request.poses or tuple(rig.poses)) * request.repeat:
+        on_event(CaptureBegan(name, rig.poses[name], options.longest))
+        captured = capture_run(
+            device, rig, name, options, request.out, lambda progress: on_event(CaptureProgress(progress)), confirm
+        )
+        on_event(CaptureDone(name, captured))
+        yield captured

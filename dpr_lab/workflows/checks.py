@@ -1,0 +1,102 @@
+"""What is wrong with a request, said before the work for it begins; and its runs, read."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import TYPE_CHECKING
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.workflows.events import OnEvent, RunRead
+
+if TYPE_CHECKING:
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
+
+
+def refuse_file(out: Path) -> None:
+    """Make sure that results can go into a folder, before the work for them begins.
+
+    Raises:
+        ConfigError: a file stands there, or nothing can be written there.
+    """
+    if out.exists() and not out.is_dir():
+        raise ConfigError(f"{out}: is a file: name a folder for --out")
+    _refuse_unwritable(out)
+
+
+def refuse_folder(out: Path) -> None:
+    """Make sure that a result can be written to a file, before the work for it begins.
+
+    Raises:
+        ConfigError: a folder stands there, or nothing can be written there.
+    """
+    if out.is_dir():
+        raise ConfigError(f"{out}: is a folder: name a file for --out")
+    _refuse_unwritable(out.parent)
+
+
+def _refuse_unwritable(folder: Path, least_bytes: int = 1 << 16) -> None:
+    """Try to write where the folder is, or where it would be made."""
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    try:
+        with TemporaryFile(dir=there) as probe:
+            probe.write(bytes(least_bytes))
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be written: {error.strerror}: choose another place with --out") from error
+
+
+def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
+    """The rig with these rods on it.
+
+    Raises:
+        ConfigError: an elbow clamped that is not there.
+    """
+    try:
+        return rig.with_rods(mounted, elbow)
+    except ValueError as error:
+        raise ConfigError("one rod alone has no elbow: leave out --rods or --elbow") from error
+
+
+def refuse_no_poses(rig: "Rig") -> None:
+    """Make sure that there is a pose to release from.
+
+    Raises:
+        ConfigError: the rig has none.
+    """
+    if not rig.poses:
+        raise ConfigError(
+            f"{rig.path or rig.name}: has no poses, so there is nothing to release from: add a table [poses.NAME] with"
+            " theta1 and theta2 (docs/rig-file.md)"
+        )
+
+
+def refuse_unknown_poses(rig: "Rig", names: Sequence[str]) -> None:
+    """Make sure that the rig has every pose named, before the first is recorded.
+
+    Raises:
+        ConfigError: it lacks one.
+    """
+    unknown = [name for name in names if name not in rig.poses]
+    if unknown:
+        where, there = rig.path or rig.name, ", ".join(rig.poses) or "none"
+        raise ConfigError(f"{where}: has no pose {' and no pose '.join(map(repr, unknown))} (there are: {there})")
+
+
+def read_runs(files: Sequence[Path], rig: "Rig", on_event: OnEvent, any_clock: bool = True) -> "list[Run]":
+    """The runs of a rig, in the order of their files.
+
+    Raises:
+        RunError: a file that is no run, or of another rig; two that hold the same recording; or, unless `any_clock`,
+            one of a device whose clock is further off than a crystal's.
+    """
+    from dpr_lab.run import refuse_repeated, refuse_wrong_clocks
+    from dpr_lab.storage.reader import load_run
+
+    runs: list[Run] = []
+    for file in files:
+        runs.append(load_run(file, rig=rig))
+        on_event(RunRead(file, runs[-1].name, runs[-1].notes))
+    refuse_repeated(runs)
+    if not any_clock:
+        refuse_wrong_clocks(runs)
+    return runs

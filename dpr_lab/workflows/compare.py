@@ -1,0 +1,92 @@
+"""Runs and a model in, figures and a report out: the model beside the measurement."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.errors import RunError
+from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.events import OnEvent, RunCompared, RunLeftOut, ignore
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.compare import Comparison, Followed, FreeRun
+    from dpr_lab.identification.model import Model
+
+
+@dataclass(frozen=True, slots=True)
+class CompareRequest:
+    """What to compare, and where figures and report go."""
+
+    runs: tuple[Path, ...]
+    model: Path
+    """A model that was identified."""
+    out: Path | None
+    """Folder of figures and report; None where only the numbers are wanted."""
+    leave_out: bool = False
+    """Whether to go on without a run that cannot be compared."""
+    record: Path | None = None
+    """Where to write what `compare --json` prints."""
+
+
+@dataclass(frozen=True, slots=True)
+class CompareResult:
+    """The runs beside the model."""
+
+    comparisons: "tuple[Comparison, ...]"
+    followed: "tuple[Followed, ...]"
+    """What each comparison rests on; `free_run` starts from it. For use in this process."""
+    left_out: tuple[Path, ...]
+    saved: dict[str, Any]
+    """What `compare --json` prints."""
+
+    def free_run(self, run: int, at_s: float) -> "FreeRun":
+        """One of the runs simulated by itself, from the segment that an instant (s since the release) lies in."""
+        from dpr_lab.identification.compare import free_run_from
+
+        return free_run_from(self.followed[run], at_s)
+
+
+def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResult:
+    """Hold runs against a model.
+
+    Tells `RunCompared`, `RunLeftOut`.
+
+    Raises:
+        ConfigError: a file stands where the folder of the results is to be.
+        RunError: the model cannot be read; a run cannot be compared, or with `leave_out`, none can.
+    """
+    from dpr_lab.identification.compare import compare_followed
+    from dpr_lab.identification.model import load_model
+    from dpr_lab.report.saving import save_comparison, write_json
+
+    if request.out is not None:
+        refuse_file(request.out)
+    model = load_model(request.model)
+    followed: list[Followed] = []
+    comparisons: list[Comparison] = []
+    left_out: list[Path] = []
+    for file in request.runs:
+        try:
+            followed.append(_follow(file, model))
+        except RunError as error:
+            if not request.leave_out:
+                raise
+            left_out.append(file)
+            on_event(RunLeftOut(file, str(error)))
+            continue
+        comparisons.append(compare_followed(followed[-1]))
+        on_event(RunCompared(comparisons[-1]))
+    if not comparisons:
+        without = f"left out: {', '.join(file.stem for file in left_out)}"
+        raise RunError(f"no run can be compared ({without}): choose others")
+    saved = save_comparison(model, comparisons, request.out) if request.out is not None else {}
+    if request.record is not None:
+        write_json(saved, request.record)
+    return CompareResult(tuple(comparisons), tuple(followed), tuple(left_out), saved)
+
+
+def _follow(file: Path, model: "Model") -> "Followed":
+    from dpr_lab.identification.compare import follow
+    from dpr_lab.storage.reader import load_run, stored_rig
+
+    return follow(load_run(file), stored_rig(file), model)

@@ -1,0 +1,143 @@
+"""The main job from cable to curve on a simulated rig, then a blind trial of the diagnosis."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dpr_lab.workflows.capture import CaptureRequest, capture
+from dpr_lab.workflows.compare import CompareRequest, compare
+from dpr_lab.workflows.events import JobBegan, OnEvent, ignore
+from dpr_lab.workflows.identify import IdentifyRequest, identify
+from dpr_lab.workflows.trial import DiagnoseTrialRequest, TrialRequest, diagnose_trial, draw
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.identification.model import Model
+    from dpr_lab.trials.protocol import Opened, Trial
+
+PLANT = "paper"
+RIG = "paper"
+
+JOBS = (
+    "capture: three releases of a simulated rig, over its serial protocol",
+    "identify: improved genetic algorithm, then segment least squares",
+    "compare: measured and simulated curves, and what the plant really is",
+    "another plant, with an effect that only the device knows: sealed, then recorded",
+    "identify it, as if it had no such effect",
+    "diagnose: where model and rig differ, and why",
+    "open the seal, and score",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class DemoRequest:
+    """Where the demo goes, and what it draws."""
+
+    out: Path
+    """Folder of runs, model and report; each demo's trial gets a folder of its own in it."""
+    seed: int | None = None
+    """Same seed, same demo; None: fresh chance draws the plant of the trial."""
+    default_seed: int = 1
+    """Of everything but that plant, where `seed` is None."""
+    realtime: bool = False
+    """Whether the device takes its ten seconds a swing."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownPlant:
+    """A plant without any effect: identified, and what it really is."""
+
+    runs: tuple[Path, ...]
+    model: "Model"
+    model_file: Path
+    report: str
+    ratios: dict[str, float]
+    """The plant's own."""
+
+    @property
+    def beside(self) -> dict[str, tuple[float, float, float, float]]:
+        """Of each ratio: identified, its standard deviation, the plant's own, their distance in those deviations."""
+        return {
+            name: (found.value, found.std, self.ratios[name], (found.value - self.ratios[name]) / found.std)
+            for name, found in self.model.ratios.items()
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class WithheldEffect:
+    """A plant with an effect that only the device knew: its trial, from seal to score."""
+
+    trial: "Trial"
+    model: "Model"
+    """As if it had no such effect."""
+    diagnosis: "Diagnosis"
+    report: str
+    opened: "Opened"
+
+
+@dataclass(frozen=True, slots=True)
+class DemoResult:
+    """Both halves of the demo."""
+
+    known: KnownPlant
+    withheld: WithheldEffect
+
+
+def demo(request: DemoRequest, on_event: OnEvent = ignore) -> DemoResult:
+    """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is withheld.
+
+    Tells `JobBegan`, and what the jobs tell that it is made of.
+
+    Raises:
+        DprError: one of them failed.
+    """
+
+    def begin(number: int) -> None:
+        on_event(JobBegan(number, len(JOBS), JOBS[number - 1]))
+
+    known = _known_plant(request, begin, on_event)
+    return DemoResult(known, _withheld_effect(request, begin, on_event))
+
+
+def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> KnownPlant:
+    """Capture, identify, compare a plant without any effect, and ask what it is."""
+    from dpr_lab.acquisition.capture import CaptureOptions
+    from dpr_lab.trials.sealing import ask
+
+    out, seed = request.out, request.default_seed if request.seed is None else request.seed
+    url = f"sim://?plant={PLANT}&seed={seed}&clock={'realtime' if request.realtime else 'fast'}"
+    begin(1)
+    recorded = capture(CaptureRequest(RIG, out / "runs", CaptureOptions(), url=url), lambda: True, on_event)
+    begin(2)
+    found = identify(IdentifyRequest(recorded.files, RIG, out / "model.json", seed=seed), on_event)
+    begin(3)
+    compared = compare(CompareRequest(recorded.files, found.file, out), on_event)
+    truth = ask("--plant", PLANT, "--seed", str(seed), "--reveal")["ratios"]
+    return KnownPlant(recorded.files, found.model, found.file, compared.saved["report"], truth)
+
+
+def _withheld_effect(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> WithheldEffect:
+    """One blind trial: sealed and recorded, identified, diagnosed, opened and scored."""
+    from dpr_lab.trials.protocol import RIG_FILE, open_trial
+    from dpr_lab.trials.sealing import Kind, PlantRequest
+
+    folder = _unused(request.out)
+    begin(4)
+    trial = draw(TrialRequest(PlantRequest(Kind.SINGLE, seed=request.seed), folder), on_event)
+    begin(5)
+    seed = request.seed or request.default_seed
+    found = identify(IdentifyRequest(trial.runs, str(folder / RIG_FILE), folder / "model.json", seed=seed), on_event)
+    begin(6)
+    diagnosed = diagnose_trial(DiagnoseTrialRequest(folder, found.file), on_event)
+    begin(7)
+    return WithheldEffect(trial, found.model, diagnosed.diagnosis, diagnosed.files["report"], open_trial(trial))
+
+
+def _unused(out: Path) -> Path:
+    """A folder for the trial: an opened one is never used again."""
+    number = 1
+    while (folder := out / f"trial-{number}").exists():
+        number += 1
+    return folder

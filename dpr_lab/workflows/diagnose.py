@@ -1,0 +1,199 @@
+"""Runs in, a diagnosis out: why simulation and rig differ."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.workflows.checks import read_runs, refuse_file, refuse_folder
+from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, Warned, ignore
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dpr_lab.effects.effect import Effect
+    from dpr_lab.gap.result.certificate import Certificate, Verified
+    from dpr_lab.gap.result.diagnosis import Diagnosis
+
+
+RECORD = "diagnosis.json"
+"""In the folder of a diagnosis: what `diagnose --json` prints."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnoseRequest:
+    """What to diagnose, and with what."""
+
+    runs: tuple[Path, ...]
+    rig: str
+    """Rig file, or the name of a built-in one."""
+    held_out: tuple[Path, ...] = ()
+    """Runs that take no part in the fit: what is named must carry over to them."""
+    model: Path | None = None
+    """An identified model to start from; the rig file's values by default."""
+    library: tuple[str, ...] | None = None
+    """Names of the effects to choose from; None: all."""
+    without: tuple[str, ...] = ()
+    """Names of effects to leave out."""
+    max_effects: int = 4
+    """At most so many effects at once."""
+    seed: int = 0
+    """Same seed, same answer."""
+    out: Path | None = None
+    """Folder of report, figures, corrected model, exports and `RECORD`; None: none are written."""
+    any_clock: bool = False
+    """Whether to take runs of a device whose clock is further off than a crystal's."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnoseResult:
+    """The diagnosis, and the files that it was written to, by name."""
+
+    diagnosis: "Diagnosis"
+    files: "Mapping[str, str]"
+
+    def to_json(self) -> dict[str, Any]:
+        """What `diagnose --json` prints."""
+        return self.diagnosis.to_json() | ({"files": dict(self.files)} if self.files else {})
+
+
+def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseResult:
+    """Say where simulation and rig differ, which effect causes it, how sure that is and how much of it closes.
+
+    Tells `RunRead`, `StageBegan`, `FitBegan`, `ScoreTestBegan`.
+
+    Raises:
+        ConfigError: the rig is not valid, no such effect, or none left to choose from.
+        RunError: a run or the model cannot be used, or there are no runs.
+        IdentificationError: the recordings are read with another zero, unit, sign or order than they were written with.
+        DprError: a result cannot be written.
+    """
+    from dpr_lab.gap.diagnose import STAGES
+    from dpr_lab.gap.diagnose import diagnose as diagnose_runs
+    from dpr_lab.identification.misread import refuse_misread
+    from dpr_lab.identification.model import load_model
+    from dpr_lab.report.saving import save_diagnosis, write_json
+    from dpr_lab.rig import load_rig
+
+    rig = load_rig(request.rig)
+    read = read_runs((*request.runs, *request.held_out), rig, on_event, request.any_clock)
+    runs, held_out = read[: len(request.runs)], read[len(request.runs) :]
+    if request.out:
+        refuse_file(request.out)
+    refuse_misread(runs, rig)
+    stages = len(STAGES) + bool(request.out)
+    found = diagnose_runs(
+        runs,
+        rig,
+        held_out=held_out,
+        library=chosen_library(request.library, request.without),
+        max_effects=request.max_effects,
+        start=load_model(request.model).starting_point(rig) if request.model else None,
+        seed=request.seed,
+        on_progress=lambda event: on_event(_of_all(event, stages)),
+    )
+    if request.out:
+        on_event(StageBegan(stages, stages, "report"))
+    result = DiagnoseResult(found, save_diagnosis(found, runs, rig, request.out) if request.out else {})
+    if request.out:
+        write_json(result.to_json(), request.out / RECORD)
+    return result
+
+
+def _of_all(event: StageBegan | FitBegan | ScoreTestBegan, stages: int) -> StageBegan | FitBegan | ScoreTestBegan:
+    """The same event; a stage counted among those of this job, which may have one more."""
+    return replace(event, of=stages) if isinstance(event, StageBegan) else event
+
+
+def chosen_library(names: Sequence[str] | None, without: Sequence[str]) -> "Mapping[str, Effect]":
+    """The effects to choose from.
+
+    Raises:
+        ConfigError: a name that is no effect, or none left.
+    """
+    from dpr_lab.effects import EFFECTS
+
+    wanted = list(EFFECTS) if names is None else names
+    unknown = [name for name in (*wanted, *without) if name not in EFFECTS]
+    if unknown:
+        raise ConfigError(f"no effect named {', '.join(unknown)}; there are: {', '.join(EFFECTS)}")
+    library = {name: EFFECTS[name] for name in EFFECTS if name in wanted and name not in without}
+    if not library:
+        raise ConfigError(f"--library and --without leave no effect to choose from; there are: {', '.join(EFFECTS)}")
+    return library
+
+
+def certify(request: DiagnoseRequest, to: Path, on_event: OnEvent = ignore) -> "Certificate":
+    """Diagnose, and write a certificate that others can check; events and errors as of `diagnose`."""
+    from dpr_lab.gap.result.certificate import certificate
+    from dpr_lab.whole_file import write_text
+
+    refuse_folder(to)
+    found = diagnose(request, on_event).diagnosis
+    settings = {name: getattr(request, name) for name in _SETTINGS}
+    recordings = [*((path, False) for path in request.runs), *((path, True) for path in request.held_out)]
+    made = certificate(found, recordings, request.rig, settings, to.parent)
+    write_text(to, made.model_dump_json(indent=1, by_alias=True) + "\n")
+    return made
+
+
+def verify(path: Path, on_event: OnEvent = ignore) -> "list[Verified]":
+    """Make a certified diagnosis again and hold each claim against it; not where recordings or claims were changed.
+
+    Raises:
+        RunError: it is no certificate.
+        ConfigError: its rig file is not there or not valid.
+    """
+    from dpr_lab.gap.result.certificate import altered, compared, load_certificate, made_with, rig_of
+
+    certified = load_certificate(path)
+    lines = altered(certified, path.parent)
+    if not all(item.holds for item in lines):
+        return lines
+    for name, version in made_with().items():
+        if certified.made_with.get(name) != version:
+            on_event(Warned(f"{name}: certified with {certified.made_with.get(name)}, verified with {version}"))
+    runs, held_out = (
+        tuple(path.parent / item.file for item in certified.recordings if item.held_out is wanted)
+        for wanted in (False, True)
+    )
+    told = {name: certified.settings[name] for name in _SETTINGS if name in certified.settings}
+    settings: dict[str, Any] = {k: tuple(value) if isinstance(value, list) else value for k, value in told.items()}
+    request = DiagnoseRequest(runs, rig_of(certified, path.parent), held_out, **settings)
+    return [*lines, *compared(certified, diagnose(request, on_event).diagnosis)]
+
+
+_SETTINGS = ("library", "without", "max_effects", "seed", "any_clock")
+"""Fields of a request that a certificate repeats."""
+
+
+REASONS = ("gap", "unexplained", "unsure", "sensor")
+"""What `diagnose --fail-on` knows."""
+
+
+def refuse_reasons(reasons: Sequence[str]) -> None:
+    """Make sure that there are such reasons to fail.
+
+    Raises:
+        ConfigError: there are not.
+    """
+    if unknown := [reason for reason in reasons if reason not in REASONS]:
+        raise ConfigError(f"--fail-on knows {', '.join(REASONS)}, not {', '.join(unknown)}")
+
+
+def failures(found: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
+    """A sentence for each of some `REASONS` that a diagnosis gives to fail.
+
+    Args:
+        found: the diagnosis
+        reasons: those that count
+        sure: probability from which a named effect is not unsure
+    """
+    told = {
+        "gap": found.sentence if found.verdict != "no_gap" else "",
+        "unexplained": found.sentence if found.verdict in ("unexplained", "partly_explained") else "",
+        "unsure": ", ".join(f"{e.name} is at {e.probability:.0%}" for e in found.effects if e.probability < sure),
+        "sensor": f"{len(found.sensor_findings)} faults of sensors" if found.sensor_findings else "",
+    }
+    return [f"{reason}: {told[reason]}" for reason in reasons if told[reason]]

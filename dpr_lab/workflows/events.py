@@ -1,0 +1,177 @@
+"""What a job tells while it works: everything that a shell shows of it, as frozen values."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from dpr_lab.progress import FitBegan, GenerationDone, LocalFitBegan, ScoreTestBegan, StageBegan
+
+if TYPE_CHECKING:
+    from dpr_lab.acquisition.capture import Captured, Progress
+    from dpr_lab.identification.compare import Comparison
+    from dpr_lab.rig import Pose
+    from dpr_lab.trials.campaign import Failure
+    from dpr_lab.trials.score import TrialOutcome
+    from firmware_protocol.identity import DeviceInfo
+
+__all__ = [
+    "CaptureBegan",
+    "CaptureDone",
+    "CaptureProgress",
+    "DeviceGreeted",
+    "Event",
+    "FitBegan",
+    "GenerationDone",
+    "JobBegan",
+    "LocalFitBegan",
+    "OnEvent",
+    "PaperSearchDone",
+    "Proceed",
+    "RunCompared",
+    "RunLeftOut",
+    "RunRead",
+    "ScoreTestBegan",
+    "StageBegan",
+    "TrialDone",
+    "TrialSealed",
+    "Warned",
+    "always",
+    "ignore",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class JobBegan:
+    """One of the jobs that a longer one is made of began."""
+
+    number: int
+    """From 1."""
+    of: int
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Warned:
+    """Something that the operator should know, although the job goes on."""
+
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunRead:
+    """A run was read."""
+
+    file: Path
+    name: str
+    notes: tuple[str, ...]
+    """What its reader wants the operator to know."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunCompared:
+    """A run was held against the model."""
+
+    comparison: "Comparison"
+
+
+@dataclass(frozen=True, slots=True)
+class RunLeftOut:
+    """A run could not be used; the job goes on without it."""
+
+    file: Path
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceGreeted:
+    """A device answered."""
+
+    url: str
+    info: "DeviceInfo"
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureBegan:
+    """The operator is to bring the rods to a pose."""
+
+    name: str
+    pose: "Pose"
+    at_most_s: float
+    """How long the recording can become."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureProgress:
+    """How far a capture is."""
+
+    progress: "Progress"
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureDone:
+    """A release was recorded and judged."""
+
+    name: str
+    """Of the pose."""
+    captured: "Captured"
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSealed:
+    """A plant was drawn, and its seal given away."""
+
+    seal: str
+
+
+@dataclass(frozen=True, slots=True)
+class TrialDone:
+    """How far a campaign is: told once before its first trial, and after each."""
+
+    done: int
+    of: int
+    last: "TrialOutcome | Failure | None"
+    """What the last trial came to; None at the start."""
+
+
+@dataclass(frozen=True, slots=True)
+class PaperSearchDone:
+    """One of the searches of the published experiment ended."""
+
+    done: int
+    of: int
+
+
+Event: TypeAlias = (
+    JobBegan
+    | Warned
+    | StageBegan
+    | FitBegan
+    | ScoreTestBegan
+    | GenerationDone
+    | LocalFitBegan
+    | RunRead
+    | RunCompared
+    | RunLeftOut
+    | DeviceGreeted
+    | CaptureBegan
+    | CaptureProgress
+    | CaptureDone
+    | TrialSealed
+    | TrialDone
+    | PaperSearchDone
+)
+
+OnEvent: TypeAlias = Callable[[Event], None]
+
+Proceed: TypeAlias = Callable[[], bool]
+"""Asked where a job can pause or end early: may wait; false ends it there, with the best so far."""
+
+
+def ignore(event: Event) -> None:
+    """Nobody is interested."""
+
+
+def always() -> bool:
+    """Nobody pauses or stops the job."""
+    return True

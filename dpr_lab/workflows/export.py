@@ -1,0 +1,174 @@
+"""A model in, files for other programs out, each tried where it runs."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.workflows.checks import read_runs, refuse_file
+from dpr_lab.workflows.events import OnEvent, StageBegan, Warned, ignore
+
+if TYPE_CHECKING:
+    from dpr_lab.exports.replay import Replay
+    from dpr_lab.identification.model import Model
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class ExportRequest:
+    """What to write, and what to try it on."""
+
+    model: Path
+    """A model that `identify` or `diagnose` wrote, or the folder of a diagnosis."""
+    rig: str
+    """Rig file, or the name of a built-in one."""
+    formats: tuple[str, ...]
+    out: Path
+    check: tuple[Path, ...] = ()
+    """Runs to replay in each program; what cannot be said there is fitted again to them."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayRule:
+    """What is replayed, and what is refused."""
+
+    most: int = 3
+    """Releases that are replayed: a program may take as long as the swing itself."""
+    worse: float = 1.02
+    """Times the bare model's error from which an export is refused: it is worse, beyond what a start state tells."""
+
+
+REPLAY_RULE = ReplayRule()
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """A model replayed in one program."""
+
+    off_rad: float
+    """Root mean square of what both rods are off."""
+    closed: float
+    """Share of the gap above the noise floor that closes there."""
+    by_run: dict[str, float]
+    """Run -> what it is off, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExportResult:
+    """What was written, and how it does."""
+
+    files: dict[str, str]
+    """Format -> the file that a program reads first."""
+    lost: dict[str, dict[str, str]]
+    """Format -> effect -> why it cannot be said there."""
+    instead: dict[str, list[str]]
+    """Format -> the effects that it was written with after it was fitted again."""
+    refused: dict[str, str]
+    """Format -> why it was not written."""
+    bare_rad: float | None = None
+    lab: Replayed | None = None
+    tried: dict[str, Replayed] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """What `dpr-lab export --json` prints."""
+        return {"schema": 1, **asdict(self)}
+
+
+def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
+    """Write a model for other programs; with runs to check, replay them there and refuse what makes things worse.
+
+    Tells `RunRead`, `StageBegan`, `Warned`.
+
+    Raises:
+        ConfigError: the rig is not valid, no such format, or what a format needs is not installed.
+        RunError: the model or a run cannot be used.
+        DprError: a file cannot be written, or a program did not run.
+    """
+    from dpr_lab.exports import FORMATS
+    from dpr_lab.exports.refit import fitted_for, moving, moving_losses
+    from dpr_lab.identification.model import load_model
+    from dpr_lab.report.saving import write_export
+    from dpr_lab.rig import load_rig
+
+    if unknown := [name for name in request.formats if name not in FORMATS]:
+        raise ConfigError(f"no format named {', '.join(unknown)}; there are: {', '.join(FORMATS)}")
+    refuse_file(request.out)
+    rig = load_rig(request.rig)
+    model = load_model(request.model / "model.json" if request.model.is_dir() else request.model)
+    model.starting_point(rig)
+    runs = read_runs(request.check, rig, on_event)
+    lost = {name: FORMATS[name].lost(model, rig) for name in request.formats}
+    models = fitted_for(request.formats, model, runs, rig) if runs else dict.fromkeys(request.formats, model)
+    for name in request.formats if not runs else ():
+        if moving_losses(name, model, rig):
+            on_event(Warned(f"{name}: {', '.join(lost[name])} cannot be said there; --check RUN fits again without"))
+    result = _checked(request, model, models, runs, rig, on_event) if runs else ExportResult({}, {}, {}, {})
+    files = {}
+    for name in request.formats:
+        if name not in result.refused:
+            tried = result.tried.get(name)
+            check = {"off_rad": tried.off_rad, "closed": tried.closed, "bare_rad": result.bare_rad} if tried else None
+            files[name] = write_export(FORMATS[name], models[name], rig, request.out, lost[name], check)
+    instead = {name: moving(found) for name, found in models.items() if found is not model}
+    told = {name: reasons for name, reasons in lost.items() if reasons}
+    return ExportResult(files, told, instead, result.refused, result.bare_rad, result.lab, result.tried)
+
+
+def _checked(
+    request: ExportRequest,
+    model: "Model",
+    models: "dict[str, Model]",
+    runs: "Sequence[Run]",
+    rig: "Rig",
+    on_event: OnEvent,
+) -> ExportResult:
+    """How the model does in each program, beside the lab's own simulation and the bare model."""
+    from dpr_lab.exports import FORMATS
+    from dpr_lab.exports.refit import bare_model
+    from dpr_lab.exports.replay import release, replayed
+    from dpr_lab.gap.data.pieces import in_pieces
+
+    stages = len(request.formats) + 1
+    on_event(StageBegan(1, stages, "the lab's own simulation"))
+    pieces, held_out, _ = in_pieces(runs, [])
+    seen = (held_out or pieces)[: REPLAY_RULE.most]
+    own = [release(run, rig, model) for run in seen]
+    until = [float(item.t[-1]) for item in own]
+    bare = bare_model(model, runs, rig)
+    before = [release(run, rig, bare, end) for run, end in zip(seen, until, strict=True)]
+    bare_rad, lab = _rms([item.lab for item in before]), _tried(own, before, [item.lab for item in own])
+    tried, refused = {}, {}
+    for number, name in enumerate(request.formats, 2):
+        on_event(StageBegan(number, stages, FORMATS[name].program))
+        starts = own
+        if models[name] is not model:
+            starts = [release(run, rig, models[name], end) for run, end in zip(seen, until, strict=True)]
+            if _rms([item.lab for item in starts]) > bare_rad:  # better over half a second, worse over the whole swing
+                models[name], starts = bare, before
+        angles = replayed(name, models[name], rig, starts)
+        squares = [item.off(theta) for item, theta in zip(starts, angles, strict=True)]
+        tried[name] = _tried(starts, before, squares)
+        if not tried[name].off_rad <= REPLAY_RULE.worse * bare_rad:
+            refused[name] = (
+                f"{name} was not written: there the corrected model is off by {1e3 * tried[name].off_rad:.3g} mrad on"
+                f" these runs, the bare model by {1e3 * bare_rad:.3g} mrad; diagnose more recordings, or use another"
+                " format"
+            )
+    return ExportResult({}, {}, {}, refused, bare_rad, lab, tried)
+
+
+def _rms(squares: "Sequence[float]") -> float:
+    return (sum(squares) / len(squares)) ** 0.5
+
+
+def _tried(releases: "Sequence[Replay]", before: "Sequence[Replay]", squares: "Sequence[float]") -> Replayed:
+    import numpy as np
+
+    from dpr_lab.gap.inference.out_of_sample import share
+
+    floor = np.array([float(np.mean(item.noise_rad**2)) for item in releases])
+    closed = share(np.array([[item.lab for item in before], squares]) - floor)
+    by_run = {item.run: square**0.5 for item, square in zip(releases, squares, strict=True)}
+    return Replayed(_rms(squares), closed, by_run)

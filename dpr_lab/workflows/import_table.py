@@ -1,0 +1,73 @@
+"""Any logger's table in, a run out."""
+
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dpr_lab.workflows.checks import with_rods
+
+if TYPE_CHECKING:
+    from dpr_lab.storage.csv_import import ImportOptions
+    from dpr_lab.storage.inspect import RunInfo
+    from dpr_lab.storage.preview import Preview
+
+
+@dataclass(frozen=True, slots=True)
+class ImportRequest:
+    """What to import, and where it goes."""
+
+    table: Path
+    """A file of a kind in `dpr_lab.storage.readers`, or the folder of a ROS 2 bag."""
+    rig: str
+    """Rig file, or the name of a built-in one."""
+    out: Path
+    """Folder of the run."""
+    options: "ImportOptions"
+    rods: str | None = None
+    """Which hang on the rig; as the rig file says when None."""
+    elbow: str | None = None
+    """Whether joint 2 can turn; likewise."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImportResult:
+    """The run that was written."""
+
+    file: Path
+    info: "RunInfo"
+
+
+def import_table(request: ImportRequest) -> ImportResult:
+    """Import a table of angles; it never overwrites a run.
+
+    Raises:
+        ConfigError: the rig is not valid.
+        RunError: the table cannot be read as one of such angles.
+    """
+    from dpr_lab.rig import load_rig
+    from dpr_lab.storage.csv_import import import_csv
+    from dpr_lab.storage.inspect import info
+
+    file = _unused(request.out, request.table.stem)
+    import_csv(request.table, with_rods(load_rig(request.rig), request.rods, request.elbow), request.options, file)
+    return ImportResult(file, info(file))
+
+
+def preview_table(request: ImportRequest) -> "Preview":
+    """What would be imported; nothing is written.
+
+    Raises:
+        ConfigError: the rig is not valid.
+        RunError: the table cannot be read as one of such angles.
+    """
+    from dpr_lab.rig import load_rig
+    from dpr_lab.storage.preview import preview
+
+    return preview(request.table, with_rods(load_rig(request.rig), request.rods, request.elbow), request.options)
+
+
+def _unused(folder: Path, stem: str) -> Path:
+    """A file name not taken yet."""
+    names = (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap" for number in count(1))
+    return next(folder / name for name in names if not (folder / name).exists())

@@ -1,0 +1,64 @@
+"""The published experiment again: its tables, searches and figures beside what it prints."""
+
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.events import OnEvent, PaperSearchDone, ignore
+
+if TYPE_CHECKING:
+    from dpr_lab.paper.results import Reproduction
+
+
+@dataclass(frozen=True, slots=True)
+class PaperRequest:
+    """How much of it to run."""
+
+    out: Path
+    """Folder of paper.md, paper.json, tables and figures."""
+    seeds: int = 5
+    """Searches for each reading of H, on and off the grid."""
+    generations: int = 1000
+    workers: int = 1
+    """Searches side by side."""
+
+
+@dataclass(frozen=True, slots=True)
+class PaperResult:
+    """What was computed, and the page that shows it."""
+
+    reproduction: "Reproduction"
+    record: dict[str, Any]
+    """The content of `paper.json`."""
+    page: Path
+
+
+def paper(request: PaperRequest, on_event: OnEvent = ignore) -> PaperResult:
+    """Run the published experiment, and say what does not reproduce.
+
+    Tells `PaperSearchDone`.
+
+    Raises:
+        DprError: the folder or a file cannot be written.
+    """
+    from dpr_lab.paper.campaign import search_cases
+    from dpr_lab.paper.results import record, reproduce, save
+    from dpr_lab.paper.swings import READINGS
+    from dpr_lab.rig import load_rig
+    from dpr_lab.search import load_search
+    from dpr_lab.search.settings import IgaSettings
+
+    refuse_file(request.out)
+    rig, settings = load_rig("paper"), load_search("paper")
+    assert isinstance(settings, IgaSettings)
+    total, numbers = len(search_cases(request.seeds, tuple(READINGS))), count(1)
+    result = reproduce(
+        rig,
+        settings.model_copy(update={"generations": request.generations}),
+        seeds=request.seeds,
+        workers=request.workers,
+        on_search=lambda _: on_event(PaperSearchDone(next(numbers), total)),
+    )
+    return PaperResult(result, record(result, rig), save(result, rig, request.out))

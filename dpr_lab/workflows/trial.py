@@ -1,0 +1,105 @@
+"""A blind trial in a folder: draw, seal and record a plant, diagnose it, and only then open and score it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dpr_lab.errors import RunError
+from dpr_lab.workflows.capture import CaptureRequest, capture
+from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
+from dpr_lab.workflows.events import CaptureDone, Event, OnEvent, TrialSealed, ignore
+
+if TYPE_CHECKING:
+    from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.trials.protocol import Trial
+    from dpr_lab.trials.sealing import PlantRequest
+
+
+@dataclass(frozen=True, slots=True)
+class TrialRequest:
+    """What plant to draw, and where the trial is kept."""
+
+    plant: "PlantRequest"
+    folder: Path
+    """New."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnoseTrialRequest:
+    """Which trial to diagnose."""
+
+    folder: Path
+    model: Path | None = None
+    """An identified model to start from; the rig file's values by default."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnoseTrialResult:
+    """What the diagnosis of a trial said, and its files by name."""
+
+    diagnosis: "Diagnosis"
+    files: dict[str, str]
+
+
+def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
+    """Have a plant drawn and sealed, and record it through the protocol, once from each of its poses.
+
+    Tells `TrialSealed`, then `CaptureDone` for each recording: nobody has to guide the rods of a simulated rig.
+
+    Raises:
+        DprError: there is a trial already, no such draw, or a recording failed.
+    """
+    from dpr_lab.acquisition.capture import CaptureOptions
+    from dpr_lab.trials.protocol import DEVICE, RIG_FILE, keep_runs
+    from dpr_lab.trials.sealing import seal
+
+    folder = request.folder
+    refuse_file(folder)
+    if folder.exists() and any(folder.iterdir()):
+        raise RunError(f"{folder}: is not empty; give each trial a folder of its own")
+    sealed = seal(request.plant, folder / DEVICE)
+    on_event(TrialSealed(sealed["seal"]))
+    (folder / RIG_FILE).write_text(sealed["rig"], encoding="utf-8")
+    recorded = capture(
+        CaptureRequest(
+            rig=str(folder / RIG_FILE),
+            out=folder / "runs",
+            options=CaptureOptions(),
+            url="sim://?clock=fast&plant=sealed",
+        ),
+        confirm=lambda: True,
+        on_event=lambda event: _pass_on(event, on_event),
+    )
+    return keep_runs(folder, sealed["seal"], request.plant, recorded.files)
+
+
+def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) -> DiagnoseTrialResult:
+    """Diagnose a sealed trial, and write the diagnosis down.
+
+    Tells what `diagnose` tells.
+
+    Raises:
+        RunError: no trial is there, or it was opened already.
+        DprError: see `diagnose`.
+    """
+    from dpr_lab.trials.protocol import RIG_FILE, keep_diagnosis, read_trial, refuse_opened
+
+    trial = read_trial(request.folder)
+    refuse_opened(trial)
+    done = diagnose(
+        DiagnoseRequest(
+            runs=trial.runs,
+            rig=str(request.folder / RIG_FILE),
+            model=request.model,
+            out=request.folder / "diagnosis",
+        ),
+        on_event,
+    )
+    keep_diagnosis(trial, done.diagnosis.to_json())
+    return DiagnoseTrialResult(done.diagnosis, {**done.files, "diagnosis": str(trial.diagnosis)})
+
+
+def _pass_on(event: Event, on_event: OnEvent) -> None:
+    if isinstance(event, CaptureDone):
+        on_event(event)

@@ -1,0 +1,205 @@
+"""The reference firmware in Python's hands: frames, time and readings in, frames and actions out."""
+
+import ctypes
+import struct
+from ctypes import POINTER, Structure, byref, c_bool, c_char_p, c_int32, c_size_t, c_uint8, c_uint16, c_uint32, c_uint64
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.identity import DeviceInfo
+from firmware_protocol.messages import DEVICE_NODE, MAX_DATA, Frame, State
+from sim_device.firmware.c_library import library_path
+
+FRAMES = 2048
+"""Frames that the library keeps until they are taken (`DPR_HOST_FRAMES`)."""
+
+READINGS = FRAMES // 8
+"""Readings that one poll takes, so that what it says fits."""
+
+SHORTEST_LINE = 5
+"""Bytes of the shortest frame on a byte stream."""
+
+_FRAME = struct.Struct(f"=HB{MAX_DATA}sx")
+
+
+class _Frame(Structure):
+    _fields_ = (("id", c_uint16), ("length", c_uint8), ("data", c_uint8 * MAX_DATA))
+
+
+class _Identity(Structure):
+    _fields_ = (
+        ("uid", c_uint64),
+        ("counts_per_rev", c_uint32 * 3),
+        ("rate_max_hz", c_uint16),
+        ("rate_default_hz", c_uint16),
+        ("firmware", c_uint8 * 3),
+        ("node", c_uint8),
+        ("simulated_time", c_bool),
+    )
+
+
+class HardwareActions(Structure):
+    """What the firmware did to latch and timer since it was last asked."""
+
+    release_tick: int
+    rate_hz: int
+    pose: int
+    hold: bool
+    release: bool
+    start_ticks: bool
+    _fields_ = (
+        ("release_tick", c_uint32),
+        ("rate_hz", c_uint16),
+        ("pose", c_uint8),
+        ("hold", c_bool),
+        ("release", c_bool),
+        ("start_ticks", c_bool),
+    )
+
+
+_PROTOTYPES = {
+    "dpr_host_size": (c_size_t,),
+    "dpr_host_decoder_size": (c_size_t,),
+    "dpr_host_start": (None, c_char_p, POINTER(_Identity)),
+    "dpr_host_claim": (None, c_char_p, c_uint8, c_uint32),
+    "dpr_host_receive": (None, c_char_p, POINTER(_Frame), c_uint32, c_uint32, c_uint16),
+    "dpr_host_poll": (None, c_char_p, c_uint32, POINTER(c_int32), c_size_t),
+    "dpr_host_set_fault": (None, c_char_p, c_uint8),
+    "dpr_host_note_dropped": (None, c_char_p, c_uint16),
+    "dpr_host_take": (c_size_t, c_char_p, c_char_p),
+    "dpr_host_actions": (HardwareActions, c_char_p),
+    "dpr_host_state": (c_uint8, c_char_p),
+    "dpr_host_latched": (c_bool, c_char_p),
+    "dpr_host_next_tick": (c_uint32, c_char_p),
+    "dpr_host_decode": (c_size_t, c_char_p, c_char_p, c_size_t, c_char_p),
+    "dpr_host_errors": (None, c_char_p, POINTER(c_uint32), POINTER(c_uint32)),
+    "dpr_frame_encode": (c_size_t, POINTER(_Frame), c_char_p),
+}
+
+
+@cache
+def load() -> ctypes.PyDLL:
+    """The library, compiled where that was not done before.
+
+    Raises:
+        ConfigError: it cannot be compiled.
+    """
+    # Calls are too short to be worth letting go of the interpreter lock, which a busy thread may then keep for a while.
+    library = ctypes.PyDLL(str(library_path()))
+    for name, (result, *arguments) in _PROTOTYPES.items():
+        function = library[name]
+        function.restype, function.argtypes = result, arguments
+        setattr(library, name, function)
+    return library
+
+
+class Firmware:
+    """One board's firmware; milliseconds, ticks and readings are the caller's.
+
+    Raises:
+        ConfigError: there is no compiler to build it with.
+    """
+
+    def __init__(self, info: DeviceInfo, node: int = DEVICE_NODE, library: ctypes.PyDLL | None = None) -> None:
+        self._library = library or load()
+        self._host = ctypes.create_string_buffer(self._library.dpr_host_size())
+        self._frames = ctypes.create_string_buffer(FRAMES * _FRAME.size)
+        self._library.dpr_host_start(self._host, byref(_identity(info, node)))
+        self._library.dpr_host_claim(self._host, info.major, info.schema_hash)
+
+    @property
+    def state(self) -> State:
+        """Where it stands."""
+        return State(self._library.dpr_host_state(self._host))
+
+    @property
+    def latched(self) -> bool:
+        """Whether it holds the latch."""
+        return self._library.dpr_host_latched(self._host)
+
+    @property
+    def next_tick(self) -> int:
+        """Tick of the reading it expects next."""
+        return self._library.dpr_host_next_tick(self._host)
+
+    def receive(self, frame: Frame, millis: int, ticks: float) -> list[Frame]:
+        """Hand over a frame that arrived at a time, ms and ticks with their fraction; what it answers."""
+        tick, fraction = divmod(ticks, 1.0)
+        time = (millis & 0xFFFFFFFF, int(tick) & 0xFFFFFFFF, min(int(fraction * 65536), 65535))
+        self._library.dpr_host_receive(self._host, byref(_packed(frame)), *time)
+        return self._taken()
+
+    def poll(self, millis: int, readings: NDArray[np.int64] | None = None) -> list[Frame]:
+        """Let it look after lease and faults and take readings, (n, 4) of tick and counters; what it says."""
+        rows = np.zeros((0, 4), np.int32) if readings is None else readings.astype(np.int32)
+        frames: list[Frame] = []
+        for first in range(0, max(len(rows), 1), READINGS):
+            some = np.ascontiguousarray(rows[first : first + READINGS])
+            pointer = some.ctypes.data_as(POINTER(c_int32))
+            self._library.dpr_host_poll(self._host, millis & 0xFFFFFFFF, pointer, len(some))
+            frames += self._taken()
+        return frames
+
+    def hardware_actions(self) -> HardwareActions:
+        """What it did to latch and timer since the last call."""
+        return self._library.dpr_host_actions(self._host)
+
+    def set_fault(self, fault: int) -> None:
+        """The fault that its hardware has from now on; 0 none."""
+        self._library.dpr_host_set_fault(self._host, fault)
+
+    def note_dropped(self, samples: int) -> None:
+        """Tell it of samples that the link had no room for."""
+        self._library.dpr_host_note_dropped(self._host, samples & 0xFFFF)
+
+    def _taken(self) -> list[Frame]:
+        return _unpacked(self._frames, self._library.dpr_host_take(self._host, self._frames))
+
+
+class CFraming:
+    """Frames framed for a UART by the firmware's own encoder and decoder."""
+
+    def __init__(self, library: ctypes.PyDLL | None = None) -> None:
+        self._library = library or load()
+        self._decoder = ctypes.create_string_buffer(self._library.dpr_host_decoder_size())
+        self._line = ctypes.create_string_buffer(64)
+
+    def encode(self, frame: Frame) -> bytes:
+        """COBS frame with its delimiter."""
+        length = self._library.dpr_frame_encode(byref(_packed(frame)), self._line)
+        return self._line.raw[:length]
+
+    def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
+        """The undamaged frames, and nothing to answer."""
+        frames = ctypes.create_string_buffer((len(data) // SHORTEST_LINE + 2) * _FRAME.size)
+        return _unpacked(frames, self._library.dpr_host_decode(self._decoder, data, len(data), frames)), b""
+
+    @property
+    def errors(self) -> dict[str, int]:
+        """Damaged packets so far, by cause."""
+        crc, framing = c_uint32(), c_uint32()
+        self._library.dpr_host_errors(self._decoder, byref(crc), byref(framing))
+        return {"crc": crc.value, "framing": framing.value}
+
+
+def _identity(info: DeviceInfo, node: int) -> _Identity:
+    return _Identity(
+        int(info.uid, 16),
+        info.counts_per_rev,
+        info.rate_max_hz,
+        info.rate_default_hz,
+        tuple(map(int, info.firmware.split("."))),
+        node,
+        info.simulated_time,
+    )
+
+
+def _packed(frame: Frame) -> _Frame:
+    return _Frame.from_buffer_copy(_FRAME.pack(frame.id, len(frame.data), frame.data))
+
+
+def _unpacked(frames: ctypes.Array[ctypes.c_char], count: int) -> list[Frame]:
+    rows = _FRAME.iter_unpack(memoryview(frames)[: count * _FRAME.size])
+    return [Frame(identifier, data[:length]) for identifier, length, data in rows]

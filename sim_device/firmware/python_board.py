@@ -1,0 +1,203 @@
+"""The simulated board: the device role of the protocol, fed by the rods instead of by timers and encoders."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.rig import Rig
+from firmware_protocol.device_role import Answer, DeviceSession, Task
+from firmware_protocol.identity import DeviceInfo
+from firmware_protocol.messages import (
+    NUMBERS,
+    ClearFault,
+    Frame,
+    Hold,
+    Ping,
+    Release,
+    Sample,
+    State,
+    Stop,
+    Stream,
+)
+from sim_device.faults import Faults
+from sim_device.firmware.clock import Clock
+from sim_device.plant.rods import SimulatedRods
+
+FIRMWARE = "1.0.0"
+RATE_DEFAULT_HZ = 1000
+"""Ticks a second while nobody asks for another rate."""
+REPORTS_HZ = 10
+"""POSITION and STATUS a second."""
+
+
+def identity(rig: Rig, uid: int, rate_max_hz: int, simulated_time: bool) -> DeviceInfo:
+    """What the simulated board says it is."""
+    return DeviceInfo(
+        firmware=FIRMWARE,
+        uid=f"{uid:016x}",
+        counts_per_rev=rig.encoders.counts_per_rev,
+        rate_max_hz=rate_max_hz,
+        rate_default_hz=min(RATE_DEFAULT_HZ, rate_max_hz),
+        simulated_time=simulated_time,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class TickBase:
+    """Ticks over device time: tick `first` at `origin`, `rate_hz` a second."""
+
+    origin: float
+    rate_hz: int
+    first: int = 0
+
+    def at(self, now: float) -> float:
+        """Ticks, with their fraction, at the device time `now`."""
+        return self.first + (now - self.origin) * self.rate_hz
+
+    def times(self, first: int, count: int) -> NDArray[np.float64]:
+        """(count,) device times of the ticks `first`, `first` + 1, ..., s."""
+        return self.origin + (np.arange(first, first + count) - self.first) / self.rate_hz
+
+
+def streamed(
+    rods: SimulatedRods, ticks: TickBase, released_at: int | None, first: int, count: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """(count, 3) counts at the ticks from `first` on, and (count,) which samples go astray inside the board.
+
+    Args:
+        rods: what is measured
+        ticks: when
+        released_at: tick of the release; None while the rods are held
+        first: the first tick
+        count: how many
+    """
+    if released_at is None:
+        return rods.held_counts(ticks.times(first, count), first), np.zeros(count, dtype=np.bool_)
+    return rods.swing_counts(first - released_at, count), rods.missing(first - released_at, count)
+
+
+def is_sample(frame: Frame) -> bool:
+    """Whether a frame carries a sample."""
+    return frame.number == NUMBERS[Sample]
+
+
+@dataclass(slots=True)
+class Counters:
+    """Samples since STREAM, as STATUS reports them."""
+
+    taken: int = 0
+    overruns: int = 0
+    dropped: int = 0
+
+    def count(self, in_time: bool) -> None:
+        """A tick has passed, and its sample was taken in time or not."""
+        self.taken += in_time
+        self.overruns += not in_time
+
+
+class PythonBoard:
+    """A board on a link: frames in, frames out, wall time as an argument.
+
+    The lease and the ticks are measured in what `clock` makes of it.
+    """
+
+    def __init__(self, info: DeviceInfo, rods: SimulatedRods, clock: Clock, faults: Faults | None = None) -> None:
+        self._info, self._rods, self._clock, self._faults = info, rods, clock, faults or Faults()
+        self.streamed = 0.0
+        """Device time spent streaming since the first start, s."""
+        self._start()
+
+    def _start(self) -> None:
+        self._session = DeviceSession(self._info)
+        self._counters = Counters()
+        self._restart_ticks(self._info.rate_default_hz)
+
+    def reset(self) -> None:
+        """Restart the board, as after a power dip: the latch opens unless it was open, and nothing is remembered."""
+        if self._session.latched:
+            self._rods.let_go(self._clock.now, self._info.rate_default_hz)
+        self._start()
+
+    @property
+    def streams(self) -> bool:
+        """Whether samples are being sent."""
+        return self._session.streams
+
+    def service(self, wall: float, blocked: bool = False) -> list[Frame]:
+        """What the board has to send by the wall time `wall`, s; `blocked` when the link does not take more."""
+        now = self._clock.advance(wall, self._session.state, self._ticks.rate_hz, blocked)
+        frames = self._carry_out(self._session.check_lease(self._clock.watch(wall), self._next_tick), now)
+        first, self._next_tick = self._next_tick, max(self._next_tick, int(self._ticks.at(now)) + 1)
+        count = self._next_tick - first
+        return frames + (self._samples(first, count) if self._session.streams else self._reports(first, count, now))
+
+    def receive(self, frame: Frame, wall: float) -> list[Frame]:
+        """Obey one frame that arrived at the wall time `wall`, s; returns the answers."""
+        now = self._clock.advance(wall, self._session.state, self._ticks.rate_hz)
+        return self._carry_out(self._session.receive(frame, self._clock.watch(wall)), now)
+
+    def note_dropped(self, frames: Iterable[Frame]) -> None:
+        """Count the samples among frames for which the link had no room."""
+        self._counters.dropped += sum(map(is_sample, frames))
+
+    def _carry_out(self, answer: Answer, now: float) -> list[Frame]:
+        return [*answer.frames, *(self._do(answer.task, now) if answer.task else [])]
+
+    def _do(self, task: Task, now: float) -> list[Frame]:
+        match task:
+            case Hold(pose=pose):
+                self._rods.place(pose, now)
+            case Stream(rate_hz=rate_hz):
+                self._counters = Counters()
+                self._ticks, self._next_tick = TickBase(now, rate_hz), 0
+            case Release():
+                return self._let_go()
+            case Stop():
+                self._restart_ticks(self._info.rate_default_hz)
+            case Ping():
+                tick, fraction = divmod(self._ticks.at(now), 1.0)
+                return [self._session.pong(task, int(tick), fraction)]
+            case ClearFault():
+                pass
+        return []
+
+    def _let_go(self) -> list[Frame]:
+        """The latch opens at the instant of the next sample, which so is the first of the swing."""
+        self._release_tick = self._next_tick
+        self._rods.let_go(float(self._ticks.times(self._release_tick, 1)[0]), self._ticks.rate_hz)
+        return [self._session.released(self._release_tick)]
+
+    def _restart_ticks(self, rate_hz: int) -> None:
+        self._ticks, self._next_tick = TickBase(self._clock.now, rate_hz), 0
+
+    def _samples(self, first: int, count: int) -> list[Frame]:
+        if not count:
+            return []
+        frames: list[Frame] = []
+        in_time = self._faults.taken(count)
+        released_at = self._release_tick if self._session.state is State.RELEASED else None
+        streamed_counts, missing = streamed(self._rods, self._ticks, released_at, first, count)
+        sent = in_time & ~missing
+        for tick, counts in enumerate(streamed_counts.tolist(), first):
+            if self._reports_due(tick):
+                frames += self._report(tick, counts)
+            if sent[tick - first]:
+                frames.append(self._session.sample(tick, counts))
+            self._counters.count(bool(in_time[tick - first]))
+        self.streamed += count / self._ticks.rate_hz
+        return frames
+
+    def _reports(self, first: int, count: int, now: float) -> list[Frame]:
+        last = first + count - 1
+        if not self._session.greeted or not any(self._reports_due(tick) for tick in range(first, last + 1)):
+            return []
+        return self._report(last, self._rods.idle_counts(now, last).tolist())
+
+    def _reports_due(self, tick: int) -> bool:
+        return tick % max(1, self._ticks.rate_hz // REPORTS_HZ) == 0
+
+    def _report(self, tick: int, counts: list[int]) -> list[Frame]:
+        told = self._counters
+        return [*self._session.report(tick, counts, told.overruns, told.dropped, told.taken - told.dropped)]

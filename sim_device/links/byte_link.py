@@ -1,0 +1,120 @@
+"""Frames over a byte stream: what a port and a codec are, and the queue between them."""
+
+from collections.abc import Callable
+from typing import Protocol, TypeAlias
+
+from firmware_protocol.framing import FrameDecoder, encode_frame
+from firmware_protocol.messages import Frame
+from sim_device.faults import Faults
+from sim_device.links.link import LIMITS, HostAddress
+
+
+class Port(Protocol):
+    """A byte stream to at most one host."""
+
+    @property
+    def connected(self) -> bool:
+        """Whether a host has the port open."""
+        ...
+
+    def read(self) -> bytes:
+        """The bytes that have arrived, without waiting."""
+        ...
+
+    def write(self, data: bytes | bytearray) -> int:
+        """How many of the bytes were taken, without waiting."""
+        ...
+
+    def wait(self, timeout: float, to_write: bool) -> None:
+        """Return when there is something to read, room to write if asked for, or after `timeout` seconds."""
+        ...
+
+    def close(self) -> None:
+        """Take the port away from the host."""
+        ...
+
+
+class FrameCodec(Protocol):
+    """Frames as bytes."""
+
+    def encode(self, frame: Frame) -> bytes:
+        """Bytes of one frame."""
+        ...
+
+    def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
+        """Frames in the host's bytes, and bytes to answer at once."""
+        ...
+
+
+Framing: TypeAlias = Callable[[], FrameCodec]
+"""Makes a codec, one for every host that connects."""
+
+
+class SerialCodec:
+    """Frames framed for a UART or a socket."""
+
+    def __init__(self) -> None:
+        self._decoder = FrameDecoder()
+
+    def encode(self, frame: Frame) -> bytes:
+        """COBS frame with its delimiter."""
+        return encode_frame(frame)
+
+    def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
+        """The undamaged frames."""
+        return self._decoder.feed(data), b""
+
+
+class ByteLink:
+    """Frames over a byte port, with a queue that is bounded unless the sender watches `blocked`."""
+
+    def __init__(
+        self, address: HostAddress, port: Port, new_codec: Framing, faults: Faults, queue_bytes: float
+    ) -> None:
+        self.address = address
+        self._port, self._new_codec, self._faults = port, new_codec, faults
+        self._codec = new_codec()
+        self._queue_bytes = queue_bytes
+        self._queue = bytearray()
+        self._was_connected = False
+
+    @property
+    def blocked(self) -> bool:
+        """Whether the host takes frames more slowly than they come."""
+        return len(self._queue) > LIMITS.blocked_bytes
+
+    def receive(self) -> list[Frame]:
+        """The frames that have arrived; a new host starts with an empty queue."""
+        connected = self._port.connected
+        if self._was_connected and not connected:
+            self._queue.clear()
+            self._codec = self._new_codec()
+        self._was_connected = connected
+        frames, answer = self._codec.decode(self._faults.flipped(self._port.read()))
+        self._queue += answer
+        return self._faults.frames(frames)
+
+    def send(self, frames: list[Frame]) -> list[Frame]:
+        """Queue frames and write what the port takes."""
+        dropped, fresh = list[Frame](), bytearray()
+        for frame in self._faults.frames(frames):
+            data = self._faults.framed(self._codec.encode(frame))
+            if len(self._queue) + len(fresh) + len(data) > self._queue_bytes:
+                dropped.append(frame)
+            else:
+                fresh += data
+        self._queue += self._faults.to_host(bytes(fresh))
+        if self._queue:
+            del self._queue[: self._port.write(self._queue)]
+        return dropped
+
+    def wait(self, timeout: float) -> None:
+        """Wait for the host."""
+        self._port.wait(timeout, to_write=bool(self._queue))
+
+    def bus_off(self) -> None:
+        """Nothing is said: a line of bytes just falls silent."""
+
+    def close(self) -> None:
+        """Cut the link."""
+        self._port.close()

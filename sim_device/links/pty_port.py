@@ -1,0 +1,97 @@
+"""A serial port: where a host connects over a pseudo terminal. Non-blocking, and still there when the host returns."""
+
+import errno
+import fcntl
+import os
+import select
+import struct
+import sys
+import time
+import tty
+
+# Linux's struct termios2 carries every rate; termios of the standard library knows only those in the B... table.
+_TCGETS2, _TCSETS2 = 0x802C542A, 0x402C542B
+_TERMIOS2 = struct.Struct("4I20s2I")
+_CBAUD, _BOTHER = 0o010017, 0o010000
+
+
+class PtyPort:
+    """A serial port: the master end of a pseudo terminal in raw mode.
+
+    A pseudo terminal ignores the baud rate, a UART does not: when the host has set another rate than the device's, both
+    directions carry noise, and noise answers what the host sends, so that a wrong rate shows as more than silence.
+    Where the host's rate cannot be known (no Linux, or `baud` None) every rate is right.
+    """
+
+    def __init__(self, baud: int | None) -> None:
+        self.baud = baud if sys.platform.startswith("linux") else None
+        self._master, slave = os.openpty()
+        os.set_blocking(self._master, False)
+        tty.setraw(slave)
+        if self.baud is not None:
+            _set_baud(slave, self.baud)
+        self.path = os.ttyname(slave)
+        # Not kept open: a hang-up on the master then tells that no host has the port open.
+        os.close(slave)
+
+    @property
+    def connected(self) -> bool:
+        """Whether a host has the slave end open."""
+        return not self._poll(select.POLLIN, 0.0) & select.POLLHUP
+
+    @property
+    def _garbled(self) -> bool:
+        return self.baud is not None and _baud(self._master) != self.baud
+
+    def read(self) -> bytes:
+        """The bytes the host has written; noise at the wrong baud rate."""
+        try:
+            data = os.read(self._master, 65536)
+        except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.EIO):
+                return b""
+            raise
+        if data and self._garbled:
+            self.write(data)
+            return os.urandom(len(data))
+        return data
+
+    def write(self, data: bytes | bytearray) -> int:
+        """How many bytes were taken; without a host they are gone, as on an unplugged cable."""
+        if not self.connected:
+            return len(data)
+        try:
+            return os.write(self._master, os.urandom(len(data)) if self._garbled else data)
+        except OSError as error:
+            if error.errno == errno.EAGAIN:
+                return 0
+            raise
+
+    def wait(self, timeout: float, to_write: bool) -> None:
+        """Wait for the host's bytes, for room if `to_write`, or for `timeout` seconds."""
+        if self._poll(select.POLLIN | (select.POLLOUT if to_write else 0), timeout) & select.POLLHUP:
+            time.sleep(min(timeout, 0.02))  # a pty without a host cannot be waited on
+
+    def _poll(self, events: int, timeout: float) -> int:
+        poll = select.poll()
+        poll.register(self._master, events)
+        found = poll.poll(1000 * timeout)
+        return found[0][1] if found else 0
+
+    def close(self) -> None:
+        """Hang up: the host's end fails from now on, as when the cable is pulled."""
+        os.close(self._master)
+
+
+def _baud(terminal: int) -> int:
+    state = bytearray(_TERMIOS2.size)
+    fcntl.ioctl(terminal, _TCGETS2, state)
+    return _TERMIOS2.unpack(state)[-1]
+
+
+def _set_baud(terminal: int, baud: int) -> None:
+    state = bytearray(_TERMIOS2.size)
+    fcntl.ioctl(terminal, _TCGETS2, state)
+    iflag, oflag, cflag, lflag, line, *_ = _TERMIOS2.unpack(state)
+    cflag = cflag & ~_CBAUD | _BOTHER
+    fcntl.ioctl(terminal, _TCSETS2, _TERMIOS2.pack(iflag, oflag, cflag, lflag, line, baud, baud))

@@ -1,0 +1,111 @@
+"""The plant file: what the simulated device is in truth, which the lab never reads."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from dpr_lab.configs import read_config
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import PARAMETERS, refuse_other_parameters
+
+_PACKAGE = Path(__file__).parents[1]
+# Installed as a wheel the built-in files lie inside the package; in a checkout they are in the top-level folder.
+BUILTIN = _PACKAGE / "builtin" if (_PACKAGE / "builtin").is_dir() else _PACKAGE.parent / "configs"
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ArmConfig(_Table):
+    """The arm: held by its brake, or free about the vertical with inertia J0, friction c0 and spring k0."""
+
+    mode: Literal["clamped", "free"] = "clamped"
+    J0: Positive = 0.05
+    c0: NotNegative = 0.0
+    k0: NotNegative = 0.0
+
+
+Share = Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)]
+
+
+class EncoderConfig(_Table):
+    """What encoders and board add to the truth."""
+
+    noise_counts: NotNegative | tuple[NotNegative, NotNegative, NotNegative] = 0.5
+    """Standard deviation of Gaussian noise before rounding, of all encoders or of each."""
+    step_counts: Annotated[int, Field(gt=0)] = 1
+    """Counters move by this many counts at a time, as those of a coarser encoder."""
+    jitter_ms: NotNegative = 0.0
+    """Standard deviation of the instants at which the encoders are read."""
+    repeated_share: Share = 0.0
+    """Share of the samples of a swing that say what the one before said."""
+    missing_share: Share = 0.0
+    """Share of the samples of a swing that are never sent."""
+
+
+class OperatorConfig(_Table):
+    """How well the operator places the rods (rad) and how still they are let go (rad/s), as standard deviations."""
+
+    placement_std: NotNegative = 0.01
+    release_speed_std: NotNegative = 0.002
+
+
+class PlantConfig(_Table):
+    """A plant file (`configs/plants/*.toml`).
+
+    Args of the file: `name`, `seed`, `[parameters]` with one value for each of `PARAMETERS` (SI), `[arm]`,
+    `[effects.NAME]` or, at most one, `[foreign.NAME]` with the effect's own parameters, `[encoders]`, `[hand]`.
+    """
+
+    name: Annotated[str, Field(min_length=1)]
+    seed: Annotated[int, Field(ge=0)] = 1
+    parameters: dict[str, Positive]
+    arm: ArmConfig = ArmConfig()
+    effects: dict[str, dict[str, Finite]] = {}
+    foreign: dict[str, dict[str, Finite]] = {}
+    encoders: EncoderConfig = EncoderConfig()
+    hand: OperatorConfig = OperatorConfig()
+
+    @model_validator(mode="after")
+    def _nine_parameters(self) -> "PlantConfig":
+        refuse_other_parameters(self.parameters)
+        return self
+
+    @property
+    def Z(self) -> NDArray[np.float64]:
+        """(9,) true parameters in the order of `PARAMETERS`, SI."""
+        return np.array([self.parameters[name] for name in PARAMETERS])
+
+
+def find_plant(name: str | Path) -> Path:
+    """The plant file meant by a path, or by the bare name of a built-in one.
+
+    Raises:
+        ConfigError: there is neither such a file nor such a built-in name.
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    builtin = BUILTIN / "plants" / f"{name}.toml"
+    if path.name == str(name) and builtin.is_file():
+        return builtin
+    known = ", ".join(sorted(p.stem for p in (BUILTIN / "plants").glob("*.toml")))
+    raise ConfigError(f"{name}: no such file, and no built-in name of plants (there are: {known})")
+
+
+def load_plant(name: str | Path, seed: int | None = None) -> PlantConfig:
+    """Read a plant file by path or built-in name; `seed`, where given, replaces the file's.
+
+    Raises:
+        ConfigError: not found or not valid; the message names file, key and value.
+    """
+    config = read_config(find_plant(name), PlantConfig)
+    return config if seed is None else config.model_copy(update={"seed": seed})

@@ -1,0 +1,208 @@
+"""The equation of motion of foreign plants, open to torques and states that the lab's kernels do not know.
+
+Plain Python under an adaptive eighth-order rule: what comes out shares neither integrator nor step with the lab.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.equation import accelerations
+
+ERROR = 1e-9
+"""Of a step of the integrator, relative, and a tenth of it absolute."""
+
+LONGEST_STEP = 0.02
+"""So that no step jumps over a disturbance of short duration, s."""
+
+Slope = Callable[[float, NDArray[np.float64]], Sequence[float]]
+"""Time since the release, s, and state (theta1, theta2, omega1, omega2, memory ...) -> its derivative."""
+
+Torques = Callable[[float, float, float, float, float], tuple[float, float]]
+"""(t, theta1, theta2, omega1, omega2) -> generalised torques on theta1 and theta2, N m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """The rods in base parameters of docs/theory.md (12), with the masses and lengths behind them, SI."""
+
+    a: float
+    b: float
+    d: float
+    e1: float
+    e2: float
+    c1: float
+    c2: float
+    L1: float
+    L2: float
+    g: float
+    mass: float
+    """Of both rods and the encoder on the inner one, kg."""
+    outer_mass: float
+    """Of the outer rod, kg."""
+
+    @classmethod
+    def of(cls, Z: NDArray[np.float64], L1: float, L2: float, g: float) -> "Body":
+        """The body of a rig with the nine parameters Z."""
+        a, b, d, e1, c1, c2 = base_parameters(Z, L1, g).tolist()
+        return cls(a, b, d, e1, d * g / L1, c1, c2, L1, L2, g, float(Z[2:5].sum()), float(Z[3]))
+
+    def accelerations(
+        self, theta1: float, theta2: float, omega1: float, omega2: float, tau1: float = 0.0, tau2: float = 0.0
+    ) -> tuple[float, float]:
+        """Angular accelerations under docs/theory.md (1), rad/s^2."""
+        return accelerations(
+            theta1, theta2, omega1, omega2, self.a, self.b, self.d, self.e1, self.e2, self.c1, self.c2, tau1, tau2
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class DryJoint:
+    """A joint that friction holds at rest: it slides only where more than the limit pushes it."""
+
+    joint: int
+    """1 or 2."""
+    size: Callable[[NDArray[np.float64]], float]
+    """Friction at a state whose joint slides, N m; of one at rest, its limit."""
+
+    def speed(self, x: NDArray[np.float64]) -> float:
+        """Speed of the joint, rad/s."""
+        return float(x[2] if self.joint == 1 else x[3] - x[2])
+
+    def torques(self, torque: float) -> tuple[float, float]:
+        """Generalised torques of one in the joint."""
+        return (torque, 0.0) if self.joint == 1 else (-torque, torque)
+
+    def holding(self, body: Body, x: NDArray[np.float64]) -> float:
+        """Torque that keeps the joint's speed as it is, N m."""
+        free, pushed = (self.gain(body, x, torque) for torque in (0.0, 1.0))
+        return -free / (pushed - free)
+
+    def alphas(self, body: Body, x: NDArray[np.float64], torque: float) -> tuple[float, float]:
+        """Accelerations of the rods under a torque in the joint, rad/s^2."""
+        theta1, theta2, omega1, omega2 = x.tolist()
+        return body.accelerations(theta1, theta2, omega1, omega2, *self.torques(torque))
+
+    def gain(self, body: Body, x: NDArray[np.float64], torque: float) -> float:
+        """Acceleration of the joint under a torque in it, rad/s^2."""
+        alpha1, alpha2 = self.alphas(body, x, torque)
+        return alpha1 if self.joint == 1 else alpha2 - alpha1
+
+
+@dataclass(frozen=True, slots=True)
+class EquationOfMotion:
+    """How the rods move: the derivative of the state, and the memory it starts with."""
+
+    slope: Slope
+    memory: tuple[float, ...] = ()
+    error: float = ERROR
+    """Of a step of the integrator."""
+    sticks: "tuple[Body, DryJoint] | None" = None
+    """The rods and their joint with dry friction, where `slope` is that of the rods without it."""
+
+
+def undisturbed(body: Body) -> EquationOfMotion:
+    """The rods without any further effect."""
+    return under(body, lambda t, theta1, theta2, omega1, omega2: (0.0, 0.0))
+
+
+def under(body: Body, torques: Torques) -> EquationOfMotion:
+    """The rods under further torques that need no memory."""
+
+    def slope(t: float, x: NDArray[np.float64]) -> Sequence[float]:
+        theta1, theta2, omega1, omega2 = x.tolist()
+        tau1, tau2 = torques(t, theta1, theta2, omega1, omega2)
+        return omega1, omega2, *body.accelerations(theta1, theta2, omega1, omega2, tau1, tau2)
+
+    return EquationOfMotion(slope)
+
+
+def at_joint2(torque: Callable[[float, float], float]) -> Torques:
+    """Torques of something between the rods, from its torque on the outer one (relative angle, relative speed)."""
+
+    def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
+        tau = torque(theta2 - theta1, omega2 - omega1)
+        return -tau, tau
+
+    return torques
+
+
+def at_joint1(torque: Callable[[float, float], float]) -> Torques:
+    """Torques of something between arm and inner rod (angle from hanging, speed)."""
+
+    def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
+        return torque(theta1 - np.pi, omega1), 0.0
+
+    return torques
+
+
+def sticking(body: Body, joint: int, size: Callable[[NDArray[np.float64]], float]) -> EquationOfMotion:
+    """The rods with dry friction in one joint, of a size that may depend on the state."""
+    return replace(undisturbed(body), sticks=(body, DryJoint(joint, size)))
+
+
+def integrate(motion: EquationOfMotion, state: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, k) states at the increasing instants `t` (n,), from the state (k,) at t[0]."""
+    if motion.sticks is not None:
+        return _integrate_sticking(motion.error, *motion.sticks, state, t)
+    return _solved(motion.slope, motion.error, state, t[0], t).y.T
+
+
+def _solved(
+    slope: Slope, error: float, state: NDArray[np.float64], first: float, t: NDArray[np.float64], event: Any = None
+) -> Any:
+    from scipy.integrate import solve_ivp  # slow to import, and few plants are foreign
+
+    return solve_ivp(
+        slope, (first, t[-1]), state, "DOP853", t, events=event, rtol=error, atol=error / 10, max_step=LONGEST_STEP
+    )
+
+
+def _integrate_sticking(
+    error: float, body: Body, dry: DryJoint, state: NDArray[np.float64], t: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """From stop to start and back, each stretch between two events by itself."""
+    states, x, first = [state[None]], state, t[0]
+    t, side = t[1:], float(np.sign(dry.speed(x))) or _starts(body, dry, x)
+    while len(t):
+        solved = _solved(_sliding_slope(body, dry, side), error, x, first, t, _change(body, dry, side))
+        states.append(np.reshape(solved.y, (len(x), -1)).T)  # of no instant it is a list
+        t = t[len(solved.t) :]
+        if solved.status == 1:
+            first, x = float(solved.t_events[0][-1]), solved.y_events[0][-1].copy()
+            x[1 + dry.joint] = 0.0 if dry.joint == 1 else x[2]
+            # One that was let go stands at the limit, where rounding must not hold it again.
+            side = _starts(body, dry, x) if side else _pushed(body, dry, x)
+    return np.concatenate(states)
+
+
+def _starts(body: Body, dry: DryJoint, x: NDArray[np.float64]) -> float:
+    """Which way a joint at rest starts to slide; 0 where it stays."""
+    return 0.0 if abs(dry.holding(body, x)) < dry.size(x) else _pushed(body, dry, x)
+
+
+def _pushed(body: Body, dry: DryJoint, x: NDArray[np.float64]) -> float:
+    return -float(np.sign(dry.holding(body, x)))
+
+
+def _sliding_slope(body: Body, dry: DryJoint, side: float) -> Slope:
+    def slope(t: float, x: NDArray[np.float64]) -> Sequence[float]:
+        torque = -side * dry.size(x) if side else dry.holding(body, x)
+        return x[2], x[3], *dry.alphas(body, x, torque)
+
+    return slope
+
+
+def _change(body: Body, dry: DryJoint, side: float) -> Any:
+    """What falls through zero where the joint stops, or has to be let go."""
+
+    def left(t: float, x: NDArray[np.float64]) -> float:
+        return side * dry.speed(x) if side else dry.size(x) - abs(dry.holding(body, x))
+
+    event: Any = left
+    event.terminal, event.direction = True, -1
+    return event

@@ -1,0 +1,18 @@
+"""The plant that a plant file describes, whichever kind it is."""
+
+from dpr_lab.rig import Rig
+from sim_device.plant.config import PlantConfig
+from sim_device.plant.foreign.plant import ForeignPlant, ForeignSwing
+from sim_device.plant.plant import Plant, Swing
+
+HiddenPlant = Plant | ForeignPlant
+HiddenSwing = Swing | ForeignSwing
+
+
+def plant_of(config: PlantConfig, rig: Rig) -> HiddenPlant:
+    """The plant that a plant file describes.
+
+    Raises:
+        ConfigError: effects that there are not, or not together.
+    """
+    return ForeignPlant(config, rig) if config.foreign else Plant(config, rig)

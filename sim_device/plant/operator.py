@@ -1,0 +1,64 @@
+"""The operator and the latch: places the rods, imperfectly, and lets them go."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.rig import JOINTS, Pose
+from sim_device.plant.config import OperatorConfig
+from sim_device.random_streams import RandomStream, generator
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """How the operator works."""
+
+    placing_time: float = 0.5
+    """From one pose to the next, s of device time."""
+    looks: int = 8
+    """How often he looks at the screen before he gives up, where that does not say what it should."""
+    near: float = 0.5
+    """Share of a pose's tolerance within which he takes what the screen says for the pose."""
+
+
+HABITS = Habits()
+
+
+@dataclass(frozen=True, slots=True)
+class HeldRods:
+    """Rods in the operator's hand or the latch: moving smoothly from `start` to `target`, then at rest.
+
+    theta(t) = start + (target - start) s(x),  s(x) = 10 x^3 - 15 x^4 + 6 x^5,  x = (t - begins) / takes in [0, 1]
+
+    Source: minimum-jerk motion, Flash and Hogan (1985), J. Neurosci. 5(7) 1688-1703.
+    """
+
+    start: NDArray[np.float64]
+    target: NDArray[np.float64]
+    begins: float = 0.0
+    takes: float = 0.0
+
+    def theta(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, 3) angles at the device times `t` (n,), rad."""
+        if self.takes == 0.0 or t[0] >= self.begins + self.takes:
+            return np.broadcast_to(self.target, (len(t), JOINTS))
+        x = np.clip((t - self.begins) / self.takes, 0.0, 1.0)
+        share = x**3 * (10 - 15 * x + 6 * x**2)
+        return self.start + share[:, None] * (self.target - self.start)
+
+
+def placement(operator: OperatorConfig, pose: Pose, seed: int, release: int, error: float = 0.0) -> NDArray[np.float64]:
+    """(3,) where the operator leaves the rods for a pose: both rods a little off, and by `error` on purpose, rad."""
+    return pose.theta + np.array([0.0, error, error]) + operator.placement_std * _draw(seed, release)[0]
+
+
+def release_speed(operator: OperatorConfig, seed: int, release: int) -> NDArray[np.float64]:
+    """(3,) angular velocities at the instant the latch opens, rad/s."""
+    return operator.release_speed_std * _draw(seed, release)[1]
+
+
+def _draw(seed: int, release: int) -> NDArray[np.float64]:
+    """(2, 3) unit normal deviations of angle and speed; the clamped arm has none."""
+    rods = generator(seed, RandomStream.OPERATOR, release).standard_normal((2, JOINTS - 1))
+    return np.concatenate([np.zeros((2, 1)), rods], axis=1)

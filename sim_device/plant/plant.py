@@ -1,0 +1,217 @@
+"""The plant: the hidden truth that the encoders look at."""
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.arm import CLAMPED, ArmParameters
+from dpr_lab.dynamics.base import RATIOS, base_parameters, loaded, ratios
+from dpr_lab.dynamics.encoder_errors import apply_encoder_errors, held_along, read_at
+from dpr_lab.dynamics.rig_constants import constants_of_run, rig_constants
+from dpr_lab.dynamics.simulate import as_state, at_release, integrate, rig_model
+from dpr_lab.dynamics.step import RigModel, RigState
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.mounted import effects_of_run
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import JOINTS, PARAMETERS, Rig
+from dpr_lab.setup import Setup
+from sim_device.plant.config import PlantConfig
+
+MAX_STEP = 1e-4
+"""Longest step of the truth, s: its error stays far below a count for as long as a chaotic swing can be compared."""
+
+BLOCK_TIME = 1.0
+"""How much of a swing is computed at a time, s."""
+
+LOOK = 5e-4
+"""How often an encoder with play or delay looks at its joint, s."""
+
+NO_ROD = 1e-9
+"""Mass, kg, and inertia, kg m^2, of an outer rod that is not there; zero would leave joint 2 without an equation."""
+
+Theta = NDArray[np.float64]
+
+
+def hung(Z: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
+    """(9,) parameters of what hangs on the rig."""
+    l1, l2, m1, m2, mb, c1, c2, J1, J2 = Z
+    if setup.mounting == "inner":
+        return np.array([l1, l2, m1, NO_ROD, mb, c1, c2, J1, NO_ROD])
+    if setup.mounting == "outer":
+        return np.array([l2, l2, m2, NO_ROD, 0.0, c1, c2, J2, NO_ROD])
+    return Z
+
+
+class Plant:
+    """The rig's true dynamics and effects.
+
+    Args:
+        config: the plant file
+        rig: gives the lengths, gravity and any added mass, which are measured and so true
+
+    Raises:
+        ConfigError: the plant file names an effect or a parameter of one that there is not, or effects that the plant
+            cannot have.
+    """
+
+    def __init__(self, config: PlantConfig, rig: Rig) -> None:
+        self.config = config
+        self._frame = (rig.L0, rig.L1, rig.g)
+        self._setup = Setup(rig.rods.mounting, rig.added_mass)
+        Z = config.Z if rig.added_mass is None else loaded(config.Z, rig.added_mass)
+        masses = dict(zip(PARAMETERS[2:5], config.Z[2:5].tolist(), strict=True))
+        self._Z, self._constants = (
+            hung(Z, self._setup),
+            constants_of_run(rig_constants(rig)._replace(**masses), self._setup),
+        )
+        self.pace = 1.0
+        """True seconds in a second of the device's clock, as far as an effect sets it wrong."""
+        self.delay = 0.0
+        """How much later joint 2 is read than joint 1, s."""
+        self.has_play = False
+        """Whether the encoder of joint 2 has play."""
+        if config.effects:
+            self._look_for_effects_on_reading()
+
+    def _look_for_effects_on_reading(self) -> None:
+        model, _ = self._moving
+        self.pace = read_at(1.0, model)[0]
+        self.delay = float(np.subtract(*read_at(0.0, model)))
+        self.has_play = model.acts.play
+        if not abs(self.delay) < BLOCK_TIME:
+            effects = self.config.effects
+            late = [f"{name}.{p}" for name in effects if EFFECTS[name].stage == "timing" for p in effects[name]]
+            raise ConfigError(f"plant {self.config.name}: effects: {', '.join(late)} must be below {BLOCK_TIME:g} s")
+
+    @cached_property
+    def _moving(self) -> tuple[RigModel, int]:
+        """The rig for `integrate`, and how its arm is held; its kernels are compiled when this is first asked for."""
+        of_arm = self.config.arm
+        arm = ArmParameters(of_arm.J0, of_arm.c0, of_arm.k0, of_arm.mode)
+        try:
+            effects = effects_of_run(effect_params(self.config.effects), self._setup)
+            return rig_model(self._Z, self._frame, arm, effects, self._constants)
+        except ValueError as error:
+            raise ConfigError(f"plant {self.config.name}: effects: {error}") from error
+
+    def let_go(self, theta: Theta, omega: Theta, rate_hz: float, release: int) -> "Swing":
+        """The swing of rods let go at theta, omega (3,), read at `rate_hz`."""
+        return Swing(self, theta, omega, rate_hz)
+
+    def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(n, 3) what the counters say instead of these counts: the same."""
+        return counts
+
+    def start(self, theta: Theta, omega: Theta) -> RigState:
+        """The state of rods let go at theta, omega (3,); a clamped arm does not move."""
+        at_rest = 0.0 if self._moving[1] == CLAMPED else float(omega[0])
+        return at_release([*theta, at_rest, omega[1], omega[1 if self._setup.held else 2]])
+
+    def swing(self, theta: Theta, omega: Theta, t: Theta) -> NDArray[np.float64]:
+        """(n, 6) angles and speeds at the instants `t` (n,) of a swing that is at theta, omega (3,) at t[0]."""
+        return self.goes_on(self.start(theta, omega), t)[:, : 2 * JOINTS]
+
+    def goes_on(self, state: RigState, t: Theta) -> NDArray[np.float64]:
+        """(n, 6 + internal) states, as of `RigState`, at true times `t` (n,) since the release; `state` is at t[0]."""
+        return integrate(*self._moving, state, t, MAX_STEP)
+
+    def joint2(self, theta1: Theta, theta2: Theta) -> Theta:
+        """Angle of joint 2 as its encoder has it, rad."""
+        return theta2 - self._constants.relative2 * theta1
+
+    def with_joint2(self, theta: Theta, angle2: Theta) -> Theta:
+        """(n, 3) absolute angles with another angle of joint 2, (n,) as its encoder has it, rad."""
+        return np.column_stack([theta[:, :2], angle2 + self._constants.relative2 * theta[:, 1]])
+
+    def held(self, angle2: Theta, hold: float) -> Theta:
+        """(n,) angles that the encoder of joint 2 holds as its joint goes through `angle2`, from `hold` on, rad."""
+        return held_along(angle2, hold, self._moving[0])
+
+    def misread(self, theta: Theta, t: Theta, run: int) -> Theta:
+        """(n, 3) angles as the encoders misread them at the device times `t` (n,) since the release number `run`."""
+        angles = np.column_stack([theta[:, 1], self.joint2(theta[:, 1], theta[:, 2])])
+        if self.config.effects:
+            apply_encoder_errors(angles, t, run, self._moving[0])
+        return self.with_joint2(np.column_stack([theta[:, 0], angles[:, 0]]), angles[:, 1])
+
+    def reveal(self) -> dict[str, dict[str, object]]:
+        """The truth, to be opened once an identification is finished."""
+        _, L1, g = self._frame
+        true_ratios = ratios(base_parameters(self.config.Z, L1, g))
+        return {
+            "parameters": dict(self.config.parameters),
+            "ratios": dict(zip(RATIOS, true_ratios.tolist(), strict=True)),
+            "effects": {name: dict(values) for name, values in self.config.effects.items()},
+            "arm": self.config.arm.model_dump(),
+        }
+
+
+class Swing:
+    """One release as the encoders are shown it, computed a block ahead of whoever reads it.
+
+    Blocks start from the state the last one ended in, so the same release has the same bits however it is read.
+    """
+
+    def __init__(self, plant: Plant, theta: Theta, omega: Theta, rate_hz: float) -> None:
+        self._blocks = _shown(plant, theta, omega, rate_hz)
+        self.first = 0
+        """Earliest tick that can still be read."""
+        self._theta = next(self._blocks)
+
+    def theta(self, first: int, count: int) -> Theta:
+        """(count, 3) angles at the ticks `first`, `first` + 1, ... since the release, rad.
+
+        Raises:
+            ValueError: `first` lies before what was read last; a swing is read forwards.
+        """
+        if first < self.first:
+            raise ValueError(f"the swing was read up to tick {self.first}, not back to {first}")
+        while self.first + len(self._theta) < first + count:
+            self._theta = np.concatenate([self._theta, next(self._blocks)])
+            passed = min(first - self.first, len(self._theta))
+            self.first, self._theta = self.first + passed, self._theta[passed:]
+        return self._theta[first - self.first :][:count]
+
+
+def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float) -> Iterator[Theta]:
+    """Blocks of angles, (ticks, 3), with joint 2 as late and as loose as its encoder has it."""
+    rate_hz /= plant.pace
+    if plant.delay == 0.0 and not plant.has_play:
+        yield from (states[:-1, :JOINTS] for _, states in _blocks(plant, theta, omega, rate_hz, 1))
+    looks = max(1, math.ceil(1.0 / (rate_hz * LOOK)))
+    blocks = _blocks(plant, theta, omega, rate_hz, looks)
+    hold = float(plant.joint2(theta[1], theta[2]))
+    around = [next(blocks), next(blocks)]
+    this = 0
+    while True:
+        t, states = around[this]
+        angle2 = plant.held(_joint2_at(plant, around, t - plant.delay), hold)
+        hold = float(angle2[-2])
+        yield plant.with_joint2(states[:-1, :JOINTS], angle2[:-1])[::looks]
+        around = [*around[-2:], next(blocks)]
+        this = 1
+
+
+def _joint2_at(plant: Plant, blocks: list[tuple[Theta, Theta]], t: Theta) -> Theta:
+    """(n,) angle of joint 2 at the true times `t`; before the release it was held."""
+    from scipy.interpolate import CubicHermiteSpline  # slow to import, and few plants need it
+
+    at = np.concatenate([times[:-1] for times, _ in blocks])
+    states = np.concatenate([block[:-1] for _, block in blocks])
+    angle, speed = (plant.joint2(states[:, 1 + i], states[:, 2 + i]) for i in (0, JOINTS))
+    return CubicHermiteSpline(at, angle, speed)(np.maximum(t, 0.0))
+
+
+def _blocks(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, looks: int) -> Iterator[tuple[Theta, Theta]]:
+    """Blocks of true times and states, each from the instant at which the last one ended, `looks` to a tick."""
+    ticks = max(1, round(BLOCK_TIME * rate_hz))
+    own = np.arange(ticks * looks + 1) / (rate_hz * looks)
+    state, first = plant.start(theta, omega), 0
+    while True:
+        t = first / rate_hz + own
+        states = plant.goes_on(state, t)
+        yield t, states
+        state, first = as_state(states[-1]), first + ticks

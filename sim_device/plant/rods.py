@@ -1,0 +1,149 @@
+"""The rods as operator, latch and gravity move them, and what the encoders make of it."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dpr_lab.rig import Pose, Rig
+from sim_device.faults import Faults
+from sim_device.plant import sampling_faults
+from sim_device.plant.encoders import NoisyEncoders
+from sim_device.plant.hidden import HiddenPlant, HiddenSwing
+from sim_device.plant.operator import HABITS, HeldRods, placement, release_speed
+from sim_device.random_streams import RandomStream
+
+Counts = NDArray[np.int64]
+
+HANGING = Pose(theta1=np.pi, theta2=np.pi)
+
+LONGEST_REPEAT = 8
+"""Samples in a row, at most, that say what one before them says."""
+
+
+class SimulatedRods:
+    """Where the rods are at any device time: in the operator's hand, in the latch, or swinging.
+
+    Args:
+        plant: moves them while they swing
+        rig: poses and encoders
+        placing_time: how long the operator takes to a pose, s of device time
+        hand_error: how far off every pose the operator leaves both rods, on purpose, rad
+        clock_rate: device seconds per true second
+        faults: what is wrong with the encoders
+        ready: whether the rods can be let go; the operator waits for that before he takes them to a pose
+    """
+
+    def __init__(
+        self,
+        plant: HiddenPlant,
+        rig: Rig,
+        placing_time: float = 0.0,
+        hand_error: float = 0.0,
+        clock_rate: float = 1.0,
+        faults: Faults | None = None,
+        ready: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self._plant, self._config, self._faults = plant, plant.config, faults or Faults()
+        self._rig, self._poses = rig, list(rig.poses.values())
+        encoders = plant.config.encoders
+        self._encoders = NoisyEncoders(rig, encoders.noise_counts, plant.config.seed, encoders.step_counts)
+        self._placing_time, self._hand_error, self._clock_rate = placing_time, hand_error, clock_rate
+        self._ready = ready
+        self._held = HeldRods(HANGING.theta, HANGING.theta)
+        self._swing: HiddenSwing | None = None
+        self._released_at, self._rate_hz, self._release = 0.0, 1.0, 0
+        self._at_release = np.zeros(3, dtype=np.int64)
+
+    def place(self, pose_number: int, now: float) -> None:
+        """The operator takes the rods to a pose of the rig, counted from 1; where there is none they stay as they are.
+
+        Turns made by the last swing are unwound, so that the counters do not depend on how long it went on.
+        """
+        start = target = self._theta(now)
+        if 1 <= pose_number <= len(self._poses):
+            pose, config = self._poses[pose_number - 1], self._config
+            target = placement(config.hand, pose, config.seed, self._release + 1, self._hand_error)
+            target = self._guided(target, HABITS.near * pose.tolerance)
+        begins = now if self._ready() else math.inf
+        self._held, self._swing = HeldRods(start, target, begins, self._placing_time), None
+
+    def let_go(self, at: float, rate_hz: float) -> None:
+        """The latch opens at the device time `at`; from then on the swing is read at `rate_hz` ticks a second."""
+        theta = self._held.theta(np.array([at]))[0]
+        self._release += 1
+        omega = release_speed(self._config.hand, self._config.seed, self._release)
+        self._swing = self._plant.let_go(theta, omega, rate_hz * self._clock_rate, self._release)
+        self._released_at, self._rate_hz = at, rate_hz
+        self._at_release = self._read(theta[None], RandomStream.SWING, self._release, 0)[0]
+
+    def held_counts(self, t: NDArray[np.float64], first: int) -> Counts:
+        """(n, 3) counts of the rest before a release at the device times `t`; `first` is the tick of the first."""
+        self._begin_placing(float(t[0]))
+        return self._read(self._held.theta(t), RandomStream.REST, self._release + 1, first)
+
+    def swing_counts(self, first: int, count: int) -> Counts:
+        """(count, 3) counts of the swing; `first` is the tick of the first since the release."""
+        before = min(first, LONGEST_REPEAT)
+        again = sampling_faults.repeated(self._config, self._release, first - before, count + before)
+        said = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
+        counts = self._swung(first - before, count + before)[said][before:]
+        since = np.arange(first, first + count) / self._rate_hz
+        return self._faults.counts(counts, self._at_release, since)
+
+    def missing(self, first: int, count: int) -> NDArray[np.bool_]:
+        """(count,) which samples of the swing the board never sends."""
+        return sampling_faults.missing(self._config, self._release, first, count)
+
+    def idle_counts(self, now: float, tick: int) -> Counts:
+        """(3,) counts at the device time `now` while nothing is streamed."""
+        self._begin_placing(now)
+        return self._read(self._theta(now)[None], RandomStream.IDLE, 0, tick)[0]
+
+    def _begin_placing(self, now: float) -> None:
+        """The operator who waited waits no longer."""
+        if self._ready() and self._held.begins == math.inf:
+            self._held = replace(self._held, begins=now)
+
+    def _guided(self, target: NDArray[np.float64], near: float) -> NDArray[np.float64]:
+        """(3,) where the encoders read `target`, if they misread that itself by more than `near`, rad.
+
+        The operator follows the screen. Where no place reads right, as under a stuck bit, it is the target.
+        """
+        theta = target
+        for _ in range(HABITS.looks):
+            counts = self._read(theta[None], RandomStream.IDLE, self._release + 1, 0)[0]
+            off = np.where([False, True, True], self._rig.theta(counts) - target, 0.0)
+            if np.abs(off).max() <= near:
+                return theta
+            theta = theta - off
+        return target
+
+    def _swung(self, first: int, count: int) -> Counts:
+        """(count, 3) counts of the swing, each at its own instant."""
+        assert self._swing is not None
+        later = sampling_faults.instants(self._config, self._release, first, count)
+        since = np.arange(first, first + count) / self._rate_hz
+        if not later.any():
+            return self._read(self._swing.theta(first, count), RandomStream.SWING, self._release, first, since)
+        edge = min(first, 1)
+        theta = self._swing.theta(first - edge, count + 1 + edge)
+        theta = sampling_faults.between_ticks(
+            theta if edge else np.concatenate([theta[:1], theta]), later * self._rate_hz
+        )
+        return self._read(theta, RandomStream.SWING, self._release, first, since + later)
+
+    def _read(
+        self, theta: NDArray[np.float64], stream: RandomStream, release: int, first: int, since: ArrayLike = -np.inf
+    ) -> Counts:
+        """(n, 3) counts of the angles that encoders are shown at the device times `since` the release."""
+        misread = self._plant.misread(theta, np.full(len(theta), since), release - 1)
+        return self._plant.counted(self._encoders.read(misread, stream, release, first))
+
+    def _theta(self, now: float) -> NDArray[np.float64]:
+        if self._swing is None:
+            return self._held.theta(np.array([now]))[0]
+        tick = max(self._swing.first, int((now - self._released_at) * self._rate_hz))
+        return self._swing.theta(tick, 1)[0]

@@ -1,0 +1,81 @@
+"""What moves a plant is compiled before the rods are let go: at once, or in a process beside a device that answers.
+
+A computer that never ran these kernels takes long for them, and a host waits seconds for an answer at most. A thread
+would not do: while it compiles, the device says nothing for a second at a time.
+"""
+
+import os
+import signal
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+
+import numpy as np
+
+from dpr_lab.child_process import ChildFunction
+from dpr_lab.kernel_cache import CACHE, mark_simulator_compiled, simulator_compiled
+from dpr_lab.rig import JOINTS, Rig
+from sim_device.plant.config import PlantConfig
+from sim_device.plant.hidden import HiddenPlant, plant_of
+from sim_device.plant.plant import Plant
+
+
+def warm_up(plant: HiddenPlant, rig: Rig, *, beside: bool) -> Callable[[], bool]:
+    """Have everything compiled that a plant needs.
+
+    Args:
+        plant: whose kernels
+        rig: the rig that it is of
+        beside: whether to leave that for later where it takes long
+
+    Returns:
+        tells whether the rods can be let go; what was left is begun when this is first called
+    """
+    plant.misread(np.zeros((1, JOINTS)), np.zeros(1), 0)  # a device looks at its rods from the beginning
+    if not beside or CACHE is None or simulator_compiled() or not isinstance(plant, Plant):
+        _swing_once(plant)
+        return lambda: True
+    return _Compiling(plant, rig)
+
+
+class _Compiling:
+    """A process that fills the cache of kernels, and a thread that loads them from there."""
+
+    def __init__(self, plant: Plant, rig: Rig) -> None:
+        self._plant, self._rig = plant, rig
+        self._loading: threading.Thread | None = None
+
+    def __call__(self) -> bool:
+        """Whether all is done."""
+        if self._loading is None:
+            child = ChildFunction(_fill_cache, self._plant.config, self._rig)
+            self._loading = threading.Thread(target=_load_after, args=(child, self._plant), daemon=True)
+            self._loading.start()
+        return not self._loading.is_alive()
+
+
+def _swing_once(plant: HiddenPlant) -> None:
+    plant.let_go(np.zeros(JOINTS), np.zeros(JOINTS), 1000.0, 0).theta(0, 2)
+    if isinstance(plant, Plant):
+        mark_simulator_compiled()
+
+
+def _load_after(child: ChildFunction, plant: Plant) -> None:
+    while not child.wait(1.0):
+        pass
+    _swing_once(plant)  # out of the cache, in no time
+
+
+def _fill_cache(connection: Connection, config: PlantConfig, rig: Rig) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(connection,), daemon=True).start()
+    if hasattr(os, "nice"):
+        os.nice(5)  # whoever connects comes first
+    _swing_once(plant_of(config, rig))
+
+
+def _end_with(connection: Connection) -> None:
+    with suppress(EOFError, OSError):
+        connection.recv()
+    os._exit(1)

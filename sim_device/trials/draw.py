@@ -1,0 +1,120 @@
+"""Draw a plant whose effects nobody chose: what there is to find in a blind trial (`sim_device.trials.request`)."""
+
+import numpy as np
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import EffectParameter
+from dpr_lab.rig import Rig
+from sim_device.plant.config import EncoderConfig, PlantConfig
+from sim_device.plant.foreign import FOREIGN, FORMS, OUTSIDE
+from sim_device.random_streams import RandomStream, generator
+from sim_device.trials.parameters import drawn
+from sim_device.trials.request import LEVELS, EffectRequest
+from sim_device.trials.sizing import Coefficients, sized
+
+LARGEST = 40.0
+"""Gap over the noise of the largest effect of a pair or triple, at most."""
+
+
+def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfig:
+    """A plant around `base`, drawn from its seed.
+
+    Raises:
+        ConfigError: `base` does not belong to the rig.
+    """
+    plant = drawn(base.model_copy(update={"effects": {}, "foreign": {}}), rig)
+    rng = generator(base.seed, RandomStream.DRAW)
+    effects = wanted.effects or _chosen(wanted, rng)
+    if wanted.kind == "dirty":
+        plant = plant.model_copy(update={"encoders": dirty(rng)})
+    shares = wanted.shares
+    lower, upper = LEVELS[wanted.level]
+    gap = _log_uniform(rng, lower, min(upper, LARGEST * min(shares))) / min(shares)
+    for name, share in zip(effects, shares, strict=False):
+        plant = _with_effect(plant, rig, name, gap * share, rng)
+    return plant
+
+
+def dirty(rng: np.random.Generator) -> EncoderConfig:
+    """Encoders with one or more of the faults that a real recording has."""
+    faults = np.zeros(5, dtype=np.bool_)
+    while not faults.any():
+        faults = rng.random(5) < 0.4
+    coarse, other, missing, jitter, repeats = faults
+    noise = tuple(rng.uniform(0.3, 1.5, 3).tolist()) if other else (0.5, 0.5, 0.5)
+    return EncoderConfig(
+        noise_counts=(0.0, 0.0, 0.0) if coarse else noise,
+        step_counts=4 if coarse else 1,
+        missing_share=rng.uniform(0.01, 0.02) if missing else 0.0,
+        jitter_ms=0.2 if jitter else 0.0,
+        repeated_share=0.01 if repeats else 0.0,
+    )
+
+
+def _chosen(wanted: EffectRequest, rng: np.random.Generator) -> tuple[str, ...]:
+    """Names of the effects, the largest first."""
+    if wanted.kind == "clean" or (wanted.kind == "dirty" and rng.random() < 0.5):
+        return ()
+    if wanted.kind in ("form", "outside"):
+        names = [n for n in (FORMS if wanted.kind == "form" else OUTSIDE) if _takes_part(n, wanted.held_back)]
+        return (str(rng.choice(names)),)
+    chosen: list[str] = []
+    for name in rng.permutation(visible_effects()).tolist():
+        if not any(alike(name, other) for other in chosen):
+            chosen.append(name)
+    return tuple(chosen[: len(wanted.shares)])
+
+
+def _takes_part(name: str, held_back: bool | None) -> bool:
+    return held_back is None or FOREIGN[name].held_back == held_back
+
+
+def visible_effects() -> list[str]:
+    """Library effects that a free swing can show."""
+    return [name for name, effect in EFFECTS.items() if not effect.absorbed_by]
+
+
+def alike(name: str, other: str) -> bool:
+    """Whether two effects are twins, cases of one another or of a third, so that together they are not two."""
+    return not _relatives(name).isdisjoint(_relatives(other))
+
+
+def _relatives(name: str) -> set[str]:
+    return {name, *EFFECTS[name].twins, *EFFECTS[name].nested}
+
+
+def _with_effect(plant: PlantConfig, rig: Rig, name: str, gap: float, rng: np.random.Generator) -> PlantConfig:
+    """The plant with one more effect that alone opens the gap wanted, or as near as its swings allow."""
+    table, unit = ("foreign", _foreign_unit) if name in FOREIGN else ("effects", _library_unit)
+    return plant.model_copy(
+        update={table: {**getattr(plant, table), name: sized(plant, rig, name, unit(name, rng), gap)}}
+    )
+
+
+def _foreign_unit(name: str, rng: np.random.Generator) -> Coefficients:
+    effect = FOREIGN[name]
+    unit = {size.name: float(rng.uniform(size.lower, size.upper)) for size in (effect.amplitude, *effect.shape)}
+    if effect.sign == "any":
+        unit[effect.amplitude.name] *= float(rng.choice([-1.0, 1.0]))
+    return unit
+
+
+def _library_unit(name: str, rng: np.random.Generator) -> Coefficients:
+    """Coefficients of an effect at about its typical size: free amplitudes of either sign, shapes over their range."""
+    return {p.name: (_shape if p.role == "shape" else _amplitude)(p, rng) for p in EFFECTS[name].parameters}
+
+
+def _amplitude(parameter: EffectParameter, rng: np.random.Generator) -> float:
+    one_way = parameter.sign == "positive" or parameter.one_way
+    return float(parameter.typical * rng.uniform(0.5, 1.5) * (one_way or rng.choice([-1, 1])))
+
+
+def _shape(parameter: EffectParameter, rng: np.random.Generator) -> float:
+    lower, upper = parameter.draw or (parameter.default / 3, parameter.default * 3)
+    if parameter.whole:
+        return float(rng.integers(int(lower), int(upper), endpoint=True))
+    return _log_uniform(rng, lower, upper)
+
+
+def _log_uniform(rng: np.random.Generator, lower: float, upper: float) -> float:
+    return float(np.exp(rng.uniform(np.log(lower), np.log(upper))))

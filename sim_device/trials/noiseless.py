@@ -1,0 +1,50 @@
+"""What a plant's encoders would read without noise, and how big a gap its effects open in it."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import base_parameters, ratios
+from dpr_lab.rig import Rig
+from sim_device.plant.config import PlantConfig
+from sim_device.plant.hidden import plant_of
+from sim_device.trials.gap_size import MEASURE, gap_size
+
+Array = NDArray[np.float64]
+
+
+def plant_gap(config: PlantConfig, rig: Rig) -> float:
+    """Gap that the effects of a plant open over a release of 10 s from each pose, in units of the noise.
+
+    It is infinite for a plant whose swing does not stay finite.
+
+    Raises:
+        ConfigError: effects that the plant cannot have.
+    """
+    frame = (rig.rig.L1, rig.rig.g)
+    truth = ratios(base_parameters(config.Z, *frame))
+    readings = [noiseless(config, rig, number) for number in range(1, len(rig.poses) + 1)]
+    if not all(np.isfinite(release).all() for release in readings):
+        return math.inf
+    relative = rig.encoders.joint2 == "relative"
+    return gap_size(truth, frame, 1 / MEASURE.rate_hz, readings, _noise(config, rig), relative)
+
+
+def noiseless(config: PlantConfig, rig: Rig, release: int) -> Array:
+    """(n, 2) what joint encoders 1 and 2 read during a release from the pose of that number, from 1, rad."""
+    plant, pose = plant_of(config, rig), list(rig.poses.values())[release - 1]
+    ticks = np.arange(round(MEASURE.duration * MEASURE.rate_hz))
+    theta = plant.let_go(pose.theta, np.zeros(3), MEASURE.rate_hz, release).theta(0, len(ticks))
+    positions = rig.positions(plant.misread(theta, ticks / MEASURE.rate_hz, release - 1))
+    if np.isfinite(positions).all():
+        whole = np.rint(positions).astype(np.int64)
+        positions += plant.counted(whole) - whole
+    return (positions - rig.encoders.zero_counts)[:, 1:] * rig.radians_per_count[1:]
+
+
+def _noise(config: PlantConfig, rig: Rig) -> Array:
+    """(2,) standard deviation of encoders 1 and 2 with their rounding, rad."""
+    noise = np.broadcast_to(np.asarray(config.encoders.noise_counts, dtype=np.float64), 3)
+    variance = noise**2 + config.encoders.step_counts**2 / 12
+    return np.abs(rig.radians_per_count[1:]) * np.sqrt(variance[1:])

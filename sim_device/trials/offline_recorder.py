@@ -1,0 +1,65 @@
+"""The recordings of a plant without device, link and waiting: the same counts, for trials by the hundred."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run, as_mounted
+from sim_device.plant.config import PlantConfig
+from sim_device.plant.hidden import plant_of
+from sim_device.plant.rods import SimulatedRods
+
+REST = 0.5
+"""How long the rods are recorded at rest before each release, s."""
+
+
+def record(config: PlantConfig, rig: Rig, duration: float = 10.0, rate_hz: int | None = None) -> list[Run]:
+    """One run from each of the rig's poses, as the lab would have recorded them.
+
+    The counts of the swings are those that the protocol would have carried; the rest before them is other noise of the
+    same kind.
+
+    Args:
+        config: the plant
+        rig: the rig it is mounted on
+        duration: how long each swing is recorded, s
+        rate_hz: samples a second; None: as the rig file says
+
+    Raises:
+        ConfigError: effects that the plant cannot have.
+    """
+    rods = SimulatedRods(plant_of(config, rig), rig)
+    return [
+        _released(rods, rig, number, pose, duration, rate_hz or rig.link.rate_hz)
+        for number, pose in enumerate(rig.poses, 1)
+    ]
+
+
+def _released(rods: SimulatedRods, rig: Rig, number: int, pose: str, duration: float, rate_hz: int) -> Run:
+    rods.place(number, 0.0)
+    before = np.arange(-round(REST * rate_hz), 0)
+    rest = rods.held_counts(before / rate_hz, 0)
+    rods.let_go(0.0, rate_hz)
+    count = round(duration * rate_hz) + 1
+    sent = ~rods.missing(0, count)
+    counts = np.concatenate([rest, rods.swing_counts(0, count)[sent]])
+    theta = _near(rig.theta(counts), rig.poses[pose].theta, len(rest))
+    return Run(
+        name=pose,
+        t=np.concatenate([before, np.flatnonzero(sent)]) / rate_hz,
+        theta=as_mounted(theta, rig.rods.mounting, pose),
+        mounting=rig.rods.mounting,
+        counts=counts,
+        pose=pose,
+        rig_name=rig.name,
+        rig_sha256=rig.sha256,
+        rate_hz=rate_hz,
+        added_mass=rig.added_mass,
+        lost={"tick_gap": int(count - sent.sum())},
+    )
+
+
+def _near(theta: NDArray[np.float64], pose: NDArray[np.float64], release: int) -> NDArray[np.float64]:
+    """Angles without the full turns that lie between each rod and its pose at the release, row `release`."""
+    turns = np.rint((theta[release] - pose) / (2 * np.pi))
+    return theta - 2 * np.pi * np.where([False, True, True], turns, 0.0)

@@ -1,0 +1,71 @@
+"""The parts of a rig nobody chose: true parameters drawn around a plant file's, and masses as scales give them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import MASSES, PARAMETERS, Parameter, Rig
+from sim_device.plant.config import PlantConfig
+from sim_device.random_streams import RandomStream, generator
+
+
+@dataclass(frozen=True, slots=True)
+class PartSpread:
+    """How far parts are from what the plant file says."""
+
+    parameter: float = 0.15
+    """Of a true parameter, relative; the paper's rig bounds the search at 0.2."""
+    mass: float = 0.15
+    """Of a mass that is weighed, relative."""
+    scales_std: float = 1e-4
+    """Of the scales that the parts are weighed on, kg."""
+    scales_step: float = 1e-4
+    """Of their display, kg."""
+
+
+SPREAD = PartSpread()
+
+
+def drawn(config: PlantConfig, rig: Rig) -> PlantConfig:
+    """The same plant with other true parameters, drawn from its seed.
+
+    Each searched parameter is uniform within `SPREAD` of the file's value and within the rig's bounds, so that the
+    truth stays findable; a parameter that the rig file gives as measured keeps its value.
+
+    Raises:
+        ConfigError: a value of the plant lies so far outside the rig's bounds that nothing is left to draw from.
+    """
+    spread = np.array([[1 - SPREAD.parameter], [1 + SPREAD.parameter]]) * config.Z
+    lower, upper = np.maximum(spread[0], rig.bounds[0]), np.minimum(spread[1], rig.bounds[1])
+    empty = [name for name, none in zip(PARAMETERS, rig.searched & (lower > upper), strict=True) if none]
+    if empty:
+        raise ConfigError(
+            f"plant {config.name}: {', '.join(empty)} more than {SPREAD.parameter:.0%} outside the bounds of rig"
+            f" {rig.name}: choose a plant that belongs to this rig, or leave --draw out"
+        )
+    share = generator(config.seed, RandomStream.TRUTH).random(len(PARAMETERS))
+    values = np.where(rig.searched, lower + share * (upper - lower), config.Z)
+    return config.model_copy(update={"parameters": dict(zip(PARAMETERS, values.tolist(), strict=True))})
+
+
+def weighed(base: PlantConfig, rig: Rig, step: float = 0.0) -> tuple[PlantConfig, Rig]:
+    """A rig of other parts, drawn from the plant's seed: its masses, and the rig file after each has been weighed.
+
+    Masses that the rig file gives as measured stay. With a `step` the scales show multiples of it, kg.
+    """
+    rng = generator(base.seed, RandomStream.RIG)
+    drawn_masses = {name: base.parameters[name] * (1 + SPREAD.mass * rng.uniform(-1, 1)) for name in MASSES}
+    read = {name: float(mass + rng.normal(0, SPREAD.scales_std)) for name, mass in drawn_masses.items()}
+    if step:
+        read = {name: round(round(mass / step) * step, 9) for name, mass in read.items()}
+    known = {
+        name: Parameter(nominal=rig.parameters[name].nominal, measured=read[name], std=SPREAD.scales_std)
+        for name in MASSES
+        if rig.parameters[name].measured is None
+    }
+    masses = {name: drawn_masses[name] for name in known}
+    return (
+        base.model_copy(update={"parameters": {**base.parameters, **masses}}),
+        rig.model_copy(update={"parameters": {**rig.parameters, **known}}),
+    )

@@ -1,0 +1,80 @@
+"""The seal of a drawn plant: a salted hash, given away before anything is recorded, that fixes the truth.
+
+The truth lies in a folder of the device's own, or in its memory, until it is asked for. The salt is drawn afresh, not
+from the seed: whoever knows or guesses the seed can draw the plant again, but cannot tell from the seal whether it is
+the one.
+"""
+
+import hashlib
+import json
+import secrets
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.errors import ConfigError
+
+if TYPE_CHECKING:
+    from sim_device.plant.config import PlantConfig
+    from sim_device.plant.hidden import HiddenPlant
+
+PLANT = "plant.toml"
+TRUTH = "truth.json"
+
+
+def seal(truth: dict[str, Any], salt: str) -> str:
+    """Hex SHA-256 of the salt and the truth as compact JSON with sorted keys."""
+    text = salt + json.dumps(truth, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def truth(plant: "HiddenPlant") -> dict[str, Any]:
+    """Parameters, ratios and effects; of an out-of-library effect those of the library that would be a right answer."""
+    from sim_device.plant.foreign import FOREIGN
+
+    config = plant.config
+    return plant.reveal() | {
+        "foreign": {name: dict(values) for name, values in config.foreign.items()},
+        "family": {name: [effect.name for effect in FOREIGN[name].family] for name in config.foreign},
+        "held_back": [name for name in config.foreign if FOREIGN[name].held_back],
+        "encoders": config.encoders.model_dump(mode="json"),
+    }
+
+
+def salted(plant: "HiddenPlant", drawn: dict[str, Any]) -> dict[str, Any]:
+    """The truth of a plant with what was asked for, `truth`, and the `salt` of its seal."""
+    return {"salt": secrets.token_hex(16), "truth": truth(plant) | {"drawn": drawn}}
+
+
+def keep(plant: "PlantConfig", told: dict[str, Any], folder: Path) -> None:
+    """Keep a plant and its salted truth in a folder.
+
+    Args:
+        plant: what is sealed
+        told: of `salted`
+        folder: made here, for the device alone
+
+    Raises:
+        ConfigError: the folder is there already, or cannot be written.
+    """
+    from sim_device.trials.toml import toml_text
+
+    try:
+        folder.mkdir(mode=0o700, parents=True)
+        (folder / PLANT).write_text(toml_text(plant.model_dump(mode="json")), encoding="utf-8")
+        (folder / TRUTH).write_text(json.dumps(told), encoding="utf-8")
+    except FileExistsError as error:
+        raise ConfigError(f"{folder}: is there already; a sealed plant is never replaced") from error
+    except OSError as error:
+        raise ConfigError(f"{folder}: the sealed plant cannot be kept there: {error.strerror}") from error
+
+
+def opened(folder: Path) -> dict[str, Any]:
+    """The truth kept in a folder, with the salt that anybody needs to check its seal.
+
+    Raises:
+        ConfigError: no sealed plant is there.
+    """
+    try:
+        return json.loads((folder / TRUTH).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{folder}: holds no sealed plant: {error}") from error

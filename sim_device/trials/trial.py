@@ -1,0 +1,91 @@
+"""A blind trial as the device prepares it: a rig of other parts, a plant drawn for it, sealed, perhaps recorded."""
+
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dpr_lab.rig import Rig, load_rig
+from sim_device.options import Options
+from sim_device.plant.config import PlantConfig, load_plant
+from sim_device.plant.hidden import plant_of
+from sim_device.trials.draw import draw_plant
+from sim_device.trials.offline_recorder import record
+from sim_device.trials.parameters import SPREAD, weighed
+from sim_device.trials.request import ANY, parse_request, with_kind
+from sim_device.trials.seal import keep, salted, seal
+from sim_device.trials.toml import toml_text
+
+SEED_BITS = 128
+"""A seed that nobody gave has so many bits: too many to try, whatever is public of the trial."""
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnTrial:
+    """A plant that was drawn, what it is sealed with, and what is public of it."""
+
+    plant: PlantConfig
+    rig: Rig
+    """As its rig file says; its numbers come from a stream of their own and are rounded as scales show them."""
+    kept: dict[str, Any]
+    """`truth` and `salt`."""
+
+    def told(self, direct: bool) -> dict[str, Any]:
+        """`seal`; `rig`, the rig file as TOML text; `runs` where asked for: pose, rate, samples lost, time, counts."""
+        public = {"seal": seal(self.kept["truth"], self.kept["salt"]), "rig": _rig_file(self.rig)}
+        return public | ({"runs": _runs(self.plant, self.rig)} if direct else {})
+
+
+def drawn_trial(options: Options, around: Rig) -> DrawnTrial:
+    """Draw a plant.
+
+    Args:
+        options: plant, what to draw (anything where that is left out) and seed
+        around: the rig it is drawn around
+
+    Raises:
+        ConfigError: nothing that could be drawn.
+    """
+    seed, public = (secrets.randbits(SEED_BITS) if options.seed is None else options.seed for _ in range(2))
+    wanted = parse_request(with_kind(options.draw_effects or ANY, seed))
+    base, rig = weighed(load_plant(options.plant, public), around, SPREAD.scales_step)
+    plant = draw_plant(wanted, base.model_copy(update={"seed": seed}), rig)
+    drawn = {"kind": wanted.kind, "level": wanted.level, "seed": seed}
+    return DrawnTrial(plant, rig, salted(plant_of(plant, rig), drawn))
+
+
+def sealed_trial(options: Options, folder: Path, direct: bool = False) -> dict[str, Any]:
+    """Draw and seal a plant.
+
+    Args:
+        options: rig, plant, what to draw (anything where that is left out) and seed
+        folder: where the device keeps the truth
+        direct: whether to record the plant at once, without device and link
+
+    Returns:
+        See `DrawnTrial.told`.
+
+    Raises:
+        ConfigError: nothing that could be drawn, or the folder is there already.
+    """
+    trial = drawn_trial(options, load_rig(options.rig))
+    keep(trial.plant, trial.kept, folder)
+    return trial.told(direct)
+
+
+def _rig_file(rig: Rig) -> str:
+    return toml_text(rig.model_dump(mode="json", exclude_none=True)).lstrip()
+
+
+def _runs(plant: PlantConfig, rig: Rig) -> list[dict[str, Any]]:
+    runs = record(plant, rig)
+    return [
+        {
+            "pose": run.pose,
+            "rate_hz": run.rate_hz,
+            "lost": dict(run.lost),
+            "t": run.t.tolist(),
+            "counts": [] if run.counts is None else run.counts.tolist(),
+        }
+        for run in runs
+    ]

@@ -1,0 +1,132 @@
+"""A capture that is broken off keeps what it has, and stops the device where it can."""
+
+import os
+import resource
+import signal
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dpr_lab.acquisition.capture import CaptureOptions, Progress, Released, capture
+from dpr_lab.acquisition.device import Batch
+from dpr_lab.acquisition.holding import raise_faults
+from dpr_lab.acquisition.interrupts import unbroken
+from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, RunError
+from dpr_lab.rig import Rig
+from dpr_lab.storage.inspect import recover, verify
+from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.writer import RunWriter
+from firmware_protocol.messages import Event, EventKind, Fault, Message, State, Status
+
+SHORT = CaptureOptions(duration=2.0, pose_timeout=3.0, rest_timeout=3.0)
+
+
+@pytest.mark.parametrize(
+    ("message", "error", "sentence"),
+    [
+        (Event(EventKind.FAULT, Fault.LATCH, 5), DeviceFault, "latch did not reach"),
+        (Event(EventKind.LEASE_LOST, 0, 5), LinkError, "heard nothing from the host"),
+        (Status(State.FAULT, Fault.ENCODER1, True, 0, 0, 0), DeviceFault, "inner rod"),
+    ],
+)
+def test_what_the_device_reports_ends_the_capture(message: Message, error: type[DprError], sentence: str) -> None:
+    with pytest.raises(error, match=sentence):
+        raise_faults("x://", [Batch(0.0, b"", (), (message,))])
+
+
+def test_pulled_cable_leaves_a_partial_run_that_can_be_recovered(paper: Rig, tmp_path: Path, bench, agree) -> None:
+    with bench(fault=("cut_after_s=20",)) as (device, _):
+        with pytest.raises(DeviceLost) as caught:
+            capture(device, paper, "X1", CaptureOptions(duration=60), tmp_path, confirm=agree)
+    (path,) = sorted(tmp_path.glob("*.mcap"))
+    assert str(path) in str(caught.value)
+    run = load_run(path, paper)
+    assert not run.complete
+    assert run.duration > 0.2
+    assert not verify(path).ok
+    kept = recover(path, tmp_path / "recovered.mcap")
+    assert kept == len(run.t)
+    assert np.array_equal(load_run(tmp_path / "recovered.mcap").theta, run.theta)
+
+
+def test_device_that_restarts_is_lost(paper: Rig, tmp_path: Path, bench, agree) -> None:
+    with bench(fault=("reset_after_s=20",)) as (device, _):
+        with pytest.raises(DeviceLost, match="may have restarted"):
+            capture(device, paper, "X1", CaptureOptions(duration=60), tmp_path, confirm=agree)
+    assert not load_run(sorted(tmp_path.glob("*.mcap"))[0]).complete
+
+
+def test_ctrl_c_finishes_the_file_stops_the_device_and_passes_on(
+    paper: Rig, tmp_path: Path, bench, settled, agree
+) -> None:
+    def interrupt_soon(progress: Progress) -> None:
+        if isinstance(progress, Released):
+            threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    with bench(clock="realtime") as (device, _):
+        with pytest.raises(KeyboardInterrupt):
+            capture(device, paper, "X1", CaptureOptions(duration=30), tmp_path, interrupt_soon, agree)
+        assert settled(device).state is State.IDLE
+    run = load_run(sorted(tmp_path.glob("*.mcap"))[0], paper)
+    assert not run.complete
+    assert 0.2 < run.duration < 1.0
+    assert any("KeyboardInterrupt" in note for note in run.notes)
+
+
+def test_unbroken_block_ends_before_the_interrupt() -> None:
+    done: list[str] = []
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        _interrupted_block(done)
+    assert done == ["all of it"]
+    assert signal.getsignal(signal.SIGINT) is before
+    thread = threading.Thread(target=lambda: _quiet_block(done))
+    thread.start()
+    thread.join()
+    assert done == ["all of it", "elsewhere"]
+
+
+def _interrupted_block(done: list[str]) -> None:
+    with unbroken():
+        signal.raise_signal(signal.SIGINT)
+        done.append("all of it")
+
+
+def _quiet_block(done: list[str]) -> None:
+    with unbroken():
+        done.append("elsewhere")
+
+
+def test_full_disk_is_a_run_error_and_stops_the_device(paper: Rig, tmp_path: Path, bench, settled, agree) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def fill_disk(progress: Progress) -> None:
+        if isinstance(progress, Released):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (120_000, hard))
+
+    with bench(clock="realtime") as (device, _):
+        try:
+            with pytest.raises(RunError, match=r"cannot be written: File too large.* the file is kept"):
+                capture(device, paper, "X1", CaptureOptions(duration=60), tmp_path, fill_disk, agree)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert settled(device).state is State.IDLE
+    assert len(load_run(sorted(tmp_path.glob("*.mcap"))[0]).t) > 500
+
+
+def test_slow_disk_loses_nothing(paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bench, agree) -> None:
+    write = RunWriter.samples
+
+    def slow(writer: RunWriter, *arguments: Any) -> None:
+        time.sleep(0.15)
+        write(writer, *arguments)
+
+    monkeypatch.setattr(RunWriter, "samples", slow)
+    with bench(clock="realtime") as (device, _):
+        captured = capture(device, paper, "X1", CaptureOptions(duration=1.0), tmp_path, confirm=agree)
+    assert captured.quality.ok, captured.quality.sentence
+    assert len(load_run(captured.run_file).swing.t) == 1001

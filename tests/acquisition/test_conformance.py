@@ -1,0 +1,65 @@
+"""A device that keeps to the protocol passes over its own port; one that does not is told where it failed."""
+
+from dataclasses import replace
+
+import pytest
+
+from dpr_lab.acquisition.conformance import ConformanceSettings, conformity, refuse_with_rods
+from dpr_lab.errors import DprError
+from dpr_lab.transports import open_transport
+from dpr_lab.transports.transport import Received
+from firmware_protocol.messages import Nak, Status, decode, encode
+
+PATIENT = ConformanceSettings(patience_s=60.0, rate_off=0.5, reports_hz=(1.0, 30.0))
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("firmware", ["python", "c"])
+def test_the_reference_devices_conform(simulated, firmware: str) -> None:
+    link = open_transport(simulated(clock="realtime", firmware=firmware).url)
+    try:
+        found = list(conformity(link, PATIENT))
+    finally:
+        link.close()
+    assert [(one.what, one.said) for one in found if not one.ok] == []
+    assert len(found) >= 15
+    assert found[-3].what == "the rate is right"
+
+
+class Otherwise:
+    """A link to a real device, some of whose messages are changed."""
+
+    def __init__(self, inner, change) -> None:
+        self.inner, self.change = inner, change
+
+    def __getattr__(self, name: str):
+        return getattr(self.inner, name)
+
+    def receive(self, timeout: float) -> Received:
+        came = self.inner.receive(timeout)
+        return replace(came, frames=tuple(encode(self.change(decode(f)), f.node) for f in came.frames))
+
+
+@pytest.mark.timeout(300)
+def test_what_a_device_does_otherwise_is_named(simulated) -> None:
+    def change(message):
+        if isinstance(message, Nak):
+            return replace(message, code=type(message.code).BAD_VALUE)
+        return replace(message, latched=True) if isinstance(message, Status) else message
+
+    link = Otherwise(open_transport(simulated(clock="realtime").url), change)
+    try:
+        found = {one.what: one for one in conformity(link, PATIENT)}  # pyright: ignore[reportArgumentType]
+    finally:
+        link.close()
+    refused = found["what IDLE refuses"]
+    assert not refused.ok
+    assert "step" in refused.said
+    assert not found["a whole run: hold, stream, release, stop"].ok
+    assert "latched True" in found["a whole run: hold, stream, release, stop"].said
+
+
+def test_it_asks_for_the_rods_to_be_off() -> None:
+    refuse_with_rods(True)
+    with pytest.raises(DprError, match="--rods-off"):
+        refuse_with_rods(False)

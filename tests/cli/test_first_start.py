@@ -1,0 +1,43 @@
+"""A command that compiles kernels says so, once, and shows that it goes on."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.cli.listener import COMPILING, Listener
+from dpr_lab.kernel_cache import compiling
+
+CLI = Path(__file__).parents[2] / "dpr_lab" / "cli"
+CAPTURE = ("capture", "--rig", "paper", "--pose", "X1", "--duration", "1", "--link", "sim://?clock=fast&seed=3")
+
+
+def test_it_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
+    with Listener():
+        compiling()
+        compiling()
+    compiling()
+    assert capsys.readouterr().err == f"{COMPILING}\n"
+
+
+def test_every_command_that_may_compile_listens() -> None:
+    for path in set(CLI.glob("*.py")) - {CLI / name for name in ("listener.py", "import_table.py")}:
+        code = path.read_text()
+        assert "with Listener()" in code or not re.search(r"from dpr_lab\.(workflows|transports)\S* import", code), path
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_first_start_is_told_and_the_second_is_not(tmp_path: Path, on_terminal) -> None:
+    def shown(*words: str) -> str:
+        program = [sys.executable, "-m", "dpr_lab", *words]
+        code, text = on_terminal(program, {"NUMBA_CACHE_DIR": str(tmp_path / "cache")})
+        assert code == 0, text
+        return text
+
+    capture = (*CAPTURE, "--out", str(tmp_path / "runs"))
+    first = shown(*capture)  # the device compiles
+    assert first.index(COMPILING) < first.index("firmware 1.0.0")
+    assert "first start" in first
+    assert COMPILING not in shown(*capture)

@@ -1,0 +1,104 @@
+"""What a newcomer does: a rig without poses, a rate that cannot be, a name that is wrong, a narrow terminal."""
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.cli.checks import EFFECT_NAMES, OBJECTIVE_NAMES, SEARCHES, built_in_rigs, complete_rig
+from dpr_lab.configs import BUILTIN
+from dpr_lab.effects import EFFECTS
+from dpr_lab.rig import AddedMass, Encoders, LinkSettings, Parameter, Pose, RigGeometry, load_rig
+from dpr_lab.search import ALGORITHMS
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_a_rig_without_poses_is_said(cli, tmp_path: Path) -> None:
+    text = (BUILTIN / "rigs" / "paper.toml").read_text()
+    (tmp_path / "rig.toml").write_text(re.sub(r"\[poses\.[^[]*", "", text))
+    done = cli("capture", "--rig", tmp_path / "rig.toml", "--link", "sim://?clock=fast", "--out", tmp_path / "runs")
+    assert done.code == 3
+    assert "has no poses" in done.err
+
+
+def test_a_rate_that_cannot_be_is_refused_before_anyone_moves(cli, tmp_path: Path) -> None:
+    words = ("capture", "--rig", "paper", "--link", "sim://?clock=fast", "--rate-hz", "9999999", "--out", tmp_path)
+    done = cli(*words)
+    assert done.code == 4
+    assert "X1" not in done.err
+
+
+@pytest.mark.parametrize(
+    ("words", "known"),
+    [
+        (("identify", "x", "--rig", "paper", "--search", "luck"), "cma_es"),
+        (("identify", "x", "--rig", "paper", "--objective", "luck"), "segments"),
+        (("diagnose", "x", "--rig", "paper", "--library", "luck"), "coulomb_joint1"),
+        (("diagnose", "x", "--rig", "paper", "--without", "luck"), "coulomb_joint1"),
+    ],
+)
+def test_a_wrong_choice_ends_with_2_and_lists_the_right_ones(cli, words, known: str) -> None:
+    done = cli(*words)
+    assert done.code == 2
+    assert "luck" in done.err
+    assert known in done.err
+
+
+def test_choices_are_completed() -> None:
+    assert SEARCHES.complete("c") == ["cma_es"]
+    assert OBJECTIVE_NAMES.complete("") == ["segments", "paper"]
+    assert EFFECT_NAMES.complete("backlash_joint2,coul") == [
+        f"backlash_joint2,{name}" for name in EFFECTS if name.startswith("coul")
+    ]
+    assert complete_rig("pap") == ["paper"]
+
+
+def test_help_names_every_search(cli) -> None:
+    said = " ".join(cli("identify", "--help").out.split())
+    for name in ALGORITHMS:
+        assert name in said
+
+
+def test_built_in_rigs_are_listed_and_shown(cli, tmp_path: Path) -> None:
+    listed = cli("rig", "list", "--json")
+    assert [rig["name"] for rig in listed.json] == built_in_rigs() == ["multiarm", "paper"]
+    (tmp_path / "mine.toml").write_text(cli("rig", "show", "paper").out)
+    assert load_rig(tmp_path / "mine.toml").model_dump() == load_rig("paper").model_dump()
+
+
+def test_the_page_of_the_rig_file_has_every_key() -> None:
+    page = (ROOT / "docs" / "rig-file.md").read_text()
+    for model in (RigGeometry, Parameter, Encoders, Pose, AddedMass, LinkSettings):
+        for key in model.model_fields:
+            assert f"`{key}`" in page, (model, key)
+    blocks = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    assert all(tomllib.loads(block) for block in blocks)
+
+
+@pytest.mark.parametrize("columns", [80, 50])
+def test_a_table_keeps_its_words_whole_on_a_narrow_terminal(columns: int, on_terminal) -> None:
+    program = """
+from dpr_lab.cli.console import table
+row = ("coulomb_joint1", "rolling_friction_of_the_bearing", "indistinguishable", "0.98", "friction_curve_joint2")
+table("Effects", ("effect", "what it is", "standing", "probability", "alternative"), [row], prose=True)
+"""
+    code, text = on_terminal([sys.executable, "-c", program], {"COLUMNS": str(columns)})
+    assert code == 0
+    assert max(map(len, text.splitlines())) <= columns
+    for word in ("coulomb_joint1", "rolling_friction_of_the_bearing", "indistinguishable", "friction_curve_joint2"):
+        assert word in text
+
+
+def test_sentences_end_their_lines_between_words(on_terminal) -> None:
+    wrong = [sys.executable, "-m", "dpr_lab", "diagnose", "x.mcap", "--rig", "paper", "--library", "gremlins"]
+    code, text = on_terminal(wrong, {"COLUMNS": "80"})
+    assert code == 2
+    assert max(map(len, text.splitlines())) <= 80
+    assert set(EFFECTS) <= set(re.split(r"[\s,]+", text))
+    program = "from dpr_lab.cli.console import line; line('residual ' * 20)"
+    code, text = on_terminal([sys.executable, "-c", program], {"COLUMNS": "80"})
+    assert max(map(len, text.splitlines())) <= 80
+    assert set(text.split()) == {"residual"}

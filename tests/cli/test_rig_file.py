@@ -1,0 +1,136 @@
+"""A rig file made from a ruler and a balance, by flags or by questions, and looked through before it is used."""
+
+import os
+import pty
+import re
+import runpy
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.rig import load_rig
+from dpr_lab.rig_file import Measure, RigMeasures, check_rig, draft_rig, parse_rig
+
+ROOT = Path(__file__).parents[2]
+FLAGS = ("--name", "bench", "--l1", "0.3", "--l2", "0.25", "--m1", "0.21+-0.001", "--m2", "0.12")
+
+
+def test_a_rig_file_from_flags_can_be_used(cli, tmp_path: Path) -> None:
+    done = cli("rig", "new", *FLAGS, "--out", "my.toml", cwd=tmp_path)
+    assert done.code == 0, done.err
+    rig = load_rig(tmp_path / "my.toml")
+    assert (rig.name, rig.L1, rig.L2) == ("bench", 0.3, 0.25)
+    assert (rig.parameters["m1"].measured, rig.parameters["m1"].std) == (0.21, 0.001)
+    assert rig.parameters["m2"].measured is None
+    assert "# inner rod, kg" in (tmp_path / "my.toml").read_text()
+    assert cli("rig", "check", "my.toml", "--json", cwd=tmp_path).json == {
+        "file": "my.toml",
+        "ok": True,
+        "findings": [],
+    }
+    again = cli("rig", "new", *FLAGS, "--out", "my.toml", cwd=tmp_path)
+    assert again.code == 3
+    assert "exists already" in again.err
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (FLAGS[:-2], 2, "--m2 is needed: Outer rod, kg"),
+        ((*FLAGS[:-1], "heavy"), 2, "--m2 'heavy': write it as 0.21, or weighed and to be held as 0.21+-0.001"),
+        ((*FLAGS[:-1], "-1"), 3, "parameters.m2"),
+        ((*FLAGS, "--l1", "300"), 3, "rig.L1 = 300"),
+        ((*FLAGS, "--out", "rig.txt"), 3, "ends in .toml"),
+    ],
+)
+def test_what_no_rig_file_may_hold(cli, tmp_path: Path, words: tuple[str, ...], code: int, said: str) -> None:
+    done = cli("rig", "new", *words, cwd=tmp_path)
+    assert (done.code, list(tmp_path.iterdir())) == (code, [])
+    assert said in " ".join(done.err.split())
+    assert "Traceback" not in done.err
+
+
+def test_a_terminal_is_asked(tmp_path: Path) -> None:
+    answers = {
+        "Name of the rig": "asked",
+        "Between the two joints": "0.3",
+        "Length of the outer rod": "far\n0.25",  # asked again after a word
+        "Inner rod": "0.21",
+        "Outer rod": "0.12+-0.002",
+        "What sits on the elbow": "",
+        "Counts per turn": "",
+        "encoder reads": "absolute",
+        "Where the device is": "",
+    }
+    master, slave = pty.openpty()
+    command = [sys.executable, "-m", "dpr_lab", "rig", "new"]
+    process = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, cwd=tmp_path)
+    os.close(slave)
+    shown, deadline = "", time.monotonic() + 120
+    waiting = [(question, line) for question, answer in answers.items() for line in answer.split("\n")]
+    while waiting and time.monotonic() < deadline:
+        shown += os.read(master, 4096).decode()
+        if waiting[0][0] in shown and shown.rstrip().endswith(":"):
+            os.write(master, (waiting.pop(0)[1] + "\n").encode())
+            shown = ""
+    assert process.wait(60) == 0, shown
+    os.close(master)
+    rig = load_rig(tmp_path / "asked.toml")
+    assert (rig.L2, rig.parameters["m2"].std, rig.encoders.joint2) == (0.25, 0.002, "absolute")
+
+
+def test_bounds_hold_rods_of_every_kind() -> None:
+    measures = RigMeasures("published", 0.4, 0.4, Measure(0.1), Measure(0.1))
+    rig, published = parse_rig(draft_rig(measures)), load_rig("paper")
+    lower, upper = rig.bounds
+    assert ((lower <= published.nominal) & (published.nominal <= upper)).all()
+    real = load_rig("multiarm")
+    measures = RigMeasures("real", real.L1, 0.23, Measure(0.0938), Measure(0.1376))
+    lower, upper = parse_rig(draft_rig(measures)).bounds
+    assert ((lower <= real.nominal) & (real.nominal <= upper)).all()
+
+
+def changed(tmp_path: Path, old: str, new: str) -> Path:
+    path = tmp_path / "rig.toml"
+    text = draft_rig(RigMeasures("x", 0.3, 0.25, Measure(0.21, 0.001), Measure(0.12)))
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "state", "key"),
+    [
+        ("g = 9.81", "g = 98.1", "odd", "rig.g"),
+        ("L1 = 0.3 ", "L1 = 3.0 ", "odd", "rig.L1"),
+        ("measured = 0.21\n", "measured = 210.0\n", "odd", "parameters.m1"),
+        ("std = 0.001", "std = 0.1", "odd", "parameters.m1"),
+        ("measured = 0.21\nstd = 0.001", "lower = 0.2\nupper = 0.3", "missing", "parameters"),
+        ("nominal = 0.15\n", "nominal = 0.35\n", "odd", "parameters.l1"),
+        ("nominal = 0.000625\n", "nominal = 0.0063\n", "odd", "parameters.J2"),
+        ("lower = 5.25e-05", "lower = 1e-9", "odd", "parameters.J2"),
+        ("theta1 = 0.1\ntheta2 = 0.1", "theta1 = 3.14\ntheta2 = 3.14", "odd", "poses.X2"),
+        ("rate_hz = 1000", "rate_hz = 20", "odd", "link.rate_hz"),
+        ("# noise_counts = 0.5 ", "noise_counts = 0.0 ", "odd", "encoders.noise_counts"),
+        ("L2 = 0.25", "# L2 = 0.25", "missing", "rig.L2"),
+        ("[poses.X1]", "[pose.X1]", "wrong", ""),
+    ],
+)
+def test_what_is_wrong_missing_or_odd_is_said(tmp_path: Path, old: str, new: str, state: str, key: str) -> None:
+    found = check_rig(changed(tmp_path, old, new))
+    assert (state, key) in [(finding.state, finding.key) for finding in found], found
+
+
+def test_a_rig_that_cannot_be_used_ends_with_1(cli, tmp_path: Path) -> None:
+    done = cli("rig", "check", changed(tmp_path, "L1 = 0.3 ", "L1 = -0.3 "))
+    assert done.code == 1
+    assert re.search(r"cannot be used.*rig\.L1", done.out, re.DOTALL)
+    assert cli("rig", "check", "paper").code == 0
+
+
+def test_the_page_of_the_rig_file_is_what_the_model_says() -> None:
+    page = runpy.run_path(str(ROOT / "docs" / "rig_file.py"))["page"]()
+    assert (ROOT / "docs" / "rig-file.md").read_text(encoding="utf-8") == page

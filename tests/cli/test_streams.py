@@ -1,0 +1,165 @@
+"""What the commands print cannot steer a terminal; a full, closed or differently coded output is a sentence."""
+
+import ast
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.cli.listener import COMPILING
+from dpr_lab.errors import DprError, printable
+
+CLI = Path(__file__).parents[2] / "dpr_lab" / "cli"
+STEERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+EVIL = "\x1b]0;owned\x07\x9b2J\u202eevil"
+
+
+def test_controls_are_spelled_out() -> None:
+    assert printable("a\x1b[2Jb\tc\nd é") == "a\\x1b[2Jb\tc\nd é"
+    assert STEERS.search(printable(EVIL)) is None
+    assert STEERS.search(str(DprError(EVIL))) is None
+
+
+def test_commands_print_through_the_console_alone() -> None:
+    for path in CLI.glob("*.py"):
+        calls = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)]
+        prints = [call for call in calls if isinstance(call.func, ast.Name) and call.func.id == "print"]
+        assert path.name in ("console.py", "app.py") or not prints, path
+
+
+def run(*words: object, **options) -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-m", "dpr_lab", *map(str, words)]
+    return subprocess.run(command, stdin=subprocess.DEVNULL, timeout=150, **options)
+
+
+TABLE = "t,theta1,theta2\n" + "".join(f"{i / 100},{3 + i / 1000},{3 - i / 1000}\n" for i in range(50))
+
+
+def test_names_from_files_reach_the_terminal_without_escapes(tmp_path: Path) -> None:
+    table = tmp_path / f"swing{EVIL.replace('/', '')}.csv"
+    table.write_text(TABLE.replace("theta2\n", f"theta2,{EVIL}\n").replace("\n", ",1\n").replace("evil,1", "evil", 1))
+    words = ("import", "csv", table, "--rig", "paper", "--out", tmp_path / "runs")
+    imported = run(*words, capture_output=True)
+    (made,) = (tmp_path / "runs").glob("*.mcap") if (tmp_path / "runs").is_dir() else (table,)
+    for done in (
+        imported,
+        run("run", "info", made, capture_output=True),
+        run("run", "info", table, capture_output=True),
+    ):
+        assert STEERS.search((done.stdout + done.stderr).decode().replace("\x1b[", "")) is None
+        assert b"]0;owned" in done.stdout + done.stderr
+
+
+def test_a_rig_with_such_a_name_is_refused(tmp_path: Path) -> None:
+    rig = (CLI.parents[1] / "configs" / "rigs" / "paper.toml").read_text().replace('"paper"', '"a\\u001b[2J"')
+    (tmp_path / "rig.toml").write_text(rig)
+    done = run("identifiability", "--rig", tmp_path / "rig.toml", capture_output=True)
+    assert done.returncode == 3
+    assert b"cannot be shown" in done.stderr
+    assert b"\x1b" not in done.stderr + done.stdout
+
+
+@pytest.mark.parametrize("coding", ["ascii", "latin-1"])
+def test_an_output_of_another_coding_is_no_traceback(coding: str, tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": coding}
+    for words in (("run", "info", tmp_path / "\N{SNOWMAN}.mcap"), ("identifiability", "--rig", "paper")):
+        done = run(*words, capture_output=True, env=environment)
+        assert b"Traceback" not in done.stderr
+        assert done.returncode in (0, 3)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("words", [("rig", "list"), ("rig", "list", "--json")])
+def test_a_full_output_is_a_sentence(words) -> None:
+    with open("/dev/full", "wb") as full:
+        done = run(*words, stdout=full, stderr=subprocess.PIPE)
+    assert done.returncode == 1
+    assert done.stderr.decode().splitlines()[-1] == (
+        "dpr-lab: the result cannot be written to the output: No space left on device"
+    )
+
+
+def test_closed_streams_are_no_traceback(tmp_path: Path) -> None:
+    program = f"exec '{sys.executable}' -m dpr_lab rig list"
+    for closed in (">&-", "2>&-", "<&- >&- 2>&-"):
+        done = subprocess.run(["sh", "-c", f"{program} {closed}"], capture_output=True, timeout=150)
+        assert b"Traceback" not in done.stderr
+        assert done.returncode == 0
+
+
+INTERRUPTED = (130, -signal.SIGINT)
+"""A shell says 130 of both; Python ends by the signal itself where it struck inside an `exec`."""
+
+MOMENTS_S = (0.0, 0.1, 0.3, 0.6, 1.0, 2.0, 4.0, 8.0)
+"""Of work, by the process's own clock: while it is loaded, while it compiles, while it computes."""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_ctrl_c_is_one_line_and_one_object_at_any_moment(
+    command: str, runs: list[Path], after_work, tmp_path: Path
+) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}  # so that there is something to compile
+    for number, moment_s in enumerate(MOMENTS_S):
+        words = [command, *map(str, runs), "--rig", "paper", "--json", "--out", str(tmp_path / f"out{number}")]
+        program = [sys.executable, "-m", "dpr_lab", *words]
+        with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
+            assert after_work(process.pid, moment_s)
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate()
+        said = err.decode().strip().splitlines()
+        assert process.returncode in INTERRUPTED, (moment_s, said)
+        assert json.loads(out) == {"error": "interrupted", "exit_code": 130}
+        assert said[-1] == "dpr-lab: interrupted"
+        assert set(said[:-1]) <= {COMPILING}, moment_s
+
+
+def test_an_interrupt_inside_a_library_is_an_interrupt() -> None:
+    """A compiler turns an interrupt into an error of its own, or loses it where nothing can be raised."""
+    program = """
+import signal, sys
+from dpr_lab import cli
+from dpr_lab.cli.console import json_mode
+class Lost:
+    def __del__(self):
+        raise KeyboardInterrupt
+def wrapped():
+    json_mode(True)
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt as error:
+        raise RuntimeError("the compiler failed") from error
+def lost():
+    import time
+    json_mode(True)
+    Lost()
+    time.sleep(60)
+import dpr_lab.cli.app
+dpr_lab.cli.app.app = {"wrapped": wrapped, "lost": lost}[sys.argv[1]]
+cli.main()
+"""
+    for way in ("wrapped", "lost"):
+        done = subprocess.run([sys.executable, "-c", program, way], capture_output=True, text=True, timeout=100)
+        assert done.returncode == 130, done.stderr
+        assert done.stderr == "dpr-lab: interrupted\n"
+        assert json.loads(done.stdout) == {"error": "interrupted", "exit_code": 130}
+
+
+def test_a_progress_bar_on_a_terminal_ends_with_the_interrupt(
+    runs: list[Path], tmp_path: Path, on_terminal, after_work
+) -> None:
+    def interrupt(pid: int) -> None:
+        if after_work(pid, 1.5):
+            os.kill(pid, signal.SIGINT)
+
+    words = ["identify", *map(str, runs), "--rig", "paper", "--out", str(tmp_path / "m.json")]
+    code, shown = on_terminal([sys.executable, "-m", "dpr_lab", *words], {}, interrupt)
+    assert code in (0, *INTERRUPTED)
+    assert "Traceback" not in shown
+    assert code == 0 or "dpr-lab: interrupted" in shown

@@ -1,0 +1,113 @@
+"""Rods under set-valued dry friction by scipy's event location, for tests: shares no code with what it tests.
+
+M(theta) alpha = f + J^T lambda with u = J omega the joints' speeds. Joints at rest are constraints J_j alpha = 0; which
+of them are let go follows from the lambdas of the least energy of acceleration within their limits, a bounded problem
+of least squares.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import lsq_linear
+
+JOINTS = np.array([[1.0, 0.0], [-1.0, 1.0]])
+Law = Callable[[float], float]
+"""Size of the friction at a speed's size, N m; its value at zero is the limit at rest."""
+
+
+@dataclass
+class Rods:
+    """Equation (1) of docs/theory.md in matrices, with dry friction in both joints."""
+
+    base: np.ndarray
+    gravity: float
+    """g / L1"""
+    laws: tuple[Law, Law] = (lambda u: 0.0, lambda u: 0.0)
+
+    def mass(self, theta):
+        a, b, d, *_ = self.base
+        c = d * np.cos(theta[0] - theta[1])
+        return np.array([[a, c], [c, b]])
+
+    def torque(self, x, sides):
+        _, _, d, e1, c1, c2 = self.base
+        theta, omega = x[:2], x[2:]
+        s, u = d * np.sin(theta[0] - theta[1]), JOINTS @ omega
+        f = np.array(
+            [-s * omega[1] ** 2 + e1 * np.sin(theta[0]), s * omega[0] ** 2 + d * self.gravity * np.sin(theta[1])]
+        )
+        friction = [c * v + side * law(abs(v)) for c, v, side, law in zip((c1, c2), u, sides, self.laws, strict=True)]
+        return f - JOINTS.T @ friction
+
+    def accelerations(self, x, sides):
+        """alpha and the torques of the joints at rest, from the linear system with its constraints."""
+        rest = [j for j in (0, 1) if sides[j] == 0]
+        J, n = JOINTS[rest], len(rest)
+        system = np.block([[self.mass(x[:2]), -J.T], [J, np.zeros((n, n))]])
+        found = np.linalg.solve(system, np.concatenate([self.torque(x, sides), np.zeros(n)]))
+        lambdas = np.zeros(2)
+        lambdas[rest] = found[2:]
+        return found[:2], lambdas
+
+    def sides(self, x):
+        """Which way each joint slides or will slide at once; 0 where it stays at rest."""
+        sides, limits = np.sign(JOINTS @ x[2:]), np.array([law(0.0) for law in self.laws])
+        rest = np.flatnonzero((sides == 0) & (limits > 0))
+        inverse = np.linalg.inv(self.mass(x[:2]))
+        G, free = JOINTS @ inverse @ JOINTS.T, JOINTS @ inverse @ self.torque(x, sides)
+        if len(rest):
+            root = np.linalg.cholesky(G[np.ix_(rest, rest)])
+            bounds = -limits[rest], limits[rest]
+            lambdas = lsq_linear(root.T, -np.linalg.solve(root, free[rest]), bounds, method="bvls", tol=1e-14).x
+            at_limit = np.abs(lambdas) >= limits[rest] * (1 - 1e-9)
+            sides[rest] = np.where(at_limit, -np.sign(lambdas), 0.0)
+        return np.where((limits == 0) & (sides == 0), np.sign(free), sides)
+
+
+def _event(rods: Rods, sides, j: int) -> Any:
+    """What falls through zero where joint j stops, or has to withstand more than it can."""
+
+    def left(t, x):
+        return rods.laws[j](0.0) - abs(rods.accelerations(x, sides)[1][j]) if sides[j] == 0 else JOINTS[j] @ x[2:]
+
+    event: Any = left
+    event.direction, event.terminal = -sides[j] if sides[j] else -1, True
+    return event
+
+
+def _slope(rods: Rods, sides):
+    return lambda t, x: np.concatenate([x[2:], rods.accelerations(x, sides)[0]])
+
+
+def swing(rods: Rods, start, t, error=1e-11):
+    """(n, 4) states at t, from rest to sliding and back, each stretch between two events by itself."""
+    x, now, found = np.array(start, dtype=float), t[0], [np.array(start, dtype=float)]
+    sides = rods.sides(x)
+    while len(found) < len(t):
+        events: list[Any] = [_event(rods, tuple(sides), j) for j in (0, 1)]
+        solved = solve_ivp(
+            _slope(rods, tuple(sides)),
+            (now, t[-1]),
+            x,
+            "DOP853",
+            rtol=error,
+            atol=error,
+            events=events,
+            dense_output=True,
+        )
+        until = solved.t[-1]
+        found += [solved.sol(at) for at in t[len(found) :] if at <= until]
+        x, now = solved.y[:, -1].copy(), until
+        stopped = [len(events) > 0 and sides[j] != 0 for j, events in enumerate(solved.t_events)]
+        for j in (0, 1):
+            x[2 + j] = (x[2] if j else 0.0) if sides[j] == 0 or stopped[j] else x[2 + j]
+        released = False
+        for j in (0, 1):
+            if len(solved.t_events[j]) and not stopped[j]:
+                sides[j], released = -np.sign(rods.accelerations(x, sides)[1][j]), True
+        if not released:
+            sides = rods.sides(x)
+    return np.array(found)

@@ -1,0 +1,75 @@
+"""Models to export, and what the lab itself says of them."""
+
+import runpy
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.prediction import predict
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.identification.model import Model, ParameterValue, RigFacts
+from dpr_lab.rig import PARAMETERS, Rig
+
+BASE = ("a", "b", "d", "e1", "c1", "c2")
+X0 = (np.pi / 2, np.pi / 3, 0.0, 0.0)
+
+
+def model_of(rig: Rig, effects: Mapping[str, Mapping[str, float]], name: str = "paper") -> Model:
+    """A model with the rig's nominal parameters; of its other fields no export reads any."""
+
+    def values(names: tuple[str, ...], numbers: Any) -> dict[str, ParameterValue]:
+        return {
+            name: ParameterValue(value=float(value), std=None, fixed_by="data")
+            for name, value in zip(names, numbers, strict=True)
+        }
+
+    return Model.model_construct(
+        rig=RigFacts.model_construct(name=name, sha256="", L1=rig.rig.L1, g=rig.rig.g),
+        base=values(BASE, base_parameters(rig.nominal, rig.rig.L1, rig.rig.g)),
+        parameters=values(PARAMETERS, rig.nominal),
+        effects={name: dict(coefficients) for name, coefficients in effects.items()},
+    )
+
+
+def typical(effect: str) -> dict[str, dict[str, float]]:
+    """An effect in the size met on a laboratory rig."""
+    return {effect: {p.name: p.default or p.typical for p in EFFECTS[effect].parameters}}
+
+
+def base_of(rig: Rig) -> NDArray[np.float64]:
+    return base_parameters(rig.nominal, rig.rig.L1, rig.rig.g)
+
+
+def lab_states(rig: Rig, effects: Mapping[str, Mapping[str, float]], t: NDArray[np.float64], step: float = 1e-3) -> Any:
+    """(n, 4) states of a release from `X0`, as the lab simulates it."""
+    params, constants = effect_params(effects), rig_constants(rig)
+    return simulate(base_of(rig), rig.rig.L1, rig.rig.g, X0, t, step, params, constants)
+
+
+def lab_readings(rig: Rig, effects: Mapping[str, Mapping[str, float]], t: NDArray[np.float64], run: int) -> Any:
+    """(n, 2) what the encoders read, as the fits have it."""
+    cut = segments([t] * (run + 1), run=range(run + 1), step=1e-3)
+    read = predict(base_of(rig), effect_params(effects), rig_constants(rig), cut, [X0] * (run + 1))
+    return read[-len(t) :]
+
+
+def run_source(source: str, folder: Path) -> dict[str, Any]:
+    """The names of a module, run as whoever gets it would."""
+    path = folder / "model.py"
+    path.write_text(source, encoding="utf-8")
+    return runpy.run_path(str(path))
+
+
+SETS: Sequence[Sequence[str]] = (
+    ("stribeck_joint1", "friction_curve_joint2", "air_drag_both", "spring_joint2", "detent_joint1"),
+    ("load_friction_joint1", "hysteresis_joint2", "rotor_inertia_joint2", "base_tilt", "friction_drift_joint1"),
+    ("arm_compliance", "coulomb_joint1", "com_offset_link2", "latency_joint2", "clock_rate", "backlash_joint2"),
+)
+"""A few effects at once."""

@@ -1,0 +1,158 @@
+"""`dpr-lab export`: what leaves the lab is replayed where it runs, and what makes things worse does not leave."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import BASE, RATIOS
+from dpr_lab.effects import effect_params
+from dpr_lab.errors import ConfigError
+from dpr_lab.exports import refit
+from dpr_lab.exports.refit import fitted_for, moving
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.selection.hypothesis import free_parameters
+from dpr_lab.identification.model import (
+    Covariance,
+    EstimatedValue,
+    FitSummary,
+    Model,
+    ParameterValue,
+    RigFacts,
+    SearchRecord,
+    load_model,
+)
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.run import Run
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.workflows.export import ExportRequest, export
+
+FRICTION = {
+    f"friction_curve_joint{j}": dict(
+        zip(
+            ("forward_Nm", "backward_Nm", "rise1_Nm", "rise2_Nm", "rise3_Nm", "rise4_Nm"),
+            (5e-3 / j, 2e-3 / j, 2e-3, 0.0, 2e-3, 4e-3),
+            strict=True,
+        )
+    )
+    for j in (1, 2)
+}
+OFFSET = {"encoder_offset_joint2": {"offset_rad": 0.01}}
+
+
+def whole_model(rig: Rig, estimate) -> Model:
+    """A model file's worth of an estimate."""
+    base = dict(zip(BASE, estimate.base.tolist(), strict=True))
+    nine = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
+    ratios = dict(zip(RATIOS, estimate.ratios.tolist(), strict=False))
+    rods = {"theta1": 1e-4, "theta2": 1e-4}
+    return Model(
+        rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.rig.L1, g=rig.rig.g),
+        ratios={k: EstimatedValue(value=v, std=0.0, interval90=(v, v)) for k, v in ratios.items()},
+        covariance=Covariance(order=list(RATIOS), matrix=np.zeros((5, 5)).tolist()),
+        cramer_rao_std=dict.fromkeys(RATIOS, 0.0),
+        parameters={k: ParameterValue(value=v, std=None, fixed_by="data") for k, v in nine.items()},
+        base={k: ParameterValue(value=v, std=None, fixed_by="data") for k, v in base.items()},
+        fit=FitSummary(rms_rad=rods, noise_rad=rods, segments=1, chi2_per_dof=1, iterations=1, longest_segment_s=0.5),
+        search=SearchRecord(
+            algorithm="",
+            objective="",
+            seed=0,
+            evaluations=0,
+            seconds=0,
+            generations=0,
+            best={},
+            best_cost=0,
+            history={},
+        ),
+        runs=[],
+        effects=refit.named_params(estimate.params),
+    )
+
+
+@pytest.fixture(scope="module")
+def runs(recorded) -> list[Run]:
+    return recorded(FRICTION | OFFSET, duration=2.0)[:2]
+
+
+@pytest.fixture(scope="module")
+def corrected(runs: list[Run], screened, paper: Rig) -> Model:
+    _, problem, bare = fit_bare_model(screened(runs), nominal_ratios(paper))
+    at = replace(bare.fit.estimate, params=effect_params(FRICTION | OFFSET))
+    return whole_model(paper, fit(problem, at, free_parameters(at, list(FRICTION | OFFSET), problem)).estimate)
+
+
+@pytest.fixture(scope="module")
+def saved(runs: list[Run], corrected: Model, paper: Rig, tmp_path_factory) -> tuple[Path, list[Path]]:
+    folder = tmp_path_factory.mktemp("exports")
+    corrected.save(folder / "model.json")
+    files = []
+    for run in runs:
+        table = folder / f"{run.name}.csv"
+        columns = np.column_stack([run.t, run.theta[:, 1:]])[run.t >= 0]
+        np.savetxt(table, columns, delimiter=",", header="t_s,theta1_rad,theta2_rad", comments="", fmt="%.12g")
+        files.append(folder / f"{run.name}.mcap")
+        import_csv(table, paper, out=files[-1])
+    return folder, files
+
+
+def test_what_cannot_be_said_is_fitted_again_in_simpler_words(corrected: Model, runs, paper: Rig):
+    models = fitted_for(["python", "urdf"], corrected, runs, paper)
+    assert models["python"] is corrected
+    assert moving(models["urdf"]) == ["coulomb_joint1", "coulomb_joint2"]
+    assert "encoder_offset_joint2" in models["urdf"].effects
+    friction = [models["urdf"].effects[f"coulomb_joint{j}"]["torque_Nm"] for j in (1, 2)]
+    assert 2e-3 < friction[0] < 1.5e-2
+    assert 1e-3 < friction[1] < 1e-2
+
+
+@pytest.mark.parametrize(
+    "formats",
+    [("python", "urdf"), pytest.param(("python", "mjcf", "sdf", "fmu"), marks=pytest.mark.slow)],
+    ids="+".join,
+)
+def test_an_export_is_replayed_where_it_runs(saved, formats, tmp_path: Path):
+    folder, files = saved
+    done = export(ExportRequest(folder, "paper", formats, tmp_path / "out", tuple(files)))
+    assert set(done.files) == set(formats)
+    assert done.refused == {}
+    assert done.lab is not None
+    assert done.bare_rad is not None
+    assert done.lab.closed > 0.9
+    for name in {"python", "mjcf", "fmu"} & set(formats):
+        softer = 3e-3 if name == "mjcf" else 5e-5  # MuJoCo's friction at rest
+        assert done.tried[name].off_rad == pytest.approx(done.lab.off_rad, abs=softer)
+        assert name not in done.lost
+    for name in {"urdf", "sdf"} & set(formats):
+        assert done.lab.off_rad < done.tried[name].off_rad <= 1.02 * done.bare_rad
+        assert set(done.lost[name]) == set(FRICTION | OFFSET)
+        lost = json.loads(Path(f"{done.files[name]}.lost.json").read_text(encoding="utf-8"))
+        assert lost["check"] == {
+            "off_rad": done.tried[name].off_rad,
+            "closed": done.tried[name].closed,
+            "bare_rad": done.bare_rad,
+        }
+    json.dumps(done.to_json())
+
+
+def test_an_export_worse_than_the_bare_model_is_refused(saved, tmp_path: Path):
+    folder, files = saved
+    model = load_model(folder / "model.json")
+    wrong = model.model_copy(update={"effects": {"coulomb_joint1": {"torque_Nm": 0.1}}})
+    wrong.save(tmp_path / "wrong.json")
+    done = export(ExportRequest(tmp_path / "wrong.json", "paper", ("python",), tmp_path / "out", tuple(files[:1])))
+    assert done.files == {}
+    assert "was not written: there the corrected model is off by" in done.refused["python"]
+    assert not (tmp_path / "out" / "corrected_model.py").exists()
+
+
+def test_without_runs_a_loss_is_a_warning(saved, tmp_path: Path):
+    said = []
+    done = export(ExportRequest(saved[0], "paper", ("urdf",), tmp_path / "out"), said.append)
+    assert "cannot be said there; --check RUN fits again without" in said[0].sentence
+    assert set(done.lost["urdf"]) == set(FRICTION | OFFSET)
+    with pytest.raises(ConfigError, match="no format named step; there are: python, mjcf"):
+        export(ExportRequest(saved[0], "paper", ("step",), tmp_path / "out"))

@@ -1,0 +1,96 @@
+"""The corrected model for other programs: it swings as the lab says, and what a file said is data in it, never code."""
+
+import ast
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.exports import FORMATS
+from dpr_lab.exports.mjcf import mjcf, passive
+from dpr_lab.exports.python_module import python_module
+from dpr_lab.exports.sdf import sdf
+from dpr_lab.exports.urdf import urdf
+from dpr_lab.rig import Rig
+from tests.exports.models import model_of, run_source
+
+
+def test_mjcf_says_what_it_can_and_lists_the_rest(paper: Rig):
+    effects = {
+        "coulomb_joint1": {"torque_Nm": 1e-3},
+        "spring_joint1": {"stiffness_Nm_per_rad": 2e-3, "cubic_Nm_per_rad3": 0.0, "constant_Nm": -1e-3},
+        "latency_joint2": {"delay_s": 1e-3},
+    }
+    root = ElementTree.fromstring(mjcf(model_of(paper, effects), paper))
+    first, second = (joint.attrib for joint in root.iter("joint"))
+    assert (float(first["frictionloss"]), float(first["stiffness"])) == (1e-3, 2e-3)
+    assert float(first["springref"]) == pytest.approx(np.pi - 0.5)
+    assert float(second["damping"]) == pytest.approx(paper.nominal[6])
+    assert "frictionloss" not in second
+    assert [body.attrib["name"] for body in root.iter("body")] == ["inner", "encoder2", "outer"]
+    assert root.find("custom/text").attrib["data"] == "Not expressed here: latency_joint2."
+
+
+HOSTILE = [
+    '"""\nimport pathlib\npathlib.Path("ran").touch()\n"""',
+    "'''\nimport pathlib\npathlib.Path('ran').touch()\n'''",
+    "\"\nimport pathlib; pathlib.Path('ran').touch()\n\"",
+    "ends in a backslash \\",
+    "{0.__class__} {rig!r} %s $model",
+    '"/></mujoco><!-- ]]> --> &amp; &#0;',
+    "line\nline\r\nline\ttab",
+    "\x00\x1b[2J\x7f\ufffe",
+    "half a pair \ud800",
+    "Doppelpendel „Süd“ 双摆",
+]
+
+
+@pytest.mark.parametrize("said", HOSTILE)
+@pytest.mark.parametrize("where", ["rig", "effect", "parameter"])
+def test_what_a_file_said_stays_data(said: str, where: str, paper: Rig, tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    effects = {"coulomb_joint1": {"torque_Nm": 1e-3}}
+    if where != "rig":
+        effects |= {said: {"size": 1.0}} if where == "effect" else {"coulomb_joint2": {"torque_Nm": 0.0, said: 1.0}}
+    model = model_of(paper, effects, said if where == "rig" else "paper")
+
+    source = python_module(model, paper)
+    module = run_source(source, tmp_path)
+    assert not (tmp_path / "ran").exists()
+    assert module["RIG"] == model.rig.name
+    assert module["LEFT_OUT"] == [name for name in effects if name not in EFFECTS]
+    assert module["EFFECTS"] == {name: values for name, values in effects.items() if name in EFFECTS}
+    plain = python_module(model_of(paper, {name: {} for name in module["EFFECTS"]}), paper)
+    assert [type(node) for node in ast.parse(source).body] == [type(node) for node in ast.parse(plain).body]
+
+    text = mjcf(model, paper)
+    root = ElementTree.fromstring(text.encode("utf-8"))
+    assert root.attrib["model"] == in_xml(model.rig.name)
+    listed = root.find("custom/text").attrib["data"]
+    assert in_xml(said) in listed if where == "effect" else "<" not in listed
+    for other in (urdf, sdf):
+        tags = [
+            element.tag for element in ElementTree.fromstring(other(model, paper, {said: said}).encode("utf-8")).iter()
+        ]
+        plain = other(model_of(paper, {}), paper, {})
+        assert tags == [element.tag for element in ElementTree.fromstring(plain).iter()]
+    run_source(passive(model, paper), tmp_path)
+    assert not (tmp_path / "ran").exists()
+    plain_tree = ElementTree.fromstring(mjcf(model_of(paper, {}), paper))
+    assert [element.tag for element in root.iter()] == [element.tag for element in plain_tree.iter()]
+
+
+def test_every_format_is_written(paper: Rig, tmp_path: Path):
+    model = model_of(paper, {})
+    for made in FORMATS.values():
+        files = made.written(model, paper)
+        assert made.main in files
+        assert all(Path(file).name == file and content for file, content in files.items())
+
+
+def in_xml(said: str) -> str:
+    """What XML can hold of a text."""
+    gone = {"\x00", "\x1b", "\ufffe", "\ud800"}
+    return "".join("\N{REPLACEMENT CHARACTER}" if character in gone else character for character in said)

@@ -1,0 +1,62 @@
+"""The corrected model as an FMU, run by FMPy as another program would."""
+
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+
+from dpr_lab.exports.fmu import fmu
+from dpr_lab.exports.python_module import python_module
+from dpr_lab.rig import Rig
+from tests.exports.models import SETS, X0, lab_states, model_of, run_source, typical
+
+OUTPUTS = ["theta1", "theta2", "omega1", "omega2", "encoder1", "encoder2"]
+
+
+@pytest.fixture(scope="module")
+def unit(paper: Rig, tmp_path_factory) -> tuple[Path, dict]:
+    chosen = {name: values for effect in (*SETS[0], *SETS[2]) for name, values in typical(effect).items()}
+    folder = tmp_path_factory.mktemp("fmu")
+    path = folder / "corrected_model.fmu"
+    path.write_bytes(fmu(model_of(paper, chosen, 'a "rig"\n'), paper))
+    return path, chosen
+
+
+def test_the_unit_says_what_goes_in_and_out(unit):
+    described = fmpy.read_model_description(str(unit[0]), validate=True)
+    assert described.fmiVersion == "3.0"
+    assert described.coSimulation is not None
+    causality = {variable.name: variable.causality for variable in described.modelVariables}
+    assert [name for name, what in causality.items() if what == "input"] == ["torque1", "torque2"]
+    assert [name for name, what in causality.items() if what == "output"] == OUTPUTS
+
+
+def start_values(x0):
+    return dict(zip(("theta1_start", "theta2_start", "omega1_start", "omega2_start"), x0, strict=True))
+
+
+def test_the_unit_swings_and_reads_as_the_lab_does(unit, paper: Rig):
+    path, chosen = unit
+    found = fmpy.simulate_fmu(
+        str(path), stop_time=2.0, step_size=0.01, output_interval=0.01, output=OUTPUTS, start_values=start_values(X0)
+    )
+    t = found["time"]
+    states = np.column_stack([found[name] for name in OUTPUTS[:4]])
+    assert states == pytest.approx(lab_states(paper, chosen, t), abs=1e-9)
+    module = run_source(python_module(model_of(paper, chosen), paper), path.parent)
+    read = module["readings"](X0, t)
+    assert np.column_stack([found["encoder1"], found["encoder2"]]) == pytest.approx(read, abs=1e-6)
+
+
+def test_torques_go_in(unit, paper: Rig):
+    path, chosen = unit
+    signals = np.array([(0.0, 0.2, -0.1), (0.5, 0.2, -0.1)], dtype=[(n, float) for n in ("time", "torque1", "torque2")])
+    found = fmpy.simulate_fmu(
+        str(path), stop_time=0.5, step_size=0.01, output_interval=0.01, input=signals, output=OUTPUTS,
+        start_values=start_values(X0),
+    )  # fmt: skip
+    module = run_source(python_module(model_of(paper, chosen), paper), path.parent)
+    states = module["simulate"](X0, found["time"], torques=lambda t, state: (0.2, -0.1))
+    assert np.column_stack([found[name] for name in OUTPUTS[:4]]) == pytest.approx(states, abs=1e-9)
+    assert np.abs(states - module["simulate"](X0, found["time"])).max() > 0.1

@@ -1,0 +1,91 @@
+"""The corrected model in MuJoCo: simulated there, it swings and is read as in the lab."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.exports.bodies import in_words
+from dpr_lab.exports.mjcf import CALLBACK, WORDS, XML, mjcf, passive
+from dpr_lab.rig import Rig
+from tests.exports.models import SETS, X0, lab_readings, lab_states, model_of, run_source, typical
+
+SMOOTH = [
+    (name,)
+    for name, effect in EFFECTS.items()
+    if (effect.stage in ("torque", "arm") and not effect.dry and not effect.internal) or effect.stage == "arm"
+]
+ABRUPT = [(name,) for name, effect in EFFECTS.items() if effect.dry or (effect.dissipative and effect.internal)]
+T = np.linspace(0, 2.0, 81)
+
+
+def engine(paper: Rig, chosen: dict, folder: Path) -> dict:
+    model = model_of(paper, chosen)
+    (folder / XML).write_text(mjcf(model, paper), encoding="utf-8")
+    names = run_source(passive(model, paper), folder)
+    names["EngineSwing"].file = str(folder / XML)
+    return names
+
+
+def chosen_of(effects) -> dict:
+    return {name: values for effect in effects for name, values in typical(effect).items()}
+
+
+def error(names: dict, want: np.ndarray, step: float | None = None) -> float:
+    class Swing(names["EngineSwing"]):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            self.longest = step or self.longest
+
+    return float(np.abs(names["simulate"](X0, T, kind=Swing) - want)[:, :2].max())
+
+
+@pytest.mark.parametrize("effects", SMOOTH, ids="+".join)
+def test_smooth_effects_swing_in_mujoco_as_in_the_lab(paper: Rig, tmp_path: Path, effects):
+    chosen = chosen_of(effects)
+    assert error(engine(paper, chosen, tmp_path), lab_states(paper, chosen, T, 2.5e-4)) < 1e-6
+
+
+@pytest.mark.parametrize("effects", ABRUPT, ids="+".join)
+def test_friction_at_rest_is_mujoco_s_own_and_softer(paper: Rig, tmp_path: Path, effects):
+    chosen = chosen_of(effects)
+    assert error(engine(paper, chosen, tmp_path), lab_states(paper, chosen, T, 2.5e-4)) < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effects", [("coulomb_joint1",), ("hysteresis_joint1",)], ids="+".join)
+def test_friction_at_rest_becomes_the_lab_s_in_small_steps(paper: Rig, tmp_path: Path, effects):
+    chosen = chosen_of(effects)
+    assert error(engine(paper, chosen, tmp_path), lab_states(paper, chosen, T, 2.5e-4), 2e-5) < 1e-6
+
+
+@pytest.mark.parametrize("effects", SETS[:2], ids="+".join)
+def test_several_effects_at_once(paper: Rig, tmp_path: Path, effects):
+    chosen = chosen_of(effects)
+    assert error(engine(paper, chosen, tmp_path), lab_states(paper, chosen, T, 2.5e-4)) < 1e-3
+
+
+def test_encoders_are_read_in_mujoco_too(paper: Rig, tmp_path: Path):
+    chosen = chosen_of(("encoder_offset_joint1", "encoder_scale_joint2", "latency_joint2", "backlash_joint2"))
+    names, t = engine(paper, chosen, tmp_path), np.arange(0.03, 2.0, 0.01)
+    read = names["readings"](X0, t, kind=names["EngineSwing"])
+    assert read == pytest.approx(lab_readings(paper, chosen, t, 0), abs=1e-6)
+
+
+def test_what_is_said_in_words_needs_no_callback(paper: Rig, tmp_path: Path):
+    chosen = chosen_of(("rotor_inertia_joint2", "base_tilt", "detent_joint1", "spring_joint2", "spring_joint1"))
+    chosen["spring_joint2"]["cubic_Nm_per_rad3"] = chosen["spring_joint1"]["cubic_Nm_per_rad3"] = 0.0
+    model = model_of(paper, chosen)
+    assert set(in_words(model, paper, WORDS)) == set(chosen)
+    names = engine(paper, chosen, tmp_path)
+    names["EngineSwing"].after.__globals__["passive"] = None
+    assert error(names, lab_states(paper, chosen, T, 2.5e-4)) < 1e-6
+
+
+def test_an_arm_lighter_than_its_rods_stays_still(paper: Rig, tmp_path: Path):
+    chosen = {"arm_compliance": {"coupling_per_kg": 1e3, "frequency_hz": 8.0, "damping_ratio": 0.05}}
+    model = model_of(paper, chosen)
+    assert in_words(model, paper, WORDS) == {}
+    assert "arm_compliance" in mjcf(model, paper)
+    assert CALLBACK.endswith(".py")

@@ -1,0 +1,120 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from dpr_lab.dynamics.base import base_parameters, ratios
+from dpr_lab.effects import EFFECTS, param_index
+from dpr_lab.fitting.estimate import effect_parameters
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.linearise import linearise
+from dpr_lab.fitting.projection import ColumnSpace, bounded_solution
+from dpr_lab.gap.selection.cross_validation import folds, left_out_chi2, predictive_loss
+from dpr_lab.gap.selection.hypothesis import free_parameters
+from dpr_lab.gap.selection.residuals import residual_statistics
+from sim_device.plant.config import load_plant
+
+
+@pytest.fixture(scope="module")
+def clean(recorded, bare):
+    return bare(recorded({}))
+
+
+def test_ratios_of_the_plant_come_back(clean, paper):
+    _, base = clean
+    truth = ratios(base_parameters(load_plant("paper", 1).Z, paper.L1, paper.g))
+    assert base.fit.converged
+    assert base.fit.estimate.ratios[:3] == pytest.approx(truth[:3], rel=1e-4)
+    assert base.fit.estimate.ratios[3:5] == pytest.approx(truth[3:], rel=2e-2)
+
+
+def test_nothing_but_noise_is_left_of_a_clean_rig(clean):
+    problem, base = clean
+    left = residual_statistics(problem, base.fit)
+    assert abs(left.z) < 4
+    assert left.chi2 / left.dof == pytest.approx(1.0, abs=0.1)
+
+
+def test_bounded_solution_agrees_with_an_independent_solver(rng):
+    for _ in range(20):
+        A, b = rng.normal(size=(30, 6)), rng.normal(size=30)
+        lower = np.where(rng.random(6) < 0.5, -np.inf, rng.normal(size=6) * 0.1)
+        reference = lsq_linear(A, b, (lower, np.full(6, np.inf)), method="bvls").x
+        found = bounded_solution(A.T @ A, A.T @ b, lower)
+        assert (found >= lower - 1e-12).all()
+        assert np.sum((A @ found - b) ** 2) == pytest.approx(np.sum((A @ reference - b) ** 2), rel=0.02)
+
+
+def test_columns_explain_beside_others_what_a_joint_solution_says(rng):
+    A, e = rng.normal(size=(40, 7)) * 10.0 ** rng.integers(-4, 5, 7), rng.normal(size=40)
+    space, held, own = ColumnSpace.of(A, e), [0, 1, 2], [3, 4, 5, 6]
+    whole = np.linalg.lstsq(A, e, rcond=None)[0]
+    assert space.solution() == pytest.approx(whole, rel=1e-6)
+    assert space.gain() == pytest.approx(np.sum((A @ whole) ** 2))
+    beside = space.beside(held, own)
+    assert beside.solution() == pytest.approx(whole[own], rel=1e-6)
+    assert beside.covariance() == pytest.approx(np.linalg.inv(A.T @ A)[np.ix_(own, own)], rel=1e-6)
+    assert space.chosen(held).gain() + beside.gain() == pytest.approx(space.gain())
+    nearest = A[:, own] @ np.linalg.lstsq(A[:, own], A[:, 0], rcond=None)[0]
+    expected = np.linalg.norm(nearest) / np.linalg.norm(A[:, 0])
+    assert space.cosine(np.ones(1), [0], own) == pytest.approx(expected)
+
+
+def test_eliminating_initial_states_changes_no_step(clean):
+    problem, base = clean
+    free = free_parameters(base.fit.estimate, (), problem)
+    linear = linearise(problem, base.fit.estimate, free)
+    count = len(problem.segments)
+    initial = np.zeros((*linear.residual.shape, 4 * count))
+    for s in range(count):
+        initial[s, :, 4 * s : 4 * s + 4] = linear.Q[s]
+    whole = np.concatenate([linear.A + linear.Q @ linear.onto, initial], axis=2).reshape(-1, len(free) + 4 * count)
+    scale = np.linalg.norm(whole, axis=0)
+    reference = np.linalg.lstsq(whole / scale, linear.residual.ravel(), rcond=None)[0] / scale
+    A, e = linear.flat
+    norm = np.linalg.norm(A, axis=0)
+    found = np.linalg.lstsq(A / norm, e, rcond=None)[0] / norm
+    assert found == pytest.approx(reference[: len(free)], rel=1e-6, abs=1e-12)
+
+
+def test_prediction_of_a_run_left_out_agrees_with_fitting_the_others(clean):
+    problem, base = clean
+    fold = folds(problem)
+    found = left_out_chi2(base.fit, fold)
+    linear = base.fit.linear
+    A = linear.A.reshape(*linear.A.shape)
+    scale = np.linalg.norm(A.reshape(-1, A.shape[2]), axis=0)
+    for r in np.unique(fold):
+        rest = (A[fold != r] / scale).reshape(-1, A.shape[2])
+        step = np.linalg.lstsq(rest, linear.e[fold != r].ravel(), rcond=None)[0] / scale
+        expected = np.sum((linear.e[fold == r] - A[fold == r] @ step) ** 2, axis=1)
+        assert found[fold == r] == pytest.approx(expected, rel=1e-3)
+    assert found.sum() > base.fit.chi2
+
+
+def test_an_effect_that_is_not_there_makes_no_run_easier_to_predict(clean, tested):
+    problem, base = clean
+    (item,) = tested(problem, base.fit, [EFFECTS["spring_joint2"]]).ranking
+    more = fit(problem, base.fit.estimate, item.free)
+    fold = folds(problem)
+    assert predictive_loss(more, fold, 1.0).sum() > predictive_loss(base.fit, fold, 1.0).sum()
+
+
+def test_a_score_promises_what_the_fit_then_gains(recorded, bare, tested):
+    problem, base = bare(recorded({"base_tilt": {"tilt_rad": 5e-4}}))
+    (item,) = tested(problem, base.fit, [EFFECTS["base_tilt"]]).ranking
+    at = base.fit.estimate
+    after = fit(problem, at, free_parameters(at, ("base_tilt",), problem))
+    assert base.fit.chi2 - after.chi2 == pytest.approx(item.gain, rel=0.02)
+    assert after.estimate.params[param_index("base_tilt", "tilt_rad")] == pytest.approx(5e-4, rel=0.02)
+    assert len(effect_parameters(EFFECTS["base_tilt"])) == 1
+
+
+def test_a_fit_that_cannot_be_followed_leaves_a_number(clean):
+    problem, base = clean
+    lost = base.fit.linear.residual.copy()
+    lost[0] = np.inf
+    left = residual_statistics(problem, replace(base.fit, linear=replace(base.fit.linear, residual=lost)))
+    assert np.isfinite([left.chi2, left.excess, left.z, left.inflation]).all()
+    assert left.excess > 1e6 * left.dof

@@ -1,0 +1,37 @@
+"""Torques along a known trajectory against the whole rig's own equations."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS, effect_params, param_index
+from dpr_lab.effects.effect import Recorded
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.response import trajectory
+from dpr_lab.gap.selection.bare_model import nominal_ratios
+from dpr_lab.gap.selection.scan import shapes
+from dpr_lab.rig import Rig
+
+WHOLE_S = 2.0  # no initial state but that of the release, so that the arm's past is the model's
+COUPLING = 1e-4  # small enough to be linear
+
+
+@pytest.mark.parametrize("frequency", [4.0, 12.0])
+def test_a_compliant_arm_answers_as_the_whole_rig_does(recorded, screened, paper: Rig, frequency: float):
+    problem, initial = screened(recorded({}, duration=WHOLE_S)).cut(2 * WHOLE_S)
+    arm = {"coupling_per_kg": COUPLING, "frequency_hz": frequency, "damping_ratio": 0.05}
+    held, loose = (
+        Estimate(nominal_ratios(paper), effect_params({"arm_compliance": a} if a else {}), initial) for a in ({}, arm)
+    )
+    whole = problem.predict(loose) - problem.predict(held)
+    along = trajectory(problem, held)
+    linear = along.readings(along.torques("arm", problem.model.constants, loose.params[None]))[:, :, 0]
+    assert len(problem.segments) == 3
+    assert np.abs(linear - whole).max() < 0.05 * np.abs(whole).max()
+
+
+def test_the_scan_finds_the_arms_frequency_between_the_points_of_its_grid(recorded, bare):
+    truth = {"arm_compliance": {"coupling_per_kg": 0.06, "frequency_hz": 7.2, "damping_ratio": 0.08}}
+    problem, base = bare(recorded(truth))
+    along = trajectory(problem, base.fit.estimate)
+    found = shapes(EFFECTS["arm_compliance"], problem, base.fit, along, Recorded((None,), lambda: []))
+    assert dict(found[0])[param_index("arm_compliance", "frequency_hz")] == pytest.approx(7.2, rel=0.1)

@@ -1,0 +1,34 @@
+"""Derivatives of the readings where effects have internal states that are handed on from segment to segment."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.prediction import internal_states, predict
+from dpr_lab.effects import effect_params
+from dpr_lab.fitting.rods_with_effects import INITIAL_STEPS
+
+REMEMBERING = {
+    "hysteresis_joint2": {"torque_Nm": 2e-3, "length_rad": 0.1},
+    "backlash_joint2": {"play_rad": 0.02},
+    "arm_compliance": {"coupling_per_kg": 1.0, "frequency_hz": 14.0, "damping_ratio": 0.05},
+}
+
+
+@pytest.mark.parametrize("effect", REMEMBERING)
+def test_slopes_by_initial_states_are_those_of_wider_differences_with_the_internal_states_held(recorded, bare, effect):
+    truth = {effect: REMEMBERING[effect]}
+    problem, base = bare(recorded(truth, duration=3.0))
+    at = replace(base.fit.estimate, params=effect_params(truth))
+    known = at.base, at.params, problem.model.constants, problem.segments
+    internal = internal_states(*known, at.initial)
+    slopes = problem.model.slopes(problem.segments, at, ())
+    for column, step in enumerate(300 * INITIAL_STEPS):
+        ahead, behind = at.initial.copy(), at.initial.copy()
+        ahead[:, column] += step
+        behind[:, column] -= step
+        wide = [predict(*known, initial, internal) for initial in (ahead, behind)]
+        expected = (wide[0] - wide[1]) / (2 * step)
+        off = np.abs(slopes[:, :, column] - expected) > 0.05 * np.abs(expected).max()
+        assert off.mean() < 0.02  # an encoder's play has kinks, at which differences depend on their width

@@ -1,0 +1,49 @@
+"""Clean rigs, simulated by scipy from equations of their own, are told to have no gap: fast rods, bad loggers."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.gap.diagnose import diagnose
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+from clean_rigs import KINDS, drawn
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [
+        pytest.param("odd rig", 3, id="rods of 7 and 4 cm at 200 Hz"),
+        pytest.param("odd rig", 35, id="65536 counts at 4 kHz"),
+        pytest.param("bad logger", 1, id="repeats and outliers at 200 Hz"),
+        pytest.param("bad logger", 5, id="late stamps, repeats, outliers and gaps"),
+        pytest.param("bad logger", 11, id="a segment that begins wrong"),
+        pytest.param("bad logger", 35, id="a gap in fast swings"),
+    ],
+)
+def test_a_clean_rig_has_no_gap(kind: str, seed: int) -> None:
+    rig, runs, _ = drawn(kind, seed)
+    said = diagnose(runs, rig)
+    assert (said.verdict, said.effects) == ("no_gap", [])
+
+
+@pytest.mark.parametrize("seed", [pytest.param(2, id="100 Hz"), pytest.param(13, id="240 Hz")])
+def test_a_camera_whose_scale_is_unsure_has_no_gap(seed: int) -> None:
+    rig, runs, logger = drawn("camera", seed)
+    assert logger.shared > 0.7
+    said = diagnose(runs, rig)
+    assert (said.verdict, said.effects) == ("no_gap", [])
+    assert said.model_effects  # L1 as it was fitted, for whoever simulates
+    assert any(finding.name == "non_white_noise" for finding in said.sensor_findings)
+    true = KINDS["camera"](np.random.default_rng(seed))[0]
+    fitted, reach = re.search(r"fitted: ([\d.]+) m \+- ([\d.e-]+) m", said.assumptions[0]).groups()
+    assert abs(float(fitted) - true) < 2 * float(reach) < 0.01 * abs(rig.L1 - true) + 1e-3
+
+
+def test_a_wrong_length_that_its_uncertainty_does_not_allow_is_said() -> None:
+    rig, runs, _ = drawn("camera", 2)
+    sure = rig.model_copy(update={"rig": rig.rig.model_copy(update={"L1_std": 0.001})})
+    assert diagnose(runs, sure).assumptions[0].endswith("The file's uncertainty does not allow that.")

@@ -1,0 +1,41 @@
+"""Effects that together are one thing are told as that thing."""
+
+from collections.abc import Callable
+
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.families import FAMILIES
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+ROTOR, FRICTION = "rotor_inertia_joint2", "coulomb_joint2"
+
+
+def test_every_part_is_an_effect_and_every_mark_a_part():
+    for family in FAMILIES:
+        assert set(family.marks) <= set(family.parts) <= set(EFFECTS)
+
+
+def test_friction_alone_is_a_bearing_and_parts_of_two_joints_are_no_drive():
+    first, second = FAMILIES
+    assert second.among((ROTOR, FRICTION)) == (ROTOR, FRICTION)
+    assert not second.among((FRICTION, "hysteresis_joint2"))
+    assert not first.among((ROTOR, FRICTION))
+    assert not second.among((ROTOR,))
+
+
+def test_a_geared_drive_is_named_as_one(recorded: Callable[..., list[Run]], paper: Rig):
+    runs = recorded({ROTOR: {"inertia_kgm2": 3e-4}, FRICTION: {"torque_Nm": 2e-3}})
+    found = diagnose(runs, paper, library={name: EFFECTS[name] for name in (ROTOR, FRICTION, "coulomb_joint1")})
+    (drive,) = found.families
+    assert drive.name == "drive_joint2"
+    assert set(drive.effects) == {ROTOR, FRICTION}
+    assert drive.share == pytest.approx(1.0, abs=0.05)
+    assert "what a geared drive, joint 2 does [drive_joint2]" in found.sentence
+
+
+def test_two_causes_that_are_no_family_stay_two(two_found: Diagnosis):
+    assert two_found.families == []

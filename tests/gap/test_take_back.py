@@ -1,0 +1,115 @@
+"""Advised checks have ids; their results move the probabilities of the diagnosis that advised them, and of no other."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import RunError
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.advise import told_bits
+from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis, load_diagnosis
+from dpr_lab.gap.result.take_back import candidates, find_check, take_runs, take_value
+from dpr_lab.rig import load_rig
+from dpr_lab.run import Run
+from dpr_lab.workflows.check import CheckRequest, take_check
+from sim_device.plant.config import load_plant
+from sim_device.trials.offline_recorder import record
+
+FEW = ("base_tilt", "encoder_offset_joint1", "com_offset_link1", "coulomb_joint2")
+TILT, OFFSET = FEW[:2]
+
+
+def recorded(seed: int) -> list[Run]:
+    """Releases of a rig whose base is tilted by 10 mrad."""
+    plant = load_plant("paper", seed).model_copy(update={"effects": {TILT: {"tilt_rad": 0.01}}})
+    return record(plant, load_rig("paper"), 2.0, 250)
+
+
+@pytest.fixture(scope="module")
+def diagnosis() -> Diagnosis:
+    return diagnose(recorded(3), load_rig("paper"), library={name: EFFECTS[name] for name in FEW})
+
+
+@pytest.mark.timeout(500)  # kernels may have to be compiled
+def test_twins_are_split_by_measurements_with_ids(diagnosis: Diagnosis) -> None:
+    assert {TILT, OFFSET} <= set(diagnosis.effects[0].members)
+    measured = {check.measures: check for check in diagnosis.checks}
+    assert set(measured) >= {TILT, OFFSET}
+    assert all(check.kind == "measurement" and 0.5 < check.expected_bits <= 1 for check in measured.values())
+    assert len({check.id for check in diagnosis.checks}) == len(diagnosis.checks)
+    assert set(diagnosis.to_json()["checks"][0]) >= {"id", "kind", "text", "splits", "expected_bits"}
+
+
+@pytest.mark.parametrize(
+    ("measured", "value", "cause"), [(TILT, 0.0101, TILT), (TILT, 0.0, OFFSET), (OFFSET, 0.0, TILT)]
+)
+def test_a_measured_value_decides(diagnosis: Diagnosis, measured: str, value: float, cause: str) -> None:
+    check = next(check for check in diagnosis.checks if check.measures == measured)
+    found = take_value(diagnosis, check, value, 5e-4)
+    (done,) = found.checks_done
+    other = OFFSET if cause == TILT else TILT
+    assert done.after[cause] > 0.8
+    assert done.after[other] < 0.2 < done.before[other]
+    assert sum(done.after.values()) == pytest.approx(sum(done.before.values()))
+    assert check.id not in [left.id for left in found.checks]
+    assert sum(candidates(found, diagnosis.effects[0].name).values()) == pytest.approx(sum(done.before.values()))
+    assert ("diagnose again" in found.sentence) == (cause != diagnosis.effects[0].name)
+    assert found.gap == diagnosis.gap
+
+
+def open_between(diagnosis: Diagnosis, other: str) -> Diagnosis:
+    """The same as if another effect were as likely, and a recording told them apart."""
+    named = diagnosis.effects[0]
+    rival = {"name": other, "class": [other], "probability": 0.49, "cosine": 0.9, "instead_of": named.name}
+    asked = AdvisedCheck(id="9-rec", kind="recording", text="record", about=named.name, splits=[], expected_bits=1.0)
+    said = diagnosis.to_json() | {"rivals": [rival], "checks": [asked.model_dump()]}
+    said["effects"][0]["probability"] = 0.49
+    return Diagnosis.model_validate(said)
+
+
+@pytest.mark.timeout(500)
+def test_a_recording_decides(diagnosis: Diagnosis) -> None:
+    before = open_between(diagnosis, "com_offset_link1")
+    found = take_runs(before, before.checks[0], recorded(8)[:1], load_rig("paper"))
+    after = found.checks_done[0].after
+    assert after[TILT] + after[OFFSET] > 0.9
+    assert after["com_offset_link1"] < 0.1
+
+
+def test_a_check_is_of_one_diagnosis_and_of_one_kind(diagnosis: Diagnosis) -> None:
+    with pytest.raises(RunError, match=r"advised no check '1-beef'; there are: 1-"):
+        find_check(diagnosis, "1-beef")
+    with pytest.raises(RunError, match=r"is a measurement .*: give --value and --std, not runs"):
+        take_runs(diagnosis, diagnosis.checks[0], [], load_rig("paper"))
+    asked = open_between(diagnosis, "com_offset_link1")
+    with pytest.raises(RunError, match=r"is a recording .*: give its run files, not a value"):
+        take_value(asked, asked.checks[0], 1.0, 0.1)
+
+
+def test_a_new_diagnosis_names_its_parent(diagnosis: Diagnosis, tmp_path: Path) -> None:
+    file = tmp_path / "d.json"
+    file.write_text(json.dumps(diagnosis.to_json()))
+    check = next(check for check in diagnosis.checks if check.measures == TILT)
+    found = take_check(CheckRequest(file, check.id, value=0.01, std=5e-4, out=tmp_path / "new"))
+    again = load_diagnosis(tmp_path / "new" / "diagnosis.json")
+    assert again == found
+    assert len(found.parent) == 64
+    page = (tmp_path / "new" / "diagnosis.html").read_text()
+    assert "Checks that were done" in page
+    with pytest.raises(RunError, match="give its result"):
+        take_check(CheckRequest(file, check.id))
+    file.write_text("{}")
+    with pytest.raises(RunError, match="is not a diagnosis that this dpr-lab wrote"):
+        load_diagnosis(file)
+
+
+def test_expected_bits_follow_what_is_known_and_what_would_be_seen() -> None:
+    assert told_bits([0.5, 0.5], np.inf) == pytest.approx(1.0)
+    assert told_bits([0.5, 0.5], 10.0) == pytest.approx(1.0, abs=1e-3)
+    assert told_bits([0.45, 0.05], np.inf) == pytest.approx(0.5 * 0.469, abs=1e-3)
+    assert told_bits([0.5, 0.5], 1.0) < 0.3
+    assert told_bits([0.5, 0.5], 0.0) == pytest.approx(0.0, abs=1e-9)
+    assert told_bits([1.0, 0.0], np.inf) == 0.0

@@ -1,0 +1,100 @@
+"""A name counts for what it does on recordings that took no part in its fit."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.data.pieces import whole
+from dpr_lab.gap.data.screen import screen
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Recorded = Callable[..., list[Run]]
+
+LIBRARY = {name: EFFECTS[name] for name in ("coulomb_joint1", "coulomb_joint2")}
+DRY = {"coulomb_joint2": {"torque_Nm": 1e-3}}
+
+
+@pytest.fixture(scope="module")
+def dry(recorded: Recorded) -> list[Run]:
+    return recorded(DRY)
+
+
+def test_one_release_says_that_it_was_not_tested_on_another(dry: list[Run], paper: Rig):
+    found = diagnose(dry[:1], paper, library=LIBRARY)
+    assert found.basis == "one release"
+    assert "from one release: not tested on another" in found.sentence
+
+
+def test_each_effect_says_what_it_closes_on_each_run_left_out(dry: list[Run], paper: Rig):
+    found = diagnose(dry, paper, library=LIBRARY)
+    assert (found.verdict, found.basis, found.withdrawn) == ("named", "releases left out", [])
+    shares = found.transfer["coulomb_joint2"]
+    assert set(shares) == {run.name for run in dry}
+    for share in shares.values():
+        assert share.interval90[0] <= share.value <= share.interval90[1]
+        assert share.value > 0.9
+
+
+def test_a_name_that_does_not_carry_over_to_a_held_out_run_is_withdrawn(dry: list[Run], recorded, paper: Rig):
+    found = diagnose(dry[:2], paper, held_out=recorded({})[2:], library=LIBRARY)
+    assert (found.verdict, found.basis, found.withdrawn) == ("unexplained", "held-out runs", ["coulomb_joint2"])
+    assert found.probabilities["coulomb_joint2"] <= 0.5
+    assert "and not the next" in found.sentence
+
+
+def test_the_headline_is_what_closes_on_the_runs_held_out(dry: list[Run], paper: Rig):
+    found = diagnose(dry[:2], paper, held_out=dry[2:], library=LIBRARY)
+    closed = found.gap.closed_held_out
+    assert (found.verdict, found.basis) == ("named", "held-out runs")
+    assert closed.estimate == pytest.approx(closed.held_out[dry[2].name])
+    assert f"{closed.estimate:.0%} of the gap" in found.sentence
+
+
+@pytest.mark.slow
+def test_a_long_record_is_cut_into_pieces_that_are_fitted_and_held_out(recorded: Recorded, paper: Rig):
+    (run,) = recorded(DRY, duration=24.0)[:1]
+    found = diagnose([run], paper, library=LIBRARY)
+    assert (found.verdict, found.basis) == ("named", "held-out runs")
+    assert list(found.gap.closed_held_out.held_out) == [f"{run.name} 12-24 s"]
+    assert list(found.gap.closed_held_out.per_run) == [f"{run.name} 0-12 s"]
+    assert {whole(name) for name in found.gap.closed_held_out.held_out} == {run.name}
+    assert "cut into 2 pieces" in found.assumptions[0]
+    assert found.gap.closed_held_out.estimate > 0.9
+
+
+def test_a_remainder_below_half_the_noise_is_no_gap(recorded: Recorded, bare, paper: Rig):
+    runs = recorded({"coulomb_joint2": {"torque_Nm": 4e-5}})
+    _, base = bare(runs)
+    assert base.residuals.z > 4
+    assert 0 < base.residuals.noise_ratio < 0.5
+    found = diagnose(runs, paper, library={"encoder_scale_joint1": EFFECTS["encoder_scale_joint1"]})
+    assert (found.verdict, found.effects) == ("no_gap", [])
+    assert found.probabilities["no_gap"] > 0.9
+    assert "No gap above the noise" in found.sentence
+
+
+def test_counts_are_missed_only_where_there_are_counts(dry: list[Run], paper: Rig):
+    (run,) = dry[:1]
+    count = 2 * np.pi / 16384
+    theta = run.theta + 12 * count * np.array([0.0, 1.0, 1.0]) * (run.t > 2.0)[:, None]
+    on_grid = replace(run, theta=theta, counts=None)
+    off_grid = replace(on_grid, theta=theta + np.random.default_rng(1).uniform(-0.5, 0.5, theta.shape) * count)
+    assert screen(on_grid, paper).breaks
+    assert screen(on_grid, paper).on_grid.all()
+    assert not screen(off_grid, paper).breaks
+    assert not screen(off_grid, paper).on_grid.any()
+
+
+def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded: Recorded, paper: Rig):
+    name = "encoder_eccentricity_joint1"
+    library = {name: EFFECTS[name]}
+    small, large = (diagnose(recorded({name: {"cos1_rad": size}}), paper, library=library) for size in (5e-3, 0.3))
+    assert small.verdict == "named"
+    assert large.verdict == "partly_explained"
+    assert large.effects[0].probability <= 0.5
+    assert "larger than on any rig: something else has that shape" in large.sentence

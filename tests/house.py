@@ -1,0 +1,175 @@
+"""The shape of the code in numbers: import chains and circles, names with two meanings, numeric constants, folders.
+
+python tests/house.py            a table of all figures
+python tests/house.py --list     and what they are made of
+"""
+
+import ast
+import re
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from pathlib import Path
+
+from dpr_lab.effects import EFFECTS
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("dpr_lab", "firmware_protocol", "sim_device")
+EFFECTS_ROOM = "dpr_lab.effects"
+
+
+def modules(package: str) -> dict[str, ast.Module]:
+    """Dotted name -> syntax tree of every module of a package."""
+    found = {}
+    for path in sorted((ROOT / package.replace(".", "/")).rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        found[name] = ast.parse(path.read_text(encoding="utf-8"))
+    return found
+
+
+def imports(trees: Mapping[str, ast.Module], *, deferred: bool = False) -> dict[str, set[str]]:
+    """Module -> modules among `trees` that it imports; `deferred` counts imports inside functions too."""
+    return {name: set(_imported(tree, trees, deferred)) - {name} for name, tree in trees.items()}
+
+
+def _imported(tree: ast.Module, trees: Mapping[str, ast.Module], deferred: bool) -> Iterator[str]:
+    for node in ast.walk(tree) if deferred else tree.body:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in trees)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            inner = [f"{node.module}.{alias.name}" for alias in node.names]
+            yield from (name for name in inner if name in trees)
+            if node.module in trees and any(name not in trees for name in inner):
+                yield node.module
+
+
+def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
+    """Groups of modules that import one another, each with two members or more (Tarjan)."""
+    order: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(name: str) -> None:
+        order[name] = low[name] = len(order)
+        stack.append(name)
+        for other in graph[name]:
+            if other not in order:
+                visit(other)
+                low[name] = min(low[name], low[other])
+            elif other in stack:
+                low[name] = min(low[name], order[other])
+        if low[name] == order[name]:
+            group = stack[stack.index(name) :]
+            del stack[stack.index(name) :]
+            if len(group) > 1:
+                found.append(sorted(group))
+
+    for name in graph:
+        if name not in order:
+            visit(name)
+    return found
+
+
+def longest_chain(graph: Mapping[str, set[str]]) -> list[str]:
+    """The longest path of imports; the graph must hold no circle."""
+
+    @cache
+    def below(name: str) -> tuple[str, ...]:
+        return (name, *max((below(other) for other in graph[name]), key=len, default=()))
+
+    return list(max((below(name) for name in graph), key=len, default=()))
+
+
+def within(graph: Mapping[str, set[str]], *packages: str) -> dict[str, set[str]]:
+    """The part of a graph that lies in some packages."""
+    mine = {name for name in graph if any(name == p or name.startswith(p + ".") for p in packages)}
+    return {name: graph[name] & mine for name in mine}
+
+
+def class_names(trees: Mapping[str, ast.Module]) -> dict[str, list[str]]:
+    """Public class name -> modules that define it."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for name, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                found[node.name].append(name)
+    return found
+
+
+def numeric_constants(trees: Mapping[str, ast.Module]) -> list[str]:
+    """module.NAME of every module-level UPPERCASE name, inside tuples too, whose value holds a number and no text."""
+    found = []
+    for name, tree in trees.items():
+        for node in tree.body:
+            if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None or not _numeric(node.value):
+                continue
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names = [t.id for target in targets for t in ast.walk(target) if isinstance(t, ast.Name)]
+            found += [f"{name}.{n}" for n in names if n.upper() == n]
+    return found
+
+
+def _numeric(value: ast.expr) -> bool:
+    """Whether an expression holds a number somewhere and no text."""
+    constants = [node.value for node in ast.walk(value) if isinstance(node, ast.Constant)]
+    numbers = [c for c in constants if isinstance(c, int | float) and not isinstance(c, bool)]
+    return bool(numbers) and not any(isinstance(c, str | bytes) for c in constants)
+
+
+def effects_named(trees: Mapping[str, ast.Module], effects: Iterable[str]) -> list[str]:
+    """module:line name of every effect that a text names; in docstrings only what stands in quotes counts."""
+    words = "|".join(sorted(effects))
+    anywhere, quoted = re.compile(rf"(?<!\w)({words})(?!\w)"), re.compile(rf"[`'\"]({words})[`'\"]")
+    found = []
+    for name, tree in trees.items():
+        told = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                said = (quoted if id(node) in told else anywhere).findall(node.value)
+                found += [f"{name}:{node.lineno} {effect}" for effect in said]
+    return found
+
+
+def folder_sizes() -> dict[str, int]:
+    """Folder -> its Python files, `__init__` aside."""
+    found: dict[str, int] = defaultdict(int)
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            if path.name != "__init__.py":
+                found[path.parent.relative_to(ROOT).as_posix()] += 1
+    return found
+
+
+def lines_of(package: str) -> int:
+    """Lines of Python of a package."""
+    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in (ROOT / package).rglob("*.py"))
+
+
+def main() -> None:
+    """Print every figure."""
+    trees = {name: tree for package in PACKAGES for name, tree in modules(package).items()}
+    graph, deferred = imports(trees), imports(trees, deferred=True)
+    twice = {name: where for name, where in class_names(trees).items() if len(where) > 1}
+    constants = numeric_constants({name: tree for name, tree in trees.items() if name.startswith("dpr_lab")})
+    gap = within(graph, "dpr_lab.gap")
+    named = effects_named({name: tree for name, tree in trees.items() if not name.startswith(EFFECTS_ROOM)}, EFFECTS)
+    print(f"lines of dpr_lab                    {lines_of('dpr_lab')}")
+    print(f"circles, imports in functions too   {len(circles(graph))}, {len(circles(deferred))}")
+    if not circles(gap):
+        print(f"longest chain in gap                {len(longest_chain(gap))}")
+    print(f"class names with two meanings       {len(twice)}")
+    print(f"numeric module constants            {len(constants)}")
+    print(f"effects named outside their room    {len(named)}")
+    print(f"files in a folder, largest          {sorted(folder_sizes().items(), key=lambda kv: -kv[1])[:6]}")
+    if "--list" in sys.argv:
+        print(*circles(graph), *circles(deferred), sep="\n")
+        print(*longest_chain(gap), sep="\n  ")
+        print(*(f"{name}: {', '.join(where)}" for name, where in sorted(twice.items())), sep="\n")
+        print(*constants, *named, sep="\n")
+
+
+if __name__ == "__main__":
+    main()

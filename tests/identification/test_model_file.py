@@ -1,0 +1,68 @@
+"""A model file is read by names: an order of keys changes nothing, and what is missing or unknown is refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.identification.model import load_model
+
+(MODEL,) = (Path(__file__).parents[1]).rglob("model.json")
+
+
+def written(path: Path, table: object, **options: Any) -> Path:
+    path.write_text(json.dumps(table, **options), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def table() -> dict[str, Any]:
+    return json.loads(MODEL.read_text(encoding="utf-8"))
+
+
+def test_a_file_with_sorted_keys_is_the_same_model(table, tmp_path: Path) -> None:
+    as_it_was, in_order = load_model(MODEL), load_model(written(tmp_path / "m.json", table, sort_keys=True))
+    assert in_order == as_it_was
+    assert in_order.ratio_values.tolist() == as_it_was.ratio_values.tolist()
+    assert list(in_order.parameters) == list(as_it_was.parameters)
+    assert list(in_order.base) == list(as_it_was.base)
+    assert in_order.unknowns.tolist() == as_it_was.unknowns.tolist()
+
+
+@pytest.mark.parametrize(
+    ("part", "key"),
+    [("ratios", "d/b"), ("parameters", "m1"), ("base", "b"), ("cramer_rao_std", "a/b")],
+)
+@pytest.mark.parametrize("change", ["missing", "unknown"])
+def test_a_missing_or_unknown_name_is_refused(table, tmp_path: Path, part: str, key: str, change: str) -> None:
+    if change == "missing":
+        del table[part][key]
+    else:
+        table[part]["x"] = table[part][key]
+    with pytest.raises(RunError, match=f"{part}.*{change}: {key if change == 'missing' else 'x'}"):
+        load_model(written(tmp_path / "m.json", table))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"\xff\xfe", b"[" * 100_000, b'{"a": ' + b"9" * 5000 + b"}", b"[]", b"3", b"null", b""],
+    ids=["coding", "deep", "digits", "list", "number", "null", "empty"],
+)
+def test_what_is_no_model_is_a_sentence(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "m.json").write_bytes(content)
+    with pytest.raises(RunError, match=r"m\.json: is not a model"):
+        load_model(tmp_path / "m.json")
+
+
+@pytest.mark.parametrize("effects", [{"gremlins": {}}, {"coulomb_joint1": {"torque": 1.0}}])
+def test_an_effect_nobody_knows_is_refused(table, tmp_path: Path, effects) -> None:
+    with pytest.raises(RunError, match=f"effects.{next(iter(effects))}"):
+        load_model(written(tmp_path / "m.json", table | {"effects": effects}))
+
+
+def test_a_covariance_that_is_none_is_refused(table, tmp_path: Path) -> None:
+    table["covariance"]["matrix"][0].append(1.0)
+    with pytest.raises(RunError, match="square matrix"):
+        load_model(written(tmp_path / "m.json", table))

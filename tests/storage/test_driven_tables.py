@@ -1,0 +1,74 @@
+"""Known torques from a table to a run file and back, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.writer import RunWriter
+
+T = np.arange(0, 1, 0.01)
+ANGLES = np.column_stack([T, np.cos(6 * T), np.cos(8 * T)])
+TAU = np.column_stack([np.sin(5 * T), 0.1 + 0 * T])
+
+
+def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
+    file = folder / "driven.csv"
+    np.savetxt(
+        file, np.column_stack([ANGLES, *columns]), delimiter=",", header=f"t,theta1,theta2,{header}", comments=""
+    )
+    return file
+
+
+@pytest.mark.parametrize("header", ["tau1_Nm,tau2_Nm", "torque1,torque2", "tau1_measured_Nm,tau2_measured_Nm"])
+def test_torques_are_read_and_kept(paper: Rig, tmp_path: Path, header: str) -> None:
+    run = import_csv(table(tmp_path, header, TAU), paper, out=tmp_path / "a.mcap")
+    assert run.torques == pytest.approx(TAU, abs=1e-12)
+    assert any("driven by" in note for note in run.notes)
+    assert run.swing.between(0.2, 0.5).torques == pytest.approx(TAU[20:50])
+    assert run.setup.torques is not None
+
+
+def test_of_measured_and_commanded_torques_one_is_chosen(paper: Rig, tmp_path: Path) -> None:
+    header = "tau1_measured_Nm,tau2_measured_Nm,tau1_commanded_Nm,tau2_commanded_Nm"
+    file = table(tmp_path, header, TAU, 2 * TAU)
+    with pytest.raises(RunError, match="commanded and measured: say --torque measured or --torque commanded"):
+        import_csv(file, paper)
+    commanded = import_csv(file, paper, ImportOptions(torque="commanded"))
+    assert commanded.torques == pytest.approx(2 * TAU)
+    assert import_csv(file, paper, ImportOptions(torque="none")).torques is None
+
+
+def test_torques_of_one_joint_or_of_the_other_kind_are_refused(paper: Rig, tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="torques are needed of both joints; there are: tau1_Nm"):
+        import_csv(table(tmp_path, "tau1_Nm", TAU[:, :1]), paper)
+    with pytest.raises(RunError, match="has no column of measured torques"):
+        import_csv(table(tmp_path, "other", TAU[:, :1]), paper, ImportOptions(torque="measured"))
+
+
+def test_torques_of_another_length_are_refused(paper: Rig, tmp_path: Path) -> None:
+    file = tmp_path / "driven.npz"
+    np.savez(file, t=T, theta1=ANGLES[:, 1], theta2=ANGLES[:, 2], tau1=TAU[:-3, 0], tau2=TAU[:-3, 1])
+    with pytest.raises(RunError, match="torques of another length: 97 values of 'tau1' for 100 rows"):
+        import_csv(file, paper)
+
+
+def test_torques_of_zero_are_a_free_swing(paper: Rig, tmp_path: Path) -> None:
+    run = import_csv(table(tmp_path, "tau1,tau2", 0 * TAU), paper)
+    assert run.torques is None
+    assert any("a free swing" in note for note in run.notes)
+
+
+def test_a_writer_takes_torques_of_its_rows_only(paper: Rig, tmp_path: Path) -> None:
+    from dpr_lab.storage.metadata import RunMetadata
+
+    theta = np.zeros((len(T), 3))
+    with RunWriter(tmp_path / "b.mcap", RunMetadata(paper, None, 100.0, "import", "table")) as writer:
+        with pytest.raises(ValueError, match="2 finite torques"):
+            writer.table(T, theta, None, TAU[:-1])
+        writer.table(T, theta, None, TAU)
+    assert load_run(tmp_path / "b.mcap").torques == pytest.approx(TAU)

@@ -1,0 +1,69 @@
+"""A disk that fills up: nothing half under a final name, no crash of a library, and a sentence."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.storage.export import EXPORTERS, export
+from dpr_lab.workflows.checks import refuse_file, refuse_folder
+
+PROGRAM = """
+import resource, signal, sys
+import numpy as np
+from pathlib import Path
+from dpr_lab.errors import RunError
+from dpr_lab.run import Run
+from dpr_lab.storage.export import export
+import h5py, pyarrow, scipy.io
+t = np.arange(20000) / 1000
+noise = np.random.default_rng(1)
+run = Run("a", t, noise.normal(size=(len(t), 3)), noise.integers(0, 1 << 40, (len(t), 3)), "X1", "r", "", 1000.0)
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+try:
+    export(run, Path(sys.argv[1]))
+except RunError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits the size of files")
+@pytest.mark.parametrize("suffix", EXPORTERS)
+def test_an_export_that_fails_leaves_nothing(tmp_path: Path, suffix: str) -> None:
+    if suffix in (".h5", ".parquet"):
+        pytest.importorskip({".h5": "h5py", ".parquet": "pyarrow"}[suffix])
+    target = tmp_path / f"run{suffix}"
+    done = subprocess.run([sys.executable, "-c", PROGRAM, str(target)], capture_output=True, text=True, timeout=150)
+    assert done.returncode == 0, done.stderr[-500:]
+    assert "cannot be written" in done.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_whole_export_has_its_final_name_alone(tmp_path: Path, recorded) -> None:
+    (run, *_) = recorded({}, duration=0.2)
+    for suffix in EXPORTERS:
+        export(run, tmp_path / f"run{suffix}")
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == sorted(EXPORTERS)
+    with pytest.raises(RunError, match="exists already"):
+        export(run, tmp_path / "run.csv")
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs a folder that takes no file")
+def test_where_results_cannot_go_is_said_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for refuse, place, said in (
+        (refuse_folder, tmp_path, "is a folder"),
+        (refuse_folder, tmp_path / "file" / "m.json", "cannot be written"),
+        (refuse_folder, Path("/proc/nowhere/m.json"), "cannot be written"),
+        (refuse_file, tmp_path / "file", "is a file"),
+        (refuse_file, Path("/proc/nowhere"), "cannot be written"),
+    ):
+        with pytest.raises(ConfigError, match=said):
+            refuse(place)
+    refuse_folder(tmp_path / "new" / "m.json")
+    refuse_file(tmp_path / "new")
+    assert not (tmp_path / "new").exists()

@@ -1,0 +1,63 @@
+"""The bars of the house: how the code lies, in numbers (`python tests/house.py --list` says what they are made of)."""
+
+import ast
+
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from tests import house
+
+LONGEST_CHAIN = 9
+CONSTANTS = 120
+FILES_IN_A_FOLDER = 15
+TABLES = ("dpr_lab/effects", "dpr_lab/search", "dpr_lab/cli")
+"""Folders with one file for each row of a table: they may grow."""
+LINES = 42_200
+"""Of dpr_lab: 26 238 before its rooms were cleared; since then numbers are fields with their meaning and source."""
+
+
+@pytest.fixture(scope="module")
+def trees() -> dict[str, ast.Module]:
+    return {name: tree for package in house.PACKAGES for name, tree in house.modules(package).items()}
+
+
+@pytest.mark.parametrize("deferred", [False, True], ids=["at the top", "inside functions too"])
+def test_no_modules_import_one_another(trees: dict[str, ast.Module], deferred: bool) -> None:
+    assert house.circles(house.imports(trees, deferred=deferred)) == []
+
+
+def test_the_diagnosis_is_a_short_chain(trees: dict[str, ast.Module]) -> None:
+    chain = house.longest_chain(house.within(house.imports(trees), "dpr_lab.gap"))
+    assert len(chain) <= LONGEST_CHAIN, chain
+
+
+def test_a_class_name_means_one_thing(trees: dict[str, ast.Module]) -> None:
+    assert {name: where for name, where in house.class_names(trees).items() if len(where) > 1} == {}
+
+
+def test_numbers_live_in_settings_not_in_constants(trees: dict[str, ast.Module]) -> None:
+    lab = {name: tree for name, tree in trees.items() if name.split(".")[0] == "dpr_lab"}
+    assert len(house.numeric_constants(lab)) <= CONSTANTS
+
+
+def test_a_folder_can_be_overlooked() -> None:
+    large = {folder: size for folder, size in house.folder_sizes().items() if size > FILES_IN_A_FOLDER}
+    assert {folder: size for folder, size in large.items() if folder not in TABLES} == {}
+
+
+def test_the_lab_has_not_grown() -> None:
+    assert house.lines_of("dpr_lab") < LINES
+
+
+def test_effects_are_named_in_their_own_files_only(trees: dict[str, ast.Module]) -> None:
+    elsewhere = {name: tree for name, tree in trees.items() if not name.startswith(house.EFFECTS_ROOM)}
+    assert house.effects_named(elsewhere, EFFECTS) == []
+
+
+def test_the_counts_see_what_they_should() -> None:
+    source = 'A, B = 1.0, 2\nC = {"x": 1}\nD = (3 * 4.0) ** 2\nE = True\nf = 5\nG = dict\nH: int = 6\nI = call(7)\n'
+    assert house.numeric_constants({"m": ast.parse(source)}) == ["m.A", "m.B", "m.D", "m.H", "m.I"]
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set[str]()}
+    assert house.circles(graph) == [["b", "c"]]
+    named = ast.parse('"""The `dry` one; dry weather."""\nx = {"dry": 1}\ndryer = "dryers"\n')
+    assert house.effects_named({"m": named}, ["dry"]) == ["m:1 dry", "m:2 dry"]

@@ -1,0 +1,70 @@
+"""What is installed from a wheel or a source archive is all there, and works away from the sources."""
+
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.version import __version__
+
+ROOT = Path(__file__).parents[1]
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dist")
+    subprocess.run([sys.executable, "-m", "hatchling", "build", "-d", str(folder)], cwd=ROOT, check=True)
+    return folder
+
+
+def test_the_wheel_works_in_an_empty_place(built: Path, tmp_path: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    place = tmp_path / "place"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(place)
+    environment = {**os.environ, "PYTHONPATH": str(place), "PYTHONSAFEPATH": "1"}
+
+    def run(*words: str) -> str:
+        command = [sys.executable, "-m", *words]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    where = (
+        "import dpr_lab, sim_device, firmware_protocol as f; print(dpr_lab.__file__, sim_device.__file__, f.__file__)"
+    )
+    python = subprocess.run(
+        [sys.executable, "-c", where], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert python.stdout.count(str(place)) == 3
+    (tmp_path / "mine.toml").write_text(run("dpr_lab", "rig", "show", "paper"), encoding="utf-8")
+    link = "sim://?clock=fast&firmware=c"  # from the C sources of the wheel
+    run("dpr_lab", "capture", "--rig", "mine.toml", "--link", link, "--pose", "X1", "--duration", "1", "--out", "runs")
+    assert len(list((tmp_path / "runs").glob("*.mcap"))) == 1
+    assert {"effects.md", "rig-file.md"} <= {file.name for file in (place / "dpr_lab" / "builtin").iterdir()}
+
+
+def test_the_source_archive_holds_what_builds_and_tests_it(built: Path) -> None:
+    (archive,) = built.glob("*.tar.gz")
+    with tarfile.open(archive) as opened:
+        names = {name.partition("/")[2] for name in opened.getnames()}
+    wanted = (
+        "Makefile",
+        "docs/conf.py",
+        "configs/rigs/paper.toml",
+        "firmware_protocol/c/device.c",
+        "tests/conftest.py",
+    )
+    assert names.issuperset(wanted)
+
+
+def test_one_version_everywhere() -> None:
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.+)$", cited, flags=re.MULTILINE)[1] == __version__  # type: ignore[index]

@@ -1,0 +1,39 @@
+"""A rig file says numbers that a rig on a bench can have, as numbers; else the operator reads file, key and value."""
+
+import pytest
+
+from dpr_lab.configs import BUILTIN
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import load_rig, parse_rig
+
+PAPER = (BUILTIN / "rigs" / "paper.toml").read_text(encoding="utf-8")
+
+
+def changed(old: str, new: str) -> str:
+    assert old in PAPER
+    return PAPER.replace(old, new, 1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("L1 = 0.4", "L1 = 172.7", "rig.L1 = 172.7"),
+        ("g = 9.81", "g = true", "rig.g = True"),
+        ("g = 9.81", 'g = "9.81"', "rig.g = '9.81'"),
+        ("g = 9.81", "g = 1e308", "rig.g = 1e+308"),
+        ("g = 9.81", f"g = {'9' * 5000}", "is not valid TOML"),
+        ("16384, 16384, 16384", "16384, 1000000000000, 16384", "encoders.counts_per_rev.1"),
+        ("theta1 = 0.1", "theta1 = 1e300", "theta1 = 1e+300"),
+    ],
+)
+def test_what_no_bench_has_is_refused(old: str, new: str, said: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        parse_rig(changed(old, new))
+    assert said in str(error.value)
+    assert len(str(error.value)) < 400
+
+
+def test_text_and_file_are_the_same_rig(tmp_path) -> None:
+    (tmp_path / "rig.toml").write_text(PAPER, encoding="utf-8")
+    assert parse_rig(PAPER).model_dump() == load_rig(tmp_path / "rig.toml").model_dump()
+    assert parse_rig(PAPER).sha256 == load_rig(tmp_path / "rig.toml").sha256

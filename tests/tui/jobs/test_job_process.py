@@ -1,0 +1,161 @@
+"""Work in its own process: what it reports, pausing, stopping, cancelling, and its end by any cause."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.tui.jobs.job_control import JobControl
+from dpr_lab.tui.jobs.job_events import JobCancelled, JobEvent, JobFailed, JobFinished, JobProgress
+from dpr_lab.tui.jobs.job_process import JobProcess
+
+
+def count(control: JobControl, to: int) -> int:
+    for number in range(to):
+        if not control.proceed():
+            return number
+        control.report(number)
+    return to
+
+
+def count_forever(control: JobControl) -> int:
+    number = 0
+    while control.proceed():
+        control.report(number)
+        number += 1
+        time.sleep(0.001)
+    return number
+
+
+def fail(control: JobControl, kind: str) -> None:
+    raise RunError("no such run: choose another") if kind == "told" else ZeroDivisionError("by zero")
+
+
+def tell_pid(control: JobControl) -> None:
+    control.report(os.getpid())
+    while control.proceed():
+        time.sleep(0.01)
+
+
+def double(control: JobControl) -> None:
+    for number in control.questions():
+        control.report(2 * number)
+
+
+def chatter(control: JobControl) -> str:
+    os.write(1, b"noise on stdout")
+    os.write(2, b"noise on stderr")
+    return "quiet"
+
+
+@pytest.fixture
+def begin() -> Iterator[Callable[..., JobProcess]]:
+    jobs: list[JobProcess] = []
+
+    def made(function: Callable[..., Any], **arguments: Any) -> JobProcess:
+        jobs.append(JobProcess(function, **arguments))
+        return jobs[-1]
+
+    yield made
+    for job in jobs:
+        job.cancel()
+        for _ in job.events():
+            pass
+
+
+def numbers(events: list[JobEvent]) -> list[int]:
+    return [event.value for event in events if isinstance(event, JobProgress)]
+
+
+def test_progress_comes_in_order_and_the_result_last(begin) -> None:
+    *reported, last = begin(count, to=5).events()
+    assert numbers(reported) == [0, 1, 2, 3, 4]
+    assert last == JobFinished(5)
+
+
+def test_stop_keeps_what_there_is(begin) -> None:
+    job = begin(count_forever)
+    events = job.events()
+    next(events)
+    job.stop()
+    *_, last = events
+    assert isinstance(last, JobFinished)
+    assert last.result > 0
+
+
+def test_paused_work_waits_and_goes_on_where_it_was(begin) -> None:
+    job = begin(count_forever)
+    events = job.events()
+    seen = [next(events)]
+    job.pause()
+    while job._process.pipe.poll(0.3):  # what was on its way when it was told to wait
+        seen.append(next(events))
+    assert job.paused
+    assert job.alive
+    job.resume()
+    seen.append(next(events))
+    assert numbers(seen) == list(range(len(seen)))
+
+
+def test_paused_work_can_be_stopped(begin) -> None:
+    job = begin(count_forever)
+    events = job.events()
+    next(events)
+    job.pause()
+    job.stop()
+    *_, last = events
+    assert isinstance(last, JobFinished)
+
+
+def test_questions_are_answered_as_progress(begin) -> None:
+    job = begin(double)
+    events = job.events()
+    for number in (1, 21):
+        job.ask(number)
+        assert next(events) == JobProgress(2 * number)
+
+
+def test_cancelled_work_is_gone(begin) -> None:
+    job = begin(count_forever)
+    events = job.events()
+    next(events)
+    job.cancel()
+    *_, last = events
+    assert last == JobCancelled()
+    assert not job.alive
+
+
+def test_an_error_for_the_operator_comes_as_it_was_said(begin) -> None:
+    assert list(begin(fail, kind="told").events()) == [JobFailed("no such run: choose another")]
+
+
+def test_a_bug_comes_with_its_traceback(begin) -> None:
+    (failed,) = begin(fail, kind="bug").events()
+    assert isinstance(failed, JobFailed)
+    assert failed.message == "ZeroDivisionError: by zero"
+    assert "in fail" in failed.details
+
+
+def test_a_killed_process_is_told_as_what_it_is(begin) -> None:
+    events = begin(tell_pid).events()
+    os.kill(next(events).value, signal.SIGKILL)
+    (last,) = events
+    assert isinstance(last, JobFailed)
+    assert "exit code -9" in last.message
+
+
+def test_work_ends_when_nobody_is_left_to_work_for(begin) -> None:
+    job = begin(tell_pid)
+    next(job.events())
+    job._process.pipe.close()
+    job._process.wait(30)
+    assert not job.alive
+
+
+def test_work_never_writes_on_the_screen(begin, capfd: pytest.CaptureFixture[str]) -> None:
+    assert list(begin(chatter).events()) == [JobFinished("quiet")]
+    assert capfd.readouterr() == ("", "")

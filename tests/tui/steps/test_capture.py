@@ -1,0 +1,275 @@
+"""The guided release with a Pilot at the keys and a simulated device at the end of a real link."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Static
+
+from dpr_lab.acquisition.capture import CaptureOptions
+from dpr_lab.acquisition.device import Device
+from dpr_lab.acquisition.holding import RestReading
+from dpr_lab.report.angles import UNITS
+from dpr_lab.storage.inspect import info, recover, verify
+from dpr_lab.storage.reader import load_run
+from dpr_lab.transports import open_transport
+from dpr_lab.tui.app import DprApp
+from dpr_lab.tui.recorder.attempt import Phase
+from dpr_lab.tui.recorder.messages import AttemptSeen
+from dpr_lab.tui.steps.capture import CaptureStep
+from dpr_lab.tui.widgets.countdown import Countdown
+from dpr_lab.tui.widgets.dialogs import Question
+from dpr_lab.tui.widgets.readout import rest_text
+from dpr_lab.tui.workspace import load
+from firmware_protocol.messages import State
+
+SIM = "sim://?seed=1"
+SECOND = CaptureOptions(duration=1.0, pose_timeout=600.0, rest_timeout=60.0)
+
+pytestmark = pytest.mark.usefixtures("quick_countdown")
+
+
+async def connect(pilot: Pilot[None], until, url: str, options: CaptureOptions = SECOND) -> CaptureStep:
+    app = pilot.app
+    app.workspace.link = url
+    await app.services.connect()
+    await until(pilot, lambda: app.device.connected)
+    await pilot.press("3")
+    step = app.query_one(CaptureStep)
+    step.options = options
+    return step
+
+
+def in_phase(step: CaptureStep, phase: Phase) -> Callable[[], bool]:
+    return lambda: step.attempt is not None and step.attempt.phase is phase
+
+
+async def to_ready(pilot: Pilot[None], until, step: CaptureStep) -> None:
+    await pilot.press("s")
+    await until(pilot, in_phase(step, Phase.READY))
+
+
+async def to_judged(pilot: Pilot[None], until, step: CaptureStep) -> Path:
+    await to_ready(pilot, until, step)
+    await pilot.press("r")
+    await until(pilot, in_phase(step, Phase.JUDGED))
+    return step.attempt.captured.run_file
+
+
+def headline(app: DprApp) -> str:
+    return str(app.query_one("#headline", Static).render())
+
+
+def recorded(app: DprApp) -> list[Path]:
+    return sorted((app.workspace.out / "runs").glob("*.mcap"))
+
+
+@pytest.mark.slow
+async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        for done in range(1, 4):
+            await to_judged(pilot, until, step)
+            assert "good" in headline(app)
+            await pilot.press("k")
+            await until(pilot, lambda done=done: step.outcome() == f"{done} run{'s' if done > 1 else ''}")
+        assert app.workspace.runs == recorded(app)
+    runs = [load_run(file) for file in app.workspace.runs]
+    assert [run.pose for run in runs] == ["X1", "X2", "X3"]
+    assert all(run.complete and run.t[-1] == 1.0 and not sum(run.lost.values()) for run in runs)
+    assert all(verify(file).ok for file in app.workspace.runs)
+
+
+@pytest.mark.slow
+async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        first = await to_judged(pilot, until, step)
+        await pilot.press("a")
+        await until(pilot, in_phase(step, Phase.READY))
+        assert step.attempt.name == "X1"
+        await pilot.press("r")
+        await until(pilot, in_phase(step, Phase.JUDGED))
+        await pilot.press("k")
+        await pilot.pause()
+        assert first not in app.workspace.runs
+        assert len(app.workspace.runs) == 1
+    assert not first.exists()
+    assert verify(first.parent / "aside" / first.name).ok
+
+
+async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM + "&fault=drop=0.02")
+        await to_judged(pilot, until, step)
+        assert "degraded" in headline(app)
+        assert "lost by cause" in str(app.query_one("#readout", Static).render())
+        await pilot.press("k")
+        await until(pilot, lambda: app.workspace.runs)
+
+
+async def test_what_no_check_fails_by_is_said_too(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM, replace(SECOND, until_rest=True, max_duration=1.0))
+        await to_judged(pilot, until, step)
+        assert "good" in headline(app)
+        assert "the rods had not come to rest" in str(app.query_one("#readout", Static).render())
+
+
+async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, said) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM + "&hand_error=0.3")
+        await pilot.press("r")
+        await until(pilot, lambda: "press s to be guided" in said(app))
+        await pilot.press("s")
+        await until(pilot, lambda: step.attempt is not None and step.attempt.error is not None)
+        await until(pilot, lambda: "turn -1" in str(app.query_one("#readout", Static).render()))
+        await pilot.press("r")
+        await until(pilot, lambda: "Not released: bring both rods to the pose" in said(app))
+        assert not isinstance(app.screen, Countdown)
+        assert step.attempt.latched
+        await pilot.press("x")
+        await until(pilot, lambda: step.attempt is None)
+        await until(pilot, lambda: "stopped by the operator: nothing was released" in said(app))
+    assert recorded(app) == []
+
+
+async def test_any_other_key_stops_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        await to_ready(pilot, until, step)
+        for key in ("x", "escape", "ctrl+p", "ctrl+c", "1"):
+            app.clear_notifications()
+            await pilot.press("r", "r")  # the release key itself does not stop it
+            assert isinstance(app.screen, Countdown)
+            await pilot.press(key)
+            if key == "ctrl+p":
+                await pilot.press("escape")
+            await until(pilot, lambda: "nothing was released, the rods stay held" in said(app))
+            assert not isinstance(app.screen, Countdown)
+            seen = step.attempt.rest
+            await until(pilot, lambda seen=seen: step.attempt.rest is not seen)
+            assert step.attempt.phase is Phase.READY
+            assert step.attempt.latched
+    assert recorded(app) == []
+
+
+async def test_quitting_during_the_countdown_releases_nothing(app: DprApp, until, cable) -> None:
+    port = cable()
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, port.url)
+        await to_ready(pilot, until, step)
+        Countdown.SECOND_S = 600.0
+        await pilot.press("r")
+        await pilot.press("ctrl+q")
+    assert recorded(app) == []
+    assert state_of(port.url) == (State.HOLDING, True)
+
+
+async def test_rods_that_move_stop_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        await to_ready(pilot, until, step)
+        await pilot.press("r")
+        assert isinstance(app.screen, Countdown)
+        rest = step.attempt.rest
+        moving = type(rest)(rest.theta, rest.error, rest.tolerance, 0.5, rest.spread, False, "the rods still moved")
+        step.hear(AttemptSeen(step.attempt.number, moving, True, time.monotonic()))
+        await until(pilot, lambda: "nothing was released" in said(app))
+        assert not isinstance(app.screen, Countdown)
+    assert recorded(app) == []
+
+
+@pytest.mark.slow
+async def test_a_cable_pulled_while_recording_costs_the_rest_of_the_swing_only(app: DprApp, until, said, cable) -> None:
+    port = cable()
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, port.url, CaptureOptions(duration=60.0, pose_timeout=600, rest_timeout=60))
+        await to_ready(pilot, until, step)
+        await pilot.press("r")
+        await until(pilot, lambda: step.attempt.recorded is not None and step.attempt.recorded.t > 0.5)
+        assert step.at_stake() == "the recording under way"
+        await pilot.press("1", "z")
+        await until(pilot, lambda: "A capture is under way: end it first" in said(app))
+        await pilot.press("3")
+        seen = step.attempt.recorded.samples
+        port.pull()
+        await until(pilot, lambda: step.attempt is None)
+        await until(pilot, lambda: "what was recorded until then is kept in" in said(app))
+        assert step.missing().startswith("Capture needs a device")
+        (partial,) = recorded(app)
+        assert not info(partial).complete
+        assert info(partial).samples >= seen
+        whole = partial.with_name("whole.mcap")
+        assert recover(partial, whole) >= seen
+        assert load_run(whole).pose == "X1"
+
+        port.plug()
+        step.options = SECOND
+        await pilot.press("c")
+        await until(pilot, lambda: app.device.connected)
+        await to_judged(pilot, until, step)
+        await pilot.press("k")
+        await until(pilot, lambda: len(app.workspace.runs) == 1)
+    assert partial.exists()
+
+
+async def test_length_and_repeats_are_chosen_by_keys(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("3")
+        step = app.query_one(CaptureStep)
+        await pilot.press("d", "d", "d", "d")
+        assert step.options.until_rest
+        await pilot.press("d")
+        assert (step.options.until_rest, step.options.duration) == (False, 5.0)
+        await pilot.press("f", "down")
+        plan = str(app.query_one("#checklist", Static).render())
+        assert "▶ X2 ○○ 0 of 2" in plan
+        assert "record for 5 s" in plan
+        await pilot.press("s")
+        assert step.attempt is None
+
+
+def test_the_limit_that_failed_is_named(paper) -> None:
+    # "moving (limit 0.02 rad/s), 0.014 rad/s": the limit that was shown had been kept.
+    shaking = RestReading((0.0, 3.1, 0.1), (0.0, 0.0), 0.05, 0.014, 0.01, False, "")
+    drifting = replace(shaking, speed=0.03, spread=0.0)
+    assert "shaking 0.01 rad (limit 0.0" in str(rest_text(shaking, paper, UNITS["radians"]))
+    assert "rad/s" not in str(rest_text(shaking, paper, UNITS["radians"]))
+    assert "drift 0.0300 rad/s (limit 0.0200 rad/s)" in str(rest_text(drifting, paper, UNITS["radians"]))
+    assert "shaking" not in str(rest_text(drifting, paper, UNITS["radians"]))
+
+
+async def test_quitting_before_a_swing_is_kept_asks_and_the_next_start_offers_it(app: DprApp, until, tmp_path) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        run = await to_judged(pilot, until, step)
+        await pilot.press("ctrl+q")
+        assert isinstance(app.screen, Question)
+        assert f"{run.stem}, which is not kept yet (k in Capture keeps it)" in str(
+            app.screen.query_one(Static).render()
+        )
+        await pilot.press("y")
+    workspace, notices = load(tmp_path / "state")
+    assert workspace.runs == []
+    again = DprApp(workspace, tmp_path / "state", notices=notices)
+    async with again.run_test(size=(80, 24)) as pilot:
+        await until(pilot, lambda: again.current.NAME == "Capture")
+        assert f"{run.stem}: not decided yet. k: keep it" in headline(again)
+        await pilot.press("k")
+        await pilot.pause()
+        assert again.workspace.runs == [run]
+        assert again.workspace.undecided is None
+
+
+def state_of(url: str) -> tuple[State, bool]:
+    with Device(open_transport(url)) as device:
+        device.connect()
+        while device.status is None:
+            device.poll(0.1)
+        return device.status.state, device.status.latched

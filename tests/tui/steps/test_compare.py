@@ -1,0 +1,323 @@
+"""Step 5: measured and simulated angles, the noise band, and free runs from any instant."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from textual.app import App
+from textual.widgets import Select, Static
+
+from dpr_lab.identification.compare import Comparison, compare_followed, compare_run, follow, free_run_from
+from dpr_lab.identification.model import Model, load_model
+from dpr_lab.rig import Rig
+from dpr_lab.storage.reader import load_run, stored_rig
+from dpr_lab.tui.jobs.kept_comparison import KeptComparison
+from dpr_lab.tui.steps.beside import Beside
+from dpr_lab.tui.steps.compare import CompareStep
+from dpr_lab.tui.widgets.chart import Chart
+from dpr_lab.tui.widgets.slider import Slider
+from dpr_lab.tui.widgets.stepper import Stepper
+
+
+def step(app: App[None]) -> CompareStep:
+    return app.query_one(CompareStep)
+
+
+def figures(app: App[None]) -> str:
+    return str(app.query_one("#figures", Static).content)
+
+
+def series(app: App[None], chart: str) -> dict[str, np.ndarray]:
+    return {item.label: item.y for item in app.query_one(chart, Chart)._content.series}
+
+
+def swing(name: str, horizon_s: float, held_out: bool = False) -> Comparison:
+    """A swing that the model follows to the noise, and whose free run drifts away."""
+    noise = np.array([2e-4, 3e-4])
+    t = np.arange(5000) / 1000
+    tracked = np.pi + np.stack([0.5 * np.cos(5 * t), 2 * np.cos(4 * t)], axis=1)
+    measured = tracked + noise * np.random.default_rng(1).standard_normal((5000, 2))
+    return Comparison(
+        run=name,
+        pose="X1",
+        held_out=held_out,
+        t=t,
+        measured=measured,
+        free_run=tracked + 1e-4 * np.expm1(2 * t)[:, None],
+        tracked=tracked,
+        horizon_s=horizon_s,
+        noise_rad=noise,
+        segments=10,
+        segment_rms_rad=noise,
+        free_run_rms_rad=20 * noise,
+    )
+
+
+@pytest.mark.slow
+async def test_runs_are_compared_as_the_command_does(lab, until, recorded: list[Path], modelled: Path) -> None:
+    async with lab(CompareStep, runs=recorded, model=modelled) as pilot:
+        await until(pilot, lambda: "saved in" in figures(pilot.app))
+        report = pilot.app.workspace.out / "report"
+        saved = json.loads((report / "comparison.json").read_text())
+        assert [run["run"] for run in saved["runs"]] == [run.stem for run in recorded]
+        assert (report / "report.html").is_file()
+        assert all(Path(figure).read_bytes().startswith(b"\x89PNG") for figure in saved["figures"].values())
+        assert step(pilot.app).outcome() == "3 runs"
+        assert step(pilot.app).at_stake() == ""
+        assert figures(pilot.app).startswith("used, 6 segments")
+
+
+@pytest.mark.slow
+async def test_a_free_run_starts_where_the_slider_stands(
+    lab, until, recorded: list[Path], modelled: Path, paper: Rig
+) -> None:
+    async with lab(CompareStep, runs=recorded, model=modelled) as pilot:
+        await until(pilot, lambda: "saved in" in figures(pilot.app))
+        from_release = series(pilot.app, "#angle")["free run"]
+        await pilot.press("o", "right_square_bracket", "right_square_bracket", "right_square_bracket")
+        assert pilot.app.query_one(Slider).value == 1.5
+        await until(pilot, lambda: len(series(pilot.app, "#angle")["free run"]) < len(from_release))
+        followed = follow(load_run(recorded[1]), paper, load_model(modelled))
+        expected = free_run_from(followed, 1.5)
+        assert np.allclose(series(pilot.app, "#angle")["free run"], np.degrees(expected.theta[:, 1]), rtol=1e-12)
+        assert expected.t[0] == pytest.approx(1.5, abs=2e-3)
+
+
+@pytest.mark.slow
+async def test_another_model_makes_a_comparison_stale_and_a_key_makes_it_anew(
+    lab, until, recorded: list[Path], modelled: Path, tmp_path: Path
+) -> None:
+    async with lab(CompareStep, runs=recorded[:1], model=modelled) as pilot:
+        await until(pilot, lambda: "saved in" in figures(pilot.app))
+        other = tmp_path / "other.json"
+        load_model(modelled).model_copy(update={"runs": []}).save(other)
+        pilot.app.workspace.model = other
+        pilot.app.action_go(1)
+        await pilot.pause()
+        assert "STALE, model or runs changed; s: run again" in str(pilot.app.query_one(Stepper).render())
+        assert "used" in figures(pilot.app)  # what was compared stays readable
+        await pilot.press("s")
+        await until(pilot, lambda: figures(pilot.app).startswith("held out"))
+        await until(pilot, lambda: "STALE" not in str(pilot.app.query_one(Stepper).render()))
+
+
+@pytest.mark.slow
+async def test_a_run_that_cannot_be_read_is_named_and_the_others_are_compared(
+    lab, until, said, recorded: list[Path], modelled: Path, tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(recorded[0].read_bytes()[:3000])
+    async with lab(CompareStep, runs=[recorded[0], broken, recorded[1]], model=modelled) as pilot:
+        await until(pilot, lambda: "saved in" in figures(pilot.app))
+        assert figures(pilot.app).endswith("left out: broken")
+        assert str(broken) in said(pilot.app)
+        saved = json.loads((pilot.app.workspace.out / "report" / "comparison.json").read_text())
+        assert [run["run"] for run in saved["runs"]] == [run.stem for run in recorded[:2]]
+        assert step(pilot.app).outcome() == "2 runs"
+        await pilot.press("o", "right_square_bracket")  # the run after the broken one
+        await until(
+            pilot, lambda: series(pilot.app, "#angle")["free run"].size < series(pilot.app, "#angle")["measured"].size
+        )
+        expected = free_run_from(follow(load_run(recorded[1]), stored_rig(recorded[1]), load_model(modelled)), 0.5)
+        assert np.allclose(series(pilot.app, "#angle")["free run"], np.degrees(expected.theta[:, 1]), rtol=1e-12)
+
+
+@pytest.mark.slow
+async def test_with_no_run_left_nothing_is_compared(lab, until, said, fixed_model: Path) -> None:
+    async with lab(CompareStep, runs=[Path("gone.mcap")], model=fixed_model) as pilot:
+        await until(pilot, lambda: step(pilot.app).job is None)
+        assert figures(pilot.app) == "no run can be compared (left out: gone): choose others (b)"
+        assert "gone.mcap: cannot be read" in said(pilot.app)
+
+
+@pytest.mark.slow
+def test_following_once_gives_the_same_comparison(recorded: list[Path], modelled: Path, paper: Rig) -> None:
+    run, model = load_run(recorded[0]), load_model(modelled)
+    once, again = compare_run(run, paper, model), compare_followed(follow(run, paper, model))
+    assert np.array_equal(once.free_run, again.free_run)
+    assert once.horizon_s == again.horizon_s
+
+
+@pytest.mark.slow
+def test_free_runs_from_later_start_on_the_measurement(recorded: list[Path], modelled: Path, paper: Rig) -> None:
+    run, model = load_run(recorded[1]), load_model(modelled)
+    with_effect = model.model_copy(update={"effects": {"coulomb_joint1": {"torque_Nm": 1e-7}}})
+    for each in (model, Model.model_validate(with_effect.model_dump())):
+        later = free_run_from(follow(run, paper, each), 2.0)
+        measured = run.theta[run.t >= later.t[0], 1:]
+        assert np.abs(later.theta - measured)[later.t < later.t[0] + 0.2].max() < 5e-3
+        assert later.horizon_s > later.t[0]
+
+
+async def test_without_a_model_it_says_where_to_get_one(lab) -> None:
+    async with lab(CompareStep, runs=[Path("X1.mcap")]) as pilot:
+        assert "identify one in step 4" in step(pilot.app).missing()
+        assert figures(pilot.app) == step(pilot.app).missing()
+        assert step(pilot.app).job is None
+
+
+async def test_axis_view_and_run_are_picked_by_keys(lab) -> None:
+    async with lab(CompareStep) as pilot:
+        step(pilot.app).show([swing("first", 3.2), swing("second", 9.0, held_out=True)])
+        await pilot.pause()
+        assert "held out" not in figures(pilot.app)
+        assert series(pilot.app, "#angle")["measured"].max() > 280  # outer rod, degrees
+        await pilot.press("j")
+        assert series(pilot.app, "#angle")["measured"].max() < 230
+        await pilot.press("o")
+        assert figures(pilot.app).startswith("held out")
+        await pilot.press("v", "v")
+        await pilot.pause()
+        assert not pilot.app.query_one("#angle", Chart).display
+        assert np.abs(series(pilot.app, "#error")["residual"]).max() < 0.1  # degrees
+        await pilot.press("v")
+        assert pilot.app.query_one("#view", Select).value == "angle"
+
+
+async def test_the_error_of_a_free_run_is_shown_up_to_the_horizon(lab) -> None:
+    async with lab(CompareStep) as pilot:
+        shown = swing("first", 3.2)
+        step(pilot.app).show([shown])
+        await pilot.press("v")
+        await pilot.pause()
+        error = pilot.app.query_one("#error", Chart)._content
+        assert error.series[0].x.max() <= 3.2
+        assert [mark.x for mark in error.marks] == [3.2]
+        assert error.band is not None
+        assert error.band.high == pytest.approx(np.degrees(6e-4))
+        assert error.series[0].y[-1] == pytest.approx(np.degrees((shown.measured - shown.free_run)[3200, 1]))
+
+
+async def test_the_unit_of_angles_is_one_key_away(lab) -> None:
+    async with lab(CompareStep) as pilot:
+        step(pilot.app).show([swing("first", 3.2)])
+        await pilot.pause()
+        chart = pilot.app.query_one("#angle", Chart)
+        assert "(°)" in chart._content.y_label
+        assert "rms 0.0115, 0.0172 °" in figures(pilot.app)
+        await pilot.press("g")
+        await pilot.pause()
+        assert "(rad)" in chart._content.y_label
+        assert series(pilot.app, "#angle")["measured"].max() < 6
+        step(pilot.app)._draw()
+        assert "mrad" in pilot.app.query_one("#error", Chart)._content.y_label
+
+
+async def test_a_tall_screen_shows_angle_and_error(lab) -> None:
+    async with lab(CompareStep, size=(160, 60)) as pilot:
+        step(pilot.app).show([swing("first", 3.2)])
+        await pilot.pause()
+        assert all(chart.display for chart in pilot.app.query(Chart))
+
+
+@pytest.mark.parametrize(("theme", "views"), [("dpr-dark", ("angle", "free-run-error")), ("dpr-light", ("angle",))])
+async def test_its_looks(lab, settled, snapshot, theme: str, views: tuple[str, ...]) -> None:
+    async with lab(CompareStep, theme=theme) as pilot:
+        step(pilot.app).show([swing("first", 3.2), swing("second", 9.0, held_out=True)])
+        for view in views:
+            await settled(pilot)
+            snapshot(pilot.app, f"compare-{view}-{theme}")
+            await pilot.press("v")
+
+
+async def test_two_runs_stand_in_one_plot(lab) -> None:
+    async with lab(CompareStep) as pilot:
+        first, second = swing("first", 3.2), swing("second", 9.0, held_out=True)
+        step(pilot.app).show([first, second])
+        await pilot.pause()
+        assert set(series(pilot.app, "#angle")) == {"measured", "free run"}
+        await pilot.press("O")
+        await pilot.pause()
+        drawn = series(pilot.app, "#angle")
+        assert np.allclose(drawn["other run"], np.degrees(second.measured[:, 1]))
+        assert "beside: held out" in figures(pilot.app)
+        await pilot.press("v")
+        await pilot.pause()
+        assert set(series(pilot.app, "#error")) == {"residual", "other run"}
+        await pilot.press("O")
+        await pilot.pause()
+        assert set(series(pilot.app, "#error")) == {"residual"}
+        assert "beside" not in figures(pilot.app)
+
+
+async def test_the_same_run_by_two_models_stands_in_one_plot(lab) -> None:
+    async with lab(CompareStep) as pilot:
+        shown, by_other = swing("first", 3.2), swing("first", 4.0)
+        step(pilot.app).show([shown])
+        await pilot.pause()
+        beside = pilot.app.query_one(Beside)
+        beside._model = {"first": by_other}
+        step(pilot.app)._offer_beside()
+        await pilot.press("O")
+        await pilot.pause()
+        assert np.allclose(series(pilot.app, "#angle")["2nd model"], np.degrees(by_other.free_run[:, 1]))
+
+
+@pytest.mark.slow
+async def test_another_models_file_is_simulated_beside(
+    lab, until, recorded: list[Path], modelled: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.json"
+    other.write_text(modelled.read_text())
+    async with lab(CompareStep, runs=recorded[:1], model=modelled) as pilot:
+        await until(pilot, lambda: "saved in" in figures(pilot.app))
+        before = (pilot.app.workspace.out / "report" / "report.html").stat().st_mtime_ns
+        await pilot.press("i", *str(other), "enter")
+        await until(pilot, lambda: "2nd model" in series(pilot.app, "#angle"))
+        drawn = series(pilot.app, "#angle")
+        assert np.allclose(drawn["2nd model"], drawn["free run"])
+        assert (pilot.app.workspace.out / "report" / "report.html").stat().st_mtime_ns == before
+        await pilot.press("escape", "i", *["backspace"] * len(str(other)), *"gone.json", "enter")
+        await until(pilot, lambda: any("gone.json" in notice.message for notice in pilot.app._notifications))
+
+
+async def test_what_was_compared_before_is_shown_without_simulating(lab, fixed_model: Path, tmp_path: Path) -> None:
+    run = tmp_path / "first.mcap"
+    run.write_bytes(b"")
+    async with lab(CompareStep, runs=[run]) as pilot:
+        pilot.app.workspace.model = fixed_model
+        folder = pilot.app.workspace.out / "report"
+        folder.mkdir(parents=True)
+        compared = replace(swing("first", 3.2), pose=None)
+        step(pilot.app)._kept.save([compared, swing("second", 9.0)])
+        step(pilot.app).enter()
+        await pilot.pause()
+        assert step(pilot.app).job is None
+        assert step(pilot.app).outcome() == "2 runs"
+        (one, two) = step(pilot.app)._comparisons
+        assert np.array_equal(one.free_run, compared.free_run)
+        assert (one.run, one.pose, one.held_out, one.horizon_s, two.pose) == ("first", None, False, 3.2, "X1")
+        await pilot.press("right_square_bracket")
+        await pilot.pause()
+        assert "Kept from before: s simulates them again" in figures(pilot.app)
+        assert not KeptComparison(folder / "compared.npz", "another model").load()
+        (folder / "compared.npz").write_bytes(b"PK something else")
+        assert not step(pilot.app)._kept.load()
+
+
+async def test_two_cursors_read_off_values_and_differences(lab, settled) -> None:
+    async with lab(CompareStep, size=(120, 40)) as pilot:
+        shown = swing("first", 3.2)
+        step(pilot.app).show([shown])
+        await pilot.press("j", "j")
+        chart = pilot.app.query_one("#angle", Chart)
+        chart.focus()
+        await pilot.press("M")
+        await settled(pilot)
+        a, b = chart._cursors.at
+        await pilot.press("full_stop", "full_stop", "M", "less_than_sign")
+        await settled(pilot)
+        moved_a, moved_b = chart._cursors.at
+        assert moved_a > a
+        assert moved_b < b
+        said = str(chart.query_one(".readings", Static).render())
+        expected = np.interp([moved_a, moved_b], shown.t, np.degrees(shown.measured[:, 1]))
+        assert f"measured: A {expected[0]:.4g}  B {expected[1]:.4g}  B−A {expected[1] - expected[0]:+.4g}" in said
+        assert f"B−A {moved_b - moved_a:+.4g}   time (s)" in said
+        assert "free run − measured: A " in said
+        await pilot.press("M")
+        await settled(pilot)
+        assert chart._cursors is None
+        assert not chart.query_one(".readings").display

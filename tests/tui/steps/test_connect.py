@@ -1,0 +1,143 @@
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Input, OptionList, Static
+
+from dpr_lab.tui.app import DprApp
+from dpr_lab.tui.widgets.dialogs import Question
+
+FAST = "sim://?seed=1&clock=fast"
+
+
+def shown(app: DprApp, selector: str) -> str:
+    return str(app.query_one(selector, Static).render())
+
+
+async def connect(pilot: Pilot[None], url: str) -> None:
+    pilot.app.query_one("#url", Input).value = url
+    pilot.app.query_one("#connect").focus()
+    await pilot.press("c")
+
+
+async def test_links_are_listed_with_a_simulated_rig_one_key_away(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await until(pilot, lambda: app.query_one("#links", OptionList).option_count)
+        links = app.query_one("#links", OptionList)
+        assert links.get_option("sim://?plant=paper&seed=1")
+        await pilot.press("m")
+        await until(pilot, lambda: app.device.connected)
+        await until(pilot, lambda: "angles" in shown(app, "#device"))
+        said = shown(app, "#device")
+        assert app.steps[0].outcome() == "simulated"
+    assert "000051d000000001, firmware 1.0.0, protocol 1.0" in said
+    assert "1000 Hz needs 140,000 bit/s, 15 % of 921600 baud (at most 80 % may be used)" in said
+    assert "open, the rods are free" in said
+    assert app.workspace.link.startswith("sim://")
+
+
+async def test_link_test_counts_samples_and_fits_the_clock(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await connect(pilot, "sim://?seed=1")
+        await until(pilot, lambda: app.device.connected)
+        await pilot.press("l")
+        await until(pilot, lambda: "clock " in shown(app, "#device"))
+        said = shown(app, "#device")
+    assert "samples, none lost" in said
+    assert "ppm" in said
+    assert "shortest" in said
+
+
+async def test_simulated_time_has_no_clock_fit(app: DprApp, until) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await connect(pilot, FAST)
+        await until(pilot, lambda: app.device.connected)
+        await pilot.press("l")
+        await until(pilot, lambda: "clock " in shown(app, "#device"))
+        assert "this device's time is simulated" in shown(app, "#device")
+
+
+async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, until, said) -> None:
+    ours, theirs = os.openpty()  # nobody answers
+    async with app.run_test(size=(80, 24)) as pilot:
+        await connect(pilot, f"serial://{os.ttyname(theirs)}?baud=921600")
+        await pilot.press("l")
+        assert "A connection is under way: wait, or give it up with z" in said(app)
+        await pilot.press("z")
+        await until(pilot, lambda: not app.device.opening)
+        assert shown(app, "#device") == "not connected"
+    os.close(ours)
+    os.close(theirs)
+
+
+@pytest.mark.parametrize(
+    ("url", "remedy"),
+    [
+        ("gopher://x", "unknown kind of link 'gopher'; known are: serial:///dev/ttyUSB0"),
+        ("serial:///dev/ttyNOTHERE", "/dev/ttyNOTHERE"),
+        ("sim://?speed=3", "speed"),
+    ],
+)
+async def test_a_wrong_link_says_what_to_do(app: DprApp, until, said, url: str, remedy: str) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await connect(pilot, url)
+        await until(pilot, lambda: remedy in said(app))
+        await until(pilot, lambda: remedy in shown(app, "#device"))
+        assert app.steps[0].outcome() == ""
+
+
+async def test_a_wrong_baud_rate_says_so(app: DprApp, until, said, cable: Callable) -> None:
+    url = cable().url.replace("921600", "115200")
+    async with app.run_test(size=(80, 24)) as pilot:
+        await connect(pilot, url)
+        await until(pilot, lambda: "115200 baud is probably wrong" in said(app))
+
+
+async def test_a_device_that_goes_away_while_idle_is_noticed(app: DprApp, until, said, cable: Callable) -> None:
+    port = cable()
+    async with app.run_test(size=(80, 24)) as pilot:
+        await connect(pilot, port.url)
+        await until(pilot, lambda: app.device.connected)
+        port.pull()
+        await until(pilot, lambda: app.device.connected is None)
+        await until(pilot, lambda: "ttyRIG" in said(app))
+        assert app.steps[2].missing().startswith("Capture needs a device")
+        port.plug()
+        await pilot.press("c")
+        await until(pilot, lambda: app.device.connected)
+
+
+async def test_another_rig_greets_the_device_again(app: DprApp, until, tmp_path: Path) -> None:
+    other = tmp_path / "other.toml"
+    text = (Path(__file__).parents[3] / "configs/rigs/paper.toml").read_text()
+    other.write_text(text.replace("[16384, 16384, 16384]", "[4096, 4096, 4096]"))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await connect(pilot, FAST + "&rig=paper")
+        await until(pilot, lambda: app.device.connected)
+        await pilot.press("2")
+        app.query_one("#rig_file", Input).value = str(other)
+        await pilot.press("u")
+        await until(pilot, lambda: app.device.connected and app.device.connected.problem)
+        assert "choose the device that belongs to it" in app.device.connected.problem
+
+
+async def test_the_simulator_takes_the_place_of_a_rig_only_on_a_yes(app: DprApp, until, cable) -> None:
+    # One key dropped a real link, and at 80 columns nothing said that what followed was simulated.
+    port = cable()
+    async with app.run_test(size=(80, 24)) as pilot:
+        await connect(pilot, port.url)
+        await until(pilot, lambda: app.device.connected)
+        assert "SIMULATED" not in shown(app, "#status")
+        await pilot.press("m")
+        await until(pilot, lambda: isinstance(app.screen, Question))
+        assert port.url in str(app.screen.query_one(Static).render())
+        await pilot.press("n")
+        await pilot.pause()
+        assert app.device.connected.url == port.url
+        await pilot.press("m", "y")
+        await until(pilot, lambda: app.device.connected is not None and app.device.connected.simulated)
+        for key in "123456":
+            await pilot.press(key)
+            await until(pilot, lambda: "SIMULATED" in app.export_screenshot())

@@ -1,0 +1,273 @@
+"""Step 6: the verdict first, then which, where, how far, and what next; saved as the command saves it."""
+
+import io
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+from textual.app import App
+from textual.widgets import DataTable, Input, Static, TabbedContent
+
+from dpr_lab.gap.result.diagnosis import load_diagnosis
+from dpr_lab.report.gap.tables import next_steps, sentence
+from dpr_lab.report.words import in_words, named
+from dpr_lab.tui.steps.diagnose import DiagnoseStep, signal_scale
+from dpr_lab.tui.texts import Bars, run_name
+from dpr_lab.tui.widgets.chart import Chart
+from dpr_lab.tui.widgets.stepper import Stepper
+
+
+def step(app: App[None]) -> DiagnoseStep:
+    return app.query_one(DiagnoseStep)
+
+
+def text(app: App[None], widget: str) -> str:
+    console = Console(width=100, color_system=None, markup=False)
+    with console.capture() as captured:
+        console.print(app.query_one(widget, Static).content)
+    return captured.get()
+
+
+@pytest.mark.slow
+async def test_from_runs_to_a_saved_diagnosis(lab, until, recorded: list[Path], modelled: Path) -> None:
+    async with lab(DiagnoseStep, runs=recorded, model=modelled) as pilot:
+        await pilot.press("h")
+        await until(pilot, lambda: pilot.app.screen.query(DataTable))
+        await pilot.press("down", "down", "space", "enter")
+        assert pilot.app.workspace.held_out == recorded[2:]
+        await pilot.press("s")
+        await until(pilot, lambda: "step" in text(pilot.app, "#state"))
+        assert step(pilot.app).at_stake() == "the diagnosis that is running"
+        await until(pilot, lambda: step(pilot.app).job is None)
+        folder = pilot.app.workspace.out / "diagnosis"
+        assert pilot.app.workspace.diagnosis == folder / "diagnosis.json"
+        saved = json.loads(pilot.app.workspace.diagnosis.read_text())
+        assert set(saved["gap"]["closed_held_out"]["per_run"]) == {run.stem for run in recorded[:2]}
+        assert set(saved["gap"]["closed_held_out"]["held_out"]) == {recorded[2].stem}
+        assert all(Path(file).is_file() for file in saved["files"].values())
+        assert (folder / "diagnosis.html").is_file()
+        assert (folder / "where.png").read_bytes().startswith(b"\x89PNG")
+        assert load_diagnosis(pilot.app.workspace.diagnosis).verdict == saved["verdict"]
+        assert step(pilot.app).outcome() == saved["verdict"].replace("_", " ")
+        told = load_diagnosis(pilot.app.workspace.diagnosis)
+        assert " ".join(text(pilot.app, "#state").split()) == sentence(told, pilot.app.workspace.unit)
+
+
+@pytest.mark.slow
+async def test_cancelling_leaves_nothing_half_written(lab, until, recorded: list[Path]) -> None:
+    async with lab(DiagnoseStep, runs=recorded) as pilot:
+        await pilot.press("s")
+        await until(pilot, lambda: "step" in text(pilot.app, "#state"))
+        await pilot.press("X")
+        await until(pilot, lambda: step(pilot.app).job is None)
+        assert "cancelled" in text(pilot.app, "#state")
+        assert pilot.app.workspace.diagnosis is None
+        assert not (pilot.app.workspace.out / "diagnosis" / "diagnosis.json").exists()
+
+
+async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis: Path) -> None:
+    found = load_diagnosis(fixed_diagnosis)
+    async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
+        assert " ".join(text(pilot.app, "#state").split()) == sentence(found)
+        assert "dry friction, joint 1 (1.47 mN m) [coulomb_joint1]" in sentence(found)
+        which = " ".join(text(pilot.app, "#which-text").split())
+        assert "late reading, joint 2 [latency_joint2]" in which
+        assert "delay 0.500 ms (0.498 to 0.502)" in which
+        for effect in found.effects:
+            assert f"{named(effect.name)}: probability {effect.probability:.0%}" in which
+            assert f"+ {named(effect.name)}" in text(pilot.app, "#far-text")
+        low, high = found.gap.closed_held_out.interval90
+        said = " ".join(text(pilot.app, "#far-text").split())
+        assert f"90 % interval {low:.1%} to {high:.1%}" in said
+        assert "A bar is what stands above the noise floor" in said
+        for number, advice in enumerate(next_steps(found), 1):
+            assert f"{number}. {advice}" in " ".join(text(pilot.app, "#next-text").split())
+        assert step(pilot.app).outcome() == "named"
+
+
+async def test_every_rival_says_what_tells_it_apart(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
+    told = json.loads(fixed_diagnosis.read_text())
+    told["verdict"] = "partly_explained"
+    told["advice"] = ["Raise the rods higher: it tells coulomb_joint1 from stribeck_joint1."]
+    (tmp_path / "diagnosis.json").write_text(json.dumps(told))
+    async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
+        lines = [line.split() for line in text(pilot.app, "#which-text").splitlines()]
+        rival = named("stribeck_joint1").split()
+        assert any(line[:3] == rival[:3] and line[-5:] == ["0.7%", "1.0000", "next", "step", "1"] for line in lines)
+        assert sum(line[:2] == ["a", "cause"] for line in lines) == 2
+        said = " ".join(text(pilot.app, "#next-text").split())
+        assert "1. Raise the rods higher" in said
+        assert "2. The rest has another cause" in said
+
+
+async def test_a_map_ends_where_the_recordings_end(lab, settled, fixed_diagnosis: Path, tmp_path: Path) -> None:
+    told = json.loads(fixed_diagnosis.read_text())
+    told["where"][0]["std"][-1] = 1.7e305
+    (tmp_path / "diagnosis.json").write_text(json.dumps(told))
+    async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
+        await pilot.press("o", *"o" * (len(told["where"]) - 1))
+        await settled(pilot)
+        chart = pilot.app.query_one("#place-map", Chart)
+        _, *lines = chart._content.series
+        assert [np.flatnonzero(np.isnan(line.y)).tolist() for line in lines] == [[9]] * 3
+        assert np.abs(chart.view[1]).max() < 10
+
+
+async def test_a_result_that_no_longer_fits_is_marked_stale_and_stays_readable(
+    lab, fixed_diagnosis: Path, recorded
+) -> None:
+    # It kept its check mark after rig, selection or hold-outs had changed.
+    async with lab(DiagnoseStep, runs=recorded[:2], diagnosis=fixed_diagnosis) as pilot:
+        app = pilot.app
+        app.workspace.made_from["Diagnose"] = app.workspace.basis()
+        app.redraw()
+        assert "STALE" not in str(app.query_one(Stepper).render())
+        for change in ({"rig": "multiarm"}, {"runs": recorded}, {"held_out": recorded[:1]}):
+            before = {name: getattr(app.workspace, name) for name in change}
+            for name, value in change.items():
+                setattr(app.workspace, name, value)
+            app.redraw()
+            row = str(app.query_one(Stepper).render())
+            assert "STALE, the " in row
+            assert "s: run again" in row
+            assert sentence(load_diagnosis(fixed_diagnosis)) in " ".join(text(app, "#state").split())
+            for name, value in before.items():
+                setattr(app.workspace, name, value)
+
+
+async def test_cancelled_work_keeps_the_verdict_from_before(lab, fixed_diagnosis: Path) -> None:
+    async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
+        step(pilot.app).ended("cancelled")
+        said = " ".join(text(pilot.app, "#state").split())
+        assert "Ended without a new diagnosis: cancelled; this is the one from before." in said
+        assert sentence(load_diagnosis(fixed_diagnosis)) in said
+
+
+def test_an_interval_that_opens_at_the_edges_does_not_flatten_the_curve() -> None:
+    value = np.array([0.0, 1.0, -1.0, 0.5, 0.0])
+    (low, high), clipped = signal_scale(value, np.array([300.0, 0.1, 0.1, 0.1, np.nan]))
+    assert -1.5 < low < -1.1
+    assert 1.1 < high < 1.5
+    assert clipped
+    assert not signal_scale(value, np.full(5, 0.1))[1]
+
+
+def test_where_nothing_is_left_there_is_no_bar() -> None:
+    # The bar was full at the noise floor.
+    rows = [("before", 3.0, None, ""), ("nothing left", 0.0, None, ""), ("hardly", 0.001, None, "")]
+    console = Console(width=60, file=io.StringIO())
+    console.print(Bars(rows))
+    drawn = console.file.getvalue().splitlines()
+    assert drawn[0].count("█") > 30
+    assert drawn[1].count("█") == drawn[2].count("█") == 0
+
+
+async def test_the_map_of_every_place_is_one_key_away(lab, settled, fixed_diagnosis: Path) -> None:
+    found = load_diagnosis(fixed_diagnosis)
+    async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
+        for place in [*found.where[1:], found.where[0]]:
+            await pilot.press("o")
+            await settled(pilot)
+            assert pilot.app.query_one(TabbedContent).active == "where"
+            assert in_words(place.sentence) in " ".join(text(pilot.app, "#place-text").split())
+            drawn = pilot.app.query_one("#place-map", Chart)._content
+            factor = 180 / np.pi if place.coordinate in ("angle", "speed") else 1.0
+            assert drawn.series[-1].x.tolist() == (factor * np.array(place.knots)).tolist()
+            assert (place.coordinate == "time") == ("time" in drawn.x_label)
+
+
+async def test_sizes_and_maps_follow_the_unit_of_angles(lab, settled, fixed_diagnosis: Path) -> None:
+    async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
+        chart = pilot.app.query_one("#place-map", Chart)
+        await settled(pilot)
+        assert (chart._content.x_label, chart._content.y_label) == ("joint speed (°/s)", "encoder error (°)")
+        assert "Gap left (° rms" in text(pilot.app, "#far-text")
+        await pilot.press("g")
+        await settled(pilot)
+        assert (chart._content.x_label, chart._content.y_label) == ("joint speed (rad/s)", "encoder error (mrad)")
+        assert "Gap left (mrad rms" in text(pilot.app, "#far-text")
+
+
+async def test_several_runs_are_held_out(lab, until, recorded: list[Path]) -> None:
+    async with lab(DiagnoseStep, runs=recorded) as pilot:
+        assert "none" in text(pilot.app, "#held-out")
+        await pilot.press("h")
+        await until(pilot, lambda: pilot.app.screen.query(DataTable))
+        await pilot.press("space", "space", "enter")
+        assert pilot.app.workspace.held_out == recorded[:2]
+        assert pilot.app.workspace.runs == recorded
+        assert f"2 runs: {run_name(recorded[0])}, {run_name(recorded[1])}" in " ".join(
+            str(pilot.app.query_one("#held-out", Static).content).split()
+        )
+        await pilot.press("h", "asterisk", "escape")
+        assert pilot.app.workspace.held_out == recorded[:2]
+        assert json.loads((pilot.app.folder / "bench.json").read_text())["held_out"] == [str(r) for r in recorded[:2]]
+
+
+async def test_not_every_run_can_be_held_out(lab) -> None:
+    runs = [Path("X1.mcap"), Path("X2.mcap")]
+    async with lab(DiagnoseStep, runs=runs, held_out=runs) as pilot:
+        await pilot.press("s")
+        assert step(pilot.app).job is None
+        (notice,) = pilot.app._notifications
+        assert "hold out fewer" in notice.message
+
+
+@pytest.mark.slow
+async def test_a_model_of_another_rig_is_refused(
+    lab, until, recorded: list[Path], fixed_model: Path, tmp_path: Path
+) -> None:
+    other = json.loads(fixed_model.read_text())
+    other["rig"]["name"] = "other"
+    (tmp_path / "other.json").write_text(json.dumps(other))
+    async with lab(DiagnoseStep, runs=recorded, model=tmp_path / "other.json") as pilot:
+        await pilot.press("s")
+        await until(pilot, lambda: step(pilot.app).job is None)
+        (notice,) = pilot.app._notifications
+        assert "the model is of rig other" in notice.message
+        assert pilot.app.workspace.diagnosis is None
+
+
+@pytest.mark.slow
+async def test_a_recording_cannot_be_held_out_from_itself(lab, until, recorded: list[Path], tmp_path: Path) -> None:
+    copy = Path(shutil.copy(recorded[0], tmp_path / "copy.mcap"))
+    async with lab(DiagnoseStep, runs=recorded, held_out=[copy]) as pilot:
+        await pilot.press("s")
+        await until(pilot, lambda: step(pilot.app).job is None)
+        (notice,) = pilot.app._notifications
+        assert f"{copy}: the same recording as {recorded[0]}" in notice.message
+
+
+@pytest.mark.parametrize(("field", "value"), [("max-effects", "9"), ("max-effects", ""), ("seed", "-3")])
+async def test_numbers_out_of_range_are_refused(lab, field: str, value: str) -> None:
+    async with lab(DiagnoseStep, runs=[Path("X1.mcap")]) as pilot:
+        pilot.app.query_one(f"#{field}", Input).value = value
+        await pilot.press("s")
+        assert step(pilot.app).job is None
+        (notice,) = pilot.app._notifications
+        assert f"{field} = {value!r}" in notice.message
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [("{", "is not a diagnosis"), ("[1]", "is not a diagnosis"), ('{"verdict": "named"}', "sentence: Field required")],
+)
+async def test_a_damaged_diagnosis_is_told_and_the_step_lives_on(lab, tmp_path: Path, content: str, said: str) -> None:
+    broken = tmp_path / "diagnosis.json"
+    broken.write_text(content)
+    async with lab(DiagnoseStep, diagnosis=broken) as pilot:
+        (notice,) = pilot.app._notifications
+        assert said in notice.message
+        assert step(pilot.app).outcome() == ""
+
+
+@pytest.mark.parametrize(("theme", "views"), [("dpr-dark", ("which", "where", "far")), ("dpr-light", ("which",))])
+async def test_its_looks(lab, settled, snapshot, theme: str, views: tuple[str, ...], fixed_diagnosis: Path) -> None:
+    async with lab(DiagnoseStep, diagnosis=fixed_diagnosis, theme=theme) as pilot:
+        for view in views:
+            await settled(pilot)
+            snapshot(pilot.app, f"diagnose-{view}-{theme}")
+            await pilot.press("v")

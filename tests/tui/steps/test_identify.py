@@ -1,0 +1,171 @@
+"""Step 4: from selected runs to a saved model, with pause, stop, cancel, and words for what goes wrong."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from textual.app import App
+from textual.widgets import Input, Select, Static, TabbedContent
+
+from dpr_lab.identification.model import load_model
+from dpr_lab.tui.steps.compare import CompareStep
+from dpr_lab.tui.steps.identify import IdentifyStep, time_left
+
+
+def text(app: App[None], widget: str) -> str:
+    console = Console(width=100, color_system=None)
+    with console.capture() as captured:
+        console.print(app.query_one(widget, Static).content)
+    return captured.get()
+
+
+def step(app: App[None]) -> IdentifyStep:
+    return app.query_one(IdentifyStep)
+
+
+@pytest.mark.slow
+async def test_from_runs_to_a_saved_model(lab, until, recorded: list[Path]) -> None:
+    async with lab(IdentifyStep, runs=recorded) as pilot:
+        await pilot.press("s")
+        assert step(pilot.app).at_stake() == "the identification that is running"
+        await until(pilot, lambda: step(pilot.app).job is None)
+        bench = pilot.app.workspace
+        assert bench.model == bench.out / "model.json"
+        model = load_model(bench.model)
+        assert [Path(run.file) for run in model.runs] == recorded
+        assert model.fit.chi2_per_dof < 1.3
+        assert "Nothing is left but noise" in text(pilot.app, "#state")
+        assert all(name in text(pilot.app, "#ratios-text") for name in model.ratios)
+        assert "bound" in text(pilot.app, "#nine-text")
+        assert "The recordings see 5 of 9 directions" in text(pilot.app, "#seen-text")
+        assert "One more measurement on the bench" in text(pilot.app, "#seen-text")
+        assert step(pilot.app).outcome() == "model of 3 runs"
+        assert step(pilot.app).at_stake() == ""
+        assert json.loads((pilot.app.folder / "bench.json").read_text())["model"] == str(bench.model)
+
+
+@pytest.mark.slow
+async def test_a_paused_search_waits_and_a_stopped_one_keeps_its_best(lab, until, recorded: list[Path]) -> None:
+    async with lab(IdentifyStep, runs=recorded[:1]) as pilot:
+        pilot.app.query_one("#objective", Select).value = "paper"
+        await pilot.press("s")
+        await until(pilot, lambda: len(step(pilot.app)._history) >= 3)
+        await pilot.press("w")
+        assert "PAUSED" in text(pilot.app, "#state")
+        job = step(pilot.app).job
+        assert job is not None
+        await until(pilot, lambda: not job._process.pipe.poll(0.3))
+        reached = len(step(pilot.app)._history)
+        await pilot.pause(0.5)
+        assert len(step(pilot.app)._history) == reached
+        await pilot.press("x")
+        await until(pilot, lambda: step(pilot.app).job is None)
+        model = step(pilot.app).model
+        assert model is not None
+        assert reached - 1 <= model.search.generations <= reached
+        assert model.search.objective == "paper"
+        assert pilot.app.workspace.model.is_file()
+
+
+@pytest.mark.slow
+async def test_a_model_that_is_found_meanwhile_is_told_and_taken_up(lab, until, recorded: list[Path]) -> None:
+    async with lab(IdentifyStep, CompareStep, runs=recorded) as pilot:
+        await pilot.press("s", "n")
+        compare = pilot.app.query_one(CompareStep)
+        assert "identify one in step 4" in compare.missing()
+        await until(pilot, lambda: pilot.app._notifications)
+        (notice,) = pilot.app._notifications
+        assert notice.message == "Identify is done: model of 3 runs"
+        await until(pilot, compare.outcome)
+
+
+@pytest.mark.slow
+async def test_cancelling_keeps_the_model_from_before(lab, until, recorded: list[Path], modelled: Path) -> None:
+    async with lab(IdentifyStep, runs=recorded, model=modelled) as pilot:
+        pilot.app.query_one("#objective", Select).value = "paper"
+        await pilot.press("s")
+        await until(pilot, lambda: len(step(pilot.app)._history) >= 1)
+        await pilot.press("X")
+        await until(pilot, lambda: step(pilot.app).job is None)
+        assert "cancelled" in text(pilot.app, "#state")
+        assert pilot.app.workspace.model == modelled
+        assert not (pilot.app.workspace.out / "model.json").exists()
+
+
+@pytest.mark.slow
+async def test_a_run_that_cannot_be_read_is_named(lab, until, recorded: list[Path], tmp_path: Path) -> None:
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(recorded[0].read_bytes()[:3000])
+    async with lab(IdentifyStep, runs=[broken]) as pilot:
+        await pilot.press("s")
+        await until(pilot, lambda: step(pilot.app).job is None)
+        (notice,) = pilot.app._notifications
+        assert str(broken) in notice.message
+        assert str(broken) in text(pilot.app, "#state")
+
+
+@pytest.mark.slow
+async def test_a_recording_chosen_twice_is_refused(lab, until, recorded: list[Path], tmp_path: Path) -> None:
+    copy = Path(shutil.copy(recorded[0], tmp_path / "copy.mcap"))
+    async with lab(IdentifyStep, runs=[*recorded, copy]) as pilot:
+        await pilot.press("s")
+        await until(pilot, lambda: step(pilot.app).job is None)
+        (notice,) = pilot.app._notifications
+        assert f"{copy}: the same recording as {recorded[0]}" in notice.message
+        assert pilot.app.workspace.model is None
+
+
+async def test_without_runs_it_says_what_must_come_first(lab) -> None:
+    async with lab(IdentifyStep) as pilot:
+        assert "No runs selected" in step(pilot.app).missing()
+        await pilot.press("s")
+        assert step(pilot.app).job is None
+        (notice,) = pilot.app._notifications
+        assert "No runs selected" in notice.message
+
+
+async def test_a_seed_that_is_none_is_refused(lab) -> None:
+    async with lab(IdentifyStep, runs=[Path("X1.mcap")]) as pilot:
+        pilot.app.query_one("#seed", Input).value = "-1"
+        await pilot.press("s")
+        assert step(pilot.app).job is None
+        (notice,) = pilot.app._notifications
+        assert "seed = '-1'" in notice.message
+
+
+async def test_the_bench_is_resumed_with_its_model(lab, fixed_model: Path) -> None:
+    async with lab(IdentifyStep, runs=[Path("X1.mcap")], model=fixed_model) as pilot:
+        assert step(pilot.app).outcome() == "model of 3 runs"
+        assert "of other runs than those selected" in text(pilot.app, "#state")
+        await pilot.press("v")
+        assert pilot.app.query_one(TabbedContent).active == "ratios"
+
+
+async def test_a_damaged_model_is_told_and_the_step_lives_on(lab, tmp_path: Path) -> None:
+    broken = tmp_path / "model.json"
+    broken.write_text("{}")
+    async with lab(IdentifyStep, model=broken) as pilot:
+        (notice,) = pilot.app._notifications
+        assert "is not a model that dpr-lab wrote" in notice.message
+        assert step(pilot.app).job is None
+
+
+@pytest.mark.parametrize(
+    ("instants", "generations", "expected"),
+    [([], 5, None), ([1.0], 5, None), ([0.0, 1.0, 2.0], 5, 5.0), ([0.0, 1.0, 2.0, 60.0], 5, 5.0)],
+)
+def test_time_left_follows_the_usual_pace(instants, generations, expected) -> None:
+    assert time_left(instants, generations) == expected
+
+
+@pytest.mark.parametrize(
+    ("theme", "views"), [("dpr-dark", ("convergence", "ratios", "nine")), ("dpr-light", ("convergence",))]
+)
+async def test_its_looks(lab, settled, snapshot, theme: str, views: tuple[str, ...], fixed_model: Path) -> None:
+    async with lab(IdentifyStep, model=fixed_model, theme=theme) as pilot:
+        for view in views:
+            await settled(pilot)
+            snapshot(pilot.app, f"identify-{view}-{theme}")
+            await pilot.press("v")

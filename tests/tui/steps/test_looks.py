@@ -1,0 +1,150 @@
+"""What steps 1 to 3 look like, in both themes, from fixed data."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from textual.app import App
+from textual.pilot import Pilot
+from textual.widgets import Input
+
+from dpr_lab.acquisition.capture import Captured, Released, SwingReading
+from dpr_lab.acquisition.gate import Check, QualityReport
+from dpr_lab.acquisition.holding import PoseReading, RestReading
+from dpr_lab.transports.discover import Links, SerialPortFound
+from dpr_lab.tui.app import DprApp
+from dpr_lab.tui.recorder.attempt import Attempt
+from dpr_lab.tui.recorder.messages import (
+    AttemptFinished,
+    AttemptSeen,
+    Connected,
+    Exercised,
+    GoAheadAsked,
+    Idle,
+    RecorderFailed,
+    RecorderReport,
+)
+from dpr_lab.tui.recorder.sighting import Sighting
+from dpr_lab.tui.steps import connect
+from dpr_lab.tui.steps.capture import CaptureStep
+from dpr_lab.tui.steps.connect import ConnectStep
+from dpr_lab.tui.steps.rig import RigStep
+from firmware_protocol.clock import ClockFit
+from firmware_protocol.identity import DeviceInfo
+
+INFO = DeviceInfo("1.0.0", "000051d000000001", (16384, 16384, 16384), 4000, 1000)
+LOAD = "1000 Hz needs 140,000 bit/s, 15 % of 921600 baud (at most 80 % may be used)"
+CONNECTED = Connected("serial:///dev/ttyACM0?baud=921600", INFO, 1000, (LOAD,), "")
+CLOCK = ClockFit(0.0, 54e-6, 1.2, 11.4, 185e-6, 5, 1e-3)
+NONE_LOST = {"device_overrun": 0, "crc": 0, "framing": 0, "tick_gap": 0}
+PORT = SerialPortFound("/dev/ttyACM0", "DPR board", "51D0", "")
+
+OFF = PoseReading((0.0, 3.13, 0.35), (-0.0116, 0.25), 0.05, ok=False)
+STILL = RestReading((0.0, 3.13, 0.12), (-0.0116, 0.02), 0.05, 0.001, 0.0003, ok=True, restless="")
+
+
+def recorded() -> SwingReading:
+    t = np.linspace(-1.0, 6.0, 701)
+    swing = np.where(t < 0, 0.0, 1.0) * np.exp(-0.2 * t)
+    theta = np.stack([0 * t, np.pi + 0.8 * swing * np.sin(6 * t), np.pi - 2.9 * swing * np.cos(4 * t)], axis=1)
+    theta[t < 0, 2] = 0.12
+    angles = (0.0, float(theta[-1, 1]), float(theta[-1, 2]))
+    return SwingReading(6.0, angles, 7001, (t, theta))
+
+
+def judged(ok: bool) -> AttemptFinished:
+    reason = "lost by cause: crc 12, 0.12 % of the samples (limit 0.1 %): check cable and rate"
+    checks = (Check("pose", True, 0.02, 0.05, "rad", "fine"), Check("lost", ok, 0.0012, 1e-3, "1", reason))
+    lost = NONE_LOST if ok else NONE_LOST | {"crc": 12}
+    file = Path("20261121T101500Z_X1_00000001.mcap")
+    return AttemptFinished(1, Captured(file, QualityReport(checks), 1000, 10.0, lost, (0.0, 3.13, 0.12)), CLOCK)
+
+
+NOW = 0.0
+"""When everything was seen; in these pictures nothing grows old."""
+PLACING = (AttemptSeen(1, OFF, True, NOW, NONE_LOST),)
+READY = (*PLACING, AttemptSeen(1, STILL, True, NOW, NONE_LOST), GoAheadAsked(1))
+SWINGING = (
+    *READY,
+    AttemptSeen(1, Released(1000, Path("a.mcap")), False, NOW),
+    AttemptSeen(1, recorded(), False, NOW, NONE_LOST),
+)
+WRONG = "serial:///dev/ttyACM0: 412 bytes arrived and no valid frame"
+
+SCENES: dict[str, tuple[str, tuple[RecorderReport, ...]]] = {
+    "connect-none": ("1", ()),
+    "connect-wrong": ("1", (RecorderFailed(None, WRONG, False),)),
+    "connect-done": ("1", (Idle((0.0, np.pi, np.pi), False, NOW), Exercised(1999, NONE_LOST, CLOCK))),
+    "rig": ("2", ()),
+    "capture-idle": ("3", (Idle((0.0, np.pi, np.pi), False, NOW),)),
+    "capture-placing": ("3", PLACING),
+    "capture-ready": ("3", READY),
+    "capture-recording": ("3", SWINGING),
+    "capture-good": ("3", (*SWINGING, judged(True))),
+    "capture-degraded": ("3", (*SWINGING, judged(False))),
+}
+
+
+async def show(app: DprApp, scene: str, pilot: Pilot[None], until) -> None:
+    key, reports = SCENES[scene]
+    step = app.query_one(CaptureStep)
+    if scene not in ("connect-none", "connect-wrong"):
+        app.device.connected = CONNECTED
+    await until(pilot, lambda: app.query_one("#links").option_count)
+    await pilot.press(key)
+    if scene.startswith("capture") and scene != "capture-idle":
+        step.attempt = Attempt(1, "X1", app.query_one(CaptureStep)._rig.poses["X1"])
+    for report in reports:
+        app.device.note(report)
+        for each in app.steps:
+            each.hear(report)
+    app.clear_notifications()
+    await settled(pilot)
+
+
+async def settled(pilot: Pilot[None]) -> None:
+    """Wait until the screen no longer changes: a chart draws when its turn comes."""
+    before, same = "", 0
+    while same < 3:
+        await pilot.pause(0.1)
+        seen = pilot.app.export_screenshot()
+        before, same = seen, same + 1 if seen == before else 0
+
+
+@pytest.fixture
+def looks(app: DprApp, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], DprApp]:
+    monkeypatch.setattr(Sighting, "fresh", lambda sighting, now: sighting.at == NOW)
+    monkeypatch.setattr(connect, "discover", lambda: Links((PORT,), ("can0",), ()))
+    Input.cursor_blink = False
+
+    def themed(theme: str) -> DprApp:
+        made = DprApp(app.workspace, app.folder, steps=(ConnectStep, RigStep, CaptureStep))
+        made.theme = theme
+        return made
+
+    return themed
+
+
+@pytest.mark.parametrize("theme", ["dpr-dark", "dpr-light"])
+@pytest.mark.parametrize("scene", SCENES)
+async def test_scene(looks, until, snapshot: Callable[[App, str], None], scene: str, theme: str) -> None:
+    app = looks(theme)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await show(app, scene, pilot, until)
+        snapshot(app, f"{scene}-{theme.removeprefix('dpr-')}")
+
+
+@pytest.mark.parametrize("scene", ["connect-done", "capture-ready", "capture-recording"])
+async def test_scene_on_a_large_terminal(looks, until, snapshot, scene: str) -> None:
+    app = looks("dpr-dark")
+    async with app.run_test(size=(160, 48)) as pilot:
+        await show(app, scene, pilot, until)
+        snapshot(app, f"{scene}-large")
+
+
+async def test_high_contrast(looks, until, snapshot) -> None:
+    app = looks("dpr-contrast")
+    async with app.run_test(size=(80, 24)) as pilot:
+        await show(app, "capture-ready", pilot, until)
+        snapshot(app, "capture-ready-contrast")

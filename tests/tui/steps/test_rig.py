@@ -1,0 +1,93 @@
+"""Step 2: a rig chosen, changed and saved on the screen with the checks of every rig file."""
+
+from pathlib import Path
+
+import pytest
+from textual.widgets import Input, OptionList, Static, TextArea
+
+from dpr_lab.configs import BUILTIN
+from dpr_lab.rig import load_rig
+from dpr_lab.storage.reader import load_run
+from dpr_lab.tui.steps.rig import RigStep
+from dpr_lab.tui.steps.rig_editor import RigEditor
+from dpr_lab.tui.steps.table_import import TableImport
+
+
+def verdict(app) -> str:
+    return str(app.screen.query_one("#verdict", Static).content)
+
+
+async def test_a_rig_is_made_from_a_built_in_one_and_checked_before_it_is_saved(
+    lab, until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    async with lab(RigStep) as pilot:
+        await pilot.press("f3")
+        await until(pilot, lambda: isinstance(pilot.app.screen, RigEditor))
+        target, text = pilot.app.screen.query_one(Input), pilot.app.screen.query_one(TextArea)
+        assert target.value == str(tmp_path / "my_paper.toml")
+        good = text.text
+        text.text = good.replace("L1 = ", "L1 = -")
+        await pilot.press("ctrl+s")
+        assert "not saved" in verdict(pilot.app)
+        assert "L1" in verdict(pilot.app)
+        assert not (tmp_path / "my_paper.toml").exists()
+        text.text = good.replace('name = "paper"', 'name = "mine"')
+        for wrong, why in ((str(BUILTIN / "rigs" / "paper.toml"), "is built in"), ("rig.txt", "ends in .toml")):
+            target.value = wrong
+            await pilot.press("ctrl+s")
+            assert why in verdict(pilot.app)
+        (tmp_path / "file").touch()
+        target.value = "file/rig.toml"
+        await pilot.press("ctrl+s")
+        assert "cannot be written" in verdict(pilot.app)
+        target.value = str(tmp_path / "my_paper.toml")
+        await pilot.press("ctrl+s")
+        await until(pilot, lambda: pilot.app.workspace.rig == str(tmp_path / "my_paper.toml"))
+        assert load_rig(tmp_path / "my_paper.toml").name == "mine"
+        assert pilot.app.query_one(RigStep).outcome() == "mine"
+
+
+async def test_rigs_used_before_are_offered_first(lab, until, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text((BUILTIN / "rigs" / "paper.toml").read_text())
+    async with lab(RigStep) as pilot:
+        pilot.app.query_one(RigStep).query_one(Input).value = str(mine)
+        await pilot.press("u")
+        await until(pilot, lambda: pilot.app.workspace.recent_rigs == [str(mine)])
+        names = pilot.app.query_one("#names", OptionList)
+        assert "used before" in str(names.get_option_at_index(0).prompt)
+        await pilot.press("escape", "f3")
+        await until(pilot, lambda: isinstance(pilot.app.screen, RigEditor))
+        assert pilot.app.screen.query_one(Input).value == str(mine)
+        await pilot.press("escape")
+        await until(pilot, lambda: not isinstance(pilot.app.screen, RigEditor))
+        assert pilot.app.workspace.rig == str(mine)
+
+
+async def test_a_recording_of_another_logger_is_looked_at_and_imported(lab, until, tmp_path: Path) -> None:
+    table = tmp_path / "swing.csv"
+    table.write_text("t,theta1,theta2\n" + "".join(f"{k * 0.005},{20 - k / 10},{k / 8}\n" for k in range(300)))
+    async with lab(RigStep) as pilot:
+
+        def understood() -> str:
+            return str(pilot.app.screen.query_one("#understood", Static).content)
+
+        step, before = pilot.app.query_one(RigStep), list(pilot.app.workspace.runs)
+        step.query_one("#rig_file", Input).value = str(table)
+        await pilot.press("u")
+        await until(pilot, lambda: isinstance(pilot.app.screen, TableImport))
+        await until(pilot, lambda: "rad, absolute, upright is 0" in understood())
+        assert "200 Hz" in understood()
+        said = pilot.app.screen.query_one(Input)
+        said.value = "backwards"
+        await pilot.press("enter")
+        await until(pilot, lambda: "'backwards' says nothing of a table" in understood())
+        said.value = "hanging deg relative"
+        await pilot.press("enter")
+        await until(pilot, lambda: "deg, relative, hanging is 0" in understood())
+        await pilot.press("ctrl+s")
+        await until(pilot, lambda: len(pilot.app.workspace.runs) == len(before) + 1)
+        run = load_run(pilot.app.workspace.runs[-1])
+        assert run.theta[0, 1] == pytest.approx(3.1415926 + 20 / 57.29578, abs=1e-4)
+        assert step.query_one("#rig_file", Input).value == pilot.app.workspace.rig

@@ -1,0 +1,31 @@
+"""The command itself on a terminal of our own, and the real process of a simulated device."""
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.tui.terminal_emulator import Terminal
+
+OnTerminal = Callable[..., Terminal]
+
+
+@pytest.fixture
+def on_terminal(tmp_path: Path) -> Iterator[OnTerminal]:
+    """(link, option=) -> `dpr-lab tui` with that link, on a terminal with these options, connected at Capture."""
+    made: list[Terminal] = []
+
+    def start(link: str, **options: Any) -> Terminal:
+        command = [sys.executable, "-m", "dpr_lab", "tui", "--link", link, "--out", str(tmp_path / "bench")]
+        made.append(Terminal(command, {}, **options))
+        made[-1].until_shown("Connect")
+        made[-1].press("c")
+        made[-1].until_shown("latch OPEN")
+        made[-1].press("3")
+        return made[-1]
+
+    yield start
+    for terminal in made:
+        terminal.close()

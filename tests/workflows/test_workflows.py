@@ -1,0 +1,139 @@
+"""Jobs: files in, results out, and on the way events that say everything a shell shows."""
+
+import json
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from dpr_lab.acquisition.capture import CaptureOptions
+from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.identification.model import load_model
+from dpr_lab.workflows import events
+from dpr_lab.workflows.capture import CaptureRequest, CaptureResult, capture
+from dpr_lab.workflows.compare import CompareRequest, compare
+from dpr_lab.workflows.diagnose import DiagnoseRequest, chosen_library, diagnose
+from dpr_lab.workflows.identify import IdentifyRequest, identify
+
+SEARCH = Path(__file__).parents[2] / "configs" / "search" / "segments.toml"
+
+
+class Heard(list[events.Event]):
+    """Every event, in order."""
+
+    def __call__(self, event: events.Event) -> None:
+        self.append(event)
+
+    def of(self, *kinds: type) -> list[events.Event]:
+        return [event for event in self if isinstance(event, kinds)]
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[CaptureResult, Heard]:
+    heard = Heard()
+    options = CaptureOptions(duration=3.0)
+    request = CaptureRequest(
+        "paper", tmp_path_factory.mktemp("runs"), options, ("X1", "X3"), url="sim://?clock=fast&seed=3"
+    )
+    return capture(request, lambda: True, heard), heard
+
+
+def test_importing_a_job_imports_nothing_heavy() -> None:
+    program = (
+        "import sys, pkgutil, importlib, dpr_lab.workflows as jobs\n"
+        "for found in pkgutil.iter_modules(jobs.__path__): importlib.import_module(f'dpr_lab.workflows.{found.name}')\n"
+        "print(sorted({'numpy', 'scipy', 'numba', 'pydantic', 'matplotlib', 'mcap', 'textual', 'typer', 'rich'}"
+        " & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_capture_tells_each_release_from_pose_to_report(recorded) -> None:
+    result, heard = recorded
+    assert isinstance(heard[0], events.DeviceGreeted)
+    steps = heard.of(events.CaptureBegan, events.CaptureDone)
+    assert [(type(step).__name__, step.name) for step in steps] == [
+        (kind, pose) for pose in ("X1", "X3") for kind in ("CaptureBegan", "CaptureDone")
+    ]
+    assert heard.of(events.CaptureProgress)
+    assert result.ok
+    assert [run.run_file for run in result.captured] == list(result.files)
+
+
+def test_unknown_poses_are_refused_before_anything_is_opened(tmp_path: Path) -> None:
+    request = CaptureRequest("paper", tmp_path, CaptureOptions(), ("X1", "X9"), url="serial:///dev/nonesuch")
+    with pytest.raises(ConfigError, match="no pose 'X9'"):
+        capture(request, lambda: True)
+
+
+def test_identification_tells_runs_generations_and_the_local_fit_and_stops_when_told(recorded, tmp_path: Path) -> None:
+    heard, asked = Heard(), []
+
+    def proceed() -> bool:
+        asked.append(len(heard.of(events.GenerationDone)))
+        return len(asked) < 3
+
+    files = recorded[0].files
+    result = identify(IdentifyRequest(files, "paper", tmp_path / "model.json", settings=str(SEARCH)), heard, proceed)
+    assert [event.file for event in heard.of(events.RunRead)] == list(files)
+    generations = heard.of(events.GenerationDone)
+    assert [event.number for event in generations] == [0, 1, 2]
+    assert asked == [1, 2, 3]
+    assert all(event.at_most >= 2 and event.evaluations > 0 for event in generations)
+    assert isinstance(heard[-1], events.LocalFitBegan)
+    assert pickle.loads(pickle.dumps(list(heard))) == heard
+    assert load_model(result.file).ratios == result.model.ratios
+
+    heard = Heard()
+    compared = compare(CompareRequest(files, result.file, tmp_path, record=tmp_path / "comparison.json"), heard)
+    assert [event.comparison.run for event in heard.of(events.RunCompared)] == [file.stem for file in files]
+    assert (tmp_path / "comparison.json").is_file()
+    assert compared.free_run(0, 1.0).t[0] == pytest.approx(1.0, abs=0.5)
+    missing = tmp_path / "none.mcap"
+    with pytest.raises(RunError):
+        compare(CompareRequest((missing, *files), result.file, tmp_path))
+    compared = compare(CompareRequest((missing, *files), result.file, tmp_path, leave_out=True), heard)
+    assert compared.left_out == (missing,)
+    assert [event.file for event in heard.of(events.RunLeftOut)] == [missing]
+    with pytest.raises(RunError, match="no run can be compared"):
+        compare(CompareRequest((missing,), result.file, tmp_path, leave_out=True))
+
+
+def test_a_diagnosis_tells_its_stages_and_fits(recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the diagnosis does is not this test's: here it tells three things, and finds nothing."""
+    tells = (events.StageBegan(4, 7, "which"), events.ScoreTestBegan(()), events.FitBegan(("base_tilt",)))
+
+    def diagnosed(runs, rig, *, on_progress, **options):
+        for event in tells:
+            on_progress(event)
+        return SimpleNamespace(to_json=lambda: {"verdict": "no_gap"})
+
+    monkeypatch.setattr("dpr_lab.gap.diagnose.diagnose", diagnosed)
+    monkeypatch.setattr("dpr_lab.report.saving.save_diagnosis", lambda *arguments: {"report": "diagnosis.html"})
+    heard, files = Heard(), recorded[0].files
+    result = diagnose(DiagnoseRequest(files, "paper"), heard)
+    assert heard == [*heard.of(events.RunRead), *tells]
+    assert result.to_json() == {"verdict": "no_gap"}
+
+    heard, record = Heard(), tmp_path / "diagnosis.json"
+    result = diagnose(DiagnoseRequest(files, "paper", out=tmp_path), heard)
+    assert heard.of(events.StageBegan) == [events.StageBegan(4, 8, "which"), events.StageBegan(8, 8, "report")]
+    assert json.loads(record.read_text()) == result.to_json() == {"verdict": "no_gap", "files": dict(result.files)}
+
+
+def test_effects_are_chosen_by_name() -> None:
+    assert list(chosen_library(("base_tilt", "air_drag_both"), ("base_tilt",))) == ["air_drag_both"]
+    with pytest.raises(ConfigError, match="no effect named gremlin"):
+        chosen_library(None, ("gremlin",))
+    with pytest.raises(ConfigError, match="leave no effect"):
+        chosen_library(("base_tilt",), ("base_tilt",))
+
+
+def test_the_same_recording_is_refused_twice(recorded, tmp_path: Path) -> None:
+    file = recorded[0].files[0]
+    with pytest.raises(RunError, match="give each run once"):
+        diagnose(DiagnoseRequest((file,), "paper", held_out=(file,)))
