@@ -26,7 +26,9 @@ def main() -> None:
 
     Errors for the operator become one message on stderr; everything else is a bug and keeps its traceback.
     """
-    signal.signal(signal.SIGTERM, _terminate)
+    signal.signal(signal.SIGTERM, _interrupt)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
     for number in (signal.SIGINT, signal.SIGTERM):  # while Python is being taken down it is too late
         atexit.register(signal.signal, number, signal.SIG_IGN)
     try:
@@ -34,13 +36,14 @@ def main() -> None:
         # cores.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         _open_streams()
-        sys.unraisablehook = _keep_interrupt
+        sys.unraisablehook = _say_unraisable
         from dpr_lab.cli.app import app
 
         _run(app)
     except DprError as error:
         _end(str(error), error.exit_code)
     except KeyboardInterrupt as stopped:
+        Interrupt.heard = True
         _end(str(stopped) or "interrupted", INTERRUPTED)
     except OSError as error:
         if error.errno not in REFUSED:
@@ -104,13 +107,24 @@ def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
     return None
 
 
-def _keep_interrupt(unraisable: "sys.UnraisableHookArgs") -> None:
-    """An interrupt that struck where none can be raised, as in a callback of the compiler, strikes again."""
-    if issubclass(unraisable.exc_type, KeyboardInterrupt):
-        again = threading.Timer(0.05, _interrupt_main_thread)  # at once it would strike in here
-        again.daemon = True
-        again.start()
-    else:
+class Interrupt(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM on its way to `main`.
+
+    Dropped on the way, in a callback of the compiler or by what clears every error while it is imported, it strikes
+    again.
+    """
+
+    heard = False
+
+    def __del__(self) -> None:
+        if not Interrupt.heard:
+            again = threading.Timer(0.05, _interrupt_main_thread)  # at once it would strike in here
+            again.daemon = True
+            again.start()
+
+
+def _say_unraisable(unraisable: "sys.UnraisableHookArgs") -> None:
+    if not issubclass(unraisable.exc_type, Interrupt):
         sys.__unraisablehook__(unraisable)
 
 
@@ -122,8 +136,8 @@ def _interrupt_main_thread() -> None:
         signal.pthread_kill(main, signal.SIGINT)  # ends a wait too
 
 
-def _terminate(signum: int, frame: object) -> None:
-    raise KeyboardInterrupt
+def _interrupt(signum: int, frame: object) -> None:
+    raise Interrupt
 
 
 def _open_streams() -> None:

@@ -121,14 +121,14 @@ def test_ctrl_c_is_one_line_and_one_object_at_any_moment(
 
 
 def test_an_interrupt_inside_a_library_is_an_interrupt() -> None:
-    """A compiler turns an interrupt into an error of its own, or loses it where nothing can be raised."""
+    """A compiler turns an interrupt into an error of its own, or loses it; another library drops it."""
     program = """
 import signal, sys
 from dpr_lab import cli
 from dpr_lab.cli.console import json_mode
 class Lost:
     def __del__(self):
-        raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGINT)
 def wrapped():
     json_mode(True)
     try:
@@ -140,11 +140,19 @@ def lost():
     json_mode(True)
     Lost()
     time.sleep(60)
+def dropped():
+    import time
+    json_mode(True)
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        pass
+    time.sleep(60)
 import dpr_lab.cli.app
-dpr_lab.cli.app.app = {"wrapped": wrapped, "lost": lost}[sys.argv[1]]
+dpr_lab.cli.app.app = {"wrapped": wrapped, "lost": lost, "dropped": dropped}[sys.argv[1]]
 cli.main()
 """
-    for way in ("wrapped", "lost"):
+    for way in ("wrapped", "lost", "dropped"):
         done = subprocess.run([sys.executable, "-c", program, way], capture_output=True, text=True, timeout=100)
         assert done.returncode == 130, done.stderr
         assert done.stderr == "dpr-lab: interrupted\n"
