@@ -68,4 +68,4 @@ def test_a_diagnosis_that_is_none_is_a_sentence(days: list[Path], tmp_path: Path
     (tmp_path / "d.json").write_text(json.dumps({"verdict": "fine"}))
     done = cli("drift", *days[6:], "--rig", "paper", "--diagnosis", tmp_path / "d.json")
     assert done.code == 3
-    assert "is not what diagnose --json prints" in done.err
+    assert "is not a diagnosis that this dpr-lab wrote" in done.err

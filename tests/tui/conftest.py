@@ -36,10 +36,12 @@ from sim_device.trials.offline_recorder import record
 DATA = Path(__file__).parent / "data"
 SNAPSHOTS = Path(__file__).parent / "snapshots"
 PATIENCE_S = 60.0
+DRAWN_S = 30.0
+"""What a loaded machine may need until the last chart is drawn."""
 
 Lab = Callable[..., AbstractAsyncContextManager[Pilot[None]]]
 Until = Callable[[Pilot[None], Callable[[], object]], Awaitable[None]]
-Snapshot = Callable[[App[Any], str], None]
+Snapshot = Callable[[Pilot[None], str], Awaitable[None]]
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -207,17 +209,25 @@ def settled() -> Callable[[Pilot[None]], Awaitable[None]]:
 
 @pytest.fixture
 def snapshot() -> Snapshot:
-    """(app, name) -> compares the screen with the picture of that name; DPR_LAB_UPDATE_SNAPSHOTS=1 takes a new one."""
+    """(pilot, name) -> waits until the screen is that picture; DPR_LAB_UPDATE_SNAPSHOTS=1 takes a new one."""
 
-    def compared(app: App[Any], name: str) -> None:
+    async def compared(pilot: Pilot[None], name: str) -> None:
         path = SNAPSHOTS / f"{name}.svg"
-        # Class names carry a hash of the content, which says nothing that the content does not.
-        seen = re.sub(r"terminal-\d+", "terminal", app.export_screenshot(title=name))
-        seen = re.sub(r"@font-face \{.*?\}", "", seen, flags=re.DOTALL)  # names a server
         if os.environ.get("DPR_LAB_UPDATE_SNAPSHOTS"):
+            await pilot.pause(2.0)
             path.parent.mkdir(exist_ok=True)
-            path.write_text(seen, encoding="utf-8")
+            path.write_text(screen_of(pilot.app, name), encoding="utf-8")
         assert path.is_file(), f"there is no {path}: look at the screen, then run with DPR_LAB_UPDATE_SNAPSHOTS=1"
-        assert path.read_text(encoding="utf-8") == seen, f"the screen is not the picture {path}"
+        picture, give_up = path.read_text(encoding="utf-8"), time.monotonic() + DRAWN_S
+        while (seen := screen_of(pilot.app, name)) != picture and time.monotonic() < give_up:
+            await pilot.pause(0.1)
+        assert seen == picture, f"the screen is not the picture {path}"
 
     return compared
+
+
+def screen_of(app: App[Any], name: str) -> str:
+    """What is on the screen, as a drawing."""
+    # Class names carry a hash of the content, which says nothing that the content does not.
+    seen = re.sub(r"terminal-\d+", "terminal", app.export_screenshot(title=name))
+    return re.sub(r"@font-face \{.*?\}", "", seen, flags=re.DOTALL)  # names a server

@@ -213,12 +213,11 @@ async def test_a_tall_screen_shows_angle_and_error(lab) -> None:
 
 
 @pytest.mark.parametrize(("theme", "views"), [("dpr-dark", ("angle", "free-run-error")), ("dpr-light", ("angle",))])
-async def test_its_looks(lab, settled, snapshot, theme: str, views: tuple[str, ...]) -> None:
+async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...]) -> None:
     async with lab(CompareStep, theme=theme) as pilot:
         step(pilot.app).show([swing("first", 3.2), swing("second", 9.0, held_out=True)])
         for view in views:
-            await settled(pilot)
-            snapshot(pilot.app, f"compare-{view}-{theme}")
+            await snapshot(pilot, f"compare-{view}-{theme}")
             await pilot.press("v")
 
 

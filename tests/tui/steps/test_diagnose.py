@@ -265,9 +265,8 @@ async def test_a_damaged_diagnosis_is_told_and_the_step_lives_on(lab, tmp_path: 
 
 
 @pytest.mark.parametrize(("theme", "views"), [("dpr-dark", ("which", "where", "far")), ("dpr-light", ("which",))])
-async def test_its_looks(lab, settled, snapshot, theme: str, views: tuple[str, ...], fixed_diagnosis: Path) -> None:
+async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...], fixed_diagnosis: Path) -> None:
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis, theme=theme) as pilot:
         for view in views:
-            await settled(pilot)
-            snapshot(pilot.app, f"diagnose-{view}-{theme}")
+            await snapshot(pilot, f"diagnose-{view}-{theme}")
             await pilot.press("v")

@@ -163,9 +163,8 @@ def test_time_left_follows_the_usual_pace(instants, generations, expected) -> No
 @pytest.mark.parametrize(
     ("theme", "views"), [("dpr-dark", ("convergence", "ratios", "nine")), ("dpr-light", ("convergence",))]
 )
-async def test_its_looks(lab, settled, snapshot, theme: str, views: tuple[str, ...], fixed_model: Path) -> None:
+async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...], fixed_model: Path) -> None:
     async with lab(IdentifyStep, model=fixed_model, theme=theme) as pilot:
         for view in views:
-            await settled(pilot)
-            snapshot(pilot.app, f"identify-{view}-{theme}")
+            await snapshot(pilot, f"identify-{view}-{theme}")
             await pilot.press("v")

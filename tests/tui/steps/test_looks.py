@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from textual.app import App
 from textual.pilot import Pilot
 from textual.widgets import Input
 
@@ -100,16 +99,6 @@ async def show(app: DprApp, scene: str, pilot: Pilot[None], until) -> None:
         for each in app.steps:
             each.hear(report)
     app.clear_notifications()
-    await settled(pilot)
-
-
-async def settled(pilot: Pilot[None]) -> None:
-    """Wait until the screen no longer changes: a chart draws when its turn comes."""
-    before, same = "", 0
-    while same < 3:
-        await pilot.pause(0.1)
-        seen = pilot.app.export_screenshot()
-        before, same = seen, same + 1 if seen == before else 0
 
 
 @pytest.fixture
@@ -128,11 +117,11 @@ def looks(app: DprApp, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], DprAp
 
 @pytest.mark.parametrize("theme", ["dpr-dark", "dpr-light"])
 @pytest.mark.parametrize("scene", SCENES)
-async def test_scene(looks, until, snapshot: Callable[[App, str], None], scene: str, theme: str) -> None:
+async def test_scene(looks, until, snapshot, scene: str, theme: str) -> None:
     app = looks(theme)
     async with app.run_test(size=(80, 24)) as pilot:
         await show(app, scene, pilot, until)
-        snapshot(app, f"{scene}-{theme.removeprefix('dpr-')}")
+        await snapshot(pilot, f"{scene}-{theme.removeprefix('dpr-')}")
 
 
 @pytest.mark.parametrize("scene", ["connect-done", "capture-ready", "capture-recording"])
@@ -140,11 +129,11 @@ async def test_scene_on_a_large_terminal(looks, until, snapshot, scene: str) -> 
     app = looks("dpr-dark")
     async with app.run_test(size=(160, 48)) as pilot:
         await show(app, scene, pilot, until)
-        snapshot(app, f"{scene}-large")
+        await snapshot(pilot, f"{scene}-large")
 
 
 async def test_high_contrast(looks, until, snapshot) -> None:
     app = looks("dpr-contrast")
     async with app.run_test(size=(80, 24)) as pilot:
         await show(app, "capture-ready", pilot, until)
-        snapshot(app, "capture-ready-contrast")
+        await snapshot(pilot, "capture-ready-contrast")
