@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import Elbow, Rods, complete_rig, positive
+from dpr_lab.cli.checks import Elbow, RigName, Rods, positive
 from dpr_lab.cli.console import emit, json_mode, line, say
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ DEGRADED = 6
 
 
 def capture(
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    rig: RigName,
     link: Annotated[
         str | None,
         typer.Option(help="Where the device is, e.g. serial:///dev/ttyACM0?baud=921600; the rig file's when left out."),

@@ -5,24 +5,15 @@ from typing import Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import EFFECT_NAMES, complete_rig
+from dpr_lab.cli.checks import HeldOut, Library, RigName, names_in
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 
 def certify(
     runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap).")],
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
-    held_out: Annotated[
-        list[Path] | None, typer.Option(help="Run that names must carry over to; may be given again.")
-    ] = None,
-    library: Annotated[
-        str | None,
-        typer.Option(
-            help="Effects to choose from, by comma; all by default.",
-            callback=EFFECT_NAMES.check,
-            autocompletion=EFFECT_NAMES.complete,
-        ),
-    ] = None,
+    rig: RigName,
+    held_out: HeldOut = None,
+    library: Library = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
     out: Annotated[Path, typer.Option(help="The certificate.")] = Path("certificate.json"),
     as_json: Annotated[bool, typer.Option("--json", help="The certificate on stdout too.")] = False,
@@ -33,11 +24,10 @@ def certify(
     """
     json_mode(as_json)
     from dpr_lab.cli.listener import Listener
+    from dpr_lab.workflows.certify import certify as certify_runs
     from dpr_lab.workflows.diagnose import DiagnoseRequest
-    from dpr_lab.workflows.diagnose import certify as certify_runs
 
-    names = tuple(name.strip() for name in library.split(",")) if library else None
-    request = DiagnoseRequest(tuple(runs), rig, tuple(held_out or ()), library=names, seed=seed)
+    request = DiagnoseRequest(tuple(runs), rig, tuple(held_out or ()), library=names_in(library), seed=seed)
     with Listener() as listener:
         made = certify_runs(request, out, listener)
     if as_json:
@@ -63,7 +53,7 @@ def verify(
     from dataclasses import asdict
 
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.diagnose import verify as verify_certificate
+    from dpr_lab.workflows.certify import verify as verify_certificate
 
     with Listener() as listener:
         lines = verify_certificate(certificate, listener)

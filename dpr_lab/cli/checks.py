@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
@@ -61,6 +62,11 @@ class Choices:
             raise typer.BadParameter(folded(said, sys.stderr, len("Error: Invalid value for '--objective': ")))
 
 
+def names_in(given: str | None) -> tuple[str, ...] | None:
+    """Names with commas between."""
+    return None if given is None else tuple(name.strip() for name in given.split(",") if name.strip())
+
+
 def _searches() -> Iterable[str]:
     from dpr_lab.search import ALGORITHMS
 
@@ -88,8 +94,6 @@ def built_in_rigs() -> list[str]:
 
 def complete_rig(incomplete: str) -> list[str]:
     """Built-in rigs, and rig files below the folder typed so far."""
-    from pathlib import Path
-
     files = [str(path) for path in Path().glob(f"{incomplete}*") if path.is_dir() or path.suffix == ".toml"]
     return [name for name in built_in_rigs() if name.startswith(incomplete)] + files
 
@@ -100,6 +104,33 @@ def _exports() -> Iterable[str]:
     return FORMATS
 
 
+def _reasons() -> Iterable[str]:
+    from dpr_lab.workflows.diagnose import REASONS
+
+    return REASONS
+
+
+SEARCHES = Choices("search", _searches)
+OBJECTIVE_NAMES = Choices("objective", _objectives)
+EFFECT_NAMES = Choices("effect", _effects)
+EXPORT_NAMES = Choices("format", _exports)
+REASON_NAMES = Choices("reason", _reasons)
+
+RigName = Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)]
+Library = Annotated[
+    str | None,
+    typer.Option(
+        help="Effects to choose from, by comma; all by default.",
+        callback=EFFECT_NAMES.check,
+        autocompletion=EFFECT_NAMES.complete,
+    ),
+]
+HeldOut = Annotated[
+    list[Path] | None, typer.Option(help="Run that names must carry over to, not fitted; may be given again.")
+]
+AnyClock = Annotated[
+    bool, typer.Option("--any-clock", help="Take runs of a device whose clock is further off than a crystal's.")
+]
 Rods = Annotated[
     Literal["both", "inner", "outer"] | None,
     typer.Option(help="Which rods hang on the rig; one alone hangs on joint 1. As the rig file says when left out."),
@@ -108,8 +139,3 @@ Elbow = Annotated[
     Literal["free", "clamped"] | None,
     typer.Option(help="Whether joint 2 can turn. As the rig file says when left out."),
 ]
-
-SEARCHES = Choices("search", _searches)
-OBJECTIVE_NAMES = Choices("objective", _objectives)
-EFFECT_NAMES = Choices("effect", _effects)
-EXPORT_NAMES = Choices("format", _exports)

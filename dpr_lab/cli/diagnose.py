@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import EFFECT_NAMES, complete_rig
+from dpr_lab.cli.checks import EFFECT_NAMES, REASON_NAMES, AnyClock, HeldOut, Library, RigName, names_in
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 
 if TYPE_CHECKING:
@@ -14,20 +14,10 @@ if TYPE_CHECKING:
 
 def diagnose(
     runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap); three releases or more tell effects apart.")],
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    rig: RigName,
     model: Annotated[Path | None, typer.Option(help="A model that `identify` wrote, to start from.")] = None,
-    held_out: Annotated[
-        list[Path] | None,
-        typer.Option(help="Run that names must carry over to, not fitted; may be given again."),
-    ] = None,
-    library: Annotated[
-        str | None,
-        typer.Option(
-            help="Effects to choose from, by comma; all by default.",
-            callback=EFFECT_NAMES.check,
-            autocompletion=EFFECT_NAMES.complete,
-        ),
-    ] = None,
+    held_out: HeldOut = None,
+    library: Library = None,
     without: Annotated[
         list[str] | None,
         typer.Option(
@@ -39,11 +29,14 @@ def diagnose(
     max_effects: Annotated[int, typer.Option(min=1, max=8, help="At most so many effects at once.")] = 4,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder of report, figures, corrected model and exports.")] = None,
-    any_clock: Annotated[
-        bool, typer.Option("--any-clock", help="Take runs of a device whose clock is further off than a crystal's.")
-    ] = False,
+    any_clock: AnyClock = False,
     fail_on: Annotated[
-        str | None, typer.Option(help="End with 1 on any of these, by comma: gap, unexplained, unsure, sensor.")
+        str | None,
+        typer.Option(
+            help="End with 1 on any of these, by comma: gap, unexplained, unsure, sensor.",
+            callback=REASON_NAMES.check,
+            autocompletion=REASON_NAMES.complete,
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -53,7 +46,7 @@ def diagnose(
     """
     json_mode(as_json)
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.diagnose import DiagnoseRequest, failures, refuse_reasons
+    from dpr_lab.workflows.diagnose import DiagnoseRequest, failures
     from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
 
     request = DiagnoseRequest(
@@ -61,15 +54,13 @@ def diagnose(
         rig,
         tuple(held_out or ()),
         model,
-        _names(library),
+        names_in(library),
         tuple(without or ()),
         max_effects,
         seed,
         out,
         any_clock=any_clock,
     )
-    reasons = _names(fail_on) or ()
-    refuse_reasons(reasons)
     with Listener() as listener:
         done = diagnose_runs(request, listener)
     if as_json:
@@ -78,14 +69,10 @@ def diagnose(
         show(done.diagnosis)
         for name, path in done.files.items():
             say(f"{name}: {path}")
-    if failed := failures(done.diagnosis, reasons):
+    if failed := failures(done.diagnosis, names_in(fail_on) or ()):
         for sentence in failed:
             say(sentence)
         raise typer.Exit(1)
-
-
-def _names(library: str | None) -> tuple[str, ...] | None:
-    return None if library is None else tuple(name.strip() for name in library.split(",") if name.strip())
 
 
 def show(found: "Diagnosis") -> None:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from dpr_lab.cli.checks import complete_rig
+from dpr_lab.cli.checks import AnyClock, RigName
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 
@@ -13,7 +13,7 @@ def drift(
     runs: Annotated[
         list[Path], typer.Argument(help="Run files (.mcap) of two groups or more, the same poses in each.")
     ],
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    rig: RigName,
     by: Annotated[
         Literal["day", "session", "label"],
         typer.Option(
@@ -26,9 +26,7 @@ def drift(
     model: Annotated[Path | None, typer.Option(help="The model that `identify` wrote, to start from.")] = None,
     fail_on_drift: Annotated[bool, typer.Option("--fail-on-drift", help="End with 1 when something moved.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of control charts and page.")] = None,
-    any_clock: Annotated[
-        bool, typer.Option("--any-clock", help="Take runs of a device whose clock is further off than a crystal's.")
-    ] = False,
+    any_clock: AnyClock = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Say which parameters of a rig moved between groups of runs, by how much and after which group.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import EXPORT_NAMES, complete_rig
+from dpr_lab.cli.checks import EXPORT_NAMES, RigName, names_in
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def export(
     model: Annotated[Path, typer.Argument(help="A model that `identify` or `diagnose` wrote, or a diagnosis' folder.")],
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    rig: RigName,
     to: Annotated[
         str,
         typer.Option(
@@ -39,7 +39,7 @@ def export(
     from dpr_lab.workflows.export import ExportRequest
     from dpr_lab.workflows.export import export as export_model
 
-    formats = tuple(dict.fromkeys(name.strip() for name in to.split(",")))
+    formats = tuple(dict.fromkeys(names_in(to) or ()))
     with Listener() as listener:
         done = export_model(ExportRequest(model, rig, formats, out, tuple(check or ())), listener)
     if as_json:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import complete_rig
+from dpr_lab.cli.checks import RigName
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def identifiability(
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    rig: RigName,
     runs: Annotated[
         list[Path] | None, typer.Argument(help="Run files (.mcap); none: releases simulated from the rig's poses.")
     ] = None,

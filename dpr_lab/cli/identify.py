@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, complete_rig
+from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, AnyClock, RigName
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.errors import IdentificationError
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def identify(
     runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap); two of the three poses are enough.")],
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    rig: RigName,
     objective: Annotated[
         str,
         typer.Option(
@@ -38,9 +38,7 @@ def identify(
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
     profile: Annotated[bool, typer.Option("--profile", help="Add profile likelihood intervals of the ratios.")] = False,
     out: Annotated[Path, typer.Option(help="Where the model is written.")] = Path("model.json"),
-    any_clock: Annotated[
-        bool, typer.Option("--any-clock", help="Take runs of a device whose clock is further off than a crystal's.")
-    ] = False,
+    any_clock: AnyClock = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Identify the kinetic parameters from recorded free swings.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from dpr_lab.cli.checks import Elbow, Rods, complete_rig, positive
+from dpr_lab.cli.checks import Elbow, RigName, Rods, names_in, positive
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def _group() -> None:
 
 def import_table(
     file: Annotated[Path, typer.Argument(help="A table, .mat, .npz, .h5, .parquet, .mcap, or the folder of a bag.")],
-    rig: Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    rig: RigName,
     pose: Annotated[str | None, typer.Option(help="The rig's pose that the swing started from.")] = None,
     angles: Annotated[
         Literal["absolute", "relative"], typer.Option(help="theta2 to the vertical, or to the inner rod.")
@@ -77,7 +77,7 @@ def import_table(
         unit=unit,
         time_unit=time_unit,
         columns=_mapping(columns) if columns else {},
-        take=tuple(part.strip() for part in take.split(",")) if take else (),
+        take=names_in(take) or (),
         rate_hz=rate_hz,
         wrap=wrap,
         scale=_numbers("scale", scale),

@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dpr_lab.errors import RunError
-from dpr_lab.workflows.checks import read_runs, refuse_file
+from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.diagnose import RECORD
 from dpr_lab.workflows.events import OnEvent, ignore
+from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis

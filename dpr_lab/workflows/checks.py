@@ -1,4 +1,4 @@
-"""What is wrong with a request, said before the work for it begins; and its runs, read."""
+"""What is wrong with a request, said before the work for it begins."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,11 +6,9 @@ from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.workflows.events import OnEvent, RunRead
 
 if TYPE_CHECKING:
     from dpr_lab.rig import Rig
-    from dpr_lab.run import Run
 
 
 def refuse_file(out: Path) -> None:
@@ -80,23 +78,3 @@ def refuse_unknown_poses(rig: "Rig", names: Sequence[str]) -> None:
     if unknown:
         where, there = rig.path or rig.name, ", ".join(rig.poses) or "none"
         raise ConfigError(f"{where}: has no pose {' and no pose '.join(map(repr, unknown))} (there are: {there})")
-
-
-def read_runs(files: Sequence[Path], rig: "Rig", on_event: OnEvent, any_clock: bool = True) -> "list[Run]":
-    """The runs of a rig, in the order of their files.
-
-    Raises:
-        RunError: a file that is no run, or of another rig; two that hold the same recording; or, unless `any_clock`,
-            one of a device whose clock is further off than a crystal's.
-    """
-    from dpr_lab.run import refuse_repeated, refuse_wrong_clocks
-    from dpr_lab.storage.reader import load_run
-
-    runs: list[Run] = []
-    for file in files:
-        runs.append(load_run(file, rig=rig))
-        on_event(RunRead(file, runs[-1].name, runs[-1].notes))
-    refuse_repeated(runs)
-    if not any_clock:
-        refuse_wrong_clocks(runs)
-    return runs

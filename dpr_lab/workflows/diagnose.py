@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.workflows.checks import read_runs, refuse_file, refuse_folder
-from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, Warned, ignore
+from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, ignore
+from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from dpr_lab.effects.effect import Effect
-    from dpr_lab.gap.result.certificate import Certificate, Verified
     from dpr_lab.gap.result.diagnosis import Diagnosis
 
 
@@ -124,62 +124,8 @@ def chosen_library(names: Sequence[str] | None, without: Sequence[str]) -> "Mapp
     return library
 
 
-def certify(request: DiagnoseRequest, to: Path, on_event: OnEvent = ignore) -> "Certificate":
-    """Diagnose, and write a certificate that others can check; events and errors as of `diagnose`."""
-    from dpr_lab.gap.result.certificate import certificate
-    from dpr_lab.whole_file import write_text
-
-    refuse_folder(to)
-    found = diagnose(request, on_event).diagnosis
-    settings = {name: getattr(request, name) for name in _SETTINGS}
-    recordings = [*((path, False) for path in request.runs), *((path, True) for path in request.held_out)]
-    made = certificate(found, recordings, request.rig, settings, to.parent)
-    write_text(to, made.model_dump_json(indent=1, by_alias=True) + "\n")
-    return made
-
-
-def verify(path: Path, on_event: OnEvent = ignore) -> "list[Verified]":
-    """Make a certified diagnosis again and hold each claim against it; not where recordings or claims were changed.
-
-    Raises:
-        RunError: it is no certificate.
-        ConfigError: its rig file is not there or not valid.
-    """
-    from dpr_lab.gap.result.certificate import altered, compared, load_certificate, made_with, rig_of
-
-    certified = load_certificate(path)
-    lines = altered(certified, path.parent)
-    if not all(item.holds for item in lines):
-        return lines
-    for name, version in made_with().items():
-        if certified.made_with.get(name) != version:
-            on_event(Warned(f"{name}: certified with {certified.made_with.get(name)}, verified with {version}"))
-    runs, held_out = (
-        tuple(path.parent / item.file for item in certified.recordings if item.held_out is wanted)
-        for wanted in (False, True)
-    )
-    told = {name: certified.settings[name] for name in _SETTINGS if name in certified.settings}
-    settings: dict[str, Any] = {k: tuple(value) if isinstance(value, list) else value for k, value in told.items()}
-    request = DiagnoseRequest(runs, rig_of(certified, path.parent), held_out, **settings)
-    return [*lines, *compared(certified, diagnose(request, on_event).diagnosis)]
-
-
-_SETTINGS = ("library", "without", "max_effects", "seed", "any_clock")
-"""Fields of a request that a certificate repeats."""
-
-
 REASONS = ("gap", "unexplained", "unsure", "sensor")
 """What `diagnose --fail-on` knows."""
-
-
-def refuse_reasons(reasons: Sequence[str]) -> None:
-    """Make sure that there are such reasons to fail.
-
-    Raises:
-        ConfigError: there are not.
-    """
-    if unknown := [reason for reason in reasons if reason not in REASONS]:
-        raise ConfigError(f"--fail-on knows {', '.join(REASONS)}, not {', '.join(unknown)}")
 
 
 def failures(found: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:

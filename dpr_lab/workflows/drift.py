@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from dpr_lab.errors import RunError
-from dpr_lab.workflows.checks import read_runs, refuse_file
+from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import OnEvent, StageBegan, ignore
+from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.workflows.checks import read_runs, refuse_file
+from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import OnEvent, StageBegan, Warned, ignore
+from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.exports.replay import Replay

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.workflows.checks import read_runs
 from dpr_lab.workflows.events import OnEvent, Warned, ignore
+from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.identification.identifiability import Identifiability

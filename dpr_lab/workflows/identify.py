@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dpr_lab.workflows.checks import read_runs, refuse_folder
+from dpr_lab.workflows.checks import refuse_folder
 from dpr_lab.workflows.events import GenerationDone, LocalFitBegan, OnEvent, Proceed, always, ignore
+from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.identification.model import Model

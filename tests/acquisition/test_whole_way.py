@@ -14,7 +14,7 @@ from dpr_lab.errors import ConfigError, LinkError, RunError
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.inspect import verify
 from dpr_lab.storage.reader import load_run
-from dpr_lab.workflows.checks import read_runs
+from dpr_lab.workflows.reading import read_runs
 from firmware_protocol.messages import NUMBERS, Hold, Sample, State
 
 SHORT = CaptureOptions(duration=2.0, pose_timeout=3.0, rest_timeout=3.0)

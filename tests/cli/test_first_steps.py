@@ -38,6 +38,7 @@ def test_a_rate_that_cannot_be_is_refused_before_anyone_moves(cli, tmp_path: Pat
         (("identify", "x", "--rig", "paper", "--objective", "luck"), "segments"),
         (("diagnose", "x", "--rig", "paper", "--library", "luck"), "coulomb_joint1"),
         (("diagnose", "x", "--rig", "paper", "--without", "luck"), "coulomb_joint1"),
+        (("diagnose", "x", "--rig", "paper", "--fail-on", "luck"), "unexplained"),
     ],
 )
 def test_a_wrong_choice_ends_with_2_and_lists_the_right_ones(cli, words, known: str) -> None:

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.errors import RunError
 from dpr_lab.gap.result.certificate import load_certificate
 from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import import_csv
-from dpr_lab.workflows.diagnose import DiagnoseRequest, certify, diagnose, failures, refuse_reasons, verify
+from dpr_lab.workflows.certify import certify, verify
+from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose, failures
 
 LIBRARY = ("coulomb_joint1", "coulomb_joint2")
 
@@ -100,5 +101,3 @@ def test_reasons_to_fail(folder: Path):
     assert "coulomb_joint1 is at 50%" in failures(doubted, ["unsure"])[0]
     assert len(failures(doubted, ["gap", "unexplained", "unsure"])) == 3
     assert failures(found.model_copy(update={"verdict": "no_gap", "effects": []}), ["gap", "unexplained"]) == []
-    with pytest.raises(ConfigError, match="--fail-on knows gap, unexplained, unsure, sensor, not gaps"):
-        refuse_reasons(["gaps"])
