@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dpr_lab.drift.estimates import estimate_each
 from dpr_lab.gap.diagnose import diagnose
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -41,6 +42,8 @@ def test_a_camera_whose_scale_is_unsure_has_no_gap(seed: int) -> None:
     true = KINDS["camera"](np.random.default_rng(seed))[0]
     fitted, reach = re.search(r"fitted: ([\d.]+) m \+- ([\d.e-]+) m", said.assumptions[0]).groups()
     assert abs(float(fitted) - true) < 2 * float(reach) < 0.01 * abs(rig.L1 - true) + 1e-3
+    again = estimate_each(runs[:1], rig, said.model_effects)  # the length is free there already
+    assert len(again.names) == len(set(again.names))
 
 
 def test_a_wrong_length_that_its_uncertainty_does_not_allow_is_said() -> None:
