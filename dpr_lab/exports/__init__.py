@@ -79,7 +79,13 @@ FORMATS: dict[str, ExportFormat] = {
         "SDFormat", "corrected_model.sdf", lambda *said: {"corrected_model.sdf": sdf.sdf(*said)}, sdf.WORDS
     ),
     "fmu": ExportFormat(
-        "FMI", "corrected_model.fmu", lambda model, rig, _: {"corrected_model.fmu": fmu(model, rig)}, calls=_ALL
+        "FMI 3", "corrected_model.fmu", lambda model, rig, _: {"corrected_model.fmu": fmu(model, rig)}, calls=_ALL
+    ),
+    "fmu2": ExportFormat(
+        "FMI 2",
+        "corrected_model_fmi2.fmu",
+        lambda model, rig, _: {"corrected_model_fmi2.fmu": fmu(model, rig, "2.0")},
+        calls=_ALL,
     ),
 }
 """Name of a format -> how it is written."""

@@ -1,20 +1,26 @@
-"""The corrected model as a functional mock-up unit for co-simulation, FMI 3.0.
+"""The corrected model as a functional mock-up unit for co-simulation, FMI 3.0 or 2.0.
 
 Joint torques go in; angles, speeds and what the encoders read come out. Inside is the Python module, so that whatever
-runs the unit needs a Python with numpy. Source: FMI 3.0 specification, sec. 4 (Modelica Association, 2022).
+runs the unit needs a Python with numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4, sec. 4 (Modelica
+Association, 2022).
 """
 
 import importlib.util
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
-from dpr_lab.errors import ConfigError
+from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.exports.python_module import python_module
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 
+BUILDERS = {"3.0": "pythonfmu3", "2.0": "pythonfmu"}
+"""Version of the standard -> the package that builds its units."""
+
 _SLAVE = '''
-from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64
+from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64 as Real
 
 OUTPUTS = ("theta1", "theta2", "omega1", "omega2", "encoder1", "encoder2")
 
@@ -31,12 +37,13 @@ class DoublePendulum(Fmi3Slave):
         self.theta1_start, self.theta2_start, self.omega1_start, self.omega2_start = math.pi, math.pi, 0.0, 0.0
         self.max_step = 1e-3
         continuous = Fmi3Variability.continuous
-        self.register_variable(Float64("time", causality=Fmi3Causality.independent, variability=continuous))
+        if hasattr(Fmi3Causality, "independent"):
+            self.register_variable(Real("time", causality=Fmi3Causality.independent, variability=continuous))
         for name in ("torque1", "torque2"):
-            self.register_variable(Float64(name, causality=Fmi3Causality.input, variability=continuous, start=0.0))
+            self.register_variable(Real(name, causality=Fmi3Causality.input, variability=continuous, start=0.0))
         for name in ("theta1_start", "theta2_start", "omega1_start", "omega2_start", "max_step"):
             self.register_variable(
-                Float64(
+                Real(
                     name,
                     causality=Fmi3Causality.parameter,
                     variability=Fmi3Variability.fixed,
@@ -44,7 +51,7 @@ class DoublePendulum(Fmi3Slave):
                 )
             )
         for name in OUTPUTS:
-            self.register_variable(Float64(name, causality=Fmi3Causality.output, variability=continuous))
+            self.register_variable(Real(name, causality=Fmi3Causality.output, variability=continuous))
         self.swing = None
 
     def exit_initialization_mode(self):
@@ -67,17 +74,31 @@ class DoublePendulum(Fmi3Slave):
 '''
 
 
-def fmu(model: Model, rig: Rig) -> bytes:
-    """The corrected model as an FMU.
+def fmu(model: Model, rig: Rig, standard: str = "3.0") -> bytes:
+    """The corrected model as an FMU of a version of the standard.
 
     Raises:
-        ConfigError: pythonfmu3 is not installed.
+        ConfigError: the package that builds such units is not installed.
+        DprError: it does not build this one.
     """
-    if importlib.util.find_spec("pythonfmu3") is None:
-        raise ConfigError("an FMU needs pythonfmu3: pip install dpr-lab[exports]")
-    from pythonfmu3.builder import FmuBuilder
-
+    package = BUILDERS[standard]
+    if importlib.util.find_spec(package) is None:
+        raise ConfigError(f"an FMU of FMI {standard} needs {package}: pip install dpr-lab[exports]")
     with tempfile.TemporaryDirectory() as folder:
-        script = Path(folder) / "corrected_model.py"
-        script.write_text(python_module(model, rig) + _SLAVE, encoding="utf-8")
-        return FmuBuilder.build_FMU(script, folder).read_bytes()
+        script = Path(folder) / f"corrected_model_fmi{standard[0]}.py"
+        script.write_text(python_module(model, rig) + _in_words_of(standard), encoding="utf-8")
+        # In a process of its own: the builder imports the script under its name.
+        built = subprocess.run(
+            [sys.executable, "-m", package, "build", "-f", script.name], cwd=folder, capture_output=True, text=True
+        )
+        units = [*Path(folder).glob("*.fmu")]
+        if built.returncode or not units:
+            raise DprError(f"{package} did not build the FMU: {(built.stderr.strip().splitlines() or ['no word'])[-1]}")
+        return units[0].read_bytes()
+
+
+def _in_words_of(standard: str) -> str:
+    """The slave in the names of the package, which looks its class up by the literal name of its base."""
+    if standard == "3.0":
+        return _SLAVE
+    return _SLAVE.replace("Float64 as Real", "Real").replace("pythonfmu3", BUILDERS[standard]).replace("Fmi3", "Fmi2")

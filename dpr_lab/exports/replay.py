@@ -151,12 +151,11 @@ os._exit(0)  # a unit that embeds Python is not unloaded cleanly from a Python p
 """
 
 
-def _fmu(folder: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+def _fmu(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
     def read(item: Replay) -> Array:
-        file = str(folder / "corrected_model.fmu")
-        swing = {"file": file, "start": item.start, "t": item.t.tolist(), "x0": item.x0.tolist()}
+        swing = {"file": str(file), "start": item.start, "t": item.t.tolist(), "x0": item.x0.tolist()}
         done = subprocess.run(
-            [sys.executable, "-c", _FMU], input=json.dumps(swing), capture_output=True, text=True, cwd=folder
+            [sys.executable, "-c", _FMU], input=json.dumps(swing), capture_output=True, text=True, cwd=file.parent
         )
         if done.returncode:
             last = done.stderr.strip().splitlines()[-1:] or ["it said nothing"]
@@ -166,4 +165,11 @@ def _fmu(folder: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
     return read
 
 
-_PROGRAMS: Mapping[str, Program] = {"python": _python, "mjcf": _mujoco, "urdf": _urdf, "sdf": _sdf, "fmu": _fmu}
+_PROGRAMS: Mapping[str, Program] = {
+    "python": _python,
+    "mjcf": _mujoco,
+    "urdf": _urdf,
+    "sdf": _sdf,
+    "fmu": lambda folder, *said: _fmu(folder / "corrected_model.fmu", *said),
+    "fmu2": lambda folder, *said: _fmu(folder / "corrected_model_fmi2.fmu", *said),
+}

@@ -22,7 +22,7 @@ from dpr_lab.whole_file import write_whole
 
 AXES = ("theta1", "theta2")
 
-BINARY = ("fmu",)
+BINARY = ("fmu", "fmu2")
 """Formats that a diagnosis does not write by itself: they need what not every lab has installed."""
 
 

@@ -111,7 +111,7 @@ def test_what_cannot_be_said_is_fitted_again_in_simpler_words(corrected: Model, 
 
 @pytest.mark.parametrize(
     "formats",
-    [("python", "urdf"), pytest.param(("python", "mjcf", "sdf", "fmu"), marks=pytest.mark.slow)],
+    [("python", "urdf"), pytest.param(("python", "mjcf", "sdf", "fmu", "fmu2"), marks=pytest.mark.slow)],
     ids="+".join,
 )
 def test_an_export_is_replayed_where_it_runs(saved, formats, tmp_path: Path):
@@ -122,7 +122,7 @@ def test_an_export_is_replayed_where_it_runs(saved, formats, tmp_path: Path):
     assert done.lab is not None
     assert done.bare_rad is not None
     assert done.lab.closed > 0.9
-    for name in {"python", "mjcf", "fmu"} & set(formats):
+    for name in {"python", "mjcf", "fmu", "fmu2"} & set(formats):
         softer = 3e-3 if name == "mjcf" else 5e-5  # MuJoCo's friction at rest
         assert done.tried[name].off_rad == pytest.approx(done.lab.off_rad, abs=softer)
         assert name not in done.lost
