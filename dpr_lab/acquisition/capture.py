@@ -44,6 +44,8 @@ from dpr_lab.storage.room import check_room
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.messages import State, Status
 
+STOPPED = "stopped by the operator"
+
 
 @dataclass(frozen=True, slots=True)
 class CaptureOptions:
@@ -262,10 +264,10 @@ def _record(
             recording.count_losses(device.losses)
             with suppress(RunError):
                 recording.note_clock(device.clock_fit())
-                recording.abort(f"{type(error).__name__}: {error}".rstrip(": "))
+                recording.abort(STOPPED if isinstance(error, KeyboardInterrupt) else f"{type(error).__name__}: {error}")
             kept = f"what was recorded until then is kept in {path}"
             if isinstance(error, KeyboardInterrupt):
-                raise KeyboardInterrupt(f"stopped by the operator; {kept}") from error
+                raise KeyboardInterrupt(f"{STOPPED}; {kept}") from error
             if isinstance(error, DprError) and not isinstance(error, RunError):  # which names the file already
                 raise type(error)(f"{error}; {kept}") from error
             raise
