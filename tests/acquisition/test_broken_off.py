@@ -110,7 +110,7 @@ def test_full_disk_is_a_run_error_and_stops_the_device(paper: Rig, tmp_path: Pat
 
     with bench(clock="fast") as (device, _):
         try:
-            with pytest.raises(RunError, match=r"cannot be written: File too large.* the file is kept"):
+            with pytest.raises(RunError, match=r"cannot be written: (File too large|No space left).* the file is kept"):
                 capture(device, paper, "X1", CaptureOptions(duration=60), tmp_path, fill_disk, agree)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
