@@ -24,7 +24,7 @@ check: $(STAMP)  ## style, types, import contracts
 	$(BIN)/lint-imports
 
 docs: $(STAMP)  ## the documentation as a site in out/site; a warning is an error
-	$(BIN)/python -c 'import sphinx, furo, myst_parser' 2>/dev/null || $(BIN)/python -m pip install --quiet --editable '.[docs]'
+	$(BIN)/python -c 'import sphinx, furo, myst_nb' 2>/dev/null || $(BIN)/python -m pip install --quiet --editable '.[docs]'
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs out/site
 	@echo "out/site/index.html"
 

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from sphinx.application import Sphinx
+from typer.core import TyperGroup
 
 from dpr_lab.version import __version__
 
@@ -14,8 +15,8 @@ HERE = Path(__file__).parent
 project = "dpr-lab"
 copyright = "the dpr-lab contributors"
 version = release = __version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-source_suffix = {".md": "markdown"}
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+source_suffix = {".md": "myst-nb"}
 exclude_patterns = ["decisions/README.md"]
 html_theme = "furo"
 html_title = f"dpr-lab {version}"
@@ -23,6 +24,11 @@ html_copy_source = False
 html_show_sphinx = False
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 4
+nb_execution_mode = "cache"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 900
+nb_ipywidgets_js = {}
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
 nitpicky = False
@@ -35,8 +41,9 @@ def write_command_line(app: Sphinx) -> None:
     from dpr_lab.cli.app import app as commands
 
     group = get_command(commands)
+    assert isinstance(group, TyperGroup)
     names = [[]]
-    for name, command in group.commands.items():  # type: ignore[attr-defined]
+    for name, command in group.commands.items():
         if command.hidden:
             continue
         inner = getattr(command, "commands", {})
