@@ -93,11 +93,9 @@ class Trajectory:
     def _torques(
         self, stage: Stage, constants: RigConstants, params: Array, setup: Setup, mine: NDArray[np.bool_] | slice
     ) -> Array:
-        swing = (self.t, self.run, self.theta, self.omega, self.alpha, self.drive)
+        swing = (self.t[mine], self.run[mine], self.theta[mine], self.omega[mine], self.alpha[mine], self.drive[mine])
         base, hanging = self.bases[self.setups.index(setup)], constants_of_run(constants, setup)
-        return TRAJECTORY_TORQUES[stage](
-            *(values[mine] for values in swing), base, hanging, effects_of_run(params, setup)
-        )
+        return TRAJECTORY_TORQUES[stage](*swing, base, hanging, effects_of_run(params, setup))
 
     @property
     def coarser(self) -> "Trajectory":
