@@ -45,6 +45,10 @@ class Run(Shown):
     """What swung; of one rod alone theta2 is theta1."""
     torques: NDArray[np.float64] | None = None
     """(n, 2) known torques of joint 1 and 2, N m, each held until the next sample; None for a free swing."""
+    torque_kind: str = ""
+    """`measured` or `commanded`, where that was said of the torques."""
+    input_delay_s: float = 0.0
+    """How much later than they were logged the torques act, as far as it is known."""
     complete: bool = True
     """Whether the file was finished; a recovered or cut one is not."""
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -71,7 +75,9 @@ class Run(Shown):
     @property
     def setup(self) -> Setup:
         """What hung on the rig, and what drove it."""
-        drives = None if self.torques is None else Torques(self.t, self.torques)
+        drives = None
+        if self.torques is not None:
+            drives = Torques(self.t + self.input_delay_s, self.torques, self.torque_kind)
         return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives)
 
     @property

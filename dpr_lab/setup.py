@@ -16,6 +16,8 @@ class Torques:
     """(n,) increasing, s since the release."""
     joints: NDArray[np.float64]
     """(n, 2) torque of joint 1 on the inner rod, and of joint 2 on the outer one, N m."""
+    kind: str = ""
+    """`measured` or `commanded`, where it was said."""
 
     @property
     def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

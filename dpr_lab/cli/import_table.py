@@ -53,6 +53,9 @@ def import_table(
         Literal["measured", "commanded", "none"] | None,
         typer.Option(help="Which torques drove the joints, of a table that holds both; none: take it as a free swing."),
     ] = None,
+    input_delay_s: Annotated[
+        float, typer.Option(min=-1, max=1, help="How much later than logged the torques act, if known.")
+    ] = 0.0,
     rods: Rods = None,
     elbow: Elbow = None,
     start_s: Annotated[float, typer.Option(min=0, help="Leave out so much of the beginning.")] = 0.0,
@@ -86,6 +89,7 @@ def import_table(
         duration_s=duration_s,
         pose=pose,
         torque=torque,
+        input_delay_s=input_delay_s,
     )
     request = ImportRequest(file, rig, out, options, rods, elbow)
     if dry_run:

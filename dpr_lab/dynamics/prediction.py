@@ -22,7 +22,7 @@ from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects import SIZE
 from dpr_lab.effects.effect_kernels import INTERNAL, acting, active_effects
-from dpr_lab.effects.mounted import effects_of_run
+from dpr_lab.effects.mounted import differ, effects_of_run
 from dpr_lab.effects.quantities import RigConstants
 
 __all__ = ["INTERNAL", "PAD", "internal_states", "predict", "predict_batch", "segment_start"]
@@ -108,7 +108,7 @@ def _followed(
     bases, params, initial = (np.asarray(values, dtype=np.float64) for values in (bases, params, initial))
     n, count, runs = len(bases), len(segments), len(segments.setups)
     params = _shaped(params, (n, SIZE) if params.ndim == 2 else (n, runs, SIZE), "params").reshape(n, -1, SIZE)
-    if segments.held.any():
+    if differ(params, segments.setups):
         every = np.broadcast_to(params, (n, runs, SIZE))
         params = np.stack([effects_of_run(every[:, i], setup) for i, setup in enumerate(segments.setups)], axis=1)
     held = _shaped(np.asarray(np.nan if internal is None else internal), (n, count, len(INTERNAL)), "internal")

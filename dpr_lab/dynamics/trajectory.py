@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import with_gravity
 from dpr_lab.dynamics.dry_friction import direction_of
-from dpr_lab.dynamics.lanes.effects import add_torques
+from dpr_lab.dynamics.lanes.effects import add_drives, add_torques
 from dpr_lab.dynamics.lanes.workspace import LANES, ROW, WORKSPACE
 from dpr_lab.effects.effect import Stage
 from dpr_lab.effects.effect_kernels import EFFECT_OF, active_effects, arm_model
@@ -24,6 +24,7 @@ def effect_torques_along(
     theta: Array,
     omega: Array,
     alpha: Array,
+    drive: Array,
     base: Array,
     constants: RigConstants,
     params: Array,
@@ -36,6 +37,7 @@ def effect_torques_along(
         theta: (n, 2) absolute angles of the rods, rad
         omega: (n, 2) speeds, rad/s
         alpha: (n, 2) accelerations, rad/s^2
+        drive: (n, 2) known torques on theta1, theta2, N m
         base: (6,) base parameters, SI
         constants: the rig
         params: (k, SIZE) effects
@@ -47,7 +49,7 @@ def effect_torques_along(
     params, rig = _c(params), RigConstants(*map(float, constants))
     active = active_effects(params)
     used = np.flatnonzero(np.logical_or.reduce(active, axis=0)[EFFECT_OF])
-    return _effect_torques(_c(t), _c(theta), _c(omega), named, rig, params, active, used)
+    return _effect_torques(_c(t), _c(theta), _c(omega), _c(drive), named, rig, params, active, used)
 
 
 def arm_torques_along(
@@ -56,6 +58,7 @@ def arm_torques_along(
     theta: Array,
     omega: Array,
     alpha: Array,
+    drive: Array,
     base: Array,
     constants: RigConstants,
     params: Array,
@@ -83,6 +86,7 @@ def _effect_torques(
     t: Array,
     theta: Array,
     omega: Array,
+    drive: Array,
     base: BaseParameters,
     rig: RigConstants,
     params: Array,
@@ -95,6 +99,7 @@ def _effect_torques(
         for k in range(LANES):
             i = min(first + k, len(t) - 1)
             _put(w, k, t[i], theta[i, 0], theta[i, 1], omega[i, 0], omega[i, 1], base, rig)
+            w[ROW.drive1 + k], w[ROW.drive2 + k] = drive[i, 0], drive[i, 1]
         for c in range(len(params)):
             for place in used:
                 for k in range(LANES):
@@ -102,6 +107,7 @@ def _effect_torques(
             for k in range(LANES):
                 w[ROW.torque1 + k], w[ROW.torque2 + k] = 0.0, 0.0
             add_torques(w, rig, active[c])
+            add_drives(w, rig, active[c])
             for k in range(min(LANES, len(t) - first)):
                 found[first + k, 0, c], found[first + k, 1, c] = w[ROW.torque1 + k], w[ROW.torque2 + k]
     return found
@@ -158,7 +164,11 @@ def _c(values: Array) -> Array:
     return np.array(values, dtype=np.float64, order="C")
 
 
-TrajectoryTorques = Callable[[Array, NDArray[np.int64], Array, Array, Array, Array, RigConstants, Array], Array]
+TrajectoryTorques = Callable[[Array, NDArray[np.int64], Array, Array, Array, Array, Array, RigConstants, Array], Array]
 
-TRAJECTORY_TORQUES: Mapping[Stage, TrajectoryTorques] = {"torque": effect_torques_along, "arm": arm_torques_along}
+TRAJECTORY_TORQUES: Mapping[Stage, TrajectoryTorques] = {
+    "torque": effect_torques_along,
+    "drive": effect_torques_along,
+    "arm": arm_torques_along,
+}
 """Stage of an effect -> its torques along a trajectory, for the stages that have them."""

@@ -25,12 +25,16 @@ from dpr_lab.effects.fold import slices
 from dpr_lab.effects.friction_curve import FRICTION_CURVE
 from dpr_lab.effects.friction_drift import FRICTION_DRIFT
 from dpr_lab.effects.hysteresis import HYSTERESIS
+from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.effects.latency import LATENCY_JOINT2
 from dpr_lab.effects.load_friction import LOAD_FRICTION
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.effects.rotor_inertia import ROTOR_INERTIA_JOINT1, ROTOR_INERTIA_JOINT2
 from dpr_lab.effects.spring import SPRING
 from dpr_lab.effects.stribeck import STRIBECK
+from dpr_lab.effects.torque_offset import TORQUE_OFFSET
+from dpr_lab.effects.torque_ripple import TORQUE_RIPPLE
+from dpr_lab.effects.torque_scale import TORQUE_SCALE
 from dpr_lab.effects.viscous_ground import VISCOUS_GROUND
 from dpr_lab.effects.wrong_length import WRONG_LENGTH
 
@@ -65,8 +69,15 @@ EFFECTS: dict[str, Effect] = {
         LATENCY_JOINT2,
         CLOCK_RATE,
         MISSED_COUNTS,
+        *TORQUE_SCALE,
+        *TORQUE_OFFSET,
+        *TORQUE_RIPPLE,
+        INPUT_DELAY,
     )
 }
+
+OF_FREE_SWINGS = {name: effect for name, effect in EFFECTS.items() if not effect.driven}
+"""The effects that show without a drive."""
 
 SLICES = slices(EFFECTS.values())
 """Name of an effect -> where its parameters lie in the flat vector."""

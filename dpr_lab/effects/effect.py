@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-Stage = Literal["torque", "load", "arm", "timing", "encoder", "play"]
+Stage = Literal["torque", "load", "arm", "timing", "encoder", "play", "drive", "input"]
 """Where in the chain from forces to counts the kernel is called, and what it may ask for by the names of its arguments.
 
     stage     may ask for                      returns
@@ -16,12 +16,14 @@ Stage = Literal["torque", "load", "arm", "timing", "encoder", "play"]
     timing    t                                s added to the instant at which each of `joints` is read
     encoder   encoder                          rad added to what the encoder of each of `joints` reads
     play      angle, held                      angle that the encoder of joint 2 still holds, rad
+    drive     joint, torque                    N m added to the known torque of its joint
+    input                                      s by which known torques act later
 
 The quantities are those of `dpr_lab.effects.quantities`. After them a kernel takes its effect's internal states and
 parameters, each by its name. It is called only while one of the effect's amplitudes is not zero.
 """
 
-Site = Literal["joint torque", "geometry", "base", "sensor", "timing"]
+Site = Literal["joint torque", "geometry", "base", "sensor", "timing", "drive"]
 
 Params = Mapping[str, float]
 """Parameters of one effect by name, SI."""
@@ -181,6 +183,11 @@ class Effect:
     def amplitudes(self) -> tuple[EffectParameter, ...]:
         """The parameters that are zero when the effect is off."""
         return tuple(parameter for parameter in self.parameters if parameter.role == "amplitude")
+
+    @property
+    def driven(self) -> bool:
+        """Whether it is of a drive, so that a free swing knows nothing of it."""
+        return self.stage in ("drive", "input")
 
     @property
     def shapes(self) -> tuple[EffectParameter, ...]:

@@ -178,6 +178,9 @@ encoder_errors = _joint_stage(
 held_angle = _one_effect("play", "angle, held", "angle")
 """(angle, held, params, active) -> the angle that the encoder of joint 2 holds once its joint is at `angle`, rad."""
 
+input_delay = _one_effect("input", "none", "none")
+"""(none, params, active) -> s by which known torques act later; `none` where no effect says so."""
+
 internal_after = _transitions()
 """(internal, displacement1, displacement2, params, active) -> internal, after turns of the joints, rad."""
 
@@ -197,6 +200,8 @@ class Acting(NamedTuple):
     errors: Any
     """One adds to what encoders read."""
     play: Any
+    drives: Any
+    """One changes the known torque of a joint."""
     stepped: Any
     """One has an internal state that moves with a joint."""
     internal: Any
@@ -212,7 +217,7 @@ _ASKING = Acting(
         for holds in (
             *(
                 lambda effect, stage=stage: effect.stage == stage
-                for stage in ("torque", "load", "arm", "timing", "encoder", "play")
+                for stage in ("torque", "load", "arm", "timing", "encoder", "play", "drive")
             ),
             lambda effect: any(state.after for state in effect.internal),
             lambda effect: bool(effect.internal),

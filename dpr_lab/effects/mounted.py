@@ -1,4 +1,9 @@
-"""What effects become where joint 2 cannot turn: it is held by dry friction without a limit."""
+"""What effects become in a run where joint 2 cannot turn, or where nothing drives the joints.
+
+Joint 2 is then held by dry friction without a limit, and drives are off.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +19,37 @@ _HOLDS = param_index(COULOMB[1].name, COULOMB[1].amplitudes[0].name)
 _OF_JOINT2 = [
     param_index(effect.name, parameter.name)
     for effect in EFFECTS.values()
-    if effect.joints == (1,) and effect.stage in ("torque", "load", "play")
+    if effect.joints == (1,) and effect.stage in ("torque", "load", "play", "drive")
+    for parameter in effect.amplitudes
+]
+
+_OF_DRIVES = [
+    param_index(effect.name, parameter.name)
+    for effect in EFFECTS.values()
+    if effect.driven
     for parameter in effect.amplitudes
 ]
 
 
+def differ(params: NDArray[np.float64], setups: Sequence[Setup]) -> bool:
+    """Whether the effects (..., SIZE) of any run are others than those on the whole rig."""
+    return any(setup.held or _undriven(params, setup) for setup in setups)
+
+
+def _undriven(params: NDArray[np.float64], setup: Setup) -> bool:
+    return setup.torques is None and bool(params[..., _OF_DRIVES].any())
+
+
 def effects_of_run(params: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
     """(..., SIZE) effects on what hung on the rig during a run, from those on the whole rig."""
-    if not setup.held:
+    undriven = _undriven(params, setup)
+    if not (setup.held or undriven):
         return params
     params = params.copy()
+    if undriven:
+        params[..., _OF_DRIVES] = 0.0
+    if not setup.held:
+        return params
     if setup.alone:
         params[..., _OF_JOINT2] = 0.0
     params[..., _HOLDS] = UNYIELDING_NM

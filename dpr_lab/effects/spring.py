@@ -47,6 +47,7 @@ SPRING = pair(
     implied=rest_angle,
     exported=linear,
     twins=("encoder_scale",),
+    nested=("torque_offset",),
     equation=(
         "tau = C - k q - k3 q^3 with q the angle of joint {j} from hanging straight, turns included; at rest where that"
         " is zero"

@@ -89,6 +89,8 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
         return f"{program} has no word for {' and '.join(words)}"
     if EFFECTS[name].stage in ("timing", "encoder", "play"):
         return f"{program} describes bodies, not what their encoders read"
+    if EFFECTS[name].driven:
+        return "torques are given to the model as they act, without their drives"
     return f"{program} has no words for it"
 
 

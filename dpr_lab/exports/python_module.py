@@ -15,7 +15,7 @@ from dpr_lab.dynamics.arm import CLAMPED, FREE, with_gravity
 from dpr_lab.dynamics.encoder_errors import read_at
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.step import RigModel, RigState, accelerations_at, stepped
-from dpr_lab.effects import EFFECTS, SLICES, effect_params
+from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, SLICES, effect_params
 from dpr_lab.effects.effect_kernels import (
     AT_RELEASE,
     STEPPED,
@@ -71,7 +71,7 @@ import numpy as np
 
 inf, nan = math.inf, math.nan
 RIG = {rig!r}
-LEFT_OUT = {left_out!r}  # named too, and unknown to the dpr-lab that wrote this
+LEFT_OUT = {left_out!r}  # named too: of drives, or unknown to the dpr-lab that wrote this
 EFFECTS = {effects!r}
 L1, L2, G = {L1!r}, {L2!r}, {g!r}
 BASE = {base!r}  # a, b, d, e1, c1, c2
@@ -195,7 +195,7 @@ def module_text(
     model: Model, rig: Rig, more: Mapping[str, Any] | None = None, rewritten: Mapping[str, Rewrite] | None = None
 ) -> str:
     """The module, with more of the lab's functions in it; arguments as of `sources`."""
-    effects = {name: values for name, values in model.effects.items() if name in EFFECTS}
+    effects = {name: values for name, values in model.effects.items() if name in OF_FREE_SWINGS}
     params = effect_params(known_effects(effects))
     base = tuple(model.base[name].value for name in ("a", "b", "d", "e1", "c1", "c2"))
     constants = rig_constants(rig)._replace(L1=model.rig.L1, g=model.rig.g)
@@ -206,7 +206,7 @@ def module_text(
     simulated = RigModel(gravity, constants, arm, (0.0, 0.0), None, Acting(*map(bool, acts)))  # type: ignore[arg-type]
     head = _HEAD.format(
         rig=model.rig.name,
-        left_out=[name for name in model.effects if name not in EFFECTS],
+        left_out=[name for name in model.effects if name not in effects],
         effects=effects,
         L1=model.rig.L1,
         L2=constants.L2,

@@ -54,6 +54,8 @@ class Trajectory:
     """(n, 2) rad/s"""
     alpha: Array
     """(n, 2) rad/s^2"""
+    drive: Array
+    """(n, 2) known torques on theta1, theta2, N m"""
     bases: Array
     """(runs, 6) base parameters of what hangs there, SI."""
     setups: tuple[Setup, ...]
@@ -91,9 +93,9 @@ class Trajectory:
     def _torques(
         self, stage: Stage, constants: RigConstants, params: Array, setup: Setup, mine: NDArray[np.bool_] | slice
     ) -> Array:
-        motion = (self.t[mine], self.run[mine], self.theta[mine], self.omega[mine], self.alpha[mine])
+        swing = (self.t[mine], self.run[mine], self.theta[mine], self.omega[mine], self.alpha[mine], self.drive[mine])
         base, hanging = self.bases[self.setups.index(setup)], constants_of_run(constants, setup)
-        return TRAJECTORY_TORQUES[stage](*motion, base, hanging, effects_of_run(params, setup))
+        return TRAJECTORY_TORQUES[stage](*swing, base, hanging, effects_of_run(params, setup))
 
     @property
     def coarser(self) -> "Trajectory":
@@ -102,12 +104,13 @@ class Trajectory:
         kept = np.flatnonzero((np.arange(len(self.t)) - begins) % 2 == 0)
         edges = np.append(0, np.cumsum((np.diff(self.edges) + 1) // 2))
         owner = np.repeat(np.arange(len(edges) - 1), np.diff(self.first))
-        motion = (self.t, self.run, self.theta, self.omega, self.alpha)
-        t, run, theta, omega, alpha = (values[kept] for values in motion)
+        swing = (self.t, self.run, self.theta, self.omega, self.alpha, self.drive)
+        t, run, theta, omega, alpha, drive = (values[kept] for values in swing)
         at = edges[owner] + 0.5 * (self.at - self.edges[owner])
         return replace(
-            self, t=t, run=run, theta=theta, omega=omega, alpha=alpha, into=self.into[kept], at=at, edges=edges
-        )
+            self, t=t, run=run, theta=theta, omega=omega, alpha=alpha, drive=drive, into=self.into[kept], at=at,
+            edges=edges,
+        )  # fmt: skip
 
     @property
     def joint_angle(self) -> Array:
@@ -154,6 +157,7 @@ def trajectory(problem: Problem, at: Estimate) -> Trajectory:
         theta=states[:, :2],
         omega=states[:, 2:],
         alpha=alpha,
+        drive=followed.pushes,
         bases=bases,
         setups=setups,
         into=np.asarray(np.linalg.solve(phi, torque_only), dtype=np.float64),

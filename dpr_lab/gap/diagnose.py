@@ -71,7 +71,10 @@ def diagnose(
     begin("where")
     places = locate(problem, bare)
     begin("which")
-    library = {name: effect for name, effect in library.items() if name not in problem.always}
+    driven = any(setup.torques for setup in problem.segments.setups)
+    library = {
+        name: effect for name, effect in library.items() if name not in problem.always and (driven or not effect.driven)
+    }
     selection = select(recordings, problem, bare, library, max_effects=max_effects, on_progress=on_progress)
     begin("classes")
     posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)

@@ -112,6 +112,12 @@ def find_torques(names: Sequence[str], source: str | None, path: object) -> tupl
     return chosen["1"], chosen["2"]
 
 
+def torque_kind(name: str) -> str:
+    """`measured` or `commanded`, as the name of a column of torques says; nothing where it does not."""
+    match = _TORQUE_NAME.fullmatch(_bare(name))
+    return _TORQUE_KINDS.get(match[2] or "", "") if match else ""
+
+
 def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
     """A table of one rod with a column of a joint 2 that does not turn, where it has none; and those given.
 

@@ -17,7 +17,7 @@ from dpr_lab.configs import sha256_of
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_mounted
-from dpr_lab.storage.columns import AXES, TO_SECONDS, find_columns, find_torques, with_still_joint2
+from dpr_lab.storage.columns import AXES, TO_SECONDS, find_columns, find_torques, torque_kind, with_still_joint2
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import full_turns, load_run
 from dpr_lab.storage.readers import read_any
@@ -41,6 +41,8 @@ class Plausible:
     """Median time between rows, at most."""
     duration_s: float = 1e6
     """From the first row to the last, at most."""
+    input_delay_s: float = 1.0
+    """By which torques act later than logged, or earlier, at most."""
     angle: float = 1e4
     """rad; a rod that turned further would have turned for hours."""
     jump: float = 1.5 * np.pi
@@ -92,6 +94,8 @@ class ImportOptions:
     note: str = ""
     torque: Literal["measured", "commanded", "none"] | None = None
     """Which known torques drove the joints, where the table holds both; `none`: none that it holds."""
+    input_delay_s: float = 0.0
+    """How much later than they were logged they act, where that is known."""
 
     def __post_init__(self) -> None:
         unknown = (set(self.columns) - {"t"} | set(self.scale) | set(self.offset)) - set(AXES)
@@ -102,6 +106,8 @@ class ImportOptions:
             raise ValueError("rate_hz and wrap must be positive and finite, scale must not be 0")
         if not np.isfinite([*self.scale.values(), *self.offset.values()]).all():
             raise ValueError("scale and offset must be finite")
+        if not abs(self.input_delay_s) <= PLAUSIBLE.input_delay_s:
+            raise ValueError(f"input_delay_s must be within {PLAUSIBLE.input_delay_s:g} s, not {self.input_delay_s:g}")
         if not self.start_s >= 0 or (self.duration_s is not None and not self.duration_s > 0):
             raise ValueError("start_s must not be negative, duration_s must be positive")
 
@@ -120,6 +126,8 @@ class Understood:
     """With the units that were found."""
     kind: str
     torques: NDArray[np.float64] | None = None
+    torque_kind: str = ""
+    """`measured` or `commanded`, as their columns say."""
 
     @property
     def rate_hz(self) -> float:
@@ -186,7 +194,9 @@ def understand(file: Path | str, rig: Rig, options: ImportOptions | None = None)
     elif torques is not None:
         notes += [f"driven by {' and '.join(driving)}, N m, each held until the next row"]
     notes = (*table.notes, *columns.notes, *notes)
-    return Understood(time, theta, counts, float(t[kept][0]), columns.names, notes, options, table.kind, torques)
+    driven_by = torque_kind(next(iter(driving), ""))
+    first = float(t[kept][0])
+    return Understood(time, theta, counts, first, columns.names, notes, options, table.kind, torques, driven_by)
 
 
 def _refuse_conventions(table: Table, options: ImportOptions) -> None:
@@ -396,6 +406,8 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
             "file_sha256": sha256_of(path) if path.is_file() else "",
             "t_offset_s": repr(swing.t_offset_s),
             "columns": json.dumps(dict(swing.columns)),
+            "torque_kind": swing.torque_kind,
+            "input_delay_s": repr(swing.options.input_delay_s),
             "options": json.dumps(asdict(options) | {name: dict(getattr(options, name)) for name in as_dicts}),
         },
     )
@@ -412,6 +424,8 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
         mounting=rig.rods.mounting,
         counts=swing.counts,
         torques=swing.torques,
+        torque_kind=swing.torque_kind,
+        input_delay_s=options.input_delay_s,
         pose=options.pose,
         rig_name=rig.name,
         rig_sha256=rig.sha256,

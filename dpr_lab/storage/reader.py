@@ -53,6 +53,8 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         mounting=own.rods.mounting,
         counts=samples.counts,
         torques=samples.torques,
+        torque_kind=found.metadata.extra.get("torque_kind", ""),
+        input_delay_s=_delay(found),
         pose=found.metadata.pose,
         rig_name=own.name,
         rig_sha256=found.rig_sha256,
@@ -65,6 +67,17 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         sha256=found.sha256,
         notes=(*(summary.notes if summary is not None else ()), *_what_happened(found)),
     )
+
+
+def _delay(found: Scan) -> float:
+    """How much later than logged the torques act, as the file says, s; a file may say anything."""
+    try:
+        delay = float(found.metadata.extra.get("input_delay_s", 0.0))
+    except ValueError:
+        delay = np.nan
+    if not np.isfinite(delay):
+        raise RunError(f"{found.path}: its input_delay_s is no number: import the table again")
+    return delay
 
 
 def clock_of(found: Scan) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.rig import Rig
 from sim_device.plant.config import EncoderConfig, PlantConfig
@@ -71,7 +71,7 @@ def _takes_part(name: str, held_back: bool | None) -> bool:
 
 def visible_effects() -> list[str]:
     """Library effects that a free swing can show."""
-    return [name for name, effect in EFFECTS.items() if not effect.absorbed_by]
+    return [name for name, effect in OF_FREE_SWINGS.items() if not effect.absorbed_by]
 
 
 def alike(name: str, other: str) -> bool:

@@ -11,7 +11,7 @@ from dpr_lab.dynamics.lanes.workspace import LANES
 from dpr_lab.dynamics.prediction import INTERNAL, internal_states, predict_batch
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
-from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params
 from dpr_lab.effects.effect_kernels import active_effects
 from dpr_lab.rig import AddedMass, load_rig
 from dpr_lab.setup import Setup
@@ -54,14 +54,14 @@ def compare(params, constants=CONSTANTS, laid=SEGMENTS, internal=None):
 
 
 def test_every_effect_alone_and_none():
-    for _ in compare(np.array([effect_params({}), *map(typical, EFFECTS)])):
+    for _ in compare(np.array([effect_params({}), *map(typical, OF_FREE_SWINGS)])):
         pass
 
 
 def test_pairs_and_all_at_once():
-    pairs = list(itertools.combinations(EFFECTS, 2))
+    pairs = list(itertools.combinations(OF_FREE_SWINGS, 2))
     chosen = [pairs[i] for i in RNG.permutation(len(pairs))[:120]]
-    everything = typical(*EFFECTS, factor=0.3)
+    everything = typical(*OF_FREE_SWINGS, factor=0.3)
     for _ in compare(np.array([everything, *(typical(*pair) for pair in chosen)])):
         pass
 
@@ -84,24 +84,24 @@ def test_internal_states_that_are_held_still():
 
 
 def test_an_absolute_encoder():
-    for _ in compare(np.array([*map(typical, EFFECTS)]), ABSOLUTE):
+    for _ in compare(np.array([*map(typical, OF_FREE_SWINGS)]), ABSOLUTE):
         pass
 
 
 def test_effects_that_differ_between_runs():
-    each = np.array([*map(typical, EFFECTS)])
+    each = np.array([*map(typical, OF_FREE_SWINGS)])
     for _ in compare(np.stack([each, each[::-1], np.roll(each, 7, axis=0)], axis=1)):
         pass
 
 
 def test_steps_that_differ_between_segments():
     laid = segments(TIMES, SEGMENTS.run, SETUPS, step=[2.5e-3, 1e-3, 4e-3, 2.5e-3, 3e-3, 7e-4])
-    for _ in compare(np.array([*map(typical, EFFECTS), typical(*REMEMBERING)]), laid=laid):
+    for _ in compare(np.array([*map(typical, OF_FREE_SWINGS), typical(*REMEMBERING)]), laid=laid):
         pass
 
 
 def test_a_candidate_has_the_same_bits_in_any_company():
-    params = np.array([*map(typical, EFFECTS), *map(typical, EFFECTS)])
+    params = np.array([*map(typical, OF_FREE_SWINGS), *map(typical, OF_FREE_SWINGS)])
     bases, initial = BASE * RNG.uniform(0.95, 1.05, (len(params), 6)), np.repeat(INITIAL[None], len(params), 0)
     together = predict_batch(bases, params, CONSTANTS, SEGMENTS, initial)
     order = RNG.permutation(len(params))

@@ -9,7 +9,7 @@ from dpr_lab.dynamics.base import BASE, base_parameters
 from dpr_lab.dynamics.prediction import PAD, internal_states, predict_batch
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
-from dpr_lab.effects import EFFECTS, effect_params, param_index
+from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params, param_index
 from dpr_lab.rig import load_rig
 from sim_device.plant.config import load_plant
 from sim_device.plant.plant import Plant, Swing
@@ -97,7 +97,7 @@ def unit(effect):
     return {param_index(effect.name, p.name): p.typical for p in effect.amplitudes}
 
 
-@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if not effect.absorbed_by])
+@pytest.mark.parametrize("name", [name for name, effect in OF_FREE_SWINGS.items() if not effect.absorbed_by])
 def test_found_again_within_its_interval(name):
     effect = EFFECTS[name]
     values = {name: {p.name: p.typical for p in effect.amplitudes} | STEP_AT.get(name, {})}
@@ -115,7 +115,7 @@ def signatures():
     effects = {"detent_joint1": {"order": 1.0}, **STEP_AT}
     _, starts = record({})
     columns = {}
-    for effect in EFFECTS.values():
+    for effect in OF_FREE_SWINGS.values():
         columns |= unit(effect)
     _, by_shared, own = sensitivities(TRUTH, effect_params(effects), starts, columns)
     _, J = projected(np.zeros(by_shared.shape[:2]), by_shared, own)
@@ -160,7 +160,7 @@ def test_what_are_no_twins_can_be_told_apart():
 
 def test_what_the_base_parameters_absorb_leaves_no_trace():
     raw, bare, places = signatures()
-    for effect in EFFECTS.values():
+    for effect in OF_FREE_SWINGS.values():
         own = [places.index(k) for k in unit(effect)]
         share = np.linalg.norm(bare[:, own]) / np.linalg.norm(raw[:, own])
         assert (share < 1e-3) == bool(effect.absorbed_by), effect.name

@@ -14,6 +14,7 @@ from dpr_lab.effects.effect import Recorded
 from dpr_lab.effects.effect_kernels import ARM, INTERNAL, active_effects
 from dpr_lab.effects.fold import arguments
 from dpr_lab.rig import load_rig
+from dpr_lab.setup import Setup, Torques
 
 RIG = load_rig("paper")
 CONSTANTS = rig_constants(RIG)
@@ -28,6 +29,8 @@ friction_drift_joint2 viscous_ground_link2 air_drag_outer air_drag_both spring_j
 detent_joint2 rotor_inertia_joint1 rotor_inertia_joint2 backlash_joint2 base_tilt com_offset_link1 com_offset_link2
 wrong_length_L1 arm_compliance base_vibration encoder_offset_joint1 encoder_offset_joint2 encoder_scale_joint1
 encoder_scale_joint2 encoder_eccentricity_joint1 encoder_eccentricity_joint2 latency_joint2 clock_rate missed_counts
+torque_scale_joint1 torque_scale_joint2 torque_offset_joint1 torque_offset_joint2 torque_ripple_joint1
+torque_ripple_joint2 input_delay
 """.split()
 
 
@@ -50,11 +53,13 @@ def typical(effect, factor=1.0):
 
 @pytest.fixture(scope="module")
 def record():
-    """Segments late enough in the run for a step in the middle of it, and their start states."""
+    """Driven segments late enough in the run for a step in the middle of it, and their start states."""
     rng = np.random.default_rng(7)
     times = [start + np.arange(SAMPLES) / 200 for _ in range(RUNS) for start in (0.0, 4.9)]
     starts = np.column_stack([rng.uniform(-7, 7, (2 * RUNS, 2)), rng.normal(0, 6, (2 * RUNS, 2))])
-    return segments(times, np.repeat(range(RUNS), 2)), starts
+    logged = np.arange(0.0, 6.0, 2e-3)
+    driven = Setup(torques=Torques(logged, 0.1 * np.sin(np.outer(logged, [5.0, 3.0]))))
+    return segments(times, np.repeat(range(RUNS), 2), [driven] * RUNS), starts
 
 
 def read(params, record):
@@ -166,6 +171,8 @@ def test_a_kernel_asks_for_nothing_but_its_stage_s_quantities_its_internal_state
         "timing": {"t"},
         "encoder": {"encoder"},
         "play": {"angle", "held"},
+        "drive": {"joint", "torque"},
+        "input": set(),
     }[effect.stage]
     own = {p.name for p in effect.parameters}
     stepped = {state.name for state in effect.internal if state.after}
@@ -183,6 +190,7 @@ def test_a_kernel_asks_for_nothing_but_its_stage_s_quantities_its_internal_state
 def test_one_effect_at_most_holds_the_arm_and_one_the_encoder_s_angle():
     stages = [effect.stage for effect in EFFECTS.values()]
     assert stages.count("arm") <= 1
+    assert stages.count("input") <= 1
     assert stages.count("play") <= 1
 
 

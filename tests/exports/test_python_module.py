@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.exports.python_module import python_module
 from dpr_lab.rig import Rig
 from tests.exports.models import SETS, X0, lab_readings, lab_states, model_of, run_source, typical
 
-ALONE = [(name,) for name in EFFECTS]
+ALONE = [(name,) for name in OF_FREE_SWINGS]
 RODS = ("torque", "load", "arm")
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.inference.detectable import detectable
@@ -60,7 +60,7 @@ def test_the_result_has_the_keys_of_the_interface(two_found: Diagnosis):
         said["gap"]
     )
     assert {"name", "class", "probability", "parameters", "share"} <= set(said["effects"][0])
-    assert set(said["detectable"]) == set(EFFECTS) - {"arm_compliance"}  # encoder 0 saw the arm stand still
+    assert set(said["detectable"]) == set(OF_FREE_SWINGS) - {"arm_compliance"}  # encoder 0 saw the arm stand still
 
 
 @pytest.mark.slow
@@ -150,7 +150,7 @@ EACH = 1 if os.environ.get("DPR_LAB_FULL") == "1" else 2
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [name for name in EFFECTS if name not in (*NOT_SEEN, "missed_counts")][EACH - 1 :: EACH]
+    "name", [name for name in OF_FREE_SWINGS if name not in (*NOT_SEEN, "missed_counts")][EACH - 1 :: EACH]
 )
 def test_every_effect_is_named_from_its_own_recording(recorded, paper: Rig, name: str):
     effect = EFFECTS[name]
@@ -186,7 +186,7 @@ def test_a_real_rig_is_predicted_three_and_a_half_times_better_than_by_viscous_f
         pieces.append(Run(f"piece {k}", t, theta, None, None, "multiarm", "", 1000.0))
     seen, unseen = (screened(pieces[k::2], rig) for k in (0, 1))
     _, problem, base = fit_bare_model(seen, nominal_ratios(rig))
-    chosen = select(seen, problem, base, EFFECTS, max_effects=5).chosen
+    chosen = select(seen, problem, base, OF_FREE_SWINGS, max_effects=5).chosen
     viscous, corrected = (
         np.median(list(free_run_errors(unseen, item.fit.estimate).values())) for item in (base, chosen)
     )

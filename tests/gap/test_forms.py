@@ -2,7 +2,7 @@
 
 import pytest
 
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.selection.forms import own_share
 from dpr_lab.gap.selection.hypothesis import refit_with
@@ -23,7 +23,7 @@ def share_beside(bare, tested):
 
     def share(runs, first: str, second: str) -> float:
         problem, base = bare(runs)
-        begun = tested(problem, base.fit, EFFECTS.values())
+        begun = tested(problem, base.fit, OF_FREE_SWINGS.values())
         one = refit_with(problem, base, begun, begun.shaped[first][0], iterations=10)
         test = tested(problem, one.fit, [EFFECTS[second]])
         return own_share(problem, one, test, test.ranking[0])

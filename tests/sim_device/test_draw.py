@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import Parameter
 from sim_device.plant.config import EncoderConfig, load_plant
@@ -57,7 +57,7 @@ def test_three_effects_are_none_of_them_the_same(paper):
 
 def test_what_a_swing_cannot_show_is_never_drawn():
     assert "rotor_inertia_joint1" not in visible_effects()
-    assert len(visible_effects()) >= len(EFFECTS) - 1
+    assert len(visible_effects()) >= len(OF_FREE_SWINGS) - 1
 
 
 def test_the_seed_alone_decides(paper):

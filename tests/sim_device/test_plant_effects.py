@@ -8,7 +8,7 @@ from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.prediction import PAD, predict
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
-from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import load_rig
 from sim_device.plant.config import load_plant
@@ -44,7 +44,7 @@ def encoder_angles(theta):
     return np.column_stack([theta[:, 1], theta[:, 2] - theta[:, 1], theta[:, 0]])
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", OF_FREE_SWINGS)
 def test_a_plant_shows_what_the_lab_would_read(name):
     effects = typical(name)
     if name == "missed_counts":

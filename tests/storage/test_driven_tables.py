@@ -40,7 +40,24 @@ def test_of_measured_and_commanded_torques_one_is_chosen(paper: Rig, tmp_path: P
         import_csv(file, paper)
     commanded = import_csv(file, paper, ImportOptions(torque="commanded"))
     assert commanded.torques == pytest.approx(2 * TAU)
+    assert commanded.torque_kind == "commanded"
     assert import_csv(file, paper, ImportOptions(torque="none")).torques is None
+
+
+def test_a_run_file_keeps_which_torques_they_are_and_how_late_they_act(paper: Rig, tmp_path: Path) -> None:
+    file = table(tmp_path, "tau1_measured_Nm,tau2_measured_Nm", TAU)
+    made = import_csv(file, paper, ImportOptions(input_delay_s=0.013), out=tmp_path / "a.mcap")
+    for run in (made, load_run(tmp_path / "a.mcap")):
+        assert (run.torque_kind, run.input_delay_s) == ("measured", 0.013)
+        assert run.setup.torques is not None
+        assert run.setup.torques.kind == "measured"
+        assert run.setup.torques.mean_before([0.512, 0.514])[1] == pytest.approx(TAU[[49, 50]].mean(axis=0) @ _PUSHED)
+    with pytest.raises(ValueError, match="within 1 s"):
+        ImportOptions(input_delay_s=2.0)
+
+
+_PUSHED = np.array([[1.0, 0.0], [-1.0, 1.0]])
+"""From torques of the joints to generalised ones."""
 
 
 def test_torques_of_one_joint_or_of_the_other_kind_are_refused(paper: Rig, tmp_path: Path) -> None:

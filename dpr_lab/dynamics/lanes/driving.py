@@ -46,6 +46,7 @@ def push(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], place: ND
             continue
         start = w[ROW.t + k]
         stop = w[ROW.until + k] if w[ROW.until + k] > start else start + w[ROW.step + k]
+        start, stop = start - w[ROW.late + k], stop - w[ROW.late + k]
         i = int(place[k])
         if i < first or i > last or drive.t[i] > start:
             i = first

@@ -46,8 +46,9 @@ def _added(effect: Effect) -> list[str]:
     wanted, joint = arguments(effect.kernel), effect.joints[0] + 1
     quantities = {"motion": "motion_at(w, k)", "base": "base_at(w, k)", "constants": "constants_at(w, k, constants)"}
     quantities["joint"] = f"joint{joint}(motion_at(w, k))"
+    quantities["torque"] = f"({_lane(ROW.drive1)} + {_lane(ROW.drive2)})" if joint == 1 else _lane(ROW.drive2)
     value = call(effect.name, wanted, _parameters(effect), _internal(effect, ROW.internal), quantities)
-    if "joint" not in wanted:
+    if "joint" not in wanted and effect.stage != "drive":
         return [f"x = {value}", *(f"{_lane(getattr(ROW, row))} += {part}" for row, part in _ADDED.items())]
     back = [f"{_lane(ROW.torque1)} -= x", f"{_lane(ROW.torque2)} += x"]
     return [f"x = {value}", *(back if joint == 2 else [f"{_lane(ROW.torque1)} += x"])]
@@ -101,6 +102,9 @@ add_torques = _stage("torque")
 
 add_load_friction = _stage("load")
 """(w, constants, active): add to the terms the friction that follows the load; the joint forces are known."""
+
+add_drives = _stage("drive")
+"""(w, constants, active): add to the terms what drives give beyond their known torques."""
 
 add_dry_limits = _dry_limits()
 """(w, constants, active): add to the limits the torques up to which dry friction holds joints that are pushed so."""

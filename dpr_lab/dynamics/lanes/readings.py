@@ -17,6 +17,7 @@ from dpr_lab.effects.effect_kernels import (
     Acting,
     arm_model,
     encoder_errors,
+    input_delay,
     internal_sliding,
     reading_shifts,
 )
@@ -136,7 +137,8 @@ def follow(
 def _acting(acts: Acting, block: int) -> Acting:
     return Acting(
         acts.torques[block], acts.loads[block], acts.arm[block], acts.timing[block], acts.errors[block],
-        acts.play[block], acts.stepped[block], acts.internal[block], acts.dry1[block], acts.dry2[block],
+        acts.play[block], acts.drives[block], acts.stepped[block], acts.internal[block], acts.dry1[block],
+        acts.dry2[block],
     )  # fmt: skip
 
 
@@ -163,6 +165,7 @@ def _load(
     for i in range(len(params)):
         w[ROW.params + i * LANES + k] = params[i]
     arm = arm_model(constants_at(w, k, rig), HELD_ARM, params, active)
+    w[ROW.late + k] = input_delay(0.0, params, active)
     w[ROW.inertia + k], w[ROW.friction + k], w[ROW.stiffness + k] = arm.inertia, arm.friction, arm.stiffness
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE, arm_accelerations
 from dpr_lab.dynamics.lanes.dry_friction import accelerate_held, begin_dry, find_spare, let_go, settle
-from dpr_lab.dynamics.lanes.effects import add_load_friction, add_torques, displaced
+from dpr_lab.dynamics.lanes.effects import add_drives, add_load_friction, add_torques, displaced
 from dpr_lab.dynamics.lanes.workspace import LANES, ROW, arm_at, base_at, constants_at, motion_at, terms_at, waits
 from dpr_lab.dynamics.rig_constants import UNKNOWN
 from dpr_lab.dynamics.step import joint_forces
@@ -135,6 +135,8 @@ def _accelerate(
         w[ROW.torque1 + k], w[ROW.torque2 + k] = w[ROW.drive1 + k], w[ROW.drive2 + k]
     if acts.torques:
         add_torques(w, rig, active)
+    if acts.drives:
+        add_drives(w, rig, active)
     _accelerate_all(w, rig, acts.arm, held, resting)
     if acts.loads:
         _find_forces(w, rig)

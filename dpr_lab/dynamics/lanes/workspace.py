@@ -96,7 +96,8 @@ class Rows(NamedTuple):
     sum0: int
     sum1: int
     sum2: int
-    # what effects add, known torques on either rod over the step, and the joint forces that some effects need
+    # what effects add, known torques on either rod over the step and how much later they act, and the joint forces that
+    # some effects need
     term_a: int
     term_b: int
     term_coupling: int
@@ -104,6 +105,7 @@ class Rows(NamedTuple):
     torque2: int
     drive1: int
     drive2: int
+    late: int
     force1: int
     force2: int
     # reading: when the next samples of joints 1 and 2 are due, their share of the step, angles there, what a play holds

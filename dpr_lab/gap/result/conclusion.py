@@ -256,8 +256,9 @@ def _unseen(least: Mapping[str, Mapping[str, float | None]]) -> list[str]:
 
 def _scale(found: Findings) -> str:
     """What fixes the scale of all torques."""
-    if any(setup.torques for setup in found.problem.segments.setups):
-        return "The known torques fix the scale of all torques."
+    if drives := [setup.torques for setup in found.problem.segments.setups if setup.torques]:
+        kinds = " and ".join(sorted({item.kind for item in drives} - {""}))
+        return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques."
     if any(setup.added for setup in found.problem.segments.setups):
         return "The known added mass fixes the scale of all torques."
     if (None, "b") in found.intervals:

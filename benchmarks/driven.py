@@ -1,0 +1,179 @@
+"""Driven joints of a real rig, beside the model that its authors printed.
+
+python benchmarks/driven.py FOLDER [DESIGN ...] [--torque commanded]
+
+FOLDER holds dfki_driven. Of each design two records are fitted, with friction, rotor and drives, and the third is
+foretold in windows of 2 s: by that fit, and by the authors' equations with the parameters they printed, in a code of
+their own here. Both start each window from the state that brings them nearest to its first 0.3 s, which do not count.
+"""
+
+import argparse
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from _bars import Bar, at_most, show
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from dpr_lab.dynamics.prediction import PAD, predict
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.effects import EFFECTS, effect_params, named_params
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.gap.data.pieces import in_pieces
+from dpr_lab.gap.data.record import record
+from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.selection.hypothesis import free_parameters
+from dpr_lab.rig import Rig, parse_rig
+from dpr_lab.rig_file import Measure, RigMeasures, draft_rig
+from dpr_lab.run import Run
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+
+Array = NDArray[np.float64]
+Foretell = Callable[[Array, Array], Array]
+"""Instants (n,) and the state (4,) before the first -> angles of both rods (n, 2), rad."""
+
+DESIGNS = ("A.0", "C.0", "C.1")
+WINDOW_S, SETTLE_S, STEP_S = 2.0, 0.3, 1e-3
+BEGUN = 0.01
+"""Of its typical size, where the fit of an effect begins."""
+DRIVE = (
+    ["coulomb_joint1", "coulomb_joint2", "rotor_inertia_joint2"],
+    ["torque_offset_joint1", "torque_offset_joint2"],
+    ["torque_scale_joint2"],
+    ["input_delay"],
+)
+"""What geared drives do, without ripple, of which no order is known."""
+
+
+def records(folder: Path, design: str, torque: str) -> tuple[Rig, dict[str, float], list[Run]]:
+    """The rig as anybody could draft it, the authors' model, and three records."""
+    files = sorted(folder.glob(f"{design}_*.csv"))
+    told = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
+    model, lengths = told["authors_model"], told["lengths"]
+    inner, outer = Measure(model["m1"]), Measure(model["m2"])
+    rig = parse_rig(draft_rig(RigMeasures(f"dfki {design}", lengths["l1_m"], lengths["l2_m"], inner, outer)))
+    options = ImportOptions(zero="hanging", angles="relative", torque=torque)  # type: ignore[arg-type]
+    return rig, model, [import_csv(file, rig, options) for file in files]
+
+
+def windows(run: Run) -> list[tuple[Array, Array]]:
+    """Of each window the instants and the angles of both rods there."""
+    begins = np.arange(run.t[0] + PAD, run.t[-1] - WINDOW_S, WINDOW_S)
+    inside = [(run.t >= begin) & (run.t < begin + WINDOW_S) for begin in begins]
+    return [(run.t[some], run.theta[some, 1:]) for some in inside]
+
+
+def begun(foretell: Foretell, t: Array, theta: Array) -> Array:
+    """The state (4,) at `PAD` before t[0] from which a model comes nearest to the first readings."""
+    head = t < t[0] + SETTLE_S
+    line = np.polynomial.polynomial.polyfit(t[head] - t[0] + PAD, theta[head], 4)
+    found = least_squares(
+        lambda x: (foretell(t[head], x) - theta[head]).ravel(), np.concatenate([line[0], line[1]]), diff_step=1e-5
+    )
+    return found.x
+
+
+def authors(model: dict[str, float], run: Run, t: Array, state: Array) -> Array:
+    """(n, 2) angles of both rods at t by the authors' equation, with joint angles from hanging and rotors geared up."""
+    I1, I2, Ir, n, g = (model[name] for name in ("I1", "I2", "Ir", "gr", "g"))
+    l1, m1, m2, r1, r2 = (model[name] for name in ("l1", "m1", "m2", "r1", "r2"))
+    b1, b2, dry1, dry2 = (model[name] for name in ("b1", "b2", "cf1", "cf2"))
+    assert run.torques is not None
+    torques = run.torques
+
+    def slope(x: list[float], tau1: float, tau2: float) -> tuple[float, ...]:
+        q1, q2, v1, v2 = x
+        k, s = m2 * l1 * r2 * math.cos(q2), m2 * l1 * r2 * math.sin(q2)
+        M11, M12, M22 = I1 + I2 + m2 * l1**2 + 2 * k + n**2 * Ir + Ir, I2 + k - n * Ir, I2 + n**2 * Ir
+        pull = -m2 * g * r2 * math.sin(q1 + q2)
+        f1 = tau1 + 2 * s * v1 * v2 + s * v2**2 - (m1 * r1 + m2 * l1) * g * math.sin(q1) + pull
+        f2 = tau2 - s * v1**2 + pull
+        f1 -= b1 * v1 + dry1 * math.atan(100 * v1)
+        f2 -= b2 * v2 + dry2 * math.atan(100 * v2)
+        det = M11 * M22 - M12**2
+        return v1, v2, (M22 * f1 - M12 * f2) / det, (M11 * f2 - M12 * f1) / det
+
+    x = [state[0] - math.pi, state[1] - state[0], state[2], state[3] - state[2]]
+    now, found = float(t[0]) - PAD, []
+    held = np.maximum(np.searchsorted(run.t, t, side="right") - 2, 0)  # a reading ends the step of the torque before
+    for end, i in zip(t.tolist(), held.tolist(), strict=True):
+        count = max(1, math.ceil((end - now) / STEP_S))
+        h, tau = (end - now) / count, torques[i].tolist()
+        for _ in range(count):
+            k1 = slope(x, *tau)
+            k2 = slope([a + h / 2 * k for a, k in zip(x, k1, strict=True)], *tau)
+            k3 = slope([a + h / 2 * k for a, k in zip(x, k2, strict=True)], *tau)
+            k4 = slope([a + h * k for a, k in zip(x, k3, strict=True)], *tau)
+            x = [a + h / 6 * (p + 2 * q + 2 * r + s) for a, p, q, r, s in zip(x, k1, k2, k3, k4, strict=True)]
+        now = end
+        found.append((x[0] + math.pi, x[0] + x[1] + math.pi))
+    return np.array(found)
+
+
+def ours(at: tuple[Array, Array], rig: Rig, run: Run, t: Array, state: Array) -> Array:
+    """The same by base parameters and effects; the lanes start `PAD` before the first reading."""
+    laid_out = segments([t], setups=[run.setup])
+    read = predict(*at, rig_constants(rig), laid_out, state[None])
+    return np.column_stack([read[:, 0], read.sum(axis=1)])
+
+
+def errors(run: Run, foretell: Foretell) -> Array:
+    """(windows,) rms of both angles beyond the first readings, rad."""
+    found = []
+    for t, theta in windows(run):
+        later = t >= t[0] + SETTLE_S
+        angles = foretell(t, begun(foretell, t, theta))
+        found.append(np.sqrt(np.mean((angles - theta)[later] ** 2)))
+    return np.array(found)
+
+
+def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
+    """Ratios, scale, friction, rotor and drives, fitted to some records."""
+    recordings = Recordings(tuple(record(run, rig) for run in in_pieces(runs, ())[0]), rig)
+    _, problem, bare = fit_bare_model(recordings, nominal_ratios(rig))
+    at, names = bare.fit.estimate, list[str]()
+    for some in DRIVE:  # one after the other, from a little of each
+        names += some
+        begun = effect_params({name: {p.name: BEGUN * p.typical for p in EFFECTS[name].amplitudes} for name in some})
+        at = replace(at, params=at.params + begun - effect_params({}))
+        at = fit(problem, at, free_parameters(at, names, problem), iterations=25).estimate
+    return at
+
+
+def compared(folder: Path, design: str, torque: str) -> list[Bar]:
+    """One design: two records fitted, the third foretold."""
+    rig, model, runs = records(folder, design, torque)
+    at, unseen = fitted(runs[:2], rig), runs[2]
+    print(f"{design}, {torque} torques: b {at.base[1]:.4g} kg m^2, the authors' {model['I2']:.4g}")
+    print(f"  {named_params(at.params)}")
+    lines = {
+        "authors": errors(unseen, partial(authors, model, unseen)),
+        "fitted": errors(unseen, partial(ours, (at.whole, at.params), rig, unseen)),
+    }
+    for name, each in lines.items():
+        print(f"  {name}: median {np.median(each):.4f} rad; windows {np.round(each, 3)}")
+    ratio = float(np.median(lines["fitted"]) / np.median(lines["authors"]))
+    return [at_most(f"{design}, {torque}: error over 2 s, in errors of the authors' printed model", ratio, 1.0)]
+
+
+def main() -> None:
+    """Print the comparison and its bars."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("designs", nargs="*", default=DESIGNS)
+    parser.add_argument("--torque", choices=("measured", "commanded"), default="measured")
+    args = parser.parse_args()
+    bars = [bar for design in args.designs for bar in compared(args.folder / "dfki_driven", design, args.torque)]
+    show("Driven joints", bars, False)
+
+
+if __name__ == "__main__":
+    main()

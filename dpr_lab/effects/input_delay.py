@@ -1,0 +1,26 @@
+"""Torques that act later than they were logged."""
+
+from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.kernels import inlined
+
+
+@inlined
+def later(delay_s: float) -> float:
+    """How much later known torques act, s."""
+    return delay_s
+
+
+INPUT_DELAY = Effect(
+    name="input_delay",
+    words="delay of the torques",
+    equation="tau(t - x) acts at t where tau is known; x below zero: logged too late",
+    parameters=(EffectParameter("delay_s", "s", 5e-3),),
+    site="drive",
+    stage="input",
+    kernel=later,
+    bench_check=(
+        "Command a step of torque on a rod that hangs still and log its encoder at the highest rate: the rod starts to"
+        " move a delay after the step."
+    ),
+    source="Astrom & Wittenmark (1997), Computer-Controlled Systems, sec. 2.3 and 3.2: time delays of a held input.",
+)

@@ -1,0 +1,26 @@
+"""A torque signal that does not read zero where the drive gives none."""
+
+from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.kernels import inlined
+
+
+@inlined
+def shifted(offset_Nm: float) -> float:
+    """Torque that acts beyond the one that is known, N m."""
+    return offset_Nm
+
+
+TORQUE_OFFSET = pair(
+    "torque_offset",
+    words="offset of the torque signal, joint {j}",
+    kernel=shifted,
+    equation="tau + C acts at joint {j} where tau is known, while the drive is on",
+    parameters=(EffectParameter("offset_Nm", "N m", 5e-3),),
+    site="drive",
+    stage="drive",
+    bench_check=(
+        "Record joint {j} with the drive on and the rod hanging still: the mean of its torque is the offset. One that"
+        " stays with the drive off is a cable or a tilt."
+    ),
+    source="Khalil & Dombre (2002), Modeling, Identification and Control of Robots, ch. 12: offsets of motor currents.",
+)

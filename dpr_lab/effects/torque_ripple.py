@@ -1,0 +1,36 @@
+"""Ripple of a drive: its torque constant changes with the angle of its rotor."""
+
+from dpr_lab.effects.effect import EffectParameter, pair, shape
+from dpr_lab.effects.elementary import sincos
+from dpr_lab.effects.quantities import Joint
+from dpr_lab.kernels import inlined
+
+
+@inlined
+def rippled(torque: float, joint: Joint, cos_share: float, sin_share: float, order: float) -> float:
+    """Torque that acts beyond the one that is known, N m: in proportion to it, periodic in the joint's angle."""
+    sin, cos = sincos(order * joint.angle)
+    return torque * (cos_share * cos + sin_share * sin)
+
+
+TORQUE_RIPPLE = pair(
+    "torque_ripple",
+    words="torque ripple, joint {j}",
+    kernel=rippled,
+    equation="tau (1 + A cos(N q) + B sin(N q)) acts at joint {j} where tau is known, q its angle",
+    parameters=(
+        EffectParameter("cos_share", "1", 0.05),
+        EffectParameter("sin_share", "1", 0.05),
+        shape("order", "1", 6.0, tuple(float(order) for order in range(1, 41)), draw=(3.0, 24.0), whole=True),
+    ),
+    site="drive",
+    stage="drive",
+    bench_check=(
+        "Turn joint {j} slowly under a constant command against a spring scale: ripple comes and goes with the angle"
+        " and grows with the command; a detent stays without any."
+    ),
+    source=(
+        "Jahns & Soong (1996), Pulsating torque minimization techniques for permanent magnet AC motor drives, IEEE"
+        " Trans. Ind. Electron. 43(2): what does not grow with the current is cogging, the library's detent."
+    ),
+)

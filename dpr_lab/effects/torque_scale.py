@@ -1,0 +1,31 @@
+"""A drive whose torque constant is another than its torques were computed with."""
+
+from dataclasses import replace
+
+from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.kernels import inlined
+
+
+@inlined
+def rescaled(torque: float, excess: float) -> float:
+    """Torque that acts beyond the one that is known, N m."""
+    return excess * torque
+
+
+_JOINT1, _JOINT2 = pair(
+    "torque_scale",
+    words="torque constant, joint {j}",
+    kernel=rescaled,
+    equation="(1 + x) tau acts at joint {j} where tau is known",
+    parameters=(EffectParameter("excess", "1", 0.05),),
+    site="drive",
+    stage="drive",
+    bench_check=(
+        "Hold the rod beyond joint {j} level against a spring scale and command a torque: force times lever arm is what"
+        " the drive gives. Or hang a known mass on: the scale of all torques is then known without the drives."
+    ),
+    source="Swevers, Verdonck & De Schutter (2007), Dynamic model identification for industrial robots, IEEE CSM 27.",
+)
+
+TORQUE_SCALE = [replace(_JOINT1, twins=(_JOINT2.name,)), replace(_JOINT2, twins=(_JOINT1.name,))]
+"""Of both joints at once it is the common scale of the rig: only the ratio of the two shows."""
