@@ -30,6 +30,7 @@ from dpr_lab.gap.result.diagnosis import (
     SensorFinding,
     Where,
 )
+from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.families import families, told
 from dpr_lab.gap.result.locate import Place, where_sentence
 from dpr_lab.gap.result.verdict import sentence, verdict
@@ -70,7 +71,7 @@ class Findings:
         return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}
 
 
-def conclude(found: Findings, seconds: float) -> Diagnosis:
+def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
     """The diagnosis; `seconds` is what it took."""
     chosen, kind = found.selection.chosen, verdict(found.selection, found.posteriors, found.transfer)
     least = detectable(chosen, found.selection.last)
@@ -105,6 +106,7 @@ def conclude(found: Findings, seconds: float) -> Diagnosis:
         scale_b=float(at.ratios[SCALE]),
         model_effects=named_params(at.params),
         assumptions=[*([found.cut] if found.cut else []), *_assumptions(found), *_unseen(least)],
+        evidence=evidence,
         seconds=seconds,
     )
 

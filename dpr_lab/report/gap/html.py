@@ -5,6 +5,9 @@ from pathlib import Path
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.gap import tables
+from dpr_lab.report.gap.section import evidence_html, evidence_parts
+from dpr_lab.report.gap.sections import SECTIONS
+from dpr_lab.report.gap.sections.closing import CLOSING
 from dpr_lab.report.page import (
     figures_html,
     list_html,
@@ -46,16 +49,21 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
     Raises:
         DprError: the page cannot be written.
     """
-    drawn = figures_html(figures, FIGURES)
+    drawn = figures_html(figures, FIGURES | {s.name: (s.alternative, s.caption) for s in SECTIONS})
+    told = {section.name: evidence_html(section, diagnosis, drawn) for section in SECTIONS}
+    closed = evidence_parts(CLOSING, diagnosis, drawn) if diagnosis.evidence else [drawn["waterfall"]]
+    first = ("curves",)
     sections = [
+        section_html("What to do", *_to_do(diagnosis)),
         section_html("Which effects", *_which(diagnosis)),
-        section_html("What to do next", list_html(tables.next_steps(diagnosis), numbered=True)),
+        *(told[name] for name in first),
         section_html("Checks that were done", *_done(diagnosis)) if diagnosis.checks_done else "",
-        section_html("How far the gap closes", *_closed(diagnosis), drawn["waterfall"], drawn["gap_horizon"]),
+        section_html("How far the gap closes", *_closed(diagnosis), *closed, drawn["gap_horizon"]),
         section_html("Where", paragraph_html(in_words(diagnosis.where_sentence)), _places(diagnosis), drawn["where"]),
         section_html(
             "Sensors", _rows(tables.FINDING_COLUMNS, tables.finding_rows(diagnosis)) or "<p>No fault was found.</p>"
         ),
+        *(page for name, page in told.items() if name not in (*first, CLOSING.name)),
         section_html(
             "What these recordings would show",
             table_html(tables.DETECTABLE_COLUMNS, tables.detectable_rows(diagnosis), style="prose"),
@@ -63,6 +71,14 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
         section_html("Assumptions", list_html([in_words(text) for text in diagnosis.assumptions])),
     ]
     return write_page(page_html(title, tables.sentence(diagnosis), sections), out_dir / "diagnosis.html")
+
+
+def _to_do(diagnosis: Diagnosis) -> Iterator[str]:
+    """What to do about what was named, then what is still to be decided."""
+    if diagnosis.remedies:
+        yield list_html([in_words(text) for text in diagnosis.remedies])
+        yield "<h3>What to record or to check next</h3>"
+    yield list_html(tables.next_steps(diagnosis), numbered=True)
 
 
 def _which(diagnosis: Diagnosis) -> Iterator[str]:
