@@ -33,6 +33,7 @@ from dpr_lab.gap.result.diagnosis import (
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.families import families, told
 from dpr_lab.gap.result.locate import Place, where_sentence
+from dpr_lab.gap.result.remedies import remedies
 from dpr_lab.gap.result.verdict import sentence, verdict
 from dpr_lab.gap.selection.bare_model import scale
 from dpr_lab.gap.selection.selected import Selection
@@ -93,6 +94,12 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         probabilities=dict(probabilities(found.selection, found.posteriors, no_gap=kind == "no_gap")),
         detectable={name: dict(sizes) for name, sizes in least.items()},
         sensor_findings=_sensor_findings(found),
+        remedies=remedies(
+            named,
+            named_params(at.params),
+            found.recordings.constants,
+            {*found.transfer.withdrawn, *found.transfer.oversized},
+        ),
         advice=[said.text for said in found.advice],
         checks=_checks(found, [item.name for item in named]),
         ratios={

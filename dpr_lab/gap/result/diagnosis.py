@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result.evidence import Evidence
+from dpr_lab.gap.result.trust import Trust
 from dpr_lab.shown import Row, Shown
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -185,6 +186,8 @@ class Diagnosis(Shown, _Record):
     assumptions: list[str]
     evidence: Evidence | None = None
     """What it rests on; none in a diagnosis of an older version."""
+    trust: Trust | None = None
+    """Blind trials on plants like this rig, where they were asked for."""
     seconds: Number
 
     @property

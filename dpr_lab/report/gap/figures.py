@@ -95,5 +95,6 @@ def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
     }
     if diagnosis.evidence is not None:
         del figures["waterfall"]
-        figures |= {section.name: section.figure(diagnosis) for section in SECTIONS if section.figure}
+        drawn = {section.name: section.figure(diagnosis) for section in SECTIONS if section.figure}
+        figures |= {name: figure for name, figure in drawn.items() if figure}
     return save_each(figures, out_dir)

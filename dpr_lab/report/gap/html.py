@@ -34,6 +34,11 @@ FIGURES = {
     ),
 }
 
+_WHERE = (
+    "Where the bare model would need a torque or an error of a reading, before anything was named. What a sensor does"
+    " wrong looks like a torque there, and several places can make up for one cause: a place is a hint, and what is"
+    " named above is the finding."
+)
 _NONE_NAMED = paragraph_html("No effect is named.")
 
 
@@ -59,7 +64,13 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
         *(told[name] for name in first),
         section_html("Checks that were done", *_done(diagnosis)) if diagnosis.checks_done else "",
         section_html("How far the gap closes", *_closed(diagnosis), *closed, drawn["gap_horizon"]),
-        section_html("Where", paragraph_html(in_words(diagnosis.where_sentence)), _places(diagnosis), drawn["where"]),
+        section_html(
+            "Where",
+            paragraph_html(_WHERE),
+            paragraph_html(in_words(diagnosis.where_sentence)),
+            _places(diagnosis),
+            drawn["where"],
+        ),
         section_html(
             "Sensors", _rows(tables.FINDING_COLUMNS, tables.finding_rows(diagnosis)) or "<p>No fault was found.</p>"
         ),

@@ -58,7 +58,7 @@ class EvidenceSection:
     words: Callable[[Diagnosis], Sequence[str]]
     """Sentences for everybody."""
     tables: tuple[FoldedTable, ...]
-    figure: Callable[[Diagnosis], Figure] | None = None
+    figure: Callable[[Diagnosis], Figure | None] | None = None
     alternative: str = ""
     """For readers who do not see the figure."""
     caption: str = ""

@@ -193,7 +193,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         "unexplained": "No effect of the library is the cause: look on the bench where the gap lies, joint by joint.",
     }
     rest = [left[diagnosis.verdict]] if diagnosis.verdict in left else []
-    return [*map(in_words, diagnosis.advice), *rest] or ["Nothing is open."]
+    return [*map(in_words, diagnosis.advice), *rest] or ["Nothing is left to be decided."]
 
 
 def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:

@@ -9,6 +9,7 @@ from dpr_lab.report.gap.sections.exclusions import EXCLUSIONS
 from dpr_lab.report.gap.sections.metric import METRIC
 from dpr_lab.report.gap.sections.provenance import PROVENANCE
 from dpr_lab.report.gap.sections.residuals import RESIDUALS
+from dpr_lab.report.gap.sections.trust import TRUST
 
 SECTIONS: tuple[EvidenceSection, ...] = (
     CURVES,
@@ -18,5 +19,6 @@ SECTIONS: tuple[EvidenceSection, ...] = (
     RESIDUALS,
     DOMAIN,
     EXCLUSIONS,
+    TRUST,
     PROVENANCE,
 )

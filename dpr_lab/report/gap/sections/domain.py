@@ -93,7 +93,7 @@ def domain_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Speeds seen, by range of angles."""
     rows = []
     for rod, item in evidence_of(diagnosis).coverage.items():
-        edges, speeds = item.angle_edges_rad, np.array(item.speed_edges_rad_per_s)
+        edges, speeds = item.angle_edges_rad, item.speed_edges_rad_per_s
         fitted, unseen = np.array(item.fitted_s), np.array(item.held_out_s)
         for i in range(0, len(fitted), PAGE.rows_of):
             own, other = fitted[i : i + PAGE.rows_of].sum(axis=0), unseen[i : i + PAGE.rows_of].sum(axis=0)
