@@ -34,5 +34,5 @@ def remedies(
         )
         said.append(f"For {item.name}: {remedy(sizes[item.name], rig, EFFECTS[item.name].joints[0])}{unless}.")
     if simulated:
-        said.append(f"Give the simulator {' and '.join(simulated)}: the exported models hold it, with its size.")
+        said.append(f"Give the simulator {' and '.join(simulated)}: the exported models have the sizes found.")
     return said

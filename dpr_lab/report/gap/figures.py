@@ -18,7 +18,7 @@ from dpr_lab.report.words import in_words
 def where_figure(places: Sequence[Where], most: int = 4) -> Figure:
     """Maps of the places that explain most, with 90 % intervals."""
     with style.house_style():
-        shown = [place for place in places[:most] if place.knots]
+        shown = [place for place in places[:most] if place.knots and not _flat(place)]
         if not shown:
             return empty_figure("there is no gap to locate")
         figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
@@ -28,6 +28,13 @@ def where_figure(places: Sequence[Where], most: int = 4) -> Figure:
         for axes in grid.flat[len(shown) :]:
             axes.set_visible(False)
         return figure
+
+
+def _flat(place: Where) -> bool:
+    """Whether a map says no more than one number would."""
+    _, values, reach = place_map(place)
+    known = np.isfinite(values)
+    return bool(known.any()) and float(np.ptp(values[known])) < 1e-2 * float(reach[known].min())
 
 
 def _draw_place(axes: Axes, place: Where) -> None:

@@ -9,6 +9,7 @@ from dpr_lab.report.gap.section import evidence_html, evidence_parts
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.sections.closing import CLOSING
 from dpr_lab.report.page import (
+    details_html,
     figures_html,
     list_html,
     page_html,
@@ -22,7 +23,8 @@ from dpr_lab.report.words import in_words
 FIGURES = {
     "where": (
         "Line charts of torque or encoder error over joint angle, speed, time or load.",
-        "Torque or encoder error that would explain the gap, 90 % intervals, ratios and start states projected out.",
+        "Torque or encoder error that would explain the gap, 90 % intervals, ratios and start states projected out. A"
+        " map that is one number, the same everywhere, is not drawn.",
     ),
     "waterfall": (
         "Bar chart of the gap left after each named effect.",
@@ -63,13 +65,16 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
         section_html("Which effects", *_which(diagnosis)),
         *(told[name] for name in first),
         section_html("Checks that were done", *_done(diagnosis)) if diagnosis.checks_done else "",
-        section_html("How far the gap closes", *_closed(diagnosis), *closed, drawn["gap_horizon"]),
+        section_html(
+            "How far the gap closes", *_closed(diagnosis), *closed, drawn["gap_horizon"], _horizons(diagnosis)
+        ),
         section_html(
             "Where",
             paragraph_html(_WHERE),
             paragraph_html(in_words(diagnosis.where_sentence)),
             _places(diagnosis),
             drawn["where"],
+            _folded("The maps in numbers", tables.MAP_COLUMNS, tables.map_rows(diagnosis)),
         ),
         section_html(
             "Sensors", _rows(tables.FINDING_COLUMNS, tables.finding_rows(diagnosis)) or "<p>No fault was found.</p>"
@@ -110,6 +115,15 @@ def _done(diagnosis: Diagnosis) -> Iterator[str]:
 def _closed(diagnosis: Diagnosis) -> Iterator[str]:
     yield paragraph_html(tables.closed_sentence(diagnosis))
     yield _rows(tables.CLOSED_COLUMNS, tables.closed_rows(diagnosis), tables.CLOSED_NOTE)
+
+
+def _horizons(diagnosis: Diagnosis) -> str:
+    return _folded("The horizons in numbers", tables.HORIZON_COLUMNS, tables.horizon_rows(diagnosis))
+
+
+def _folded(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """The numbers behind a figure; nothing where there are none."""
+    return details_html(title, table_html(columns, rows)) if rows else ""
 
 
 def _places(diagnosis: Diagnosis) -> str:

@@ -57,8 +57,10 @@ def budget_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def _judged(error: float, uncertainty: float) -> str:
-    told = f"the free run is off by {three(1e3 * error)} mrad, of which {three(1e3 * uncertainty)} mrad (one standard"
-    told += " uncertainty) need no fault of the model;"
+    told = (
+        f"the free run is off by {three(1e3 * error)} mrad; without any fault of the model it may be off by"
+        f" {three(1e3 * uncertainty)} mrad (one standard uncertainty), so"
+    )
     if error <= PAGE.coverage_factor * uncertainty:
         return f"{told} no fault is seen."
     own = (error**2 - uncertainty**2) ** 0.5
