@@ -57,6 +57,8 @@ class Run(Shown):
     """Fit of the device's time to the host's (`rate_ppm`, `rate_ppm_std`, ...); empty where none was made."""
     file: Path | None = None
     sha256: str = ""
+    recorded_utc: str = ""
+    """When its file was begun, ISO 8601; empty where that was not the recording: a table that was imported."""
     notes: tuple[str, ...] = ()
     """What the reader or importer wants the operator to know (gaps kept, doubled rows left out)."""
 

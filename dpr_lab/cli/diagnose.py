@@ -38,6 +38,9 @@ def diagnose(
             autocompletion=REASON_NAMES.complete,
         ),
     ] = None,
+    trust: Annotated[
+        int, typer.Option(min=0, help="Blind trials on plants like this rig; each takes as long as the diagnosis.")
+    ] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Say where simulation and rig differ, which effect causes it, how sure that is and how much of it closes.
@@ -60,6 +63,7 @@ def diagnose(
         seed,
         out,
         any_clock=any_clock,
+        trust=trust,
     )
     with Listener() as listener:
         done = diagnose_runs(request, listener)
@@ -78,9 +82,12 @@ def diagnose(
 def show(found: "Diagnosis") -> None:
     """The diagnosis on stdout: the verdict first."""
     from dpr_lab.report.gap import tables
+    from dpr_lab.report.gap.sections.trust import trust_words
     from dpr_lab.report.words import in_words
 
     line(tables.sentence(found))
+    for remedy in found.remedies:
+        line(in_words(remedy))
     line(in_words(found.where_sentence))
     if found.effects:
         table("Which effects", tables.EFFECT_COLUMNS, tables.effect_rows(found), prose=True, note=tables.EFFECT_NOTE)
@@ -97,6 +104,9 @@ def show(found: "Diagnosis") -> None:
         table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(found), prose=True)
     if found.checks:
         table("Checks", tables.CHECK_COLUMNS, tables.check_rows(found), prose=True, note=tables.CHECK_NOTE)
+    if found.trust:
+        for sentence in trust_words(found):
+            line(sentence)
     line("What to do next")
     for number, step in enumerate(tables.next_steps(found), 1):
         line(f"{number}. {step}")

@@ -63,6 +63,12 @@ class Listener:
                 self._at("paper", event.done, event.of, f"search {event.done} of {event.of}")
             case events.TrialSealed():
                 say(f"sealed as {event.seal}")
+            case events.TrustTrialDone():
+                left = (event.of - event.done) * event.seconds
+                if event.done == 1:
+                    say(f"a blind trial takes {event.seconds:.0f} s: about {math.ceil(left / 60)} min for the others")
+                text = f"{event.done} of {event.of}, {event.seconds:.0f} s each, about {math.ceil(left / 60)} min left"
+                self._at("trust", event.done, event.of, text if event.done else "the first one tells how long")
             case events.TrialDone():
                 self._trial(event)
             case events.DeviceGreeted():

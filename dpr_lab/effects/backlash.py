@@ -22,6 +22,9 @@ BACKLASH_JOINT2 = Effect(
     joints=(1,),
     internal=(InternalState("lag", "rad"),),
     hides_step=lambda params: params["play_rad"],
+    remedy=lambda params, rig, joint: (
+        f"tighten the coupling of encoder 2, which has {1e3 * abs(params['play_rad']):.3g} mrad of play"
+    ),
     bench_check="Hold the outer rod and turn the encoder's shaft by hand: play is felt, and read off the counts.",
     source="Play operator: Visintin (1994), Differential Models of Hysteresis, ch. III.",
 )

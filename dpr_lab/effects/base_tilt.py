@@ -20,6 +20,9 @@ BASE_TILT = Effect(
     words="tilt of the base",
     equation="e1 sin(theta1 + tilt), e2 sin(theta2 + tilt) in place of e1 sin(theta1), e2 sin(theta2)",
     parameters=(EffectParameter("tilt_rad", "rad", 5e-3),),
+    remedy=lambda params, rig, joint: (
+        f"level the base, which leans by {1e3 * abs(params['tilt_rad']):.3g} mrad, or lean gravity so in the simulator"
+    ),
     site="base",
     stage="torque",
     kernel=tilted,

@@ -18,6 +18,10 @@ CLOCK_RATE = Effect(
     site="timing",
     stage="timing",
     kernel=fast,
+    remedy=lambda params, rig, joint: (
+        f"divide the device's times by {1.0 + params['excess']:.6f}: its clock runs {1e6 * params['excess']:+.0f} ppm"
+        " off"
+    ),
     twins=("wrong_length_L1",),
     bench_check=(
         "Compare ten minutes of the device's ticks with the host's clock (`dpr-lab run info` shows it); a crystal is"

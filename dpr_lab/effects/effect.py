@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from dpr_lab.effects.quantities import RigConstants
+
 Stage = Literal["torque", "load", "arm", "timing", "encoder", "play", "drive", "input"]
 """Where in the chain from forces to counts the kernel is called, and what it may ask for by the names of its arguments.
 
@@ -173,6 +175,9 @@ class Effect:
     """Longest step, s, by which it can be integrated; None: any that the rods allow."""
     hides_step: Callable[[Params], float] | None = None
     """Step of joint 2's readings, rad, up to which it explains one by itself; None: it explains none."""
+    remedy: Callable[[Params, RigConstants, int], str] | None = None
+    """What to do about it at the rig, in its file or to its readings, of parameters, rig and joint (0, 1); none: it is
+    no fault, and a simulator is to have it."""
     implied: Callable[[Params], Params] | None = None
     """What follows from the parameters and is worth saying beside them, by name; {} where nothing does."""
     exported: Callable[[Params], Words] | None = None

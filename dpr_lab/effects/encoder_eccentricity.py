@@ -45,6 +45,9 @@ ENCODER_ECCENTRICITY = pair(
     "encoder_eccentricity",
     words="encoder off centre, joint {j}",
     kernel=eccentric,
+    remedy=lambda params, rig, joint: (
+        f"centre the disc or magnet of encoder {joint + 1}, or take its error over a turn off what it reads"
+    ),
     twins=("encoder_offset",),
     equation="encoder {j} reads q{j} + sum over k = 1..6 of A_k cos(k q{j}) + B_k sin(k q{j})",
     parameters=tuple(

@@ -1,6 +1,7 @@
 """An encoder whose zero is not where it was told to be."""
 
-from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.effect import Effect, EffectParameter, Params
+from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import inlined
 
 
@@ -8,6 +9,12 @@ from dpr_lab.kernels import inlined
 def shifted(offset_rad: float) -> float:
     """The encoder reads so much more, rad."""
     return offset_rad
+
+
+def remedy(params: Params, rig: RigConstants, joint: int) -> str:
+    """The right zero."""
+    off = f"{1e3 * params['offset_rad']:.3g} mrad"
+    return f"zero encoder {joint + 1} anew while the rods hang at rest, or take {off} off what it reads"
 
 
 _PARAMETERS = (EffectParameter("offset_rad", "rad", 5e-3),)
@@ -22,6 +29,7 @@ ENCODER_OFFSET_JOINT1 = Effect(
     stage="encoder",
     kernel=shifted,
     exported=lambda params: {"encoder_offset": params["offset_rad"]},
+    remedy=remedy,
     joints=(0,),
     twins=("base_tilt", "encoder_eccentricity_joint1"),
     bench_check=(
@@ -40,6 +48,7 @@ ENCODER_OFFSET_JOINT2 = Effect(
     stage="encoder",
     kernel=shifted,
     exported=lambda params: {"encoder_offset": params["offset_rad"]},
+    remedy=remedy,
     joints=(1,),
     twins=("com_offset_link2", "encoder_eccentricity_joint2"),
     bench_check=(

@@ -1,7 +1,7 @@
 """An encoder that counts more or less than it should for a turn: a belt, a gear, a wrong number in the rig file."""
 
-from dpr_lab.effects.effect import EffectParameter, pair
-from dpr_lab.effects.quantities import EncoderReading
+from dpr_lab.effects.effect import EffectParameter, Params, pair
+from dpr_lab.effects.quantities import EncoderReading, RigConstants
 from dpr_lab.kernels import inlined
 
 
@@ -11,11 +11,19 @@ def stretched(encoder: EncoderReading, excess: float) -> float:
     return excess * (encoder.angle - encoder.hanging)
 
 
+def remedy(params: Params, rig: RigConstants, joint: int) -> str:
+    """The right counts per turn."""
+    told = abs(rig.counts_per_rev2 if joint else rig.counts_per_rev1)
+    right = told * (1.0 + params["excess"])
+    return f"set counts_per_rev of joint {joint + 1} in the rig file to {right:.0f} (it says {told:.0f})"
+
+
 ENCODER_SCALE = pair(
     "encoder_scale",
     words="scale of the encoder, joint {j}",
     kernel=stretched,
     exported=lambda params: {"encoder_scale": params["excess"]},
+    remedy=remedy,
     twins=("spring",),
     equation="encoder {j} reads (1 + x) q{j}, q{j} its angle from hanging",
     parameters=(EffectParameter("excess", "1", 1e-3),),

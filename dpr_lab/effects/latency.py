@@ -19,6 +19,10 @@ LATENCY_JOINT2 = Effect(
     stage="timing",
     kernel=late,
     joints=(1,),
+    remedy=lambda params, rig, joint: (
+        f"latch both encoders on one edge, or take what encoder 2 reads for {1e3 * params['delay_s']:.3g} ms older than"
+        " its time"
+    ),
     bench_check=(
         "Swap the two encoder cables at the board and repeat: a delay of the electronics changes sides; or latch both"
         " counters on one edge."

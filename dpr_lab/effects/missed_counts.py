@@ -35,6 +35,10 @@ MISSED_COUNTS = Effect(
     kernel=stepped,
     event=True,
     propose=propose,
+    remedy=lambda params, rig, joint: (
+        f"take {params['counts']:.0f} counts off joint {params['joint']:.0f} from {params['time_s']:.3g} s on in"
+        f" release {params['run'] + 1:.0f}, and mend that encoder's shield or connector"
+    ),
     bench_check=(
         "Compare the angle at which the rods hang before and after the run: it has moved by whole counts. Check shield"
         " and connector of that encoder, and that its edges stay below the counter's highest rate."

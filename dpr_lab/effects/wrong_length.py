@@ -22,6 +22,10 @@ WRONG_LENGTH = Effect(
     exported=lambda params: {"added_length": params["added_m"]},
     twins=("clock_rate",),
     corrects="L1",
+    remedy=lambda params, rig, joint: (
+        f"measure L1 again and set it in the rig file: these recordings say {rig.L1 + params['added_m']:.5g} m,"
+        f" the file {rig.L1:.5g} m"
+    ),
     bench_check=(
         "Measure L1 between the axes of the joints with a calliper and look up the local gravity; a crystal is off by"
         " 0.01 % at most, so that an error above that is the length (or gravity)."

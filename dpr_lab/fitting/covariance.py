@@ -28,8 +28,19 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
     inner = ColumnSpace.of(A, fit.linear.e).covariance()
     found = inner * inflation
     for change in changes:
-        shift = inner @ (A.reshape(-1, A.shape[2]).T @ change.ravel())
+        shift = _shift(inner, A, change)
         found += np.outer(shift, shift)
     whole = np.zeros((len(fit.free), len(fit.free)))
     whole[np.ix_(fit.inside, fit.inside)] = found
     return whole
+
+
+def shifted(fit: Fit, change: Array) -> Array:
+    """(free,) by how much the values of a fit change once the model reads otherwise by (segments, m) whitened."""
+    A, whole = fit.linear.A[:, :, fit.inside], np.zeros(len(fit.free))
+    whole[fit.inside] = -_shift(ColumnSpace.of(A, fit.linear.e).covariance(), A, change)
+    return whole
+
+
+def _shift(inner: Array, A: Array, change: Array) -> Array:
+    return inner @ (A.reshape(-1, A.shape[2]).T @ change.ravel())

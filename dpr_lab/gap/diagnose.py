@@ -12,6 +12,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.gap.data.pieces import in_pieces
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.evidence.evidence import evidence
 from dpr_lab.gap.inference.posterior import effect_posterior
 from dpr_lab.gap.inference.transfer import transfer
 from dpr_lab.gap.inference.uncertainty import covariance
@@ -26,7 +27,7 @@ from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
-STAGES = ("screen", "bare model", "where", "which", "classes", "how far", "advice")
+STAGES = ("screen", "bare model", "where", "which", "classes", "how far", "advice", "evidence")
 """Names of the stages, in order."""
 
 
@@ -86,4 +87,6 @@ def diagnose(
     advice = advise(recordings, selection.chosen, posteriors)
     spread = covariance(problem, selection.chosen, rig)
     findings = Findings(recordings, problem, selection, posteriors, carried, places, size, tuple(advice), spread, cut)
-    return conclude(findings, seconds=time.perf_counter() - began)
+    begin("evidence")
+    rests_on = evidence(recordings, unseen, problem, selection, carried)
+    return conclude(findings, rests_on, seconds=time.perf_counter() - began)

@@ -39,9 +39,15 @@ def section_html(title: str, *parts: str) -> str:
     return f"<section>\n<h2>{escaped(title)}</h2>\n{body}\n</section>"
 
 
-def paragraph_html(sentence: str) -> str:
+def paragraph_html(sentence: str, style: str = "") -> str:
     """A paragraph; nothing where there is no sentence."""
-    return f"<p>{escaped(sentence)}</p>" if sentence else ""
+    named = f' class="{style}"' if style else ""
+    return f"<p{named}>{escaped(sentence)}</p>" if sentence else ""
+
+
+def details_html(title: str, body: str) -> str:
+    """What is folded away on a screen, and is there in print."""
+    return f"<details>\n<summary>{escaped(title)}</summary>\n{body}\n</details>"
 
 
 def list_html(sentences: Sequence[str], *, numbered: bool = False) -> str:

@@ -65,6 +65,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         lost=dict(summary.lost) if summary is not None else lost_by_gaps(found, samples),
         file=found.path,
         sha256=found.sha256,
+        recorded_utc=found.metadata.created_utc if found.metadata.source == "device" else "",
         notes=(*(summary.notes if summary is not None else ()), *_what_happened(found)),
     )
 

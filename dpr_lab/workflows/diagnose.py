@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, ignore
+from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, TrustTrialDone, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ class DiagnoseRequest:
     """Folder of report, figures, corrected model, exports and `RECORD`; None: none are written."""
     any_clock: bool = False
     """Whether to take runs of a device whose clock is further off than a crystal's."""
+    trust: int = 0
+    """How many blind trials on plants like this rig to add; each takes as long as the diagnosis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ class DiagnoseResult:
 def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseResult:
     """Say where simulation and rig differ, which effect causes it, how sure that is and how much of it closes.
 
-    Tells `RunRead`, `StageBegan`, `FitBegan`, `ScoreTestBegan`.
+    Tells `RunRead`, `StageBegan`, `FitBegan`, `ScoreTestBegan`, `TrustTrialDone`.
 
     Raises:
         ConfigError: the rig is not valid, no such effect, or none left to choose from.
@@ -83,16 +85,33 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         refuse_file(request.out)
     refuse_misread(runs, rig)
     stages = len(STAGES) + bool(request.out)
+    library = chosen_library(request.library, request.without)
     found = diagnose_runs(
         runs,
         rig,
         held_out=held_out,
-        library=chosen_library(request.library, request.without),
+        library=library,
         max_effects=request.max_effects,
         start=load_model(request.model).starting_point(rig) if request.model else None,
         seed=request.seed,
         on_progress=lambda event: on_event(_of_all(event, stages)),
     )
+    if request.trust:
+        from dpr_lab.trials.own_rig import trust
+
+        if request.out:
+            write_json(DiagnoseResult(found, {}).to_json(), request.out / RECORD)
+        tried = trust(
+            found,
+            runs,
+            rig,
+            request.trust,
+            library=library,
+            max_effects=request.max_effects,
+            seed=request.seed,
+            on_trial=lambda done, seconds: on_event(TrustTrialDone(done, request.trust, seconds)),
+        )
+        found = found.model_copy(update={"trust": tried})
     if request.out:
         on_event(StageBegan(stages, stages, "report"))
     result = DiagnoseResult(found, save_diagnosis(found, runs, rig, request.out) if request.out else {})

@@ -35,6 +35,7 @@ __all__ = [
     "StageBegan",
     "TrialDone",
     "TrialSealed",
+    "TrustTrialDone",
     "Warned",
     "always",
     "ignore",
@@ -135,6 +136,16 @@ class TrialDone:
 
 
 @dataclass(frozen=True, slots=True)
+class TrustTrialDone:
+    """How far the blind trials of a diagnosis on its own rig are: told before the first, and after each."""
+
+    done: int
+    of: int
+    seconds: float
+    """That the last one took, s; 0 before the first."""
+
+
+@dataclass(frozen=True, slots=True)
 class PaperSearchDone:
     """One of the searches of the published experiment ended."""
 
@@ -159,6 +170,7 @@ Event: TypeAlias = (
     | CaptureDone
     | TrialSealed
     | TrialDone
+    | TrustTrialDone
     | PaperSearchDone
 )
 

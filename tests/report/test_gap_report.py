@@ -98,7 +98,7 @@ def test_next_steps_are_numbered_as_the_rivals_say_and_end_with_what_has_no_name
 
     assert steps[:2] == [in_words(TELLING), in_words(TWINS)]
     assert "another cause" in steps[2]
-    assert gap_tables.next_steps(diagnosis(verdict="named", advice=[])) == ["Nothing is open."]
+    assert gap_tables.next_steps(diagnosis(verdict="named", advice=[])) == ["Nothing is left to be decided."]
 
 
 def test_an_effect_whose_name_begins_another_is_no_match(diagnosis):

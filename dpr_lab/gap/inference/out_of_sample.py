@@ -64,6 +64,8 @@ class Unseen:
     """(segments,)"""
     dof: NDArray[np.int64]
     """(segments,) readings less the numbers of an initial state."""
+    noise_rad: float
+    """Of a reading, rad."""
     chi2: Callable[[Hypothesis], Array]
     """(segments,) by a model."""
 
@@ -93,7 +95,8 @@ def held_out(recordings: Recordings, base: Hypothesis) -> Unseen:
 
 def _unseen(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis], Array]) -> Unseen:
     dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
-    return Unseen(tuple(item.run.name for item in recordings.records), problem.segments.run, dof, chi2)
+    noise = float(np.mean(problem.weight[problem.read] ** 2) ** -0.5)
+    return Unseen(tuple(item.run.name for item in recordings.records), problem.segments.run, dof, noise, chi2)
 
 
 def reduction(above: Array, rng: np.random.Generator) -> GapReduction:
@@ -122,13 +125,20 @@ def free_run_errors(recordings: Recordings, at: Estimate, settings: FreeRunSetti
     return {item.run.name: _free_run_error(recordings, item, at, settings) for item in recordings.records}
 
 
-def _free_run_error(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings) -> float:
-    since = item.t - item.t[0]
-    head, unseen = since < settings.settle_s, (since >= settings.settle_s) & (since <= settings.length_s)
+def begun_freely(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings = FREE_RUN) -> Estimate:
+    """The same model with a start state fitted to the first readings of a run; arguments as of `free_run_errors`."""
+    head = item.t - item.t[0] < settings.settle_s
     short = replace(item, t=item.t[head], joints=item.joints[head], sigma=item.sigma[head])
     problem, initial = recordings.only([short]).cut(settings.settle_s)
     begun = fit(problem, replace(at, initial=initial), (), iterations=settings.iterations).estimate
+    return replace(begun, initial=begun.initial[:1])
+
+
+def _free_run_error(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings) -> float:
+    since = item.t - item.t[0]
+    unseen = (since >= settings.settle_s) & (since <= settings.length_s)
+    begun = begun_freely(recordings, item, at, settings)
     whole = segments([np.concatenate([item.t[:1], item.t[unseen]])], setups=[item.run.setup], step=item.step)
-    angles = predict(begun.whole, begun.params, recordings.constants, whole, begun.initial[:1])
+    angles = predict(begun.whole, begun.params, recordings.constants, whole, begun.initial)
     read = 1 if item.run.setup.alone else 2
     return float(np.sqrt(np.mean((item.joints[unseen] - angles[1:])[:, :read] ** 2)))

@@ -9,7 +9,7 @@ chance, and below zero beyond chance on no run, and where it closes no less than
 closes in the fitted recordings. What does not explains these recordings, and not the next.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -56,6 +56,8 @@ class Transfer:
     basis: Basis
     closed: GapReduction
     """By all effects together."""
+    closing: tuple[tuple[str, float, float], ...]
+    """Effect added, "" for none; gap left, rms of a reading, rad; share closed so far: on what took no part."""
     left_out: Mapping[str, GapReduction]
     """The same of each fitted run as foretold from the others."""
     held_out: Mapping[str, GapReduction]
@@ -111,12 +113,22 @@ def transfer(
     return Transfer(
         basis=basis,
         closed=reduction(above[""], rng),
+        closing=tuple(_closing(apart, selection, above[""], noise)),
         left_out=left,
         held_out=shares[""] if unseen.records else {},
         effects={name: shares[name] for name in selection.without},
         withdrawn=() if basis == "one release" else tuple(withdrawn),
         oversized=oversized(selection.chosen.fit.estimate.params),
     )
+
+
+def _closing(unseen: Unseen, selection: Selection, ends: Array, noise: Array) -> Iterator[tuple[str, float, float]]:
+    """One effect after the other, from what the bare model leaves above the noise to what all leave: `ends`."""
+    between = [_bounded(unseen.chi2(item)) - noise for _, item in selection.path[:-1]]
+    left = [ends[0], *between, *([ends[1]] if selection.path else [])]
+    for name, above in zip(["", *(name for name, _ in selection.path)], left, strict=True):
+        rms = unseen.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / unseen.dof.sum())
+        yield name, float(rms), share(np.stack([ends[0], above]))
 
 
 def _fitted(

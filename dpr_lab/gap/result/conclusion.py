@@ -30,8 +30,10 @@ from dpr_lab.gap.result.diagnosis import (
     SensorFinding,
     Where,
 )
+from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.families import families, told
 from dpr_lab.gap.result.locate import Place, where_sentence
+from dpr_lab.gap.result.remedies import remedies
 from dpr_lab.gap.result.verdict import sentence, verdict
 from dpr_lab.gap.selection.bare_model import scale
 from dpr_lab.gap.selection.selected import Selection
@@ -70,7 +72,7 @@ class Findings:
         return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}
 
 
-def conclude(found: Findings, seconds: float) -> Diagnosis:
+def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
     """The diagnosis; `seconds` is what it took."""
     chosen, kind = found.selection.chosen, verdict(found.selection, found.posteriors, found.transfer)
     least = detectable(chosen, found.selection.last)
@@ -92,6 +94,12 @@ def conclude(found: Findings, seconds: float) -> Diagnosis:
         probabilities=dict(probabilities(found.selection, found.posteriors, no_gap=kind == "no_gap")),
         detectable={name: dict(sizes) for name, sizes in least.items()},
         sensor_findings=_sensor_findings(found),
+        remedies=remedies(
+            named,
+            named_params(at.params),
+            found.recordings.constants,
+            {*found.transfer.withdrawn, *found.transfer.oversized},
+        ),
         advice=[said.text for said in found.advice],
         checks=_checks(found, [item.name for item in named]),
         ratios={
@@ -105,6 +113,7 @@ def conclude(found: Findings, seconds: float) -> Diagnosis:
         scale_b=float(at.ratios[SCALE]),
         model_effects=named_params(at.params),
         assumptions=[*([found.cut] if found.cut else []), *_assumptions(found), *_unseen(least)],
+        evidence=evidence,
         seconds=seconds,
     )
 

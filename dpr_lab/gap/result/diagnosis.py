@@ -10,6 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
+from dpr_lab.gap.result.evidence import Evidence
+from dpr_lab.gap.result.trust import Trust
 from dpr_lab.shown import Row, Shown
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -160,6 +162,8 @@ class Diagnosis(Shown, _Record):
     probabilities: dict[str, Number]
     detectable: dict[str, dict[str, Number | None]]
     sensor_findings: list[SensorFinding]
+    remedies: list[str] = []
+    """What to do about each named effect, in their order."""
     advice: list[str]
     checks: list[AdvisedCheck] = []
     """The same for programs: `dpr-lab check` takes their results."""
@@ -180,6 +184,10 @@ class Diagnosis(Shown, _Record):
     model_effects: dict[str, dict[str, Number]]
     """The corrected model's effects with all parameters, as `dpr_lab.effects.effect_params` takes them."""
     assumptions: list[str]
+    evidence: Evidence | None = None
+    """What it rests on; none in a diagnosis of an older version."""
+    trust: Trust | None = None
+    """Blind trials on plants like this rig, where they were asked for."""
     seconds: Number
 
     @property

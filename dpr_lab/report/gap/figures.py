@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from dpr_lab.gap.result.diagnosis import Diagnosis, Where
 from dpr_lab.report import style
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure, save_each
+from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.tables import coordinate, place_map, quantity, steps
 from dpr_lab.report.words import in_words
 
@@ -17,7 +18,7 @@ from dpr_lab.report.words import in_words
 def where_figure(places: Sequence[Where], most: int = 4) -> Figure:
     """Maps of the places that explain most, with 90 % intervals."""
     with style.house_style():
-        shown = [place for place in places[:most] if place.knots]
+        shown = [place for place in places[:most] if place.knots and not _flat(place)]
         if not shown:
             return empty_figure("there is no gap to locate")
         figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
@@ -27,6 +28,13 @@ def where_figure(places: Sequence[Where], most: int = 4) -> Figure:
         for axes in grid.flat[len(shown) :]:
             axes.set_visible(False)
         return figure
+
+
+def _flat(place: Where) -> bool:
+    """Whether a map says no more than one number would."""
+    _, values, reach = place_map(place)
+    known = np.isfinite(values)
+    return bool(known.any()) and float(np.ptp(values[known])) < 1e-2 * float(reach[known].min())
 
 
 def _draw_place(axes: Axes, place: Where) -> None:
@@ -67,7 +75,7 @@ def horizon_figure(diagnosis: Diagnosis) -> Figure:
         for name, look in (("before", style.SIMULATED), ("after", style.RESIDUAL)):
             rms = [1e3 * max(models[name], 1e-9) for models in diagnosis.gap.by_horizon.values()]
             axes.loglog(lengths, rms, label=f"{name} the effects", marker="o", **look)
-        floor = 1e3 * float(np.mean(list(diagnosis.gap.floor_rad.values())))
+        floor = 1e3 * float(np.sqrt(np.mean(np.square(list(diagnosis.gap.floor_rad.values())))))
         axes.axhline(floor, label="noise of a reading", **style.HORIZON)
         axes.set_ylim(bottom=floor / 30)
         axes.set_xticks(lengths, list(diagnosis.gap.by_horizon))
@@ -82,7 +90,7 @@ def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
     """Write the figures of a diagnosis as PNG.
 
     Returns:
-        path of each file by the name of its figure: where, waterfall, horizon
+        path of each file by the name of its figure: where, waterfall or what the evidence has in its place, gap_horizon
 
     Raises:
         DprError: the folder or a file cannot be written.
@@ -92,4 +100,8 @@ def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
         "waterfall": waterfall_figure(diagnosis),
         "gap_horizon": horizon_figure(diagnosis),
     }
+    if diagnosis.evidence is not None:
+        del figures["waterfall"]
+        drawn = {section.name: section.figure(diagnosis) for section in SECTIONS if section.figure}
+        figures |= {name: figure for name, figure in drawn.items() if figure}
     return save_each(figures, out_dir)

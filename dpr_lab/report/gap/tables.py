@@ -22,6 +22,8 @@ MOVED_COLUMNS = ("what it can be", "probability before", "after")
 CHECK_COLUMNS = ("check", "kind", "what to do", "splits", "expected bits")
 CHECK_NOTE = "Its result is taken back by: dpr-lab check DIAGNOSIS.json CHECK RUN... (or --value V --std S)"
 DETECTABLE_COLUMNS = ("effect", "least detectable size")
+HORIZON_COLUMNS = ("horizon (s)", "gap before (mrad rms)", "gap after (mrad rms)")
+MAP_COLUMNS = ("where", "by", "at", "value", "90 % reach")
 FINDING_COLUMNS = ("finding", "run", "axis", "at (s)", "evidence")
 
 EFFECT_NOTE = (
@@ -193,7 +195,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         "unexplained": "No effect of the library is the cause: look on the bench where the gap lies, joint by joint.",
     }
     rest = [left[diagnosis.verdict]] if diagnosis.verdict in left else []
-    return [*map(in_words, diagnosis.advice), *rest] or ["Nothing is open."]
+    return [*map(in_words, diagnosis.advice), *rest] or ["Nothing is left to be decided."]
 
 
 def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
@@ -230,6 +232,21 @@ def place_map(
     knots, values, std = along * np.array(place.knots), np.array(place.values), np.array(place.std)
     known = np.where(std < unknown * np.abs(values).max(initial=0.0), factor, np.nan)
     return knots, known * values, NORMAL_Q90 * (known * std)
+
+
+def horizon_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """The gap above the noise by length of a segment."""
+    by_length = diagnosis.gap.by_horizon.items()
+    return [(length, *(three(1e3 * gaps[name]) for name in ("before", "after"))) for length, gaps in by_length]
+
+
+def map_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
+    """Every knot of the maps of the places that explain most."""
+    return [
+        (in_words(place.site), coordinate(place)[0], three(at), f"{three(value)} {quantity(place)[0]}", three(reach))
+        for place in diagnosis.where[:count]
+        for at, value, reach in zip(*(values.tolist() for values in place_map(place)), strict=True)
+    ]
 
 
 def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:

@@ -340,6 +340,7 @@ def _next(found: "Diagnosis", unit: AngleUnit) -> Group:
     from dpr_lab.report.words import in_words
 
     return Group(
+        sentences("What to do", [in_words(text) for text in found.remedies]),
         sentences("What to do next", gap_tables.next_steps(found), numbered=True),
         table(
             "What these recordings would show",

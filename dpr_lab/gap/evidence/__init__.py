@@ -1,0 +1,1 @@
+"""What convinces others of a diagnosis: its domain, its uncertainty, its residuals, what it excludes."""

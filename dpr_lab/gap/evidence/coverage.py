@@ -1,0 +1,75 @@
+"""Where the rods have been: the angles and speeds for which a model speaks."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.gap.data.record import THINNING, Record
+from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.result.evidence import Occupancy
+
+Array = NDArray[np.float64]
+
+RODS = ("inner", "outer")
+
+
+@dataclass(frozen=True, slots=True)
+class MapSettings:
+    """The cells of a map."""
+
+    angles: int = 24
+    """Of a turn: 15 degrees each, less than any effect by angle changes over."""
+    speeds: int = 16
+    """From the fastest turn one way to the fastest the other way."""
+
+
+MAP = MapSettings()
+
+
+def coverage(fitted: Recordings, held_out: Recordings, settings: MapSettings = MAP) -> dict[str, Occupancy]:
+    """Seconds that each rod spent at each angle and speed, by rod; a rod that never swung freely is not there."""
+    joints = fitted.rig.encoders.joint_angles
+    spent = [[_spent(item, joints.to_rods) for item in some.records] for some in (fitted, held_out)]
+    found: dict[str, Occupancy] = {}
+    for rod in RODS:
+        own = [list(_of(rod, some)) for some in spent]
+        fastest = max((float(np.abs(speed).max(initial=0.0)) for some in own for _, speed, _ in some), default=0.0)
+        if fastest > 0.0:
+            edges = (np.linspace(0, 2 * np.pi, settings.angles + 1), fastest * np.linspace(-1, 1, settings.speeds + 1))
+            maps = [_seconds(some, edges) for some in own]
+            found[rod] = Occupancy(
+                angle_edges_rad=edges[0].tolist(),
+                speed_edges_rad_per_s=edges[1].tolist(),
+                fitted_s=maps[0].tolist(),
+                held_out_s=maps[1].tolist(),
+            )
+    return found
+
+
+Spent = tuple[str, Array, Array, Array]
+"""What swung; (n, 2) angles, rad, and speeds of the rods, rad/s; (n,) how long, s."""
+
+
+def _spent(item: Record, to_rods: Callable[[Array], Array]) -> Spent:
+    theta = to_rods(item.joints)
+    near = np.diff(item.t) <= THINNING.gap_s
+    step = np.diff(item.t)[near]
+    speed = (np.diff(theta, axis=0) / np.diff(item.t)[:, None])[near]
+    return item.run.setup.mounting, (0.5 * (theta[1:] + theta[:-1]))[near], speed, step
+
+
+def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:
+    """Angle, speed and time of one rod, in each recording in which it swung; a rod alone is told as the first."""
+    for mounting, theta, speed, step in spent:
+        if mounting in (rod, "both", "clamped"):
+            column = 0 if mounting == rod else RODS.index(rod)
+            yield theta[:, column], speed[:, column], step
+
+
+def _seconds(spent: Sequence[tuple[Array, Array, Array]], edges: tuple[Array, Array]) -> Array:
+    whole = np.zeros((len(edges[0]) - 1, len(edges[1]) - 1))
+    for theta, speed, step in spent:
+        whole += np.histogram2d(np.mod(theta, 2 * np.pi), speed, bins=edges, weights=step)[0]
+    return np.round(whole, 4)

@@ -1,0 +1,64 @@
+"""All that a diagnosis rests on, gathered once it is made."""
+
+from datetime import UTC, datetime
+
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.evidence.coverage import coverage
+from dpr_lab.gap.evidence.exclusions import exclusions
+from dpr_lab.gap.evidence.residuals import residual_look
+from dpr_lab.gap.evidence.validation import validation
+from dpr_lab.gap.inference.detectable import detectable
+from dpr_lab.gap.inference.transfer import Transfer
+from dpr_lab.gap.result.evidence import Closing, Evidence, RecordingUsed
+from dpr_lab.gap.selection.selected import Selection
+from dpr_lab.version import __version__
+
+
+def evidence(
+    recordings: Recordings, unseen: Recordings, problem: Problem, selection: Selection, carried: Transfer
+) -> Evidence:
+    """Gather it.
+
+    Args:
+        recordings: the fitted runs
+        unseen: runs held out; may be empty
+        problem: the segments of the fitted runs
+        selection: the chosen set of effects
+        carried: how it does on recordings that took no part
+    """
+    models = {"before": selection.base, "after": selection.chosen}
+    budget, curves = validation(recordings, unseen, problem, models)
+    least = detectable(selection.chosen, selection.last)
+    rig = recordings.rig
+    return Evidence(
+        version=__version__,
+        made_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        rig=rig.name,
+        rig_sha256=rig.sha256,
+        recordings=[*_used(recordings, held_out=False), *_used(unseen, held_out=True)],
+        coverage=coverage(recordings, unseen),
+        closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in carried.closing],
+        residuals=residual_look(problem, models),
+        exclusions=exclusions(selection.chosen, selection.last, least),
+        budget=budget,
+        curves=curves,
+    )
+
+
+def _used(recordings: Recordings, *, held_out: bool) -> list[RecordingUsed]:
+    return [
+        RecordingUsed(
+            name=item.run.name,
+            file=item.run.file.name if item.run.file else "",
+            sha256=item.run.sha256,
+            recorded_utc=item.run.recorded_utc,
+            pose=item.run.pose or "",
+            mounting=item.run.mounting,
+            driven=item.run.torques is not None,
+            held_out=held_out,
+            duration_s=float(item.t[-1] - item.t[0]),
+            readings=int(item.joints.size),
+        )
+        for item in recordings.records
+    ]

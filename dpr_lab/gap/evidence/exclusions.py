@@ -1,0 +1,47 @@
+"""What is not there: the least detectable size of an effect, and how surely the effect is smaller than that.
+
+A score test beside all that was named gives each amplitude a linear estimate a with standard deviation s. The least
+detectable size is 5 s, so that the effect is smaller with the confidence
+
+    P(|x| < 5 s) = Phi(5 - |a| / s)
+"""
+
+from collections.abc import Mapping
+
+from scipy.stats import norm
+
+from dpr_lab.gap.inference.detectable import SIGMAS
+from dpr_lab.gap.result.evidence import Exclusion
+from dpr_lab.gap.selection.hypothesis import Hypothesis
+from dpr_lab.gap.selection.score import ScoreTest
+
+
+def exclusions(at: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]) -> list[Exclusion]:
+    """Every amplitude of every effect that was not named and can be seen.
+
+    Args:
+        at: what is fitted
+        test: its score test
+        least: detectable sizes, as `detectable` gives them
+    """
+    found = []
+    for item in test.ranking:
+        name = item.effect.name
+        beside = test.beside(item.columns)
+        for i, column in enumerate(item.columns):
+            parameter = test.free[column]
+            size = least.get(name, {}).get(parameter.name)
+            if name in at.effects or not size:
+                continue
+            estimate = float(beside.gradient[i] / beside.H[i, i] * beside.scale[i])
+            sigma = size / SIGMAS
+            found.append(
+                Exclusion(
+                    effect=name,
+                    parameter=parameter.name,
+                    size=size,
+                    estimate=estimate,
+                    confidence=float(norm.cdf(SIGMAS - abs(estimate) / sigma)),
+                )
+            )
+    return found

@@ -1,0 +1,121 @@
+"""One recording as a model foretells it from its first readings, and how that answers to all that is unsure.
+
+With r the readings, J0 and J their slopes along the start state and along the fitted values, W one over the noise, the
+start state is fitted to the first readings h. Whatever changes the readings by dr moves that start as well, so that
+
+    dr - J0 (J0_h^T W^2 J0_h)^-1 J0_h^T W^2 dr_h
+
+is left of it: what `settled` gives.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.segments import Segments, segments
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.linearise import UNKNOWN_STARTS, UNREAD_STARTS
+from dpr_lab.fitting.rods_with_effects import RodsWithEffects
+from dpr_lab.gap.data.record import Record
+from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.inference.out_of_sample import FREE_RUN, begun_freely
+from dpr_lab.gap.selection.hypothesis import Hypothesis
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FreeSwing:
+    """A free run of one model along one recording."""
+
+    item: Record
+    t: Array
+    """(n,) since the first reading, s."""
+    measured: Array
+    """(n, 2) readings of the joints, rad."""
+    predicted: Array
+    """(n, 2) rad."""
+    weight: Array
+    """(n, 2) one over the noise, 1/rad; zero where nothing is read."""
+    by_values: Array
+    """(n, 2, free) slopes along the fitted values."""
+    by_start: Array
+    """(n, 2, 4) along the start state."""
+    laid: Segments
+    constants: RigConstants
+    begun: Estimate
+
+    @property
+    def head(self) -> NDArray[np.bool_]:
+        """(n,) what the start state was fitted to."""
+        return self.t < FREE_RUN.settle_s
+
+    @property
+    def compared(self) -> NDArray[np.bool_]:
+        """(n, 2) what is compared, horizon aside."""
+        return (self.weight > 0) & ~self.head[:, None]
+
+    @property
+    def _normal(self) -> tuple[Array, Array]:
+        """(4, 4) normal matrix of the start state, and (rows, 4) its weighted slopes."""
+        A = (self.weight[:, :, None] * self.by_start)[self.head].reshape(-1, 4)
+        slow = np.diag(UNREAD_STARTS if self.item.run.setup.alone else UNKNOWN_STARTS)
+        return A.T @ A + slow.T @ slow, A
+
+    def settled(self, change: Array) -> Array:
+        """(n, 2, k) what a change of the readings, (n, 2, k), leaves once the start state is fitted again."""
+        normal, A = self._normal
+        rows = (self.weight[:, :, None] * change)[self.head].reshape(len(A), -1)
+        return change - self.by_start @ np.linalg.solve(normal, A.T @ rows)
+
+    def start_variance(self) -> Array:
+        """(n, 2) of the prediction, by the noise of the readings that the start state was fitted to, rad^2."""
+        inner = np.linalg.inv(self._normal[0])
+        return np.einsum("nij,jk,nik->ni", self.by_start, inner, self.by_start)
+
+    def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> Array:
+        """(n, 2) by how much the readings change for a rig measured otherwise, or with finer steps, same start."""
+        laid = replace(self.laid, step=self.laid.step / finer)
+        model = RodsWithEffects(constants or self.constants)
+        return np.nan_to_num(model.predict(laid, self.begun) - self.predicted)
+
+
+def free_swing(recordings: Recordings, item: Record, at: Hypothesis) -> FreeSwing:
+    """Fit the start state of a recording to its first readings, and simulate on."""
+    begun = begun_freely(recordings, item, at.fit.estimate)
+    since = item.t - item.t[0]
+    own = since <= FREE_RUN.length_s
+    laid = segments([item.t[own]], setups=[item.run.setup], step=item.step)
+    model = RodsWithEffects(recordings.constants)
+    slopes = np.nan_to_num(model.slopes(laid, begun, at.fit.free))
+    return FreeSwing(
+        item=item,
+        t=since[own],
+        measured=item.joints[own],
+        predicted=model.predict(laid, begun),
+        weight=1 / item.sigma[own],
+        by_values=slopes[:, :, :-4],
+        by_start=slopes[:, :, -4:],
+        laid=laid,
+        constants=recordings.constants,
+        begun=begun,
+    )
+
+
+def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
+    """When the start state's uncertainty alone moves a reading by an error, s after the first; none: not within it."""
+    lost = np.flatnonzero((swing.start_variance() * (swing.weight > 0)).max(axis=1) > error_rad**2)
+    lost = lost[~swing.head[lost]]
+    return float(swing.t[lost[0]]) if len(lost) else None
+
+
+def growth_rate(swing: FreeSwing, until: float) -> float:
+    """Largest finite-time rate at which an error of the angles at the start grows by then, 1/s.
+
+    Source: largest singular value of the tangent map over a finite time; E. N. Lorenz (1965), Tellus 17, 321-333.
+    """
+    last = int(np.searchsorted(swing.t, until, side="right")) - 1
+    largest = float(np.linalg.norm(swing.by_start[last, :, :2], ord=2))
+    return float(np.log(max(largest, 1e-12)) / max(float(swing.t[last]), 1e-12))

@@ -1,0 +1,77 @@
+"""How much structure the residuals have left: from one reading to the next, and beside a normal distribution.
+
+Source: G. E. P. Box & G. M. Jenkins, Time Series Analysis, ch. 8: residual autocorrelation as a check of a model.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.data.screen import AXES
+from dpr_lab.gap.result.evidence import ResidualLook, Whiteness
+from dpr_lab.gap.selection.hypothesis import Hypothesis
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LookSettings:
+    """What is looked at."""
+
+    lags: int = 40
+    """Neighbours, of 5 ms mostly: 0.2 s, within every segment."""
+    quantiles: int = 61
+    """Of the distribution, evenly spaced in probability, the ends aside."""
+    far: float = 3.0
+    """Standard deviations beyond which a residual is counted."""
+
+
+LOOK = LookSettings()
+
+
+def residual_look(problem: Problem, models: Mapping[str, Hypothesis], settings: LookSettings = LOOK) -> ResidualLook:
+    """Residuals of each joint under each model.
+
+    Args:
+        problem: the segments of the fitted runs
+        models: before and after
+        settings: what is looked at
+    """
+    chances = (np.arange(settings.quantiles) + 0.5) / settings.quantiles
+    joints: dict[str, dict[str, Whiteness]] = {}
+    for j, axis in enumerate(AXES):
+        if problem.read[:, j].any():
+            joints[axis] = {name: _look(problem, at, j, chances, settings) for name, at in models.items()}
+    owner = problem.owner
+    within = np.diff(owner) == 0
+    return ResidualLook(
+        spacing_s=float(np.median(np.diff(problem.t)[within])),
+        readings=int(np.count_nonzero(problem.read[:, 0])),
+        normal=norm.ppf(chances).tolist(),
+        joints=joints,
+    )
+
+
+def _look(problem: Problem, at: Hypothesis, joint: int, chances: Array, settings: LookSettings) -> Whiteness:
+    r = np.nan_to_num(problem.by_sample(at.fit.linear.residual)[:, joint], posinf=0.0)
+    read = problem.read[:, joint]
+    return Whiteness(
+        autocorrelation=_autocorrelation(np.where(read, r, 0.0), read, problem.owner, settings.lags).tolist(),
+        quantiles=np.quantile(r[read], chances).tolist(),
+        beyond3=float(np.mean(np.abs(r[read]) > settings.far)),
+    )
+
+
+def _autocorrelation(r: Array, read: NDArray[np.bool_], owner: NDArray[np.int64], lags: int) -> Array:
+    """(lags + 1,) mean product of residuals so many readings apart, of one segment, over that of each with itself."""
+    power = float(np.sum(r**2)) / max(int(read.sum()), 1)
+    found = [1.0]
+    for lag in range(1, min(lags, len(r) - 1) + 1):
+        both = (owner[lag:] == owner[:-lag]) & read[lag:] & read[:-lag]
+        mean = float(np.sum((r[lag:] * r[:-lag])[both])) / max(int(both.sum()), 1)
+        found.append(mean / power if power > 0 else 0.0)
+    return np.array(found)

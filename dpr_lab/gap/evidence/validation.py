@@ -1,0 +1,140 @@
+"""Free runs beside recordings, before and after: error against uncertainty, areas between distributions, curves.
+
+Nothing beyond the predictability horizon counts. The area between the empirical distributions F of simulated and
+measured angles,
+
+    d = integral |F_S(x) - F_D(x)| dx,
+
+is in rad, needs no choice of corridor or weight, and is zero only for equal distributions.
+
+Source: S. Ferson, W. L. Oberkampf & L. Ginzburg (2008), Model validation and predictive capability for the thermal
+challenge problem, Computer Methods in Applied Mechanics and Engineering 197, 2408-2430.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import wasserstein_distance
+
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.evidence.budget import mean_squares, sources, uncertainty_sources
+from dpr_lab.gap.evidence.free_swing import FreeSwing, free_swing, growth_rate, horizon
+from dpr_lab.gap.inference.out_of_sample import FREE_RUN
+from dpr_lab.gap.result.evidence import Budget, Curves, RunBudget
+from dpr_lab.gap.selection.hypothesis import Hypothesis
+
+Array = NDArray[np.float64]
+Pairs = Mapping[str, FreeSwing]
+
+
+@dataclass(frozen=True, slots=True)
+class CurveSettings:
+    """What is kept of a curve, to be looked at."""
+
+    rate_hz: float = 50.0
+    """Ten points of the fastest swing."""
+    digits: int = 5
+    """After the point, of a radian."""
+
+
+CURVE = CurveSettings()
+
+
+def validation(
+    recordings: Recordings, unseen: Recordings, problem: Problem, models: Mapping[str, Hypothesis]
+) -> tuple[Budget, list[Curves]]:
+    """Free runs of the models before and after along all recordings.
+
+    Args:
+        recordings: the fitted runs
+        unseen: runs held out; may be empty
+        problem: the segments of the fitted runs
+        models: before and after
+    """
+    everything = recordings.only([*recordings.records, *unseen.records])
+    swings = [{name: free_swing(everything, item, at) for name, at in models.items()} for item in everything.records]
+    ends = [horizon(pair["after"]) for pair in swings]
+    until = [FREE_RUN.length_s if end is None else end for end in ends]
+    compared = [_compared(pair, end) for pair, end in zip(swings, until, strict=True)]
+    found = {name: sources(problem, at, recordings.rig) for name, at in models.items()}
+    squares = {n: mean_squares(found[n], [pair[n] for pair in swings], compared) for n in models}
+    errors = {n: np.array([_error(pair[n], own) for pair, own in zip(swings, compared, strict=True)]) for n in models}
+    counts = np.array([own.sum() for own in compared], dtype=np.float64)
+    share = counts / max(counts.sum(), 1.0)
+    runs = [
+        RunBudget(
+            run=pair["after"].item.run.name,
+            held_out=i >= len(recordings.records),
+            until_s=until[i],
+            reaches_horizon=ends[i] is not None,
+            growth_per_s=growth_rate(pair["after"], until[i]),
+            **_by_model("error", {n: errors[n][i] for n in models}),
+            **_by_model("u", {n: squares[n][:, i].sum() for n in models}),
+            **_areas(pair, compared[i]),
+        )
+        for i, pair in enumerate(swings)
+    ]
+    budget = Budget(
+        sources=uncertainty_sources(found, {n: squares[n] @ share for n in models}),
+        **_by_model("error", {n: errors[n] @ share for n in models}),
+        **_by_model("u", {n: float(np.sum(squares[n] @ share)) for n in models}),
+        runs=runs,
+    )
+    return budget, [_curves(recordings, pair, run) for pair, run in zip(swings, runs, strict=True)]
+
+
+def _compared(pair: Pairs, until: float) -> NDArray[np.bool_]:
+    """(n, 2) readings that count: behind those of the start state, before the horizon, followed by both models."""
+    after = pair["after"]
+    followed = np.all([np.isfinite(swing.predicted) for swing in pair.values()], axis=0)
+    return np.asarray(after.compared & (after.t <= until)[:, None] & followed)
+
+
+def _error(swing: FreeSwing, compared: NDArray[np.bool_]) -> float:
+    """Mean square, rad^2."""
+    off = (swing.predicted - swing.measured)[compared]
+    return float(np.mean(off**2)) if len(off) else 0.0
+
+
+def _by_model(what: str, squares: Mapping[str, float]) -> dict[str, float]:
+    return {f"{what}_{name}_rad": float(np.sqrt(value)) for name, value in squares.items()}
+
+
+def _areas(pair: Pairs, compared: NDArray[np.bool_]) -> dict[str, float]:
+    """Of both models, and of noise alone; mean over the joints."""
+    after = pair["after"]
+    noise = np.random.default_rng(0).standard_normal(after.measured.shape) / np.where(compared, after.weight, 1.0)
+    areas: dict[str, list[float]] = {"before": [], "after": [], "noise": []}
+    for j in range(2):
+        own = compared[:, j]
+        if own.any():
+            for name, swing in pair.items():
+                areas[name].append(wasserstein_distance(swing.predicted[own, j], swing.measured[own, j]))
+            exact = after.predicted[own, j]
+            areas["noise"].append(wasserstein_distance(exact, exact + noise[own, j]))
+    return {f"area_{name}_rad": float(np.mean(values)) if values else 0.0 for name, values in areas.items()}
+
+
+def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
+    after = pair["after"]
+    some = slice(None, None, max(1, round(len(after.t) / (FREE_RUN.length_s * CURVE.rate_hz))))
+    joints = recordings.rig.encoders.joint_angles
+    return Curves(
+        run=run.run,
+        held_out=run.held_out,
+        settled_s=FREE_RUN.settle_s,
+        until_s=run.until_s,
+        t_s=_told(after.t[some]),
+        measured_rad=_told(joints.to_rods(after.measured[some])),
+        before_rad=_told(joints.to_rods(pair["before"].predicted[some])),
+        after_rad=_told(joints.to_rods(after.predicted[some])),
+    )
+
+
+def _told(values: Array) -> Any:
+    """As the result keeps it."""
+    return np.round(np.nan_to_num(values), CURVE.digits).tolist()

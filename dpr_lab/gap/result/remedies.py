@@ -1,0 +1,38 @@
+"""What to do about what was named: at the rig, in its file, to its readings, or in the simulator."""
+
+from collections.abc import Collection, Mapping, Sequence
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import Params
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.gap.result.diagnosis import NamedEffect
+
+
+def remedies(
+    named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants, doubtful: Collection[str]
+) -> list[str]:
+    """A sentence for each effect that is a fault, and one for all that a simulator is to have.
+
+    Args:
+        named: the effects, in their order
+        sizes: their fitted parameters
+        rig: what the rig file says
+        doubtful: names of those that do not carry over, or are larger than they can be: nothing is done about them
+    """
+    said: list[str] = []
+    simulated: list[str] = []
+    for item in named:
+        remedy = EFFECTS[item.name].remedy
+        if item.name in doubtful:
+            continue
+        if remedy is None:
+            simulated.append(item.name)
+            continue
+        others = [name for name in item.members if name != item.name]
+        unless = (
+            f" (once it is sure that it is not {' or '.join(others)}: these recordings do not tell)" if others else ""
+        )
+        said.append(f"For {item.name}: {remedy(sizes[item.name], rig, EFFECTS[item.name].joints[0])}{unless}.")
+    if simulated:
+        said.append(f"Give the simulator {' and '.join(simulated)}: the exported models have the sizes found.")
+    return said

@@ -1,0 +1,192 @@
+"""Blind trials on plants like one rig: the corrected model, recorded again as the rig was, with other noise.
+
+The lab's own model makes the readings, at a quarter of its step. So the trials say how far names are to be trusted on
+this rig, these recordings and this noise; what no model of the library can do is not among them. Those against plants
+that the lab did not write are `dpr-lab trials`.
+"""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.prediction import predict, segment_start
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import STEP, segments
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.fitting.estimate import Estimate, whole_of
+from dpr_lab.gap.data.record import record
+from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.data.screen import Screened
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.inference.out_of_sample import begun_freely
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.trust import NOTHING, ConfusionCell, Trust, TrustShare, TrustTrial
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.trials.summary import wilson90
+
+Array = NDArray[np.float64]
+Effects = Mapping[str, Params]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnRigSettings:
+    """What is hidden in a plant, and how it is simulated."""
+
+    times_detectable: tuple[float, float] = (2.0, 20.0)
+    """Sizes of an effect drawn, over the least detectable one; evenly in their logarithm."""
+    finer: float = 4.0
+    """Times finer than the lab integrates."""
+    kinds: tuple[str, ...] = ("as found", "another", "another", "clean")
+    """In turn."""
+
+
+OWN_RIG = OwnRigSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class _Original:
+    """A recording, and the state in which its plant starts."""
+
+    run: Run
+    seen: Screened
+    start: Array
+    """(1, 4)"""
+    start_s: float
+
+
+def trust(
+    found: Diagnosis,
+    runs: Sequence[Run],
+    rig: Rig,
+    count: int,
+    *,
+    library: Mapping[str, Effect] = EFFECTS,
+    max_effects: int = 4,
+    seed: int = 0,
+    on_trial: Callable[[int, float], None] = lambda done, seconds: None,
+) -> Trust:
+    """Try a diagnosis on plants of which the truth is known.
+
+    Args:
+        found: the diagnosis of the rig
+        runs: what was diagnosed, without what was held out
+        rig: the rig
+        count: how many trials
+        library: the effects that it chooses from
+        max_effects: at most so many at once
+        seed: same seed, same plants and noise
+        on_trial: told before the first and after each: how many are done, and the seconds that the last one took
+    """
+    effects = {n: values for n, values in found.model_effects.items() if n in {item.name for item in found.effects}}
+    at = Estimate(found.unknowns, effect_params(found.model_effects), np.zeros((0, 4)))
+    originals = [_original(run, rig, at) for run in runs]
+    trials: list[TrustTrial] = []
+    on_trial(0, 0.0)
+    for number in range(count):
+        rng, began = np.random.default_rng([seed, number]), time.perf_counter()
+        kind = OWN_RIG.kinds[number % len(OWN_RIG.kinds)]
+        truth = {"as found": effects, "clean": {}}.get(kind)
+        truth = _another(found, library, rng) if truth is None else truth
+        again = [_recorded_again(item, rig, at.ratios, effect_params(truth), rng) for item in originals]
+        said = diagnose(again, rig, library=library, max_effects=max_effects, start=found.unknowns, seed=seed)
+        trials.append(_judged(kind if truth else "clean", truth, said, time.perf_counter() - began))
+        on_trial(number + 1, trials[-1].seconds)
+    return _summed(trials, seed)
+
+
+def _original(run: Run, rig: Rig, at: Estimate) -> _Original:
+    item = record(run, rig)
+    begun = begun_freely(Recordings((item,), rig), item, at)
+    return _Original(run, item.screened, begun.initial, segment_start(float(item.t[0])))
+
+
+def _another(found: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
+    """One effect that was not named and can be seen, at a size drawn; of several amplitudes one."""
+    named = {item.name for item in found.effects}
+    seen = {name: {k: v for k, v in sizes.items() if v} for name, sizes in found.detectable.items()}
+    names = [n for n in seen if n in library and n not in named and seen[n] and not library[n].event]
+    if not names:
+        return {}
+    effect = library[names[rng.integers(len(names))]]
+    amplitudes = [parameter for parameter in effect.amplitudes if parameter.name in seen[effect.name]]
+    chosen = amplitudes[rng.integers(len(amplitudes))]
+    low, high = np.log(OWN_RIG.times_detectable)
+    size = (seen[effect.name][chosen.name] or 0.0) * float(np.exp(rng.uniform(low, high)))
+    sign = 1.0 if chosen.sign == "positive" else float(rng.choice([-1.0, 1.0]))
+    return {effect.name: {chosen.name: sign * size}}
+
+
+def _recorded_again(item: _Original, rig: Rig, ratios: Array, params: Array, rng: np.random.Generator) -> Run:
+    """The readings of a plant at the instants of a recording; the rest before the release stays as it was."""
+    run, seen = item.run, item.seen
+    swing = run.t > item.start_s
+    laid = segments([run.t[swing]], setups=[run.setup], step=STEP / OWN_RIG.finer)
+    joints = predict(whole_of(ratios), params, rig_constants(rig), laid, item.start)
+    rounding = np.where(seen.count > 0, seen.count, 0.0) / np.sqrt(12)
+    noise = np.sqrt(np.maximum(np.where(np.isfinite(seen.noise), seen.noise, 0.0) ** 2 - rounding**2, 0.0))
+    joints += noise * rng.standard_normal(joints.shape)
+    counts = None
+    if run.counts is not None:
+        counts = run.counts.copy()
+        step = rig.radians_per_count[1:]
+        was = rig.encoders.joint_angles.of_rods(run.theta[swing, 1:])
+        steps = np.maximum(np.rint(seen.count / np.abs(step)), 1)
+        counts[swing, 1:] += (steps * np.rint((joints - was) / (steps * step))).astype(np.int64)
+        joints = was + (counts[swing, 1:] - run.counts[swing, 1:]) * step
+    theta = run.theta.copy()
+    theta[swing, 1:] = rig.encoders.joint_angles.to_rods(joints)
+    if run.mounting in ("inner", "outer"):
+        theta[swing, 2] = theta[swing, 1]
+    return replace(run, theta=theta, counts=counts, file=None, sha256="")
+
+
+def _judged(kind: str, truth: Effects, said: Diagnosis, seconds: float) -> TrustTrial:
+    right = [name for name in truth if any(name in (item.name, *item.members) for item in said.effects)]
+    wrong = [item.name for item in said.effects if not {item.name, *item.members} & set(truth)]
+    return TrustTrial.model_validate(
+        {
+            "kind": kind,
+            "truth": truth,
+            "named": [item.name for item in said.effects],
+            "verdict": said.verdict,
+            "right": right,
+            "wrong": wrong,
+            "seconds": seconds,
+        }
+    )
+
+
+def _summed(trials: Sequence[TrustTrial], seed: int) -> Trust:
+    hidden, clean = ([item for item in trials if bool(item.truth) is wanted] for wanted in (True, False))
+    cells = Counter(cell for item in trials for cell in _cells(item))
+    return Trust(
+        seed=seed,
+        seconds_each=float(np.median([item.seconds for item in trials])) if trials else 0.0,
+        trials=list(trials),
+        confusion=[ConfusionCell(true=true, named=named, trials=n) for (true, named), n in sorted(cells.items())],
+        right=_share([set(item.right) == set(item.truth) and not item.wrong for item in hidden]),
+        wrong=_share([bool(item.wrong) for item in hidden]),
+        false_alarms=_share([bool(item.named) for item in clean]),
+    )
+
+
+def _cells(item: TrustTrial) -> list[tuple[str, str]]:
+    """(true, named) for each effect and each name; what was not named and what was not there stand for one another."""
+    missed = [name for name in item.truth if name not in item.right]
+    count = max(len(missed), len(item.wrong))
+    pairs = zip(
+        missed + [NOTHING] * (count - len(missed)), item.wrong + [NOTHING] * (count - len(item.wrong)), strict=True
+    )
+    found = [*((name, name) for name in item.right), *pairs]
+    return found or [(NOTHING, NOTHING)]
+
+
+def _share(held: Sequence[bool]) -> TrustShare:
+    interval = wilson90(sum(held), len(held)) if held else (0.0, 1.0)
+    return TrustShare(held=sum(held), of=len(held), interval90=interval)

@@ -1,0 +1,85 @@
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.evidence.coverage import coverage
+from dpr_lab.gap.evidence.exclusions import exclusions
+from dpr_lab.gap.evidence.residuals import residual_look
+from dpr_lab.gap.evidence.validation import validation
+from dpr_lab.gap.inference.detectable import detectable
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.selection.score import score_test
+from dpr_lab.report.gap.figures import save_gap_figures
+from dpr_lab.report.gap.html import write_gap_report
+from dpr_lab.report.gap.sections import SECTIONS
+
+DRY = {"coulomb_joint1": {"torque_Nm": 3e-3}}
+
+
+@pytest.fixture(scope="module")
+def looked_at(recorded: Callable[..., Any], screened: Callable[..., Any], bare: Callable[..., Any]) -> Any:
+    """(effects) -> recordings of three seconds, their segments and the bare model."""
+
+    def made(effects: Any) -> Any:
+        runs = recorded(effects, duration=3.0)[:2]
+        return screened(runs), *bare(runs)
+
+    return made
+
+
+def test_error_stays_within_its_uncertainty_until_something_is_missing(looked_at: Any):
+    for effects, within in (({}, True), (DRY, False)):
+        recordings, problem, model = looked_at(effects)
+        budget, curves = validation(recordings, recordings.only([]), problem, {"before": model, "after": model})
+
+        assert (budget.error_after_rad < 2 * budget.u_after_rad) is within, budget
+        squares = sum(source.after_rad**2 for source in budget.sources)
+        assert np.sqrt(squares) == pytest.approx(budget.u_after_rad)
+        assert all(run.until_s <= 2.6 for run in budget.runs)
+        assert len(curves) == len(budget.runs) == 2
+
+
+def test_residuals_of_a_clean_rig_are_white_and_effects_excluded(looked_at: Any):
+    recordings, problem, model = looked_at({})
+    look = residual_look(problem, {"before": model, "after": model})
+    for models in look.joints.values():
+        assert abs(models["after"].autocorrelation[1]) < 0.1
+        np.testing.assert_allclose(models["after"].quantiles[10:50], look.normal[10:50], atol=0.2)
+
+    test = score_test(problem, model.fit, [EFFECTS["coulomb_joint1"], EFFECTS["rotor_inertia_joint1"]], recordings)
+    (dry,) = exclusions(model, test, detectable(model, test))
+    assert dry.effect == "coulomb_joint1", "an effect that cannot be seen is not excluded"
+    assert dry.size > abs(dry.estimate)
+    assert dry.confidence > 0.95
+
+
+def test_every_second_is_somewhere_on_the_map(looked_at: Any):
+    recordings, _, _ = looked_at({})
+    maps = coverage(recordings, recordings.only(recordings.records[:1]))
+
+    seconds = [float(item.t[-1] - item.t[0]) for item in recordings.records]
+    for rod in ("inner", "outer"):
+        assert np.sum(maps[rod].fitted_s) == pytest.approx(sum(seconds), rel=0.01)
+        assert np.sum(maps[rod].held_out_s) == pytest.approx(seconds[0], rel=0.01)
+
+
+@pytest.mark.slow
+def test_the_page_tells_the_whole_story_and_fetches_nothing(two_found: Diagnosis, tmp_path: Any):
+    evidence = two_found.evidence
+    assert evidence is not None
+    assert evidence.closing[-1].closed == pytest.approx(two_found.gap.closed_held_out.estimate)
+    free = two_found.gap.free_run_rad
+    assert {run.run: run.error_after_rad for run in evidence.budget.runs} == pytest.approx(
+        {name: errors["after"] for name, errors in free.items()}
+    )
+
+    written = write_gap_report(two_found, "Rig", tmp_path, save_gap_figures(two_found, tmp_path))
+    page = written.read_text(encoding="utf-8")
+    assert all(f"<h2>{section.title}</h2>" in page for section in SECTIONS if section.name != "closing")
+    assert page.count("<img") == 2 + sum(section.figure is not None for section in SECTIONS)
+    assert page.count("<details>") >= len(SECTIONS)
+    assert "http" not in page.replace("http-equiv", "")
+    assert page.index("What to do") < page.index("Which effects")

@@ -1,0 +1,26 @@
+import pytest
+
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.gap.result.diagnosis import NamedEffect
+from dpr_lab.gap.result.remedies import remedies
+from dpr_lab.rig import Rig
+
+
+@pytest.fixture
+def named():
+    def made(name: str, *twins: str) -> NamedEffect:
+        told = {"name": name, "class": [name, *twins], "probability": 0.9, "parameters": {}, "share": 0.5}
+        return NamedEffect.model_validate(told)
+
+    return made
+
+
+def test_a_wrong_setting_is_told_by_its_right_value(named, paper: Rig):
+    effects = [named("encoder_scale_joint2", "spring_joint2"), named("coulomb_joint1"), named("base_tilt")]
+    sizes = {"encoder_scale_joint2": {"excess": 1.7e-3}, "base_tilt": {"tilt_rad": 1e-3}}
+
+    scale, simulate = remedies(effects, sizes, rig_constants(paper), {"base_tilt"})
+
+    assert "set counts_per_rev of joint 2 in the rig file to 16412 (it says 16384)" in scale
+    assert "not spring_joint2" in scale
+    assert "Give the simulator coulomb_joint1" in simulate

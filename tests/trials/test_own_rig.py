@@ -1,0 +1,44 @@
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.trust import NOTHING
+from dpr_lab.report.gap.sections.trust import trust_figure, trust_words
+from dpr_lab.rig import Rig
+from dpr_lab.trials.own_rig import trust
+
+LIBRARY = {name: EFFECTS[name] for name in ("coulomb_joint1", "coulomb_joint2")}
+
+
+@pytest.mark.slow
+def test_a_diagnosis_is_tried_on_plants_like_its_own_rig(recorded: Callable[..., Any], paper: Rig):
+    runs = recorded({"coulomb_joint1": {"torque_Nm": 3e-3}}, duration=3.0)[:2]
+    found = diagnose(runs, paper, library=LIBRARY)
+    told: list[int] = []
+
+    tried = trust(found, runs, paper, 4, library=LIBRARY, on_trial=lambda done, seconds: told.append(done))
+
+    assert told == [0, 1, 2, 3, 4]
+    assert [item.kind for item in tried.trials] == ["as found", "another", "another", "clean"]
+    assert [set(item.truth) for item in tried.trials] == [
+        {"coulomb_joint1"},
+        {"coulomb_joint2"},
+        {"coulomb_joint2"},
+        set(),
+    ]
+    assert tried.trials[0].right == ["coulomb_joint1"], tried.trials[0]
+    assert (tried.right.of, tried.wrong.of, tried.false_alarms.of) == (3, 3, 1)
+    assert {(cell.true, cell.named) for cell in tried.confusion} >= {
+        ("coulomb_joint1", "coulomb_joint1"),
+        (NOTHING, NOTHING),
+    }
+    assert tried.seconds_each == pytest.approx(np.median([item.seconds for item in tried.trials]))
+
+    whole = found.model_copy(update={"trust": tried})
+    assert trust_figure(whole) is not None
+    assert trust_figure(found) is None
+    assert "--trust 40" in trust_words(found)[0]
