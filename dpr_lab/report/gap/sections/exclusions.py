@@ -26,8 +26,14 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
             f"Not excluded, for what is left of the gap has a part of their shape: {', '.join(map(named, open_))}."
         )
     if blind:
+        names = in_words(", ".join(blind))
         said.append(
-            f"No size would show in these recordings of {in_words(', '.join(blind))}: of these nothing is known."
+            f"Beside what is named no size of {names} would show in these recordings: of these nothing is known."
+        )
+    if diagnosis.verdict in ("partly_explained", "unexplained"):
+        said.append(
+            "What is left of the gap has no name, and could hide an effect that works against it: the confidence counts"
+            " on its being of another shape."
         )
     return said
 
