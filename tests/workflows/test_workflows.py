@@ -105,7 +105,7 @@ def test_identification_tells_runs_generations_and_the_local_fit_and_stops_when_
 
 def test_a_diagnosis_tells_its_stages_and_fits(recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the diagnosis does is not this test's: here it tells three things, and finds nothing."""
-    tells = (events.StageBegan(4, 7, "which"), events.ScoreTestBegan(()), events.FitBegan(("base_tilt",)))
+    tells = (events.StageBegan(4, 8, "which"), events.ScoreTestBegan(()), events.FitBegan(("base_tilt",)))
 
     def diagnosed(runs, rig, *, on_progress, **options):
         for event in tells:
@@ -121,7 +121,7 @@ def test_a_diagnosis_tells_its_stages_and_fits(recorded, tmp_path: Path, monkeyp
 
     heard, record = Heard(), tmp_path / "diagnosis.json"
     result = diagnose(DiagnoseRequest(files, "paper", out=tmp_path), heard)
-    assert heard.of(events.StageBegan) == [events.StageBegan(4, 8, "which"), events.StageBegan(8, 8, "report")]
+    assert heard.of(events.StageBegan) == [events.StageBegan(4, 9, "which"), events.StageBegan(9, 9, "report")]
     assert json.loads(record.read_text()) == result.to_json() == {"verdict": "no_gap", "files": dict(result.files)}
 
 
