@@ -241,8 +241,8 @@ more than their intervals, which hold for the model that is fitted.
 OPEN = """## What stays open
 
 Rigs of which only a length and a mass are known are drafted as `dpr-lab rig new` drafts them; a single rod shows two
-ratios. The delay of a drive's torque signal and the constant of its motor are not fitted yet, so driven records are
-explained in part only, and are not compared with their authors' models.
+ratios. What geared drives do beyond friction, rotor, torque constant, offset and delay leaves most driven records
+explained in part; their authors' models are compared in [benchmarks.md](benchmarks.md).
 """
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import AddedMass, Mounting
-from dpr_lab.setup import Setup, Torques
+from dpr_lab.setup import ArmMotion, Setup, Torques
 from dpr_lab.shown import Shown
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
@@ -49,6 +49,8 @@ class Run(Shown):
     """`measured` or `commanded`, where that was said of the torques."""
     input_delay_s: float = 0.0
     """How much later than they were logged the torques act, as far as it is known."""
+    arm: ArmMotion | None = None
+    """How the arm moved, where that is prescribed; None where it was clamped or moved by itself."""
     complete: bool = True
     """Whether the file was finished; a recovered or cut one is not."""
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -80,7 +82,7 @@ class Run(Shown):
         drives = None
         if self.torques is not None:
             drives = Torques(self.t + self.input_delay_s, self.torques, self.torque_kind)
-        return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives)
+        return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives, self.arm)
 
     @property
     def rest(self) -> NDArray[np.float64]:

@@ -36,6 +36,18 @@ class Torques:
         return np.diff(until, axis=0, prepend=until[:1]) / np.where(passed > 0, passed, 1.0)[:, None]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmMotion:
+    """How an arm is known to move: its speed is linear between instants, and stays as it is beyond them."""
+
+    t: NDArray[np.float64]
+    """(n,) increasing, s since the release."""
+    theta: NDArray[np.float64]
+    """(n,) theta0, rad."""
+    omega: NDArray[np.float64]
+    """(n,) its speed, rad/s."""
+
+
 @dataclass(frozen=True, slots=True)
 class Setup:
     """What hung on the rig during a run, and what drove it."""
@@ -47,6 +59,8 @@ class Setup:
     """Angle theta2 - theta1 of a clamped elbow, to a tenth of a radian."""
     torques: Torques | None = None
     """What drove the joints; None for a free swing."""
+    arm: ArmMotion | None = None
+    """How the arm moved, where that is prescribed; None where it was clamped or moved by itself."""
 
     @property
     def alone(self) -> bool:

@@ -56,6 +56,9 @@ def import_table(
     input_delay_s: Annotated[
         float, typer.Option(min=-1, max=1, help="How much later than logged the torques act, if known.")
     ] = 0.0,
+    arm: Annotated[
+        Literal["clamped", "prescribed"], typer.Option(help="The arm was held, or moved as its encoder says.")
+    ] = "clamped",
     rods: Rods = None,
     elbow: Elbow = None,
     start_s: Annotated[float, typer.Option(min=0, help="Leave out so much of the beginning.")] = 0.0,
@@ -90,6 +93,7 @@ def import_table(
         pose=pose,
         torque=torque,
         input_delay_s=input_delay_s,
+        arm=arm,
     )
     request = ImportRequest(file, rig, out, options, rods, elbow)
     if dry_run:

@@ -119,8 +119,11 @@ def _followed(
     active = active_effects(params)
     chained = acting(active).internal & np.logical_or.reduce(np.isnan(held), axis=(1, 2))[:, None]
     tracks = tracks_of(active, chained, segments.run, segments.chains)
-    if any(setup.torques for setup in segments.setups):
-        tracks = tracks._replace(acts=tracks.acts._replace(torques=np.ones_like(tracks.acts.torques)))
+    known = np.ones_like(tracks.acts.torques)
+    if any(setup.torques or setup.arm for setup in segments.setups):
+        tracks = tracks._replace(acts=tracks.acts._replace(torques=known))
+    if any(setup.arm for setup in segments.setups):
+        tracks = tracks._replace(acts=tracks.acts._replace(carried=known))
     angles, begun = np.zeros((n, len(segments.t), columns)), np.zeros((n, count, len(INTERNAL)))
     rig = RigConstants(*map(float, constants))
     follow((0, len(tracks.active)), advance(), tracks, _laid(segments, rig), asked, rig, angles, begun)

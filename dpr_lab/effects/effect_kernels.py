@@ -202,6 +202,8 @@ class Acting(NamedTuple):
     play: Any
     drives: Any
     """One changes the known torque of a joint."""
+    carried: Any
+    """None does: the arm moves as it is known to, whatever is on."""
     stepped: Any
     """One has an internal state that moves with a joint."""
     internal: Any
@@ -219,6 +221,7 @@ _ASKING = Acting(
                 lambda effect, stage=stage: effect.stage == stage
                 for stage in ("torque", "load", "arm", "timing", "encoder", "play", "drive")
             ),
+            lambda effect: False,
             lambda effect: any(state.after for state in effect.internal),
             lambda effect: bool(effect.internal),
             *(lambda effect, joint=joint: effect.dry and joint in effect.joints for joint in (0, 1)),

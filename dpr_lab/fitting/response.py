@@ -26,7 +26,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods import followed as follow
 from dpr_lab.kernels import njit
-from dpr_lab.setup import Setup
+from dpr_lab.setup import Setup, Torques
 
 Array = NDArray[np.float64]
 
@@ -128,8 +128,9 @@ def trajectory(problem: Problem, at: Estimate) -> Trajectory:
     L1, g, samples = problem.model.constants.L1, problem.model.constants.g, problem.segments.offsets
     spans = [(segment_start(float(problem.t[i])), float(problem.t[j - 1])) for i, j in pairwise(samples)]
     instants = [_grid(first, last) for first, last in spans]
-    followed = segments(instants, problem.segments.run, problem.segments.setups, step=GRID_S)
     setups = problem.segments.setups
+    laid_out = segments(instants, problem.segments.run, setups, step=GRID_S)
+    followed = replace(laid_out, setups=tuple(_pushed_by_arm(problem, at, i) for i in range(len(setups))))
     bases = np.array([base_of_run(at.whole, setup, L1, g) for setup in setups])
     states, slopes = follow(at.ratios, followed, at.initial, L1, g, of=4)
     phi = slopes[:, :, len(RATIOS) :]
@@ -157,7 +158,7 @@ def trajectory(problem: Problem, at: Estimate) -> Trajectory:
         theta=states[:, :2],
         omega=states[:, 2:],
         alpha=alpha,
-        drive=followed.pushes,
+        drive=laid_out.pushes,
         bases=bases,
         setups=setups,
         into=np.asarray(np.linalg.solve(phi, torque_only), dtype=np.float64),
@@ -166,6 +167,27 @@ def trajectory(problem: Problem, at: Estimate) -> Trajectory:
         edges=edges,
         first=samples,
     )
+
+
+def _pushed_by_arm(problem: Problem, at: Estimate, run: int) -> Setup:
+    """The setup of a run; of one with a prescribed arm that arm's push along the readings, as torques (54)."""
+    setup, constants = problem.segments.setups[run], problem.model.constants
+    mine = np.isin(problem.owner, np.flatnonzero(problem.segments.run == run))
+    if setup.arm is None or not mine.any():
+        return setup
+    t, read = problem.t[mine], np.nan_to_num(problem.measured[mine])
+    theta = np.stack([read[:, 0], read[:, 1] + constants.relative2 * read[:, 0]])
+    sines, cosines = np.sin(theta), np.cos(theta)
+    a, b, d, e1, *_ = base_of_run(at.whole, setup, constants.L1, constants.g)
+    omega = np.interp(t, setup.arm.t, setup.arm.omega)
+    alpha = np.gradient(omega, t)
+    levers = (np.array([[a, d], [d, b]]) @ sines) * cosines
+    reach = constants.L0 / constants.g * np.array([[e1], [d * constants.g / constants.L1]])
+    push = omega**2 * levers - reach * cosines * alpha
+    tau1, tau2 = 0.5 * (push + np.append(push[:, 1:], push[:, -1:], axis=1))  # held until the next
+    known = np.zeros((len(t), 2)) if setup.torques is None else setup.torques.mean_before(t)
+    known[:, 0] += known[:, 1]  # of the joints again
+    return replace(setup, torques=Torques(t, known + np.stack([tau1 + tau2, tau2], axis=1)))
 
 
 def _grid(first: float, last: float) -> Array:

@@ -72,9 +72,14 @@ def diagnose(
     begin("where")
     places = locate(problem, bare)
     begin("which")
-    driven = any(setup.torques for setup in problem.segments.setups)
+    setups = problem.segments.setups
+    driven, carried = any(setup.torques for setup in setups), any(setup.arm for setup in setups)
     library = {
-        name: effect for name, effect in library.items() if name not in problem.always and (driven or not effect.driven)
+        name: effect
+        for name, effect in library.items()
+        if name not in problem.always
+        and (driven or not effect.driven)
+        and not (carried and effect.stage == "arm")  # it moves as it is known to
     }
     selection = select(recordings, problem, bare, library, max_effects=max_effects, on_progress=on_progress)
     begin("classes")

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from dpr_lab.configs import sha256_of
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.arm_motion import prescribed_arm
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_mounted
+from dpr_lab.setup import ArmMotion
 from dpr_lab.storage.columns import AXES, TO_SECONDS, find_columns, find_torques, torque_kind, with_still_joint2
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import full_turns, load_run
@@ -96,6 +98,8 @@ class ImportOptions:
     """Which known torques drove the joints, where the table holds both; `none`: none that it holds."""
     input_delay_s: float = 0.0
     """How much later than they were logged they act, where that is known."""
+    arm: Literal["clamped", "prescribed"] = "clamped"
+    """Whether the arm was held, or moved as its encoder says."""
 
     def __post_init__(self) -> None:
         unknown = (set(self.columns) - {"t"} | set(self.scale) | set(self.offset)) - set(AXES)
@@ -408,6 +412,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
             "columns": json.dumps(dict(swing.columns)),
             "torque_kind": swing.torque_kind,
             "input_delay_s": repr(swing.options.input_delay_s),
+            "arm": options.arm,
             "options": json.dumps(asdict(options) | {name: dict(getattr(options, name)) for name in as_dicts}),
         },
     )
@@ -426,9 +431,15 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
         torques=swing.torques,
         torque_kind=swing.torque_kind,
         input_delay_s=options.input_delay_s,
+        arm=_arm(path, rig, swing) if options.arm == "prescribed" else None,
         pose=options.pose,
         rig_name=rig.name,
         rig_sha256=rig.sha256,
         rate_hz=swing.rate_hz,
         notes=swing.notes,
     )
+
+
+def _arm(path: Path, rig: Rig, swing: Understood) -> ArmMotion:
+    read = "theta0" in swing.columns
+    return prescribed_arm(swing.t, swing.theta[:, 0] if read else np.full(len(swing.t), np.nan), rig, str(path))

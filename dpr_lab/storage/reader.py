@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.arm_motion import prescribed_arm
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_mounted
 from dpr_lab.storage.metadata import numbers
@@ -55,6 +56,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         torques=samples.torques,
         torque_kind=found.metadata.extra.get("torque_kind", ""),
         input_delay_s=_delay(found),
+        arm=prescribed_arm(t, theta[:, 0], own, str(path)) if found.metadata.extra.get("arm") == "prescribed" else None,
         pose=found.metadata.pose,
         rig_name=own.name,
         rig_sha256=found.rig_sha256,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig import Rig
+from dpr_lab.identification.identify import identify
+from dpr_lab.rig import Rig, RigGeometry
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter
@@ -54,6 +55,25 @@ def test_a_run_file_keeps_which_torques_they_are_and_how_late_they_act(paper: Ri
         assert run.setup.torques.mean_before([0.512, 0.514])[1] == pytest.approx(TAU[[49, 50]].mean(axis=0) @ _PUSHED)
     with pytest.raises(ValueError, match="within 1 s"):
         ImportOptions(input_delay_s=2.0)
+
+
+def test_a_prescribed_arm_is_kept_and_refused_where_it_is_not_known(paper: Rig, tmp_path: Path) -> None:
+    file = tmp_path / "arm.csv"
+    theta0 = 0.3 * np.sin(4 * T)
+    table_of = np.column_stack([T, theta0, ANGLES[:, 1:]])
+    np.savetxt(file, table_of, delimiter=",", header="t,theta0,theta1,theta2", comments="")
+    armed = paper.model_copy(update={"rig": RigGeometry(name="paper", L0=0.3, L1=0.4)})
+    options = ImportOptions(arm="prescribed")
+    made = import_csv(file, armed, options, out=tmp_path / "a.mcap")
+    for run in (made, load_run(tmp_path / "a.mcap")):
+        assert run.setup.arm is not None
+        assert run.setup.arm.omega[5:-5] == pytest.approx(1.2 * np.cos(4 * T)[5:-5], abs=2e-3)
+    with pytest.raises(RunError, match="its arm moves as prescribed"):
+        identify([made], armed)
+    with pytest.raises(RunError, match=r"needs \[rig\] L0"):
+        import_csv(file, paper.model_copy(update={"rig": RigGeometry(name="paper", L1=0.4)}), options)
+    with pytest.raises(RunError, match="needs readings of theta0"):
+        import_csv(table(tmp_path, "tau1,tau2", TAU), armed, ImportOptions(arm="prescribed", columns={"t": "t"}))
 
 
 _PUSHED = np.array([[1.0, 0.0], [-1.0, 1.0]])

@@ -1,4 +1,9 @@
-"""Known torques in the lanes: over a step each is its mean, so that the impulse is right whatever the step."""
+"""Known torques and motions of the arm in the lanes: over a step the means, so that impulses are right whatever it is.
+
+An arm that moves by theta0(t) pushes the rods of docs/theory.md (15) by
+
+    tau_i = omega0^2 lever_i - (L0 / g) e_i cos(theta_i) alpha0,    lever_1 = (a sin1 + d sin2) cos1, lever_2 likewise.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.lanes.workspace import LANES, ROW
+from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import njit
 from dpr_lab.setup import Setup
 
@@ -20,6 +26,12 @@ class Drive(NamedTuple):
     """(K, 2) up to each, on theta1 and theta2, N m s."""
     first: NDArray[np.int64]
     """(runs + 1,) where the runs begin."""
+    arm_t: NDArray[np.float64]
+    """(A,) instants between which the arm's speed is linear, s."""
+    arm_omega: NDArray[np.float64]
+    """(A,) rad/s"""
+    arm_first: NDArray[np.int64]
+    """(runs + 1,) where the runs begin among those."""
 
 
 def drive_of(setups: Sequence[Setup]) -> Drive:
@@ -27,7 +39,16 @@ def drive_of(setups: Sequence[Setup]) -> Drive:
     none = np.zeros(0), np.zeros((0, 2))
     knots = [none if setup.torques is None else setup.torques.knots for setup in setups]
     first = np.cumsum([0, *(len(t) for t, _ in knots)])
-    return Drive(np.concatenate([t for t, _ in knots]), np.concatenate([impulse for _, impulse in knots]), first)
+    still = np.zeros(0)
+    arms = [(still, still) if setup.arm is None else (setup.arm.t, setup.arm.omega) for setup in setups]
+    return Drive(
+        np.concatenate([t for t, _ in knots]),
+        np.concatenate([impulse for _, impulse in knots]),
+        first,
+        np.concatenate([t for t, _ in arms]),
+        np.concatenate([omega for _, omega in arms]),
+        np.cumsum([0, *(len(t) for t, _ in arms)]),
+    )
 
 
 @njit
@@ -58,3 +79,39 @@ def push(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], place: ND
         passed = stop - start
         w[ROW.drive1 + k] = (_impulse(drive, j, stop, 0) - _impulse(drive, i, start, 0)) / passed
         w[ROW.drive2 + k] = (_impulse(drive, j, stop, 1) - _impulse(drive, i, start, 1)) / passed
+
+
+@njit
+def _arm_speed(drive: Drive, first: int, last: int, t: float) -> float:
+    """Between the instants `first` and `last`, rad/s."""
+    i = first + int(np.searchsorted(drive.arm_t[first : last + 1], t))
+    if i == first or i > last:
+        return drive.arm_omega[min(i, last)]
+    share = (t - drive.arm_t[i - 1]) / (drive.arm_t[i] - drive.arm_t[i - 1])
+    return drive.arm_omega[i - 1] + share * (drive.arm_omega[i] - drive.arm_omega[i - 1])
+
+
+@njit
+def carry(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64]) -> None:
+    """Mean acceleration and squared speed of the arm over the step that each lane is about to take."""
+    for k in range(LANES):
+        first, last = int(drive.arm_first[run[k]]), int(drive.arm_first[run[k] + 1]) - 1
+        if last < first:
+            continue
+        start = w[ROW.t + k]
+        stop = w[ROW.until + k] if w[ROW.until + k] > start else start + w[ROW.step + k]
+        u, v = _arm_speed(drive, first, last, start), _arm_speed(drive, first, last, stop)
+        w[ROW.carried + k], w[ROW.whirl + k] = (v - u) / (stop - start), (u * u + u * v + v * v) / 3.0
+        w[ROW.alpha0 + k] = w[ROW.carried + k]
+
+
+@njit
+def add_carried(w: NDArray[np.float64], rig: RigConstants) -> None:
+    """Add to the terms of a stage how the arm pushes the rods."""
+    for k in range(LANES):
+        sin1, cos1, sin2, cos2 = w[ROW.sin1 + k], w[ROW.cos1 + k], w[ROW.sin2 + k], w[ROW.cos2 + k]
+        whirl, pull = w[ROW.whirl + k], w[ROW.carried + k] * rig.L0 / rig.g
+        lever1 = (w[ROW.a + k] * sin1 + w[ROW.d + k] * sin2) * cos1
+        lever2 = (w[ROW.b + k] * sin2 + w[ROW.d + k] * sin1) * cos2
+        w[ROW.torque1 + k] += whirl * lever1 - pull * w[ROW.e1 + k] * cos1
+        w[ROW.torque2 + k] += whirl * lever2 - pull * w[ROW.e2 + k] * cos2

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.lanes.driving import Drive, push
+from dpr_lab.dynamics.lanes.driving import Drive, carry, push
 from dpr_lab.dynamics.lanes.effects import displaced, played
 from dpr_lab.dynamics.lanes.tracks import Tracks
 from dpr_lab.dynamics.lanes.workspace import LANES, ROW, WORKSPACE, constants_at, waits
@@ -137,8 +137,8 @@ def follow(
 def _acting(acts: Acting, block: int) -> Acting:
     return Acting(
         acts.torques[block], acts.loads[block], acts.arm[block], acts.timing[block], acts.errors[block],
-        acts.play[block], acts.drives[block], acts.stepped[block], acts.internal[block], acts.dry1[block],
-        acts.dry2[block],
+        acts.play[block], acts.drives[block], acts.carried[block], acts.stepped[block], acts.internal[block],
+        acts.dry1[block], acts.dry2[block],
     )  # fmt: skip
 
 
@@ -161,6 +161,7 @@ def _load(
     w[ROW.e2 + k] = w[ROW.d + k] * rig.g / rig.L1
     w[ROW.step + k], w[ROW.drive1 + k], w[ROW.drive2 + k] = laid.step[0], 0.0, 0.0
     w[ROW.direction1 + k], w[ROW.direction2 + k] = np.nan, np.nan
+    w[ROW.carried + k], w[ROW.whirl + k] = 0.0, 0.0
     params = _params(c, r, asked)
     for i in range(len(params)):
         w[ROW.params + i * LANES + k] = params[i]
@@ -279,6 +280,8 @@ def _read(
     while _any_due(w):
         if len(drive.t) > 0:
             push(w, drive, run, place)
+        if len(drive.arm_t) > 0:
+            carry(w, drive, run)
         advance(w, rig, active, acts, held)
         if not (acts.timing or acts.play):
             _read_both(w, rig.relative2, acts.arm, samples)

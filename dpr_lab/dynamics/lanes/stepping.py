@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE, arm_accelerations
+from dpr_lab.dynamics.lanes.driving import add_carried
 from dpr_lab.dynamics.lanes.dry_friction import accelerate_held, begin_dry, find_spare, let_go, settle
 from dpr_lab.dynamics.lanes.effects import add_drives, add_load_friction, add_torques, displaced
 from dpr_lab.dynamics.lanes.workspace import LANES, ROW, arm_at, base_at, constants_at, motion_at, terms_at, waits
@@ -137,6 +138,8 @@ def _accelerate(
         add_torques(w, rig, active)
     if acts.drives:
         add_drives(w, rig, active)
+    if acts.carried:
+        add_carried(w, rig)
     _accelerate_all(w, rig, acts.arm, held, resting)
     if acts.loads:
         _find_forces(w, rig)

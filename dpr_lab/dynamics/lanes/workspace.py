@@ -108,6 +108,9 @@ class Rows(NamedTuple):
     late: int
     force1: int
     force2: int
+    # an arm that moves as it is known to: its acceleration and squared speed, means over the step
+    carried: int
+    whirl: int
     # reading: when the next samples of joints 1 and 2 are due, their share of the step, angles there, what a play holds
     due1: int
     due2: int

@@ -1,0 +1,36 @@
+"""The motion of an arm from its encoder: a smoothing spline, whose smoothness the readings themselves decide."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_smoothing_spline
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
+from dpr_lab.setup import ArmMotion
+
+FEWEST = 5
+"""Readings that a smoothing spline takes."""
+
+
+def prescribed_arm(t: NDArray[np.float64], theta0: NDArray[np.float64], rig: Rig, name: str) -> ArmMotion:
+    """How the arm of a run moved, arguments and errors as of `arm_motion`; the rods feel it at the arm's length."""
+    if "L0" not in rig.rig.model_fields_set:
+        raise RunError(f"{name}: an arm that moves pushes the rods by its length: the rig file needs [rig] L0")
+    return arm_motion(t, theta0, name)
+
+
+def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str) -> ArmMotion:
+    """How the arm moved, from readings (n,) of its encoder at the instants t (n,).
+
+    The spline minimises squared errors and the squared second derivative, weighed by generalised cross-validation
+    (Woltring 1986, A Fortran package for generalized, cross-validatory spline smoothing and differentiation).
+
+    Raises:
+        RunError: too few readings, or an arm that was not read.
+    """
+    if len(t) < FEWEST or not np.isfinite(theta0).all():
+        raise RunError(f"{name}: a prescribed arm needs readings of theta0 in every row: name its column, t and theta0")
+    spacing = float(np.median(np.diff(t)))
+    spline = make_smoothing_spline((t - t[0]) / spacing, theta0)  # in samples: its search for the weight has a scale
+    at = (t - t[0]) / spacing
+    return ArmMotion(t, np.asarray(spline(at)), np.asarray(spline.derivative()(at)) / spacing)
