@@ -127,7 +127,7 @@ def verify(path: Path | str) -> Verification:
         RunError: there is no such file.
     """
     path = Path(path)
-    if not path.is_file():
+    if not path.exists():
         raise RunError(f"{path}: no such file")
     try:
         faults = _faults(scan(path))
