@@ -378,8 +378,8 @@ def _gap_notes(t: NDArray[np.float64]) -> list[str]:
 
 def _early_notes(t: NDArray[np.float64]) -> list[str]:
     early = (
-        f"the first row, at t = {t[0]:g} s, was taken for the release: if that is t = 0, leave out the first"
-        f" {-t[0]:g} s (start_s, --start-s)"
+        f"the first row, at t = {t[0]:g} s, was taken for the release: if that is t = 0, import with"
+        f" start_s {-t[0]:g} (--start-s)"
     )
     return [early] if t[0] < 0 < t[-1] else []
 
