@@ -25,7 +25,7 @@ HELP = """Identify a rotary double pendulum and explain why its simulation diffe
 \b
 Example:
   dpr-lab demo --out out/demo
-  dpr-lab capture --rig paper --link sim:// --pose X1 --pose X2 --pose X3 --out runs
+  dpr-lab capture --rig paper --pose X1 --pose X2 --pose X3 --out runs
   dpr-lab identify runs/*.mcap --rig paper --out model.json
   dpr-lab compare runs/*.mcap --model model.json --out report
 

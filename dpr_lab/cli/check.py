@@ -44,6 +44,6 @@ def check(
 
     done = found.checks_done[-1]
     line(tables.sentence(found))
-    table(f"Check {done.check.id}: {done.result}", tables.MOVED_COLUMNS, tables.moved_rows(done), prose=True)
+    table(f"Check {done.check.id}: {done.result}", tables.MOVED_COLUMNS, tables.moved_rows(done))
     if out:
         line(f"diagnosis: {out / RECORD}")

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from dpr_lab.cli.console import emit, json_mode, table
+from dpr_lab.cli.console import emit, json_mode, progress, table
 
 
 def conform(
@@ -21,18 +21,21 @@ def conform(
     Example: dpr-lab conform sim:// --rods-off
     """
     json_mode(as_json)
-    from dpr_lab.acquisition.conformance import conformity, refuse_with_rods
+    from dpr_lab.acquisition.conformance import Conformity, conformity, refuse_with_rods
     from dpr_lab.cli.listener import Listener
     from dpr_lab.transports import open_transport
 
     refuse_with_rods(rods_off)
-    with Listener(), closing(open_transport(link)) as opened:
-        found = list(conformity(opened))
+    found: list[Conformity] = []
+    with Listener(), closing(open_transport(link)) as opened, progress("conform", None) as bar:
+        for one in conformity(opened):
+            found.append(one)
+            bar(None, one.what)
     ok = all(one.ok for one in found)
     if as_json:
         emit({"link": link, "ok": ok, "checks": [asdict(one) for one in found]})
     else:
         rows = [(one.what, "ok" if one.ok else "wrong", one.said) for one in found]
-        table(f"Conformity of {link}", ("what is asked", "", "found"), rows, prose=True)
+        table(f"Conformity of {link}", ("what is asked", "", "found"), rows)
     if not ok:
         raise typer.Exit(1)

@@ -6,13 +6,10 @@ from contextlib import contextmanager
 from functools import partial
 from shutil import get_terminal_size
 from textwrap import fill
-from typing import TYPE_CHECKING, Any, Protocol, TextIO
+from typing import Any, Protocol, TextIO
 
 from dpr_lab.errors import printable
 from dpr_lab.report.plain import as_json
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 _state = {"json": False}
 
@@ -26,6 +23,11 @@ def json_mode(on: bool) -> bool:
 def line(text: object = "") -> None:
     """A line of the result, on stdout."""
     print(folded(printable(str(text)), sys.stdout))
+
+
+def text(document: str) -> None:
+    """A document on stdout, its lines as they are."""
+    print(printable(document))
 
 
 def emit(result: dict[str, Any] | list[dict[str, Any]]) -> None:
@@ -54,24 +56,24 @@ def folded(message: str, stream: TextIO, before: int = 0) -> str:
     return "\n".join(map(words, ("\0" * before + message).split("\n"))).lstrip("\0")
 
 
-def table(
-    title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, prose: bool = False, note: str = ""
-) -> None:
-    """A table on stdout; `prose` for columns of text, which read from the left; a `note` below says how to read it."""
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, note: str = "") -> None:
+    """A table on stdout, as wide as the terminal at most; a `note` below says how to read it."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
     cells = [[printable(str(cell)) for cell in row] for row in rows]
-    widest = [max(map(_longest_word, column)) for column in zip(columns, *cells, strict=True)]
+    down = list(zip(columns, *cells, strict=True))
     # A pipe or a file has no width to wrap at.
     console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
-    if sum(widest) + 3 * len(widest) + 1 > console.width:
-        _list(console, title, columns, cells)
+    widths = _widths(down, console.width - 3 * len(columns) - 1)
+    if widths is None:
+        _list(title, columns, cells, console.width)
     else:
         made = Table(title=title, title_justify="left", title_style="bold")
-        for index, (column, least) in enumerate(zip(columns, widest, strict=True)):
-            made.add_column(column, justify="left" if prose or index == 0 else "right", min_width=least)
+        for index, (column, width) in enumerate(zip(down, widths, strict=True)):
+            numbers = index > 0 and set("".join(column[1:]).replace(" to ", "")) <= NUMERIC
+            made.add_column(column[0], justify="right" if numbers else "left", width=width)
         for row in cells:
             made.add_row(*map(escape, row))
         console.print(made)
@@ -79,19 +81,47 @@ def table(
         console.print(escape(printable(note)), style="dim")
 
 
-def _longest_word(text: str) -> int:
-    return max(map(len, text.split()), default=1)
+NUMERIC = set("0123456789 .,;:()+-\N{EN DASH}\N{MINUS SIGN}\N{PLUS-MINUS SIGN}<>≤≥~%e")
+"""What numbers, intervals and times are written with: they read from the right, words from the left."""
 
 
-def _list(console: "Console", title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """A table whose words do not fit side by side: a block for each row."""
-    console.print(title, style="bold", markup=False)
+def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
+    """So wide that no word breaks and nothing is cut; None where there is no room for that."""
+    from rich.cells import cell_len
+
+    widths = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in columns]
+    wanted = [max(cell_len(part) for cell in column for part in cell.split("\n")) for column in columns]
+    left = room - sum(widths)
+    if left < 0:
+        return None
+    missing = sorted(range(len(columns)), key=lambda i: wanted[i] - widths[i])
+    for done, i in enumerate(missing):  # who wants least is served first: the rest shares what is left
+        given = min(wanted[i] - widths[i], left // (len(columns) - done))
+        widths[i], left = widths[i] + given, left - given
+    return widths
+
+
+def _list(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> None:
+    """A table whose words do not fit side by side: a block for each row, a line for one of two columns."""
+    said = [_hanging(title, width, "")]
     for first, *rest in rows:
-        console.print(first, markup=False)
-        for column, cell in zip(columns[1:], rest, strict=True):
-            console.print(
-                fill(f"{column}: {cell}", console.width, initial_indent="  ", subsequent_indent="    "), markup=False
-            )
+        if len(rest) == 1:
+            said.append(_hanging(f"{first}: {rest[0]}", width, ""))
+        else:
+            said.append(_hanging(first, width, ""))
+            said += [_hanging(f"{column}: {cell}", width, "  ") for column, cell in zip(columns[1:], rest, strict=True)]
+    print("\n".join(said))
+
+
+def _hanging(text: str, width: int, indent: str) -> str:
+    return fill(
+        text,
+        width,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 class Bar(Protocol):

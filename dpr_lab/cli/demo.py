@@ -60,6 +60,7 @@ def _record(done: "DemoResult") -> dict[str, Any]:
 def _show(done: "DemoResult") -> None:
     from dpr_lab.cli.identify import show as show_model
     from dpr_lab.cli.trials import show_opened
+    from dpr_lab.report.words import in_words
 
     known, withheld = done.known, done.withheld
     show_model(known.model)
@@ -72,6 +73,6 @@ def _show(done: "DemoResult") -> None:
     line()
     line("A plant with a withheld effect")
     line(f"bare model: residual {withheld.model.fit.chi2_per_dof:.3g} times what the noise allows (1 is noise alone)")
-    line(f"diagnosis: {withheld.diagnosis.sentence}")
+    line(f"diagnosis: {in_words(withheld.diagnosis.sentence)}")
     show_opened(withheld.opened, withheld.trial)
     line(f"report: {withheld.report}")

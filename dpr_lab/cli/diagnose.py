@@ -90,20 +90,20 @@ def show(found: "Diagnosis") -> None:
         line(in_words(remedy))
     line(in_words(found.where_sentence))
     if found.effects:
-        table("Which effects", tables.EFFECT_COLUMNS, tables.effect_rows(found), prose=True, note=tables.EFFECT_NOTE)
+        table("Which effects", tables.EFFECT_COLUMNS, tables.effect_rows(found), note=tables.EFFECT_NOTE)
     if len(found.effects) > 1:
         table("One effect after the other", tables.STEP_COLUMNS, tables.step_rows(found), note=tables.STEP_NOTE)
     if rows := tables.standing_rows(found):
-        table("How sure that is", tables.STANDING_COLUMNS, rows, prose=True, note=tables.STANDING_NOTE)
+        table("How sure that is", tables.STANDING_COLUMNS, rows, note=tables.STANDING_NOTE)
     if found.effects:
         closed = f"{tables.closed_sentence(found)} {tables.CLOSED_NOTE}"
         table("How far the gap closes", tables.CLOSED_COLUMNS, tables.closed_rows(found), note=closed)
     elif found.where:
-        table("Where the gap can lie", tables.PLACE_COLUMNS, tables.place_rows(found), prose=True)
+        table("Where the gap can lie", tables.PLACE_COLUMNS, tables.place_rows(found))
     if found.sensor_findings:
-        table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(found), prose=True)
+        table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(found))
     if found.checks:
-        table("Checks", tables.CHECK_COLUMNS, tables.check_rows(found), prose=True, note=tables.CHECK_NOTE)
+        table("Checks", tables.CHECK_COLUMNS, tables.check_rows(found), note=tables.CHECK_NOTE)
     if found.trust:
         for sentence in trust_words(found):
             line(sentence)

@@ -31,7 +31,7 @@ def drift(
 ) -> None:
     """Say which parameters of a rig moved between groups of runs, by how much and after which group.
 
-    Example: dpr-lab drift runs/*.mcap --rig my_rig.toml --by day --fail-on-drift --out drift
+    Example: dpr-lab drift runs/*.mcap --rig paper --by day --fail-on-drift --out drift
     """
     json_mode(as_json)
     from dpr_lab.cli.listener import Listener

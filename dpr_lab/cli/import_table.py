@@ -125,7 +125,6 @@ def _show(understood: "Preview", as_json: bool) -> None:
         f"{understood.file.name}, nothing written yet",
         ("", "understood as"),
         list(understood.facts().items()),
-        prose=True,
     )
     rows = [[f"{value:.6f}" for value in row] for row in understood.first_rows()]
     table("First rows (rad; 0 upright)", ("t_s", *AXES), rows)

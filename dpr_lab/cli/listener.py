@@ -54,7 +54,7 @@ class Listener:
             case events.LocalFitBegan():
                 self._bar(None, "local fit")
             case events.StageBegan():
-                self._at("diagnose", event.number - 1, event.of, event.name)
+                self._at("stage", event.number - 1, event.of, f"{event.number} of {event.of}: {event.name}")
             case events.FitBegan() | events.ScoreTestBegan():
                 from dpr_lab.report.words import in_words
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from dpr_lab.cli.checks import built_in_rigs, complete_rig
-from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.console import emit, json_mode, line, table, text
 
 if TYPE_CHECKING:
     from dpr_lab.rig_file import Measure
@@ -37,7 +37,7 @@ def list_(as_json: Json = False) -> None:
         emit([{"name": name, "file": str(rig.path), "poses": list(rig.poses)} for name, rig in rigs.items()])
         return
     rows = [(name, ", ".join(rig.poses) or "none", find_config("rigs", name)) for name, rig in rigs.items()]
-    table("Built-in rigs", ("name", "poses", "file"), rows, prose=True)
+    table("Built-in rigs", ("name", "poses", "file"), rows)
 
 
 @app.command()
@@ -57,7 +57,7 @@ def show(
     if as_json:
         emit(checked.model_dump(mode="json"))
     else:
-        line(checked.path.read_text(encoding="utf-8").rstrip())
+        text(checked.path.read_text(encoding="utf-8").rstrip())
 
 
 Weighed = "as 0.21, or weighed and to be held as 0.21+-0.001"
@@ -136,7 +136,7 @@ def check(
         emit({"file": rig, "ok": not wrong, "findings": [asdict(finding) for finding in findings]})
     elif findings:
         rows = [(finding.state, finding.key, finding.text) for finding in findings]
-        table(f"{rig}: {'cannot be used' if wrong else 'can be used'}", ("", "key", "what"), rows, prose=True)
+        table(f"{rig}: {'cannot be used' if wrong else 'can be used'}", ("", "key", "what"), rows)
     else:
         line(f"{rig}: can be used, and nothing is missing or odd")
     if wrong:

@@ -31,7 +31,7 @@ def info(files: RunFiles, as_json: JsonEach = False) -> None:
 
     def show(found: dict[str, Any]) -> None:
         rows = [(key, _readable(value)) for key, value in found.items()]
-        table(Path(found["file"]).name, ("", "value"), rows, prose=True)
+        table(Path(found["file"]).name, ("", "value"), rows)
 
     _each(files, lambda file: asdict(inspect_run(file)), show, as_json)
 

@@ -139,7 +139,7 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
     drawn = "{kind}:{level}, seed {seed}".format(**opened.truth.drawn)
     line(f"the seal holds: {outcome.seal} ({drawn})")
     if rows := beside(opened, trial.rig):
-        table("Truth and diagnosis", COLUMNS, rows, prose=True)
+        table("Truth and diagnosis", COLUMNS, rows)
     if opened.truth.drawn["kind"] == "dirty":
         found, missed = outcome.sensor_findings, outcome.faults_missed
         line(f"the encoders were faulty: found {listed(found)}, missed {listed(missed)}")

@@ -25,6 +25,12 @@ def tui(
             help="In a browser: whoever reaches the page may open the latch, seen from the bench or not.",
         ),
     ] = False,
+    serve: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=65535, metavar="PORT", help="Show it at http://127.0.0.1:PORT, to browsers on this computer."
+        ),
+    ] = None,
 ) -> None:
     """Work at the rig on one screen: connect, capture, identify, compare, diagnose.
 
@@ -32,11 +38,21 @@ def tui(
 
     Example: dpr-lab tui --rig paper --link sim:// --out bench
     """
+    if serve is not None:
+        from dpr_lab.tui.web import serve as serve_page
+
+        told = (("--rig", rig), ("--link", link), ("--out", out and out.expanduser()))
+        options = [word for name, value in told if value for word in (name, str(value))]
+        allowed = ["--allow-release"] if allow_release else []
+        serve_page([sys.executable, "-m", "dpr_lab", "tui", *options, *allowed], serve)
+        return
     served = "web_driver" in os.environ.get("TEXTUAL_DRIVER", "")
     if not sys.stdout.isatty() and not served:
         raise DprError("the bench screen needs a terminal; without one use capture, identify, compare and diagnose")
     from dpr_lab.tui import FRAMES_PER_S
 
+    if served:
+        os.environ["TEXTUAL_FPS"] = str(FRAMES_PER_S)  # what serves it asks for five times as many
     os.environ.setdefault("TEXTUAL_FPS", str(FRAMES_PER_S))
     from dpr_lab.tui.app import KEYED, DprApp
     from dpr_lab.tui.keys import keys_file, load_keymap
@@ -45,7 +61,7 @@ def tui(
     keymap = load_keymap(keys_file(), DprApp, KEYED)
     workspace, notices = load(state_folder())
     workspace.rig, workspace.link = rig or workspace.rig, link or workspace.link
-    workspace.out = (out or workspace.out).resolve()
+    workspace.out = (out or workspace.out).expanduser().resolve()
     app = DprApp(workspace, state_folder(), keymap, notices, allow_release=allow_release)
     app.run()
     if app.return_code:

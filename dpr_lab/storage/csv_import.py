@@ -24,7 +24,7 @@ from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import full_turns, load_run
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.table import Table
-from dpr_lab.storage.writer import RunWriter
+from dpr_lab.storage.writer import whole_run
 
 Angles = Literal["absolute", "relative"]
 Zero = Literal["upright", "hanging"]
@@ -161,7 +161,7 @@ def import_csv(file: Path | str, rig: Rig, options: ImportOptions | None = None,
     run = run_of(path, rig, swing)
     if out is None:
         return run
-    with RunWriter(out, _metadata(path, rig, swing)) as writer:
+    with whole_run(out, _metadata(path, rig, swing)) as writer:
         writer.table(swing.t, swing.theta, swing.counts, swing.torques)
         writer.finish(RunSummary(release_tick=0, notes=swing.notes))
     return load_run(out)
@@ -382,7 +382,8 @@ def _gap_notes(t: NDArray[np.float64]) -> list[str]:
 
 def _early_notes(t: NDArray[np.float64]) -> list[str]:
     early = (
-        f"the first row, at t = {t[0]:g} s, was taken for the release: if that is t = 0, import with start_s {-t[0]:g}"
+        f"the first row, at t = {t[0]:g} s, was taken for the release: if that is t = 0, import with"
+        f" start_s {-t[0]:g} (--start-s)"
     )
     return [early] if t[0] < 0 < t[-1] else []
 

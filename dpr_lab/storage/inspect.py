@@ -12,7 +12,7 @@ from dpr_lab.storage.metadata import RunSummary
 from dpr_lab.storage.reader import lost_by_gaps
 from dpr_lab.storage.scan import Samples, Scan, scan, stored_messages
 from dpr_lab.storage.sidecar import read_note, read_sidecar, sidecar_of
-from dpr_lab.storage.writer import RunWriter
+from dpr_lab.storage.writer import whole_run
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ def verify(path: Path | str) -> Verification:
         RunError: there is no such file.
     """
     path = Path(path)
-    if not path.is_file():
+    if not path.exists():
         raise RunError(f"{path}: no such file")
     try:
         faults = _faults(scan(path))
@@ -157,7 +157,7 @@ def recover(path: Path | str, out: Path | str) -> int:
     origin = {"recovered_from": found.path.name, "recovered_from_sha256": found.sha256}
     summary = _summary(found, samples)
     notes = (*summary.notes, f"recovered from {found.path.name}, {kept} samples kept")
-    with RunWriter(out, replace(found.metadata, extra={**found.metadata.extra, **origin})) as writer:
+    with whole_run(out, replace(found.metadata, extra={**found.metadata.extra, **origin})) as writer:
         writer.copy(stored_messages(found.path))
         writer.finish(replace(summary, notes=notes))
     return kept

@@ -320,6 +320,8 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
                 raise RunError(f"{path}: is empty: nothing was recorded")
             with mmap.mmap(file.fileno(), length, access=mmap.ACCESS_READ) as content:
                 yield content
+    except IsADirectoryError as error:
+        raise RunError(f"{path}: is a folder: name the runs in it, {path}/*.mcap") from error
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
 

@@ -288,6 +288,26 @@ class RunWriter:
                 file.close()
 
 
+@contextmanager
+def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
+    """A writer of a run that another file holds already: when it fails, nothing is left of it.
+
+    Raises:
+        RunError: as of `RunWriter`.
+    """
+    path = Path(path)
+    there = path.exists()
+    try:
+        with RunWriter(path, metadata) as writer:
+            yield writer
+    except BaseException as error:
+        if not there:
+            path.unlink(missing_ok=True)
+        if isinstance(error, RunError) and isinstance(refused := error.__cause__, OSError) and not there:
+            raise RunError(f"{path}: cannot be written: {refused.strerror}; choose another folder") from refused
+        raise
+
+
 def _create(path: Path) -> BufferedWriter:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -114,6 +114,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         found = found.model_copy(update={"trust": tried})
     if request.out:
         on_event(StageBegan(stages, stages, "report"))
+        write_json(DiagnoseResult(found, {}).to_json(), request.out / RECORD)  # safe before anything is drawn
     result = DiagnoseResult(found, save_diagnosis(found, runs, rig, request.out) if request.out else {})
     if request.out:
         write_json(result.to_json(), request.out / RECORD)

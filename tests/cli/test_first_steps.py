@@ -63,10 +63,12 @@ def test_help_names_every_search(cli) -> None:
         assert name in said
 
 
-def test_built_in_rigs_are_listed_and_shown(cli, tmp_path: Path) -> None:
+def test_built_in_rigs_are_listed_and_shown(cli, on_terminal, tmp_path: Path) -> None:
     listed = cli("rig", "list", "--json")
     assert [rig["name"] for rig in listed.json] == built_in_rigs() == ["multiarm", "paper"]
     (tmp_path / "mine.toml").write_text(cli("rig", "show", "paper").out)
+    code, shown = on_terminal([sys.executable, "-m", "dpr_lab", "rig", "show", "paper"], {"COLUMNS": "80"})
+    assert (code, shown.replace("\r", "")) == (0, (tmp_path / "mine.toml").read_text())
     assert load_rig(tmp_path / "mine.toml").model_dump() == load_rig("paper").model_dump()
 
 
@@ -81,16 +83,23 @@ def test_the_page_of_the_rig_file_has_every_key() -> None:
 
 @pytest.mark.parametrize("columns", [80, 50])
 def test_a_table_keeps_its_words_whole_on_a_narrow_terminal(columns: int, on_terminal) -> None:
-    program = """
+    program = f"""
 from dpr_lab.cli.console import table
 row = ("coulomb_joint1", "rolling_friction_of_the_bearing", "indistinguishable", "0.98", "friction_curve_joint2")
-table("Effects", ("effect", "what it is", "standing", "probability", "alternative"), [row], prose=True)
+table("Effects", ("effect", "what it is", "standing", "probability", "alternative"), [row])
+table("One run", ("", "value"), [("sha256", {"f" * 64!r}), ("gate_figures", "release_speed " * 9)])
+columns = ("parameter", "moved", "first group", "change", "simultaneous interval", "after", "chance")
+table("Drift", columns, [("c1/b", "no", "0.207688", "-0.93 %", "-8.49 % to +6.63 %", "2026-11-16", "0.99")] * 2)
 """
     code, text = on_terminal([sys.executable, "-c", program], {"COLUMNS": str(columns)})
     assert code == 0
-    assert max(map(len, text.splitlines())) <= columns
+    assert max(map(len, text.splitlines())) <= max(columns, 64 + len("sha256: "))
     for word in ("coulomb_joint1", "rolling_friction_of_the_bearing", "indistinguishable", "friction_curve_joint2"):
         assert word in text
+    for word in ("0.207688", "2026-11-16", "f" * 64):
+        assert word in text
+    assert text.count("0.99") == 2
+    assert text.count("release_speed") == 9
 
 
 def test_sentences_end_their_lines_between_words(on_terminal) -> None:

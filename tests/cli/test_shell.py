@@ -2,37 +2,36 @@
 
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import typer
 
-COMMANDS = [
-    (),
-    ("demo",),
-    ("capture",),
-    ("identify",),
-    ("compare",),
-    ("doctor",),
-    ("identifiability",),
-    ("import", "table"),
-    ("import", "csv"),
-    ("run", "info"),
-    ("run", "verify"),
-    ("run", "recover"),
-    ("run", "export"),
-]
+from dpr_lab.cli.app import app
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_every_help_has_an_example(cli, command: tuple[str, ...]) -> None:
-    done = cli(*command, "--help")
-    assert done.code == 0
-    assert "Example:" in done.out
+def commands(group: Any, *words: str) -> Iterator[tuple[str, ...]]:
+    yield words
+    for name, command in getattr(group, "commands", {}).items():
+        yield from commands(command, *words, name)
+
+
+def test_every_help_has_an_example_and_keeps_words_whole(cli) -> None:
+    for command in commands(typer.main.get_command(app)):
+        done = cli(*command, "--help")
+        assert done.code == 0
+        assert "Example:" in done.out or command in (("run",), ("import",), ("rig",)), command
+        lines = done.out.splitlines()
+        assert max(map(len, lines)) <= 80, command
+        assert not [line for line in lines if re.search(r"\w-$", line)], command
 
 
 def test_the_help_names_every_exit_code(cli) -> None:

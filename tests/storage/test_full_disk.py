@@ -1,5 +1,6 @@
 """A disk that fills up: nothing half under a final name, no crash of a library, and a sentence."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -8,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.export import EXPORTERS, export
+from dpr_lab.storage.inspect import recover
 from dpr_lab.workflows.checks import refuse_file, refuse_folder
 
 PROGRAM = """
@@ -41,6 +44,25 @@ def test_an_export_that_fails_leaves_nothing(tmp_path: Path, suffix: str) -> Non
     assert done.returncode == 0, done.stderr[-500:]
     assert "cannot be written" in done.stdout
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_import_and_a_recovery_that_fail_leave_nothing(tmp_path: Path, paper, monkeypatch) -> None:
+    rows = "".join(f"{i / 100},{3 + i / 1000},{3 - i / 1000}\n" for i in range(50))
+    (tmp_path / "swing.csv").write_text(f"t,theta1,theta2\n{rows}")
+    import_csv(tmp_path / "swing.csv", paper, out=tmp_path / "whole.mcap")
+    before = sorted(tmp_path.iterdir())
+
+    def full(*_) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("dpr_lab.storage.writer.RunWriter._sync", full)
+    with pytest.raises(RunError, match=r"run\.mcap: cannot be written: No space left on device; choose"):
+        import_csv(tmp_path / "swing.csv", paper, out=tmp_path / "run.mcap")
+    with pytest.raises(RunError, match=r"run\.mcap: cannot be written: No space left on device; choose"):
+        recover(tmp_path / "whole.mcap", tmp_path / "run.mcap")
+    with pytest.raises(RunError, match="exists already"):
+        recover(tmp_path / "whole.mcap", tmp_path / "whole.mcap")
+    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_a_whole_export_has_its_final_name_alone(tmp_path: Path, recorded) -> None:

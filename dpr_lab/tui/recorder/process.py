@@ -123,6 +123,8 @@ class _IdleWatch:
     def __init__(self, device: Device, rig: Rig, outbox: Outbox) -> None:
         self._device, self._rig, self._outbox = device, rig, outbox
         self._counts: dict[int, int] = {}
+        self._told: dict[int, int] = {}
+        self._last: Idle | None = None
 
     def look(self) -> None:
         """Take in what the device says, for a moment."""
@@ -130,8 +132,23 @@ class _IdleWatch:
             self._counts |= {m.joint: m.position for m in batch.messages if isinstance(m, Position)}
         status = self._device.status
         if len(self._counts) == JOINTS and status is not None:
-            theta0, theta1, theta2 = self._rig.theta([self._counts[joint] for joint in range(JOINTS)]).tolist()
-            self._outbox.add_if_read(Idle((theta0, theta1, theta2), status.latched, self._device.heard_at))
+            self._tell(status.latched, self._device.heard_at)
+
+    def _tell(self, latched: bool, at: float) -> None:
+        """Say what is new; of rods that rest, only now and then that they were heard: what is redrawn costs."""
+        last, still = self._last, self._still()
+        if last is not None and still and latched == last.latched and at - last.at < SETTINGS.idle_s:
+            return
+        if not still:
+            self._told = dict(self._counts)
+        theta0, theta1, theta2 = self._rig.theta([self._told[joint] for joint in range(JOINTS)]).tolist()
+        self._last = Idle((theta0, theta1, theta2), latched, at)
+        self._outbox.add_if_read(self._last)
+
+    def _still(self) -> bool:
+        """Whether no encoder reads anything but noise around what was told."""
+        noise = 1 + SETTINGS.noises * self._rig.encoders.noise_counts
+        return all(joint in self._told and abs(n - self._told[joint]) <= noise for joint, n in self._counts.items())
 
 
 def _leave_the_terminal(log: Path) -> None:

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TypeVar
 
 import pytest
@@ -27,8 +28,9 @@ from dpr_lab.tui.recorder.messages import (
     RecorderFailed,
     RecorderReport,
 )
+from dpr_lab.tui.recorder.process import _IdleWatch
 from dpr_lab.tui.recorder.recorder import Recorder
-from firmware_protocol.messages import State
+from firmware_protocol.messages import Position, State
 
 FAST = "sim://?seed=1&clock=fast"
 PATIENCE_S = 60.0
@@ -91,6 +93,29 @@ def test_only_a_fresh_go_ahead_for_this_very_attempt_releases(recorder, tmp_path
     process.tell(GoAhead(1, "X1", time.monotonic()))
     finished = await_report(process, AttemptFinished)
     assert finished.captured.quality.ok
+
+
+def test_rods_that_rest_are_told_of_twice_a_second_and_their_noise_is_not(paper) -> None:
+    device = SimpleNamespace(status=SimpleNamespace(latched=False), heard_at=0.0)
+    told: list = []
+    watch = _IdleWatch(device, paper, SimpleNamespace(add_if_read=told.append))  # pyright: ignore[reportArgumentType]
+
+    def hear(at: float, *counts: int) -> None:
+        device.heard_at = at
+        messages = tuple(Position(joint, 0, count) for joint, count in enumerate(counts))
+        device.poll = lambda seconds: [SimpleNamespace(messages=messages)]
+        watch.look()
+
+    for number in range(10):
+        hear(0.1 * number, 0, number % 3, -(number % 2))
+    assert [report.at for report in told] == [0.0, 0.5]
+    assert told[0].theta == told[1].theta
+    hear(0.95, 0, 40, 0)
+    assert told[-1].at == 0.95
+    assert told[-1].theta[1] > told[0].theta[1]
+    device.status.latched = True
+    hear(0.99, 0, 40, 0)
+    assert (told[-1].at, told[-1].latched) == (0.99, True)
 
 
 def test_a_cancelled_recording_is_kept_as_incomplete(recorder, tmp_path: Path) -> None:
