@@ -31,7 +31,7 @@ from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 
 PAGE = Path(__file__).parents[1] / "docs" / "real-rigs.md"
-HANGING = ImportOptions(zero="hanging")
+HANGING = ImportOptions(zero="hanging", unit=None, time_unit=None)
 
 
 @dataclass(frozen=True, slots=True)
