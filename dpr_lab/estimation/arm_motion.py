@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_smoothing_spline
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
@@ -28,6 +27,8 @@ def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str) -
     Raises:
         RunError: too few readings, or an arm that was not read.
     """
+    from scipy.interpolate import make_smoothing_spline
+
     if len(t) < FEWEST or not np.isfinite(theta0).all():
         raise RunError(f"{name}: a prescribed arm needs readings of theta0 in every row: name its column, t and theta0")
     spacing = float(np.median(np.diff(t)))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import serial
 
+from firmware_protocol.errors import CommandUnanswered
 from firmware_protocol.framing import FrameDecoder, encode_frame
 from firmware_protocol.host_role import HostSession
 from firmware_protocol.messages import (
@@ -143,12 +144,15 @@ class Host:
         end = self.now() + seconds
         self.until(lambda: self.now() >= end, seconds + 1)
 
-    def do(self, command: Command) -> None:
+    def do(self, command: Command, patience: int = 5) -> None:
         self.end.write(self.session.command(command, self.now()))
         self.until(lambda: self.session.outcome is not None)
         assert self.session.outcome is not None
-        if self.session.outcome.error is not None:
-            raise self.session.outcome.error
+        error = self.session.outcome.error
+        if isinstance(error, CommandUnanswered) and patience:  # by a device that a loaded machine left standing
+            self.do(command, patience - 1)
+        elif error is not None:
+            raise error
 
     def hello(self) -> None:
         self.end.write(self.session.hello(self.now()))
