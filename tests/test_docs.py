@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab.gap.result.certificate import load_certificate
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -57,6 +59,16 @@ def test_the_quickstart_and_the_python_example_run(tmp_path: Path) -> None:
 def test_every_file_the_readme_names_exists() -> None:
     for target in re.findall(r"\]\((?!https?:)([^)]+)\)", README):
         assert (ROOT / target).exists(), target
+
+
+def test_the_worked_example_says_what_its_certificate_certifies() -> None:
+    page = (ROOT / "docs" / "worked-example.md").read_text(encoding="utf-8")
+    claims = load_certificate(ROOT / "docs" / "examples" / "multiarm" / "certificate.json").claims
+    for name in ("verdict", "share of the gap closed", "a/b", "d/b", "e1/b"):
+        told = re.search(rf"\| {name} \| (\S+) \|", page)
+        assert told is not None
+        value = claims[name].value
+        assert told[1] == value if isinstance(value, str) else float(told[1]) == pytest.approx(value, rel=1e-3)
 
 
 def test_every_promise_of_the_readme_has_its_test() -> None:
