@@ -146,7 +146,7 @@ def test_what_would_show_at_no_size_has_none(recorded, bare, tested):
     assert detectable(blind, tested(problem, blind.fit, ()))["missed_counts"] == {"counts": None}
 
 
-EACH = 1 if os.environ.get("DPR_LAB_FULL") == "1" else 2
+EACH = 1 if os.environ.get("DPR_LAB_FULL") == "1" else 3
 """Of the effects every so manieth is recorded alone: of most pairs that of joint 2."""
 
 
