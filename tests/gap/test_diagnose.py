@@ -147,7 +147,7 @@ def test_what_would_show_at_no_size_has_none(recorded, bare, tested):
 
 
 EACH = 1 if os.environ.get("DPR_LAB_FULL") == "1" else 3
-"""Of the effects every so manieth is recorded alone: of most pairs that of joint 2."""
+"""Of the effects every so manieth is recorded alone."""
 
 
 @pytest.mark.slow
