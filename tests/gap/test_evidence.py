@@ -76,10 +76,13 @@ def test_the_page_tells_the_whole_story_and_fetches_nothing(two_found: Diagnosis
         {name: errors["after"] for name, errors in free.items()}
     )
 
-    written = write_gap_report(two_found, "Rig", tmp_path, save_gap_figures(two_found, tmp_path))
+    figures = save_gap_figures(two_found, tmp_path)
+    written = write_gap_report(two_found, "Rig", tmp_path, figures)
     page = written.read_text(encoding="utf-8")
     assert all(f"<h2>{section.title}</h2>" in page for section in SECTIONS if section.name != "closing")
-    assert page.count("<img") == 2 + sum(section.figure is not None for section in SECTIONS)
+    drawn = {section.name for section in SECTIONS if section.figure is not None} - {"trust"}  # none was asked for
+    assert set(figures) == {"where", "gap_horizon", *drawn}
+    assert page.count("<img") == len(figures)
     assert page.count("<details>") >= len(SECTIONS)
     assert "http" not in page.replace("http-equiv", "")
     assert page.index("What to do") < page.index("Which effects")
