@@ -293,6 +293,7 @@ if __name__ == "__main__":
 
 @pytest.mark.slow
 @pytest.mark.timeout(400)
+@pytest.mark.skipif(os.environ.get("DPR_LAB_FULL") != "1", reason="two workers of a scheduler are tried above")
 def test_a_local_cluster_does_it_too(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
     script = tmp_path / "local.py"
