@@ -96,39 +96,40 @@ def replayed(name: str, model: Model, rig: Rig, swings: Sequence[Replay]) -> lis
     with tempfile.TemporaryDirectory() as folder:
         for file, content in FORMATS[name].written(model, rig).items():
             (Path(folder) / file).write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
-        read = _PROGRAMS[name](Path(folder), model, rig)
+        read = _PROGRAMS[name](Path(folder) / FORMATS[name].main, model, rig)
         return [rig.encoders.joint_angles.to_rods(read(item)) for item in swings]
 
 
 Program = Callable[[Path, Model, Rig], Callable[[Replay], Array]]
+"""Of the file that it reads first, what is written there, and its rig."""
 
 
-def _python(folder: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
-    readings = runpy.run_path(str(folder / "corrected_model.py"))["readings"]
+def _python(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+    readings = runpy.run_path(str(file))["readings"]
     return lambda item: readings(item.x0, item.t, start=item.start)
 
 
-def _mujoco(folder: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
-    return _engine(folder, folder / XML, {})
+def _mujoco(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+    return _engine(file, {})
 
 
-def _urdf(folder: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
-    (folder / CALLBACK).write_text(passive(model, rig), encoding="utf-8")
-    return _engine(folder, folder / "corrected_model.urdf", {"passive": None, "GRAVITY": model.rig.g, "FIRST": 0})
+def _urdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+    file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
+    return _engine(file, {"passive": None, "GRAVITY": model.rig.g, "FIRST": 0})
 
 
-def _sdf(folder: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+def _sdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
     """No simulator of SDFormat can be installed with pip: what the file holds, in MuJoCo."""
     said = in_words(model, rig, FORMATS["sdf"].words)
     held = model.model_copy(update={"effects": {name: model.effects[name] for name in said}})
-    (folder / XML).write_text(mjcf(held, rig), encoding="utf-8")
-    (folder / CALLBACK).write_text(passive(model, rig), encoding="utf-8")
-    return _engine(folder, folder / XML, {"passive": None, "FIRST": 0})
+    file.with_name(XML).write_text(mjcf(held, rig), encoding="utf-8")
+    file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
+    return _engine(file.with_name(XML), {"passive": None, "FIRST": 0})
 
 
-def _engine(folder: Path, file: Path, other: Mapping[str, Any]) -> Callable[[Replay], Array]:
+def _engine(file: Path, other: Mapping[str, Any]) -> Callable[[Replay], Array]:
     try:
-        names = runpy.run_path(str(folder / CALLBACK))
+        names = runpy.run_path(str(file.with_name(CALLBACK)))
     except ModuleNotFoundError as missing:
         raise ConfigError("replaying in MuJoCo needs it installed: pip install dpr-lab[exports]") from missing
     kind, readings = names["EngineSwing"], names["readings"]
@@ -170,6 +171,6 @@ _PROGRAMS: Mapping[str, Program] = {
     "mjcf": _mujoco,
     "urdf": _urdf,
     "sdf": _sdf,
-    "fmu": lambda folder, *said: _fmu(folder / "corrected_model.fmu", *said),
-    "fmu2": lambda folder, *said: _fmu(folder / "corrected_model_fmi2.fmu", *said),
+    "fmu": _fmu,
+    "fmu2": _fmu,
 }

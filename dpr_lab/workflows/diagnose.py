@@ -75,7 +75,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     from dpr_lab.gap.diagnose import diagnose as diagnose_runs
     from dpr_lab.identification.misread import refuse_misread
     from dpr_lab.identification.model import load_model
-    from dpr_lab.report.saving import save_diagnosis, write_json
+    from dpr_lab.report.saving import save_diagnosis
     from dpr_lab.rig import load_rig
 
     rig = load_rig(request.rig)
@@ -96,11 +96,10 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         seed=request.seed,
         on_progress=lambda event: on_event(_of_all(event, stages)),
     )
+    result = _kept(DiagnoseResult(found, {}), request.out)  # safe before what can still fail
     if request.trust:
         from dpr_lab.trials.own_rig import trust
 
-        if request.out:
-            write_json(DiagnoseResult(found, {}).to_json(), request.out / RECORD)
         tried = trust(
             found,
             runs,
@@ -112,12 +111,18 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
             on_trial=lambda done, seconds: on_event(TrustTrialDone(done, request.trust, seconds)),
         )
         found = found.model_copy(update={"trust": tried})
+        result = _kept(DiagnoseResult(found, {}), request.out)
     if request.out:
         on_event(StageBegan(stages, stages, "report"))
-        write_json(DiagnoseResult(found, {}).to_json(), request.out / RECORD)  # safe before anything is drawn
-    result = DiagnoseResult(found, save_diagnosis(found, runs, rig, request.out) if request.out else {})
-    if request.out:
-        write_json(result.to_json(), request.out / RECORD)
+        result = _kept(DiagnoseResult(found, save_diagnosis(found, runs, rig, request.out)), request.out)
+    return result
+
+
+def _kept(result: DiagnoseResult, out: Path | None) -> DiagnoseResult:
+    from dpr_lab.report.files import write_json
+
+    if out:
+        write_json(result.to_json(), out / RECORD)
     return result
 
 
