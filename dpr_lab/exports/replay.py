@@ -119,7 +119,7 @@ def _urdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
 
 
 def _sdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
-    """No simulator of SDFormat can be installed with pip: what the file holds, in MuJoCo."""
+    """What the file holds, in MuJoCo: Drake, which reads the file itself, leaves dry friction out."""
     said = in_words(model, rig, FORMATS["sdf"].words)
     held = model.model_copy(update={"effects": {name: model.effects[name] for name in said}})
     file.with_name(XML).write_text(mjcf(held, rig), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The corrected model as URDF and SDFormat, read by the formats' own parsers where there is one for Python."""
+"""The corrected model as URDF and SDFormat, read by the formats' own parsers and swung by the engines that read them."""
 
 import json
 from pathlib import Path
@@ -47,7 +47,7 @@ def test_urdf_swings_as_the_lab_does(paper: Rig, tmp_path: Path):
 
 
 def test_sdf_has_the_elements_of_its_specification(paper: Rig, bent: dict):
-    """No parser of SDFormat can be installed with pip: names and places are those of the specification of 1.10."""
+    """Names and places are those of the specification of 1.10."""
     bent = bent | {"spring_joint2": {"stiffness_Nm_per_rad": 2e-3, "constant_Nm": 1e-3}}
     root = ElementTree.fromstring(sdf(model_of(paper, bent), paper, {}))
     assert (root.tag, root.attrib) == ("sdf", {"version": "1.10"})
@@ -69,6 +69,34 @@ def test_sdf_has_the_elements_of_its_specification(paper: Rig, bent: dict):
     assert mass == pytest.approx(z["m1"] + z["mb"])
     about = float(inertia.find("inertia/iyy").text) + mass * up**2
     assert about == pytest.approx(z["J1"] + z["m1"] * z["l1"] ** 2 + z["mb"] * paper.rig.L1**2)
+
+
+@pytest.mark.parametrize("told", ["tilted", "bent and wound"])
+def test_sdf_swings_as_the_lab_does_in_drake(paper: Rig, told: str):
+    """Drake reads SDFormat with the format's own library; gravity of the world and dry friction it leaves to others."""
+    pytest.importorskip("pydrake", reason="Drake has no wheel for this computer")
+    from pydrake.multibody.parsing import Parser
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.systems.analysis import Simulator
+
+    wound = {"spring_joint2": {"stiffness_Nm_per_rad": 2e-3, "constant_Nm": 1e-3}}
+    effects = typical("base_tilt") if told == "tilted" else typical("com_offset_link2") | wound
+    file, t = sdf(model_of(paper, effects), paper, {}), np.linspace(0, 2.0, 41)
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModelsFromString(file, "sdf")
+    pull = ElementTree.fromstring(file).findtext("world/gravity")
+    plant.mutable_gravity_field().set_gravity_vector([float(part) for part in pull.split()])
+    plant.Finalize()
+    engine = Simulator(plant)
+    engine.get_mutable_integrator().set_target_accuracy(1e-9)
+    context = plant.GetMyContextFromRoot(engine.get_mutable_context())
+    plant.SetPositions(context, [X0[0], X0[1] - X0[0]])
+    states = []
+    for instant in t:
+        engine.AdvanceTo(instant)
+        angles = plant.GetPositions(context)
+        states.append([angles[0], angles.sum()])
+    assert np.array(states) == pytest.approx(lab_states(paper, effects, t, 2.5e-4)[:, :2], abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["urdf", "sdf"])
