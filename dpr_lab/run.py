@@ -1,8 +1,10 @@
 """A run: one release recorded, or one table imported."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,10 +105,27 @@ class Run(Shown):
         """The samples with start <= t < stop; t is kept as it is."""
         return self._cut((self.t >= start) & (self.t < stop))
 
+    @property
+    def readings_sha256(self) -> str:
+        """Hash of all that a fit reads of this run: the same after another import of the same table."""
+        unread = {"name": "", "file": None, "sha256": "", "recorded_utc": "", "notes": ()}
+        digest = hashlib.sha256()
+        for part in _flat(astuple(replace(self, **unread))):
+            digest.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
+        return digest.hexdigest()
+
     def _cut(self, keep: NDArray[np.bool_]) -> "Run":
         counts = None if self.counts is None else self.counts[keep]
         torques = None if self.torques is None else self.torques[keep]
         return replace(self, t=self.t[keep], theta=self.theta[keep], counts=counts, torques=torques)
+
+
+def _flat(parts: tuple[Any, ...]) -> Iterator[Any]:
+    for part in parts:
+        if isinstance(part, tuple):
+            yield from _flat(part)
+        else:
+            yield part
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,12 +14,16 @@ if TYPE_CHECKING:
 def certify(request: DiagnoseRequest, to: Path, on_event: OnEvent = ignore) -> "Certificate":
     """Diagnose, and write a certificate that others can check; events and errors as of `diagnose`."""
     from dpr_lab.gap.result.certificate import certificate
+    from dpr_lab.storage.reader import load_run
     from dpr_lab.whole_file import write_text
 
     refuse_folder(to)
     found = diagnose(request, on_event).diagnosis
     settings = {name: getattr(request, name) for name in _SETTINGS}
-    recordings = [*((path, False) for path in request.runs), *((path, True) for path in request.held_out)]
+    recordings = [
+        *((load_run(path), False) for path in request.runs),
+        *((load_run(path), True) for path in request.held_out),
+    ]
     made = certificate(found, recordings, request.rig, settings, to.parent)
     write_text(to, made.model_dump_json(indent=1, by_alias=True) + "\n")
     return made
@@ -35,7 +39,7 @@ def verify(path: Path, on_event: OnEvent = ignore) -> "list[Verified]":
     from dpr_lab.gap.result.certificate import altered, compared, load_certificate, made_with, rig_of
 
     certified = load_certificate(path)
-    lines = altered(certified, path.parent)
+    lines = altered(certified, path.parent, _readings)
     if not all(item.holds for item in lines):
         return lines
     for name, version in made_with().items():
@@ -49,6 +53,16 @@ def verify(path: Path, on_event: OnEvent = ignore) -> "list[Verified]":
     settings: dict[str, Any] = {k: tuple(value) if isinstance(value, list) else value for k, value in told.items()}
     request = DiagnoseRequest(runs, rig_of(certified, path.parent), held_out, **settings)
     return [*lines, *compared(certified, diagnose(request, on_event).diagnosis)]
+
+
+def _readings(path: Path) -> str:
+    from dpr_lab.errors import RunError
+    from dpr_lab.storage.reader import load_run
+
+    try:
+        return load_run(path).readings_sha256
+    except RunError:
+        return ""
 
 
 _SETTINGS = ("library", "without", "max_effects", "seed", "any_clock")

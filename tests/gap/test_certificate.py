@@ -63,6 +63,26 @@ def test_one_byte_of_a_run_is_seen(copied: Path):
     assert [item.reason for item in verify(copied) if not item.holds] == ["is not there"]
 
 
+def test_another_import_of_the_same_table_holds(copied: Path, paper: Rig):
+    """An import notes when and with which versions it was made; what was read is the same."""
+    table, run = copied.parent / "X2.csv", copied.parent / "X2.mcap"
+    certified = load_certificate(copied)
+    own = certified.recordings[1]
+    other = certified.model_copy(
+        update={"recordings": [certified.recordings[0], own.model_copy(update={"sha256": "0" * 64})]}
+    )
+    copied.write_text(other.model_dump_json(by_alias=True), encoding="utf-8")
+    run.unlink()
+    import_csv(table, paper, out=run)
+    assert ("X2.mcap", True, "another file of the same readings") in {
+        (item.claim, item.holds, item.reason) for item in verify(copied)
+    }
+    table.write_text(table.read_text(encoding="utf-8").replace("0.5", "0.6", 1), encoding="utf-8")
+    run.unlink()
+    import_csv(table, paper, out=run)
+    assert [item.claim for item in verify(copied) if not item.holds] == ["X2.mcap"]
+
+
 def altered(path: Path, change: Callable[[dict], None]) -> None:
     told = json.loads(path.read_text(encoding="utf-8"))
     change(told)

@@ -9,7 +9,7 @@ import importlib.metadata
 import json
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,6 +21,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.gap.result.diagnosis import Diagnosis, Interval
 from dpr_lab.kernel_cache import source_hash
 from dpr_lab.rig import load_rig
+from dpr_lab.run import Run
 from dpr_lab.version import __version__
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -48,6 +49,8 @@ class CertifiedFile(_Part):
 
     file: str
     sha256: str
+    readings: str = ""
+    """Of a recording: `dpr_lab.run.Run.readings_sha256`, which another import of the same table has too."""
     held_out: bool = False
 
 
@@ -86,21 +89,27 @@ class Verified:
 
 
 def certificate(
-    found: Diagnosis, recordings: Sequence[tuple[Path, bool]], rig: str, settings: Mapping[str, Any], beside: Path
+    found: Diagnosis, recordings: Sequence[tuple[Run, bool]], rig: str, settings: Mapping[str, Any], beside: Path
 ) -> Certificate:
     """Certify a diagnosis.
 
     Args:
         found: the diagnosis
-        recordings: run files, and whether each was held out
+        recordings: runs read from files, and whether each was held out
         rig: the rig file, or the name of a built-in one
         settings: of the diagnosis
         beside: folder of the certificate, to which the files are told relatively
     """
     return Certificate(
         schema=1,
-        recordings=[_file(path, beside, held_out) for path, held_out in recordings],
-        rig=_file(Path(rig), beside) if Path(rig).is_file() else CertifiedFile(file=rig, sha256=load_rig(rig).sha256),
+        recordings=[
+            CertifiedFile(
+                file=_place(run.file, beside), sha256=run.sha256, readings=run.readings_sha256, held_out=held_out
+            )
+            for run, held_out in recordings
+            if run.file is not None
+        ],
+        rig=CertifiedFile(file=_place(Path(rig), beside) if Path(rig).is_file() else rig, sha256=load_rig(rig).sha256),
         settings=dict(settings),
         made_with=made_with(),
         claims=claims(found),
@@ -121,24 +130,37 @@ def claims(found: Diagnosis) -> dict[str, CertifiedClaim]:
     return {name: CertifiedClaim(value=v, within=within, sealed=_seal(name, v)) for name, (v, within) in said.items()}
 
 
-def altered(certified: Certificate, beside: Path) -> list[Verified]:
+def altered(certified: Certificate, beside: Path, readings: Callable[[Path], str]) -> list[Verified]:
     """Recordings and rig file beside their hashes, and claims that were changed in the certificate.
+
+    Args:
+        certified: the certificate
+        beside: its folder
+        readings: `Run.readings_sha256` of a file, empty where it cannot be read
 
     Raises:
         ConfigError: the rig file is not there or not valid.
     """
-    lines = []
-    for item in (*certified.recordings, certified.rig):
-        path = beside / item.file
-        now = sha256_of(path) if path.is_file() else None
-        if item is certified.rig:
-            now = load_rig(rig_of(certified, beside)).sha256
-        reason = "" if now == item.sha256 else ("is not there" if now is None else "is not the file that was certified")
-        lines.append(Verified(item.file, item.sha256[:12], now and now[:12], not reason, reason))
+    lines = [_unaltered(item, beside / item.file, readings) for item in certified.recordings]
+    rig = load_rig(rig_of(certified, beside)).sha256
+    lines.append(_line(certified.rig, rig, rig == certified.rig.sha256))
     for name, claim in certified.claims.items():
         if claim.sealed != _seal(name, claim.value):
             lines.append(Verified(name, claim.value, None, False, "was changed after it was certified"))
     return lines
+
+
+def _unaltered(item: CertifiedFile, path: Path, readings: Callable[[Path], str]) -> Verified:
+    if not path.is_file():
+        return Verified(item.file, item.sha256[:12], None, False, "is not there")
+    now = sha256_of(path)
+    if now != item.sha256 and item.readings and readings(path) == item.readings:
+        return Verified(item.file, item.sha256[:12], now[:12], True, "another file of the same readings")
+    return _line(item, now, now == item.sha256)
+
+
+def _line(item: CertifiedFile, now: str, holds: bool) -> Verified:
+    return Verified(item.file, item.sha256[:12], now[:12], holds, "" if holds else "is not the file that was certified")
 
 
 def rig_of(certified: Certificate, beside: Path) -> str:
@@ -192,9 +214,8 @@ def made_with() -> dict[str, str]:
     }
 
 
-def _file(path: Path, beside: Path, held_out: bool = False) -> CertifiedFile:
-    place = Path(os.path.relpath(path.resolve(), beside.resolve())).as_posix()
-    return CertifiedFile(file=place, sha256=sha256_of(path), held_out=held_out)
+def _place(path: Path, beside: Path) -> str:
+    return Path(os.path.relpath(path.resolve(), beside.resolve())).as_posix()
 
 
 def _within(number: Interval) -> tuple[float, float]:
