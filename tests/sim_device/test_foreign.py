@@ -14,7 +14,7 @@ from sim_device.plant.config import load_plant
 from sim_device.plant.foreign import FOREIGN
 from sim_device.plant.foreign.bodies import AXIAL, wobbling_rod
 from sim_device.plant.foreign.effect import Moment, OutOfLibraryEffect
-from sim_device.plant.foreign.engine import Body, integrate, sticking, undisturbed
+from sim_device.plant.foreign.engine import Body, DryJoint, integrate, sticking, undisturbed
 from sim_device.plant.foreign.torques import drag_on_outer_rod
 from sim_device.plant.hidden import plant_of
 
@@ -55,6 +55,22 @@ def test_no_size_no_effect_on_the_swing(body, name):
 def test_a_foreign_effect_changes_the_swing(body, name):
     free, moved = integrate(undisturbed(body), START, LONG), swing(body, FOREIGN[name], 1.0, LONG)
     assert np.abs(moved[:, :2] - free[:, :2]).max() > 1e-3
+
+
+@pytest.mark.parametrize("joint", [1, 2])
+def test_a_slide_shorter_than_a_step_ends(body, joint):
+    """A joint that is let go at the limit and turned back at once slides, and rests again."""
+    t, tried = np.arange(0.0, 0.05, 0.005), 0
+    for angle in np.linspace(0.3, 6.0, 12):
+        start = np.array([2.9, angle, 2.0 * (joint == 2), 2.0])
+        holding = DryJoint(joint, lambda x: 0.0).holding
+        later = start + 1e-4 * np.array([*start[2:], 0.0, 0.0])
+        if abs(holding(body, later)) < abs(holding(body, start)):
+            limit = abs(holding(body, start)) * (1 - 1e-7)
+            found = integrate(sticking(body, joint, lambda x, limit=limit: limit), start, t)
+            assert np.ptp(found[:, joint - 1] - (joint - 1) * found[:, 0]) < 1e-3
+            tried += 1
+    assert tried > 2
 
 
 @pytest.mark.parametrize("name", BRAKES)

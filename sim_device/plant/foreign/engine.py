@@ -19,6 +19,9 @@ ERROR = 1e-9
 LONGEST_STEP = 0.02
 """So that no step jumps over a disturbance of short duration, s."""
 
+BEGUN = 1e-9
+"""Speed of a slide that has begun, rad/s."""
+
 Slope = Callable[[float, NDArray[np.float64]], Sequence[float]]
 """Time since the release, s, and state (theta1, theta2, omega1, omega2, memory ...) -> its derivative."""
 
@@ -173,10 +176,12 @@ def _integrate_sticking(
         states.append(np.reshape(solved.y, (len(x), -1)).T)  # of no instant it is a list
         t = t[len(solved.t) :]
         if solved.status == 1:
-            first, x = float(solved.t_events[0][-1]), solved.y_events[0][-1].copy()
+            began, first, x = first, float(solved.t_events[0][-1]), solved.y_events[0][-1].copy()
             x[1 + dry.joint] = 0.0 if dry.joint == 1 else x[2]
             # One that was let go stands at the limit, where rounding must not hold it again.
             side = _starts(body, dry, x) if side else _pushed(body, dry, x)
+            if first == began:  # a slide of less than a step, whose start was taken for its end
+                x[1 + dry.joint] += side * BEGUN
     return np.concatenate(states)
 
 
