@@ -165,6 +165,8 @@ class Effect:
     """Effects that free swings tell from this one not at all or hardly."""
     nested: tuple[str, ...] = ()
     """Simpler effects to prefer when they explain as much."""
+    adds: str = ""
+    """The amplitude that those have none of, where one can be measured."""
     absorbed_by: tuple[str, ...] = ()
     """Base parameters that take this effect up exactly, so that a free swing cannot show it."""
     corrects: str = ""

@@ -43,6 +43,7 @@ FRICTION_CURVE = pair(
     words="friction of any form, joint {j}",
     kernel=curve,
     nested=("coulomb",),
+    adds="rise1_Nm",
     twins=("stribeck",),
     equation=(
         "tau = -sgn(u) (F + sum_k rise_k ramp_k(|u|)), F = forward for u > 0 and backward for u < 0, each ramp_k going"

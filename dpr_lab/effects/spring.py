@@ -48,6 +48,7 @@ SPRING = pair(
     exported=linear,
     twins=("encoder_scale",),
     nested=("torque_offset",),
+    adds="stiffness_Nm_per_rad",
     equation=(
         "tau = C - k q - k3 q^3 with q the angle of joint {j} from hanging straight, turns included; at rest where that"
         " is zero"

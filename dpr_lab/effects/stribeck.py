@@ -18,6 +18,7 @@ STRIBECK = pair(
     words="dry friction that is greater at rest, joint {j}",
     kernel=stribeck,
     nested=("coulomb",),
+    adds="extra_at_rest_Nm",
     twins=("friction_curve",),
     equation=(
         "tau = -(F + S exp(-(u / u_s)^2)) sgn(u) with u the speed of joint {j}; at rest whatever holds it, up to F + S"

@@ -12,7 +12,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.advise import told_bits
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis, load_diagnosis
 from dpr_lab.gap.result.take_back import candidates, find_check, take_runs, take_value
-from dpr_lab.rig import load_rig
+from dpr_lab.rig import Pose, load_rig
 from dpr_lab.run import Run
 from dpr_lab.workflows.check import CheckRequest, take_check
 from sim_device.plant.config import load_plant
@@ -77,6 +77,28 @@ def test_a_recording_decides(diagnosis: Diagnosis) -> None:
     after = found.checks_done[0].after
     assert after[TILT] + after[OFFSET] > 0.9
     assert after["com_offset_link1"] < 0.1
+
+
+@pytest.mark.timeout(500)
+def test_forms_of_one_are_told_apart_by_what_the_wider_adds() -> None:
+    """Dry friction with and without a rise towards rest: short releases leave both, and checks that split are advised."""
+    names = ("coulomb_joint2", "stribeck_joint2")
+    plant = load_plant("paper", 5).model_copy(update={"effects": {names[0]: {"torque_Nm": 3e-4}}})
+    found = diagnose(
+        record(plant, load_rig("paper"), 1.0, 250), load_rig("paper"), library={n: EFFECTS[n] for n in names}
+    )
+    assert found.effects[0].members == list(names)
+    measured = next(check for check in found.checks if check.kind == "measurement")
+    assert measured.quantity == "extra_at_rest_Nm, N m"
+    after = take_value(found, measured, 0.0, 1e-5).checks_done[0].after
+    assert after[names[0]] > 0.9 * sum(after.values())
+    asked = next(check for check in found.checks if check.kind == "recording")
+    assert asked.release is not None
+    assert asked.release.duration_s >= 10
+    pose = Pose(theta1=asked.release.theta1_rad, theta2=asked.release.theta2_rad)
+    rig = load_rig("paper").model_copy(update={"poses": {"check": pose}})
+    after = take_runs(found, asked, record(plant, rig, asked.release.duration_s, 250), rig).checks_done[0].after
+    assert after[names[0]] > 0.6 * sum(after.values())
 
 
 def test_a_check_is_of_one_diagnosis_and_of_one_kind(diagnosis: Diagnosis) -> None:

@@ -8,7 +8,7 @@ which the alternative is least able to imitate the effect,
 in standard deviations of the noise, is advised. What no recording tells apart has none: only the bench splits it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -25,7 +25,7 @@ from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.data.record import RATE_HZ
 from dpr_lab.gap.data.recordings import LENGTHS, Recordings
 from dpr_lab.gap.inference.posterior import CALIBRATION, Alternative, EffectPosterior
-from dpr_lab.gap.result.diagnosis import AdvisedCheck
+from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease
 from dpr_lab.gap.selection.hypothesis import Hypothesis
 from dpr_lab.rig import AddedMass
 
@@ -75,48 +75,87 @@ class NextStep:
 
 
 def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[NextStep]:
-    """Bench checks for what is not told apart and recordings for alternatives; empty when nothing is open."""
+    """Recordings and bench checks for what is not told apart and for alternatives; empty when nothing is open."""
+    worth = {
+        item.name: [other for other in item.alternatives if other.probability >= WORTH_A_RECORDING]
+        for item in posteriors
+    }
+    involved = {
+        name: None
+        for item in posteriors
+        if len(item.members) > 1 or worth[item.name]
+        for name in (item.name, *item.members, *(other.name for other in worth[item.name]))
+    }
+    foretold = [_foretold(recordings, chosen, choice, list(involved)) for choice in MENU] if involved else []
     said: list[NextStep] = []
     for item in posteriors:
-        if len(item.members) > 1:
-            checks = dict.fromkeys(EFFECTS[name].bench_check for name in item.members[:2])
-            share = item.probability / len(item.members)
-            measured = [
-                _measurement(item.name, name, item.members, [share] * len(item.members)) for name in item.members
-            ]
-            text = f"Only the bench tells {' from '.join(item.members)}: {' '.join(checks)}"
-            said.append(NextStep(text, tuple(measured)))
-        for other in item.alternatives:
-            if other.probability >= WORTH_A_RECORDING:
-                said.append(_best_release(recordings, chosen, item, other))
+        said += _for_class(foretold, chosen, item)
+        said += [_for_rival(foretold, chosen, item, other) for other in worth[item.name]]
     return said
 
 
-def _best_release(recordings: Recordings, chosen: Hypothesis, item: EffectPosterior, rival: Alternative) -> NextStep:
+def _for_class(foretold: "Sequence[Foretold]", chosen: Hypothesis, item: EffectPosterior) -> list[NextStep]:
+    """Recordings that tell members of a class apart, if there are such, and what the bench tells."""
+    if len(item.members) == 1:
+        return []
+    share = item.probability / len(item.members)
+    steps = []
+    for other in item.members:
+        # The wider of two forms may be there in a size that the narrower has none of.
+        strength, best = _most(
+            foretold, lambda there, o=other: max(there.apart(item.name, o), there.apart(o, item.name))
+        )
+        if other != item.name and strength >= TOLD_APART:
+            steps.append(_recording(chosen, item.name, other, [share, share], strength, best))
+    measured = [_measurement(item.name, name, item.members, [share] * len(item.members)) for name in item.members]
+    checks = dict.fromkeys(EFFECTS[name].bench_check for name in item.members[:2])
+    only = "The bench" if steps else "Only the bench"
+    steps.append(NextStep(f"{only} tells {' from '.join(item.members)}: {' '.join(checks)}", tuple(measured)))
+    return steps
+
+
+def _for_rival(
+    foretold: "Sequence[Foretold]", chosen: Hypothesis, item: EffectPosterior, rival: Alternative
+) -> NextStep:
     name, other, likely = item.name, rival.name, [item.probability, rival.probability]
-    found = [(_discrimination(recordings, chosen, name, other, choice), choice) for choice in MENU]
-    strength, best = max(found, key=lambda pair: pair[0])
+    strength, best = _most(foretold, lambda there: there.apart(name, other))
     if strength < TOLD_APART:
         text = f"No recording of the menu tells {name} from {other}. {EFFECTS[name].bench_check}"
         return NextStep(text, (_measurement(name, name, (name, other), likely),))
+    return _recording(chosen, name, other, likely, strength, best)
+
+
+def _most(foretold: "Sequence[Foretold]", strength: "Callable[[Foretold], float]") -> tuple[float, PossibleRelease]:
+    return max(((strength(there), there.choice) for there in foretold), key=lambda pair: pair[0])
+
+
+def _recording(
+    chosen: Hypothesis, name: str, other: str, likely: Sequence[float], strength: float, best: PossibleRelease
+) -> NextStep:
     text = f"To tell {name} from {other}, record {best.text}: they differ by {strength:.0f} standard deviations there."
     apart = strength / np.sqrt(chosen.residuals.inflation * CALIBRATION.temperature)
-    return NextStep(text, (_check("recording", best.text, name, (name, other), told_bits(likely, apart)),))
+    check = _check("recording", best.text, name, (name, other), told_bits(likely, apart))
+    theta1, theta2 = best.theta
+    release = AdvisedRelease(theta1_rad=theta1, theta2_rad=theta2, duration_s=best.duration, added_mass=best.added)
+    return NextStep(text, (check.model_copy(update={"release": release}),))
 
 
 def _measurement(about: str, measured: str, splits: Sequence[str], likely: Sequence[float]) -> AdvisedCheck:
-    """A measurement of one effect's amplitude, as good as certain: zero where one of no kin is the cause."""
+    """A measurement of one effect's amplitude, as good as certain: zero where a cause has none of it."""
     effect = EFFECTS[measured]
-    own = sum(p for name, p in zip(splits, likely, strict=True) if akin(name, measured))
+    wider = effect.adds and not set(effect.nested).isdisjoint(splits)
+    amplitude = next(p for p in effect.amplitudes if p.name == effect.adds) if wider else effect.amplitudes[0]
+    own = sum(p for name, p in zip(splits, likely, strict=True) if has(name, measured, amplitude.name))
     bits = told_bits([own, sum(likely) - own], np.inf)
-    amplitude = effect.amplitudes[0]
     made = _check("measurement", effect.bench_check, about, splits, bits)
     return made.model_copy(update={"measures": measured, "quantity": f"{amplitude.name}, {amplitude.unit}"})
 
 
-def akin(name: str, other: str) -> bool:
-    """Whether two effects are forms of one, so that a measured amplitude speaks for both."""
-    return not {name, *EFFECTS[name].nested}.isdisjoint({other, *EFFECTS[other].nested})
+def has(name: str, measured: str, amplitude: str) -> bool:
+    """Whether an effect has the amplitude of another: forms of one share them, but for what the wider form adds."""
+    if amplitude == EFFECTS[measured].adds and name in EFFECTS[measured].nested:
+        return False
+    return not {name, *EFFECTS[name].nested}.isdisjoint({measured, *EFFECTS[measured].nested})
 
 
 def _check(
@@ -154,24 +193,43 @@ def _entropy(p: Array) -> Array:
     return -(p * np.log2(p) + (1 - p) * np.log2(1 - p))
 
 
-def _discrimination(
-    recordings: Recordings,
-    chosen: Hypothesis,
-    name: str,
-    other: str,
-    choice: PossibleRelease,
-) -> float:
-    """Standard deviations by which the readings differ from the nearest that the other effect can do."""
+@dataclass(frozen=True, slots=True)
+class Foretold:
+    """What the readings of a release would show of some effects."""
+
+    choice: PossibleRelease
+    known: Array
+    """(n, k) whitened changes by what is fitted anyway."""
+    changes: dict[str, Array]
+    """Effect -> (n, p) whitened changes by its parameters."""
+    sizes: dict[str, Array]
+    """Effect -> (p,) those parameters as fitted; typical where it is not there."""
+
+    def apart(self, name: str, other: str) -> float:
+        """Standard deviations by which the readings differ from the nearest that the other effect can do."""
+        signal = self.changes[name] @ self.sizes[name]
+        explained = ColumnSpace.of(np.hstack([self.known, self.changes[other]]), signal).gain()
+        return float(np.sqrt(max(signal @ signal - explained, 0.0)))
+
+
+def _foretold(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease, names: Sequence[str]) -> Foretold:
     at = chosen.fit.estimate
     trial, initial = _simulated(recordings, chosen, choice)
     known = [parameter for parameter in chosen.fit.free if parameter.effect in (None, *trial.always)]
-    held, own = [*known, *effect_parameters(EFFECTS[other])], effect_parameters(EFFECTS[name])
-    linear = linearise(trial, replace(at, initial=initial), [*held, *own])
+    own = {name: effect_parameters(EFFECTS[name]) for name in names}
+    linear = linearise(trial, replace(at, initial=initial), [*known, *(p for each in own.values() for p in each)])
     A, _ = linear.flat
-    sizes = np.array([parameter.read(at) for parameter in own])
-    signal = A[:, len(held) :] @ (sizes if sizes.any() else np.array([parameter.size for parameter in own]))
-    explained = ColumnSpace.of(A[:, : len(held)], signal).gain()
-    return float(np.sqrt(max(signal @ signal - explained, 0.0)))
+    ends = np.cumsum([len(known), *map(len, own.values())])
+    fitted = {name: np.array([parameter.read(at) for parameter in each]) for name, each in own.items()}
+    return Foretold(
+        choice,
+        A[:, : ends[0]],
+        {name: A[:, i:j] for name, i, j in zip(own, ends[:-1], ends[1:], strict=True)},
+        {
+            name: sizes if sizes.any() else np.array([parameter.size for parameter in own[name]])
+            for name, sizes in fitted.items()
+        },
+    )
 
 
 def _simulated(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease) -> tuple[Problem, Array]:

@@ -12,6 +12,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.trust import Trust
+from dpr_lab.rig import AddedMass
 from dpr_lab.shown import Row, Shown
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -112,6 +113,17 @@ class SensorFinding(_Record):
     evidence: str
 
 
+class AdvisedRelease(_Record):
+    """A release that is to be recorded."""
+
+    theta1_rad: Number
+    """Absolute angles of the rods when they are let go, at rest."""
+    theta2_rad: Number
+    duration_s: Number
+    added_mass: AddedMass | None = None
+    """A known mass to be clamped on."""
+
+
 class AdvisedCheck(_Record):
     """A recording or a measurement that would tell a named effect from what else it could be."""
 
@@ -129,6 +141,8 @@ class AdvisedCheck(_Record):
     """Of a measurement, the effect whose amplitude it measures: zero where that effect is not there."""
     quantity: str = ""
     """That amplitude, with its unit."""
+    release: AdvisedRelease | None = None
+    """What a recording is of."""
 
 
 class CheckDone(_Record):

@@ -6,7 +6,7 @@ stand in its place. With L_c how likely the result is under candidate c,
     p_c after  =  p_c before * L_c / (sum of the same over all candidates) * (sum of p_c before),
 
 so that nothing else of the diagnosis moves, and nothing is fitted again but new recordings. A measured amplitude is
-normal about the fitted one where its effect or a form of it is the candidate, and about zero elsewhere; a recording has
+normal about the fitted one where the candidate has it, and about zero elsewhere; a recording has
 the predictive cost of each candidate beside the other named effects, tempered as in
 `dpr_lab.gap.inference.posterior`.
 """
@@ -23,7 +23,7 @@ from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.inference.posterior import CALIBRATION
-from dpr_lab.gap.result.advise import akin
+from dpr_lab.gap.result.advise import has
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, CheckDone, Diagnosis, NamedEffect, RivalEffect
 from dpr_lab.gap.selection.bare_model import fit_bare_model
 from dpr_lab.gap.selection.hypothesis import Hypothesis, free_parameters, hypothesis, refit_with
@@ -77,14 +77,15 @@ def take_value(diagnosis: Diagnosis, check: AdvisedCheck, value: float, std: flo
     """
     if check.kind != "measurement":
         raise RunError(f"check {check.id} is a recording ({check.text}): give its run files, not a value")
-    size, spread = _amplitude(diagnosis, check.measures)
+    amplitude = check.quantity.split(",")[0]
+    size, spread = _amplitude(diagnosis, check.measures, amplitude)
     before = candidates(diagnosis, check.about)
     likely = {}
     for name in before:
-        there = akin(name, check.measures)
+        there = has(name, check.measures, amplitude)
         mean, variance = (size, spread**2 + std**2) if there else (0.0, std**2)
         likely[name] = -0.5 * ((value - mean) ** 2 / variance + np.log(variance))
-    return _updated(diagnosis, check, before, likely, f"{check.quantity.split(',')[0]} = {value:g} ± {std:g}")
+    return _updated(diagnosis, check, before, likely, f"{amplitude} = {value:g} ± {std:g}")
 
 
 def take_runs(diagnosis: Diagnosis, check: AdvisedCheck, runs: Sequence[Run], rig: Rig) -> Diagnosis:
@@ -106,7 +107,7 @@ def take_runs(diagnosis: Diagnosis, check: AdvisedCheck, runs: Sequence[Run], ri
     best = min(fitted.values(), key=lambda item: item.cost)
     scale = 2 * best.residuals.inflation * CALIBRATION.temperature
     likely = {name: -(item.cost - best.cost) / scale for name, item in fitted.items()}
-    # Members of a class are no more told apart by this than by what was recorded before; others are as the named one.
+    # Members that this does not split are no more told apart by it than by what was recorded before.
     likely |= {name: likely[check.about] for name in before if name not in likely}
     return _updated(diagnosis, check, before, likely, f"recorded: {', '.join(run.name for run in runs)}")
 
@@ -123,13 +124,13 @@ def _named(diagnosis: Diagnosis, about: str) -> NamedEffect:
 
 
 def _told(diagnosis: Diagnosis, check: AdvisedCheck) -> set[str]:
-    """The named effect and its alternatives: a recording may tell about any of them."""
-    return {check.about, *(item.name for item in diagnosis.rivals if item.instead_of == check.about)}
+    """The named effect, what the check splits, and its alternatives: a recording may tell about any of them."""
+    return {check.about, *check.splits, *(item.name for item in diagnosis.rivals if item.instead_of == check.about)}
 
 
-def _amplitude(diagnosis: Diagnosis, name: str) -> tuple[float, float]:
+def _amplitude(diagnosis: Diagnosis, name: str, amplitude: str) -> tuple[float, float]:
     """Amplitude that a check is expected to find where an effect is there, and its standard deviation."""
-    parameter = EFFECTS[name].amplitudes[0]
+    parameter = next(p for p in EFFECTS[name].amplitudes if p.name == amplitude)
     for effect in diagnosis.effects:
         if effect.name == name and parameter.name in effect.parameters:
             found = effect.parameters[parameter.name]

@@ -1,0 +1,130 @@
+"""How many advised checks it takes until one cause is left, beside checks taken at random from the same list.
+
+    python benchmarks/checks.py [--cases 120] [--quick] [--json]
+
+Blind trials whose diagnosis leaves more than one cause open are played to the end: the sealed plant is released as a
+check asks and the recording taken back, or the true amplitude is measured, within `READ` of a typical one. It ends
+when one cause holds `LEFT` of the probability of every named effect, or no check is left.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from _bars import Bar, at_least, at_most, options, show
+from _trial_cases import Case, hidden, opened
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease, Diagnosis
+from dpr_lab.gap.result.take_back import candidates, take_runs, take_value
+from dpr_lab.rig import Pose, Rig
+from dpr_lab.run import Run
+from dpr_lab.trials.truth import Truth
+from sim_device.plant.config import PlantConfig
+from sim_device.trials.draw import visible_effects
+from sim_device.trials.offline_recorder import record
+
+LEFT = 0.95
+READ = 0.05
+KINDS = ("single:subtle", "single:clear", "pair:clear", "triple:clear")
+
+Choice = Callable[[Sequence[AdvisedCheck]], AdvisedCheck]
+
+
+def cases_of(count: int, seed: int) -> list[Case]:
+    """Every kind in turn; single effects one after the other."""
+    effects = visible_effects()
+    each = [(KINDS[k % len(KINDS)], effects[k // len(KINDS) % len(effects)]) for k in range(count)]
+    return [
+        Case("checks", f"{kind}:{effect}" if kind.startswith("single") else kind, seed + k)
+        for k, (kind, effect) in enumerate(each)
+    ]
+
+
+def still_open(found: Diagnosis) -> list[str]:
+    """Named effects whose cause is not yet one."""
+    shares = {item.name: list(candidates(found, item.name).values()) for item in found.effects}
+    return [name for name, share in shares.items() if max(share) < LEFT * sum(share)]
+
+
+def right(found: Diagnosis, truth: Truth) -> bool:
+    """Whether the likeliest cause of every named effect is a true one."""
+    answers = {name for names in truth.answers for name in names}
+    likeliest = [max(share, key=lambda name: share[name]) for share in _shares(found)]
+    return all(name in answers for name in likeliest)
+
+
+def _shares(found: Diagnosis) -> list[dict[str, float]]:
+    return [candidates(found, item.name) for item in found.effects]
+
+
+def played(
+    found: Diagnosis, plant: PlantConfig, rig: Rig, truth: Truth, choice: Choice, rng: np.random.Generator
+) -> tuple[Diagnosis, int]:
+    """The diagnosis once one cause is left or no check, and how many checks that took."""
+    count = 0
+    while names := still_open(found):
+        asked = [check for check in found.checks if check.about in names]
+        if not asked:
+            break
+        check, count = choice(asked), count + 1
+        if check.release is not None:
+            found = take_runs(found, check, [released(plant, rig, check.release)], rig)
+        else:
+            parameter = EFFECTS[check.measures].amplitudes[0]
+            true = truth.sizes(rig, found.scale_b).get(check.measures, {}).get(parameter.name, 0.0)
+            std = READ * parameter.typical
+            found = take_value(found, check, true + std * rng.standard_normal(), std)
+    return found, count
+
+
+def released(plant: PlantConfig, rig: Rig, asked: AdvisedRelease) -> Run:
+    """The sealed plant, released as a check asks."""
+    pose = Pose(theta1=asked.theta1_rad, theta2=asked.theta2_rad)
+    other = rig.model_copy(update={"poses": {"check": pose}, "added_mass": asked.added_mass})
+    (run,) = record(plant, other, asked.duration_s)
+    return replace(run, name="check")
+
+
+def main() -> None:
+    """Print how many checks were needed, by advice and by chance."""
+    parser = options(__doc__)
+    parser.add_argument("--cases", type=int, default=120, help="blind trials (default: 120)")
+    parser.add_argument("--seed", type=int, default=400_000, help="of the first trial")
+    told = parser.parse_args()
+    counts: dict[str, list[int]] = {"advised": [], "random": []}
+    ended, before, after, trials = 0, 0, 0, 0
+    for case in cases_of(12 if told.quick else told.cases, told.seed):
+        plant, rig = hidden(case)
+        found, truth, rng = diagnose(record(plant, rig), rig), opened(plant, rig), np.random.default_rng(case.seed)
+        trials += 1
+        if not still_open(found):
+            continue
+        choices: dict[str, Choice] = {
+            "advised": lambda checks: max(checks, key=lambda check: check.expected_bits),
+            "random": lambda checks, rng=rng: checks[int(rng.integers(len(checks)))],
+        }
+        for name, choice in choices.items():
+            last, count = played(found, plant, rig, truth, choice, rng)
+            counts[name].append(count)
+            if name == "advised":
+                ended += not still_open(last)
+                before, after = before + right(found, truth), after + right(last, truth)
+        print(f"{case.draw} {case.seed}: {counts['advised'][-1]} {counts['random'][-1]}", flush=True)
+    opened_ones = max(len(counts["advised"]), 1)
+    bars = [
+        Bar("trials that leave more than one cause open", "-", float(len(counts["advised"])), None),
+        at_most("checks until one is left, advised: median", float(np.median(counts["advised"] or [0])), 1),
+        Bar("the same, mean", "-", float(np.mean(counts["advised"] or [0])), None),
+        Bar("by chance: median", "-", float(np.median(counts["random"] or [0])), None),
+        Bar("by chance: mean", "-", float(np.mean(counts["random"] or [0])), None),
+        at_least("one cause left in the end", ended / opened_ones, 0.9),
+        Bar("likeliest causes right before any check", "-", before / opened_ones, None),
+        at_least("and after them", after / opened_ones, 0.9),
+    ]
+    show(f"Checks, {trials} trials", bars, told.json)
+
+
+if __name__ == "__main__":
+    main()
