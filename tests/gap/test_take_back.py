@@ -81,7 +81,7 @@ def test_a_recording_decides(diagnosis: Diagnosis) -> None:
 
 @pytest.mark.timeout(500)
 def test_forms_of_one_are_told_apart_by_what_the_wider_adds() -> None:
-    """Dry friction with and without a rise towards rest: short releases leave both, and checks that split are advised."""
+    """Dry friction with a rise towards rest or without: short releases leave both, and checks that split are told."""
     names = ("coulomb_joint2", "stribeck_joint2")
     plant = load_plant("paper", 5).model_copy(update={"effects": {names[0]: {"torque_Nm": 3e-4}}})
     found = diagnose(
