@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from dpr_lab.trials.score import Cause, Claim, SizeError, TrialOutcome
 
@@ -50,6 +49,8 @@ def brier(claims: Sequence[Claim]) -> float:
 
 def wilson90(held: int, of: int) -> tuple[float, float]:
     """90 % interval of a share, by Wilson's score."""
+    from scipy.stats import binomtest  # slow to import
+
     interval = binomtest(held, of).proportion_ci(0.9, method="wilson")
     return float(interval.low), float(interval.high)
 

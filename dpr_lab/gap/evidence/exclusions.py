@@ -7,8 +7,7 @@ detectable size is 5 s, so that the effect is smaller with the confidence
 """
 
 from collections.abc import Mapping
-
-from scipy.stats import norm
+from statistics import NormalDist
 
 from dpr_lab.gap.inference.detectable import SIGMAS
 from dpr_lab.gap.result.evidence import Exclusion
@@ -41,7 +40,7 @@ def exclusions(at: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str,
                     parameter=parameter.name,
                     size=size,
                     estimate=estimate,
-                    confidence=float(norm.cdf(SIGMAS - abs(estimate) / sigma)),
+                    confidence=float(NormalDist().cdf(SIGMAS - abs(estimate) / sigma)),
                 )
             )
     return found

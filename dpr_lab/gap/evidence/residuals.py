@@ -5,10 +5,10 @@ Source: G. E. P. Box & G. M. Jenkins, Time Series Analysis, ch. 8: residual auto
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.screen import AXES
@@ -51,7 +51,7 @@ def residual_look(problem: Problem, models: Mapping[str, Hypothesis], settings: 
     return ResidualLook(
         spacing_s=float(np.median(np.diff(problem.t)[within])),
         readings=int(np.count_nonzero(problem.read[:, 0])),
-        normal=norm.ppf(chances).tolist(),
+        normal=[NormalDist().inv_cdf(chance) for chance in chances],
         joints=joints,
     )
 
