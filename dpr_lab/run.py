@@ -16,7 +16,7 @@ from dpr_lab.shown import Shown
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
 """Why a sample can be missing: the device was late, the link damaged it, the device said two things of its tick, or it
-never arrived."""
+never arrived. Of a device with drives there is `torque` besides: its torques never arrived."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -49,6 +49,8 @@ class Run(Shown):
     """(n, 2) known torques of joint 1 and 2, N m, each held until the next sample; None for a free swing."""
     torque_kind: str = ""
     """`measured` or `commanded`, where that was said of the torques."""
+    commanded: NDArray[np.float64] | None = None
+    """(n, 2) those that were commanded, where `torques` are the measured ones and both are known."""
     input_delay_s: float = 0.0
     """How much later than they were logged the torques act, as far as it is known."""
     arm: ArmMotion | None = None
@@ -77,6 +79,23 @@ class Run(Shown):
         """Angle theta2 - theta1 at which the elbow is clamped, rad; zero where it is not."""
         clamped = self.mounting == "clamped" and len(self.t)
         return float(np.median(self.theta[:, 2] - self.theta[:, 1])) if clamped else 0.0
+
+    def driven_by(self, kind: str | None) -> "Run":
+        """The same run with the torques of a kind, `measured` or `commanded`; None for those that it has.
+
+        Raises:
+            RunError: it holds none of that kind.
+        """
+        if kind is None or self.torques is None:
+            return self
+        if kind == "commanded" and self.commanded is not None:
+            return replace(self, torques=self.commanded, torque_kind=kind, commanded=None)
+        if kind != self.torque_kind:
+            raise RunError(
+                f"{self.file or self.name}: holds no {kind} torques, only {self.torque_kind or 'some of no said kind'}:"
+                " leave out --torque"
+            )
+        return replace(self, commanded=None)
 
     @property
     def setup(self) -> Setup:
@@ -117,7 +136,10 @@ class Run(Shown):
     def _cut(self, keep: NDArray[np.bool_]) -> "Run":
         counts = None if self.counts is None else self.counts[keep]
         torques = None if self.torques is None else self.torques[keep]
-        return replace(self, t=self.t[keep], theta=self.theta[keep], counts=counts, torques=torques)
+        commanded = None if self.commanded is None else self.commanded[keep]
+        return replace(
+            self, t=self.t[keep], theta=self.theta[keep], counts=counts, torques=torques, commanded=commanded
+        )
 
 
 def _flat(parts: tuple[Any, ...]) -> Iterator[Any]:

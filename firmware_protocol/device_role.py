@@ -31,6 +31,8 @@ from firmware_protocol.messages import (
     Status,
     Stop,
     Stream,
+    Torque,
+    TorqueKind,
     decode,
     encode,
 )
@@ -131,6 +133,11 @@ class DeviceSession:
         """A SAMPLE of the three counters, counts, latched at a tick."""
         arm, inner, outer = positions
         return self._frame(Sample(tick & 0xFFFF, arm & 0xFFFF, inner & 0xFFFF, outer & 0xFFFF))
+
+    def torque(self, kind: TorqueKind, tick: int, torques: Sequence[int]) -> Frame:
+        """A TORQUE of joint 1 and 2 at the tick of a sample, in the identity's unit; cut to what it can carry."""
+        first, second = (min(max(torque, -0x8000), 0x7FFF) for torque in torques)
+        return self._frame(Torque(kind, tick & 0xFFFF, first, second))
 
     def positions(self, tick: int, positions: Sequence[int]) -> tuple[Frame, ...]:
         """The three POSITION frames of counters, counts, latched at a tick."""

@@ -152,6 +152,8 @@ class HostSession:
             )
         if isinstance(self.pending, Hello):
             self._greeted()
+        elif self.info is not None:  # the page that only some devices have came late
+            self.info = assemble(self._pages.values())
 
     def _answered(self, command: Command, message: Ack | Nak) -> None:
         if (message.command, message.token) != (NUMBERS[type(command)], command.token):

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 from firmware_protocol.definition import PROTOCOL_VERSION, SCHEMA_HASH
 from firmware_protocol.errors import VersionMismatch
-from firmware_protocol.messages import Info
+from firmware_protocol.messages import Info, TorqueKind
 
 PAGES = 8
-"""INFO pages of a whole identity."""
+"""INFO pages of a whole identity; a device with drives tells one more, before them."""
+_TORQUE_FLAGS = {"torque_measured": TorqueKind.MEASURED, "torque_commanded": TorqueKind.COMMANDED}
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,16 +26,27 @@ class DeviceInfo:
     """Rate of the tick while the device is not streaming."""
     simulated_time: bool = False
     """Whether ticks may run faster or slower than wall time."""
+    torque_kinds: tuple[TorqueKind, ...] = ()
+    """Which torques follow every sample; none of a device without drives."""
+    torque_unit_uNm: int = 0
+    """What 1 in TORQUE is."""
     major: int = PROTOCOL_VERSION[0]
     minor: int = PROTOCOL_VERSION[1]
     schema_hash: int = SCHEMA_HASH
+
+    @property
+    def frames(self) -> int:
+        """Frames that a sample takes: its own, and one of each kind of torques."""
+        return 1 + len(self.torque_kinds)
 
 
 def info_pages(info: DeviceInfo) -> list[Info]:
     """The INFO messages that tell an identity."""
     firmware = [int(part) for part in info.firmware.split(".")]
+    flags = {flag: int(kind in info.torque_kinds) for flag, kind in _TORQUE_FLAGS.items()}
     uid = int(info.uid, 16)
     return [
+        *([Info(PAGES, {"torque_unit": info.torque_unit_uNm, **flags})] if info.torque_kinds else []),
         Info(0, {"major": info.major, "minor": info.minor, "schema_hash": info.schema_hash}),
         Info(
             1,
@@ -52,10 +64,11 @@ def info_pages(info: DeviceInfo) -> list[Info]:
 
 def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
     """The identity that INFO pages tell, in any order; None while one is missing."""
-    known = {page.page: page.fields for page in pages if page.page < PAGES}
-    if len(known) < PAGES:
+    known = {page.page: page.fields for page in pages if page.page <= PAGES}
+    if len(known.keys() - {PAGES}) < PAGES:
         return None
     told = {name: value for fields in known.values() for name, value in fields.items()}
+    unit = told.get("torque_unit", 0)
     return DeviceInfo(
         firmware=f"{told['firmware_major']}.{told['firmware_minor']}.{told['firmware_patch']}",
         uid=f"{told['uid_high']:08x}{told['uid_low']:08x}",
@@ -63,6 +76,8 @@ def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
         rate_max_hz=told["rate_max_hz"],
         rate_default_hz=told["rate_default_hz"],
         simulated_time=bool(told["simulated_time"]),
+        torque_kinds=tuple(kind for flag, kind in _TORQUE_FLAGS.items() if unit and told[flag]),
+        torque_unit_uNm=unit,
         major=told["major"],
         minor=told["minor"],
         schema_hash=told["schema_hash"],

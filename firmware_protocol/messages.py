@@ -74,6 +74,13 @@ class EventKind(IntEnum):
     LEASE_LOST = 4
 
 
+class TorqueKind(IntEnum):
+    """Which torques a TORQUE tells."""
+
+    MEASURED = 1
+    COMMANDED = 2
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """Something happened at an instant; `detail` is the joint of INDEX, the fault of FAULT."""
@@ -149,6 +156,16 @@ class Info:
 
 
 @dataclass(frozen=True, slots=True)
+class Torque:
+    """Torques of the joint drives, in the unit that INFO names, at the tick of a SAMPLE; low 16 bits of that tick."""
+
+    kind: TorqueKind
+    tick: int
+    torque1: int
+    torque2: int
+
+
+@dataclass(frozen=True, slots=True)
 class Hello:
     """Opens a conversation."""
 
@@ -211,7 +228,7 @@ class Ping:
 Command: TypeAlias = Hello | Hold | Release | Stream | Stop | ClearFault
 """What the host asks for and the device answers by ACK or NAK."""
 
-Message: TypeAlias = Event | Sample | Position | Status | Pong | Ack | Nak | Info | Command | KeepAlive | Ping
+Message: TypeAlias = Event | Sample | Position | Status | Pong | Ack | Nak | Info | Torque | Command | KeepAlive | Ping
 
 MESSAGES: dict[str, type[Message]] = {
     "EVENT": Event,
@@ -222,6 +239,7 @@ MESSAGES: dict[str, type[Message]] = {
     "ACK": Ack,
     "NAK": Nak,
     "INFO": Info,
+    "TORQUE": Torque,
     "HELLO": Hello,
     "HOLD": Hold,
     "RELEASE": Release,

@@ -1,6 +1,7 @@
 """Put a simulated device together from names, as the command line gives them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from dpr_lab.rig import load_rig
@@ -14,6 +15,7 @@ from sim_device.links.link import DeviceLink
 from sim_device.links.open_link import open_link
 from sim_device.options import SEALED_FILE, SEALED_PLANT, Options
 from sim_device.plant.config import load_plant
+from sim_device.plant.drives import JointDrives, load_drives
 from sim_device.plant.hidden import HiddenPlant, plant_of
 from sim_device.plant.operator import HABITS
 from sim_device.plant.rods import SimulatedRods
@@ -51,11 +53,15 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
         LinkError: no such link, or it cannot be opened.
     """
     rig, plant = load_rig(options.rig), hidden_plant(options)
+    drives = None if options.torques is None else load_drives(options.torques, plant.config.drives, plant.config.seed)
+    if drives is not None:
+        plant.refuse_drives()
+    frames = 1 if drives is None else 1 + len(drives.kinds)
     faults = parse_faults(options.fault, plant.config.seed)
     pace = CLOCKS[options.clock]
     board, framing = _firmware(options.firmware)
     link = open_link(options.link, options.baud, faults, bool(pace), framing)
-    clock = Clock(pace, options.drift_ppm, link.address.fast_samples_hz)
+    clock = Clock(pace, options.drift_ppm, link.address.fast_samples_hz / frames)
     rods = SimulatedRods(
         plant,
         rig,
@@ -63,10 +69,18 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
         hand_error=options.hand_error,
         clock_rate=clock.rate,
         faults=faults,
+        drives=drives,
         ready=warm_up(plant, rig, beside=at_once and not clock.simulated),
     )
-    info = faults.identity(identity(rig, options.uid, link.address.rate_max_hz, clock.simulated))
-    return board(info, rods, clock, faults), link, faults
+    info = identity(rig, options.uid, link.address.rate_max_hz // frames, clock.simulated)
+    return board(faults.identity(with_drives(info, drives)), rods, clock, faults), link, faults
+
+
+def with_drives(info: DeviceInfo, drives: JointDrives | None) -> DeviceInfo:
+    """What a board says it is that has these drives."""
+    if drives is None:
+        return info
+    return replace(info, torque_kinds=drives.kinds, torque_unit_uNm=drives.config.unit_uNm)
 
 
 def _firmware(name: str) -> tuple[Callable[[DeviceInfo, SimulatedRods, Clock, Faults], Board], Framing]:

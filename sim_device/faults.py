@@ -11,7 +11,7 @@ from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import NUMBERS, Event, Frame
+from firmware_protocol.messages import NUMBERS, Event, Frame, Torque
 from sim_device.random_streams import RandomStream, generator
 
 
@@ -29,6 +29,7 @@ FAULTS: dict[str, FaultKind] = {
     "drop": FaultKind("frame", "probability that a frame is lost, either way"),
     "duplicate": FaultKind("frame", "probability that a frame arrives twice, either way"),
     "reorder": FaultKind("frame", "probability that a frame changes places with the next, either way"),
+    "lose_torques": FaultKind("frame", "probability that a TORQUE frame is lost"),
     "lose_events": FaultKind("frame", "how many of the first EVENT frames are lost", np.inf, whole=True),
     "flip": FaultKind("byte", "probability that a byte has one bit flipped, either way"),
     "garbage": FaultKind("byte", "probability that a write to the host is preceded by stray bytes"),
@@ -77,6 +78,7 @@ class Faults:
         """The frames that arrive."""
         drop, twice, swap = (self._values.get(name, 0.0) for name in ("drop", "duplicate", "reorder"))
         frames = self._without_events(frames) if self._events_to_lose else frames
+        frames = self._without_torques(frames) if "lose_torques" in self._values else frames
         if not frames or drop == twice == swap == 0.0:
             return frames
         kept = [frame for frame, u in zip(frames, self._rng.random(len(frames)), strict=True) if u >= drop]
@@ -90,6 +92,11 @@ class Faults:
         events = [at for at, frame in enumerate(frames) if frame.number == NUMBERS[Event]][: int(self._events_to_lose)]
         self._events_to_lose -= len(events)
         return [frame for at, frame in enumerate(frames) if at not in events]
+
+    def _without_torques(self, frames: list[Frame]) -> list[Frame]:
+        lost = self._rng.random(len(frames)) < self._values["lose_torques"]
+        pairs = zip(frames, lost, strict=True)
+        return [frame for frame, gone in pairs if not (gone and frame.number == NUMBERS[Torque])]
 
     def framed(self, data: bytes) -> bytes:
         """What a frame's bytes are when they leave."""

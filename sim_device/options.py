@@ -25,6 +25,8 @@ class Options:
     uid: int = 0x51D0_0000_0001
     drift_ppm: float = 0.0
     """Error of the device's crystal."""
+    torques: str | Path | None = None
+    """A table of torques that the joint drives replay from the release on; None for a rig without drives."""
     hand_error: float = 0.0
     """How far the operator misses every pose, rad."""
     fault: tuple[str, ...] = ()

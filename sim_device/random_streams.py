@@ -19,6 +19,7 @@ class RandomStream(IntEnum):
     FOREIGN = 8
     SAMPLING = 9
     KIND = 10
+    DRIVES = 11
 
 
 def generator(seed: int, stream: RandomStream, *numbers: int) -> np.random.Generator:

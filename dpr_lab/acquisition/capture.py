@@ -20,7 +20,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.acquisition.device import Batch, Device
+from dpr_lab.acquisition.batch import Batch
+from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.gate import QualityReport
 from dpr_lab.acquisition.holding import (
     Confirm,
@@ -42,6 +43,7 @@ from dpr_lab.storage.layout import SUFFIX
 from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.room import check_room
 from dpr_lab.storage.writer import RunWriter
+from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import State, Status
 
 STOPPED = "stopped by the operator"
@@ -233,8 +235,15 @@ def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str)
         protocol=f"{info.major}.{info.minor}",
         schema_hash=f"{info.schema_hash:08x}",
         note=note,
-        extra={"simulated_time": str(info.simulated_time).lower()},
+        extra={"simulated_time": str(info.simulated_time).lower(), **_drives(info)},
     )
+
+
+def _drives(info: DeviceInfo) -> dict[str, str]:
+    """What a run says of the torques in it; nothing of a device without drives."""
+    if not info.torque_kinds:
+        return {}
+    return {"torque_kind": info.torque_kinds[0].name.lower(), "torque_unit_uNm": str(info.torque_unit_uNm)}
 
 
 def _record(

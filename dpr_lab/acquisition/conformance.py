@@ -14,6 +14,7 @@ from typing import Any
 from dpr_lab.errors import DprError, LinkTimeout
 from dpr_lab.transports.transport import Transport
 from firmware_protocol.errors import RemoteProtocolError
+from firmware_protocol.identity import PAGES
 from firmware_protocol.messages import (
     DEVICE_NODE,
     MESSAGES,
@@ -36,6 +37,7 @@ from firmware_protocol.messages import (
     Status,
     Stop,
     Stream,
+    Torque,
     decode,
     encode,
 )
@@ -88,6 +90,7 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
     peer = _Peer(link, settings)
     pages = [page for page in peer.ask(Hello(token=1)) if isinstance(page, Info)]
     simulated_time = any(page.fields.get("simulated_time") for page in pages)
+    peer.driven = any(page.page == PAGES for page in pages)
     told = json.loads(files("firmware_protocol").joinpath("traces.json").read_text(encoding="utf-8"))
     for trace in told["traces"]:
         steps: Sequence[Step] = trace["steps"]
@@ -95,6 +98,9 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
             continue  # needs a hand on the hardware
         if simulated_time and any("silent_s" in step for step in steps):
             continue  # its clock stands still while nothing is said
+        if "drives" in trace and not peer.driven:
+            continue
+        peer.drives_are_news = "drives" not in trace
         peer.to_idle()
         wrong = next((said for n, step in enumerate(steps, 1) if (said := _step(peer, step, f"step {n}"))), "")
         yield Conformity(trace["why"], not wrong, wrong or f"{len(steps)} steps")
@@ -109,6 +115,10 @@ class _Peer:
     def __init__(self, link: Transport, settings: ConformanceSettings) -> None:
         self.link, self.settings = link, settings
         self.meaningless = 0
+        self.driven = False
+        """Whether it has drives."""
+        self.drives_are_news = False
+        """Whether what is asked of it is of devices without drives, which have a page of INFO less."""
         self._mark = 0
         self._released: Event | None = None
         self._heard: list[Message] = []
@@ -178,8 +188,10 @@ class _Peer:
             self.read()
 
     def _is_answer(self, message: Message) -> bool:
-        if isinstance(message, Sample | Position | Status):
+        if isinstance(message, Sample | Torque | Position | Status):
             return False
+        if isinstance(message, Info) and message.page == PAGES:
+            return not self.drives_are_news
         if isinstance(message, Pong):
             return message.token & 0xFF00 != MARK
         if isinstance(message, Event) and message.kind is EventKind.RELEASED:
@@ -227,7 +239,7 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
     peer.ask(Hold(token=2))
     peer.ask(Stream(token=3, rate_hz=settings.rate_hz))
     began = time.monotonic()
-    keep_at, arrived, reports = began, list[tuple[float, int]](), 0
+    keep_at, arrived, torques, reports = began, list[tuple[float, int]](), list[int](), 0
     while (now := time.monotonic()) < began + settings.timing_s:
         if now >= keep_at:
             peer.link.send(encode(KeepAlive()))
@@ -235,6 +247,7 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
         fresh = peer.read()
         now = time.monotonic()
         arrived += [(now, message.tick) for message in fresh if isinstance(message, Sample)]
+        torques += [message.tick for message in fresh if isinstance(message, Torque)]
         reports += sum(isinstance(message, Status) for message in fresh)
     if len(arrived) < 2:
         yield Conformity("samples come", False, f"{len(arrived)} in {settings.timing_s:g} s")
@@ -242,6 +255,11 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
     steps = [(b - a) & 0xFFFF for (_, a), (_, b) in pairwise(arrived)]
     missing = sum(step != 1 for step in steps)
     yield Conformity("every tick has a sample", not missing, f"{len(arrived)} samples, {missing} steps that are not 1")
+    if peer.driven:
+        without = len({tick for _, tick in arrived[:-1]} - set(torques))  # those of the last may be under way
+        yield Conformity(
+            "every sample has its torques", not without, f"{len(torques)} TORQUE, {without} samples without"
+        )
     if not simulated_time:
         rate = sum(steps) / (arrived[-1][0] - arrived[0][0])
         off = abs(rate / settings.rate_hz - 1)

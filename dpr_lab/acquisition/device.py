@@ -9,16 +9,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from types import TracebackType
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dpr_lab.acquisition.batch import AnyRow, Batch, Counter
 from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.acquisition.settings import DEVICE_TIMING, DeviceTiming
 from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, LinkTimeout, MismatchError, SafetyStop
-from dpr_lab.rig import JOINTS
 from dpr_lab.transports.transport import Received, Transport
 from firmware_protocol.clock import FEWEST, ClockFit, Exchange, Pinger, fit_clock
 from firmware_protocol.errors import (
@@ -46,31 +43,14 @@ from firmware_protocol.messages import (
     Status,
     Stop,
     Stream,
+    Torque,
     encode,
     explain,
 )
 from firmware_protocol.stream import Row, SampleStream, blind_ticks
+from firmware_protocol.torques import TorquePairs
 
 _STREAM, _STOP = NUMBERS[Stream], NUMBERS[Stop]
-
-
-@dataclass(frozen=True, slots=True)
-class Batch:
-    """What one read of the link brought, in order of arrival."""
-
-    host_time: float
-    """`time.monotonic()` of the read, s."""
-    raw: bytes
-    rows: tuple[Row, ...]
-    """Samples with whole ticks and positions."""
-    messages: tuple[Message, ...]
-    """Everything but samples."""
-
-
-def arrays(rows: Sequence[Row]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Ticks (n,) and position counters (n, 3) of samples."""
-    ticks = np.array([row.tick for row in rows], dtype=np.int64)
-    return ticks, np.array([row.counts for row in rows], dtype=np.int64).reshape(-1, JOINTS)
 
 
 class Device:
@@ -98,6 +78,7 @@ class Device:
         self._read_only, self._timing = read_only, timing
         self._session = HostSession(node)
         self._stream = SampleStream()
+        self._torques: TorquePairs | None = None
         self._pinger = Pinger()
         self._exchanges: deque[Exchange] = deque(maxlen=timing.exchanges)
         self._rate_hz = 0
@@ -105,8 +86,8 @@ class Device:
         self._bytes = self._frames = self._meaningless = 0
         self._held: Row | None = None
         """The newest sample waits for the next: one that is contradicted by then is left out."""
-        self._overruns = _Counter()
-        self._dropped = _Counter()
+        self._overruns = Counter()
+        self._dropped = Counter()
         self._quick_pings = 0
         self._ping_at = self._heard_at = time.monotonic()
         self._failure: Exception | None = None
@@ -188,7 +169,7 @@ class Device:
             DeviceFault: more than the device can sample.
         """
         for capacity in self._transport.capacities:
-            capacity.check(rate_hz)
+            replace(capacity, bits_per_sample=capacity.bits_per_sample * self.info.frames).check(rate_hz)
         if rate_hz > self.info.rate_max_hz:
             raise DeviceFault(f"{rate_hz} Hz is too fast for the device: choose at most {self.info.rate_max_hz} Hz")
 
@@ -205,6 +186,7 @@ class Device:
         self.check_rate(rate_hz)
         with self._lock:
             self._held = None
+            self._torques = TorquePairs(self.info.torque_kinds) if self.info.torque_kinds else None
             self._stream.restart(blind_ticks(rate_hz, self.info.counts_per_rev))
             self._rate_hz = rate_hz
         self._command(Stream(rate_hz=rate_hz))
@@ -249,6 +231,7 @@ class Device:
                 "framing": errors["framing"] + self._meaningless,
                 "contradicted": contradicted,
                 "tick_gap": self._stream.lost_tick_gap,
+                **({"torque": self._torques.missing} if self._torques is not None else {}),
             }
 
     def clock_fit(self) -> ClockFit | None:
@@ -323,7 +306,7 @@ class Device:
     def _take(self, received: Received) -> None:
         self._bytes += len(received.raw)
         self._frames += len(received.frames)
-        rows: list[Row] = []
+        rows: list[AnyRow] = []
         messages: list[Message] = []
         for frame in received.frames:
             try:
@@ -336,13 +319,17 @@ class Device:
             if message is None:
                 continue
             if isinstance(message, Sample):
-                rows += self._trusted(message)
+                rows += self._driven(self._trusted(message))
+                continue
+            if isinstance(message, Torque):
+                self._note_torque(message)
                 continue
             self._stream.feed(message)
             self._note(message, received.host_time)
             messages.append(message)
             if isinstance(message, Ack) and message.command == _STOP:
-                rows += self._hand_over(None)
+                rows += self._driven(self._hand_over(None))
+                rows += self._torques.rest() if self._torques is not None else []
         sampled = any(frame.number == NUMBERS[Sample] for frame in received.frames)
         self._check_silence(received.host_time, sampled or any(not isinstance(m, Pong) for m in messages))
         if received.raw or messages:
@@ -363,6 +350,19 @@ class Device:
     def _hand_over(self, newest: Row | None) -> list[Row]:
         before, self._held = self._held, newest
         return [before] if before is not None else []
+
+    def _driven(self, rows: list[Row]) -> Sequence[AnyRow]:
+        """Samples with their torques, some samples later, of a device with drives."""
+        return rows if self._torques is None else self._torques.take(rows)
+
+    def _note_torque(self, torque: Torque) -> None:
+        if self._session.info is not None and not self._session.info.torque_kinds:
+            raise LinkError(
+                f"{self.url}: the device sends torques, but the page of its INFO that tells their unit was lost:"
+                " connect again"
+            )
+        if self._torques is not None:
+            self._torques.note(torque)
 
     def _check_silence(self, now: float, heard: bool) -> None:
         """A greeted device reports ten times a second; one that was restarted still answers pings, and only those."""
@@ -397,18 +397,3 @@ class Device:
             self._transport.send(encode(self._pinger.ping(now), self._session.node))
             self._ping_at = now + (self._timing.quick_ping_s if self._quick_pings else self._timing.ping_s)
             self._quick_pings = max(0, self._quick_pings - 1)
-
-
-class _Counter:
-    """A total behind a 16-bit counter that restarts with every stream."""
-
-    def __init__(self) -> None:
-        self.total = 0
-        self._last = 0
-
-    def read(self, low: int) -> None:
-        self.total += (low - self._last) & 0xFFFF
-        self._last = low
-
-    def restart(self) -> None:
-        self._last = 0

@@ -9,7 +9,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.acquisition.device import Batch, Device, arrays
+from dpr_lab.acquisition.batch import Batch, arrays
+from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.rest import RODS, pose_error, rest_motion
 from dpr_lab.acquisition.settings import CaptureSettings
 from dpr_lab.errors import DeviceFault, LinkError, SafetyStop

@@ -8,7 +8,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.acquisition.device import Batch, arrays
+from dpr_lab.acquisition.batch import AnyRow, Batch, arrays, torques_of
 from dpr_lab.acquisition.gate import QualityReport, judge
 from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.acquisition.rest import pose_error
@@ -21,7 +21,6 @@ from dpr_lab.storage.spool import Spool
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.clock import ClockFit
 from firmware_protocol.messages import Event, EventKind, Message, Status
-from firmware_protocol.stream import Row
 
 
 class Recording:
@@ -90,7 +89,7 @@ class Recording:
 
     def add(self, batches: Iterable[Batch]) -> None:
         """Write new batches to the file."""
-        rows: list[Row] = []
+        rows: list[AnyRow] = []
         with unbroken():
             for batch in batches:
                 host_ns = self._host_ns(batch.host_time)
@@ -104,7 +103,8 @@ class Recording:
                 rows = [row for row in rows if row.tick <= self._end_tick]
             if rows:
                 ticks, counts = arrays(rows)
-                self._writer.samples(ticks, counts)
+                unit = int(self._writer.metadata.extra.get("torque_unit_uNm", 0))
+                self._writer.samples(ticks, counts, torques_of(rows, unit))
                 self.samples.extend(ticks, counts)
 
     @property
@@ -192,11 +192,17 @@ class Recording:
     def finish(self, clock: ClockFit | None, notes: tuple[str, ...] = ()) -> QualityReport:
         """Judge the recording, add `notes` to the report, and complete its file."""
         self.note_clock(clock)
+        notes = (*notes, *self._torque_notes())
         report = replace(judge(self.run(), self.rig, self._duration, self._hanging, self._limits), notes=notes)
         with unbroken():
             self._writer.finish(self._summary(report))
             self._finished = True
         return report
+
+    def _torque_notes(self) -> tuple[str, ...]:
+        lost = self.lost.get("torque", 0)
+        said = f"{lost} samples came without their torques and were left out: what drove the joints then is not known"
+        return (said,) if lost else ()
 
     def abort(self, reason: str) -> None:
         """Close the file as an incomplete run, saying why; a finished one stays finished."""

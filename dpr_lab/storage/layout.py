@@ -46,11 +46,15 @@ LIMITS = FileLimits()
 NANOSECONDS = 1_000_000_000
 """In a second: the unit of every time in the file."""
 
+TORQUE_KEYS = ("tau", "tau_commanded")
+"""Of a sample: its torques, or the measured ones and then the commanded ones where both are known."""
+
 UNIT_TABLE = {
     "tick": "sample periods since the stream started; row number in an imported table",
     "t": "s since tick 0, device time",
     "counts": "encoder counts of joints 0, 1, 2, multi-turn",
     "tau": "N m, known torques of joints 1 and 2, each held until the next sample",
+    "tau_commanded": "N m, the commanded ones beside tau, which then were measured",
     "theta": "rad, absolute angles of arm, inner and outer rod; 0 = upright, pi = hanging",
     "log_time": "ns since the stream started: device time on /samples, host time on the other channels",
     "publish_time": "ns, host clock; equal to log_time on /samples",
@@ -71,6 +75,7 @@ SCHEMAS: dict[str, dict[str, Any]] = {
             "counts": {"type": "array", "items": _INTEGER},
             "theta": {"type": "array", "items": _NUMBER},
             "tau": {"type": "array", "items": _NUMBER},
+            "tau_commanded": {"type": "array", "items": _NUMBER},
         },
         required=("tick", "t", "theta"),
     ),

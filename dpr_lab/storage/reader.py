@@ -47,13 +47,15 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     own = found.metadata.rig
     theta = samples.theta if samples.counts is None else own.theta(samples.counts)
     summary = found.summary
+    torques, commanded = _torques(samples)
     return Run(
         name=found.path.stem,
         t=t,
         theta=as_mounted(theta - full_turns(own, found.metadata.pose, t, theta), own.rods.mounting, str(path)),
         mounting=own.rods.mounting,
         counts=samples.counts,
-        torques=samples.torques,
+        torques=torques,
+        commanded=commanded,
         torque_kind=found.metadata.extra.get("torque_kind", ""),
         input_delay_s=_delay(found),
         arm=prescribed_arm(t, theta[:, 0], own, str(path)) if found.metadata.extra.get("arm") == "prescribed" else None,
@@ -70,6 +72,14 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         recorded_utc=found.metadata.created_utc if found.metadata.source == "device" else "",
         notes=(*(summary.notes if summary is not None else ()), *_what_happened(found)),
     )
+
+
+def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    """The torques, and the commanded ones beside them where both are known; none where no drive gave any."""
+    if not any(torques.any() for torques in samples.torques):
+        return None, None
+    first, *second = samples.torques
+    return first, second[0] if second else None
 
 
 def _delay(found: Scan) -> float:

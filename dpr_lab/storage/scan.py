@@ -35,6 +35,7 @@ from dpr_lab.storage.layout import (
     RELEASED,
     RIG_ATTACHMENT,
     SAMPLES,
+    TORQUE_KEYS,
     Stored,
     unsealed,
 )
@@ -67,8 +68,8 @@ class Samples:
     """(n, 3) rad, as computed when recorded"""
     counts: NDArray[np.int64] | None
     """(n, 3)"""
-    torques: NDArray[np.float64] | None = None
-    """(n, 2) N m"""
+    torques: tuple[NDArray[np.float64], ...] = ()
+    """(n, 2) N m, in the order of `TORQUE_KEYS`."""
 
     @property
     def missing(self) -> int:
@@ -156,7 +157,9 @@ def _decoded(rows: list[dict[str, Any]]) -> Samples:
         t=_finite([row["t"] for row in rows], (len(rows),)),
         theta=_finite([row["theta"] for row in rows], (len(rows), JOINTS)),
         counts=_whole([row["counts"] for row in rows], (len(rows), JOINTS)) if counted else None,
-        torques=_finite([row["tau"] for row in rows], (len(rows), 2)) if rows and "tau" in rows[0] else None,
+        torques=tuple(
+            _finite([row[key] for row in rows], (len(rows), 2)) for key in TORQUE_KEYS if rows and key in rows[0]
+        ),
     )
 
 
@@ -207,8 +210,8 @@ class Gathered:
         with_counts = [part.counts for part in parts if part.counts is not None]
         if len(with_counts) not in (0, len(parts)):
             raise RunError("some of its samples have counts and others not")
-        with_torques = [part.torques for part in parts if part.torques is not None]
-        if len(with_torques) not in (0, len(parts)):
+        with_torques = [part.torques for part in parts]
+        if len(set(map(len, with_torques))) > 1:
             raise RunError("some of its samples have torques and others not")
         self._parts = [
             Samples(
@@ -216,7 +219,7 @@ class Gathered:
                 np.concatenate([part.t for part in parts]),
                 np.concatenate([part.theta for part in parts]),
                 np.concatenate(with_counts) if with_counts else None,
-                np.concatenate(with_torques) if with_torques else None,
+                tuple(map(np.concatenate, zip(*with_torques, strict=True))),
             )
         ]
         return self._parts[0]

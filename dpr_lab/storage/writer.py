@@ -30,6 +30,7 @@ from dpr_lab.storage.layout import (
     SAMPLES,
     SCHEMAS,
     STATUS,
+    TORQUE_KEYS,
     UNIT_TABLE,
     UNITS,
     Stored,
@@ -87,12 +88,14 @@ class RunWriter:
             self._channels = self._write_preamble()
             self._sync()
 
-    def samples(self, ticks: ArrayLike, counts: ArrayLike) -> None:
+    def samples(self, ticks: ArrayLike, counts: ArrayLike, torques: ArrayLike | None = None) -> None:
         """Append samples from a device.
 
         Args:
             ticks: (n,) unwrapped sample numbers since the stream started, strictly increasing over all calls
             counts: (n, 3) unwrapped position counters
+            torques: (kinds, n, 2) known torques of joint 1 and 2, N m, of a device with drives; of two kinds the
+                measured ones first
 
         Raises:
             ValueError: wrong shapes, ticks that do not increase, or a run whose time comes from a table.
@@ -100,7 +103,7 @@ class RunWriter:
         self._check_time_source("ticks")
         tick, count = np.asarray(ticks, dtype=np.int64), np.asarray(counts, dtype=np.int64)
         theta = np.round(self.metadata.rig.theta(count.reshape(-1, JOINTS)), SETTINGS.theta_digits)
-        self._append(tick, np.round(tick / self.metadata.rate_hz, 9), theta, count)
+        self._append(tick, np.round(tick / self.metadata.rate_hz, 9), theta, count, _by_kind(torques))
 
     def table(
         self, t: ArrayLike, theta: ArrayLike, counts: ArrayLike | None = None, torques: ArrayLike | None = None
@@ -111,7 +114,8 @@ class RunWriter:
             t: (n,) time since the table's first row, s, not negative
             theta: (n, 3) absolute angles, rad
             counts: (n, 3) position counters, where the table holds them
-            torques: (n, 2) known torques of joint 1 and 2, N m, where the joints were driven
+            torques: (kinds, n, 2) known torques of joint 1 and 2, N m, where the joints were driven; of two kinds the
+                measured ones first
 
         Raises:
             ValueError: wrong shapes, a value that is not finite, or a run whose time comes from ticks.
@@ -120,8 +124,7 @@ class RunWriter:
         rows = np.asarray(t, dtype=np.float64)
         tick = self._last_tick + 1 + np.arange(len(rows))
         count = None if counts is None else np.asarray(counts, dtype=np.int64)
-        drives = None if torques is None else np.asarray(torques, dtype=np.float64)
-        self._append(tick, rows, np.asarray(theta, dtype=np.float64), count, drives)
+        self._append(tick, rows, np.asarray(theta, dtype=np.float64), count, _by_kind(torques))
 
     def raw(self, host_time_ns: int, data: bytes) -> None:
         """Append bytes exactly as the link delivered them."""
@@ -206,10 +209,10 @@ class RunWriter:
         t: NDArray[np.float64],
         theta: NDArray[np.float64],
         counts: NDArray[np.int64] | None,
-        torques: NDArray[np.float64] | None = None,
+        torques: NDArray[np.float64],
     ) -> None:
         n = len(tick)
-        if torques is not None and (torques.shape != (n, 2) or not np.isfinite(torques).all()):
+        if len(torques) and (torques.shape not in ((1, n, 2), (2, n, 2)) or not np.isfinite(torques).all()):
             raise ValueError(f"{n} ticks need as many rows of 2 finite torques, not {torques.shape}")
         if tick.shape != (n,) or theta.shape != (n, JOINTS) or (counts is not None and counts.shape != (n, JOINTS)):
             raise ValueError(f"{n} ticks need as many rows of {JOINTS}, not {theta.shape}")
@@ -321,16 +324,22 @@ def _create(path: Path) -> BufferedWriter:
         raise RunError(f"{path}: cannot be created: {error.strerror}") from error
 
 
+def _by_kind(torques: ArrayLike | None) -> NDArray[np.float64]:
+    return np.zeros((0, 0, 2)) if torques is None else np.asarray(torques, dtype=np.float64)
+
+
 def _sample_messages(
     tick: NDArray[np.int64],
     t: NDArray[np.float64],
     theta: NDArray[np.float64],
     counts: NDArray[np.int64] | None,
-    torques: NDArray[np.float64] | None,
+    torques: NDArray[np.float64],
 ) -> Iterator[bytes]:
     """Each row as JSON, written out by hand: three times as fast as `json.dumps`."""
     rows = zip(tick.tolist(), t.tolist(), theta.tolist(), strict=True)
-    ends = [""] * len(tick) if torques is None else [f',"tau":{pair}' for pair in torques.tolist()]
+    ends = [""] * len(tick)
+    for key, pairs in zip(TORQUE_KEYS, torques.tolist(), strict=False):
+        ends = [f'{end},"{key}":{pair}' for end, pair in zip(ends, pairs, strict=True)]
     if counts is None:
         bare = zip(rows, ends, strict=True)
         return (f'{{"tick":{i},"t":{at},"theta":{angles}{end}}}'.encode() for (i, at, angles), end in bare)

@@ -41,8 +41,8 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     """Start a simulated device and connect to it.
 
     Options: `bus` (pty, can, tcp) and, as `python -m sim_device --help` explains them, `rig`, `plant`, `seed`, `clock`,
-    `firmware` (python, c), `draw` (true), `draw_effects`, `baud`, `uid`, `drift_ppm`, `hand_error` and `fault`
-    (NAME=VALUE, several with commas between).
+    `firmware` (python, c), `draw` (true), `draw_effects`, `baud`, `uid`, `drift_ppm`, `hand_error`, `torques` and
+    `fault` (NAME=VALUE, several with commas between).
 
     Raises:
         LinkUrlError: an option that is unknown, or that the device does not take; with what it said.
@@ -153,4 +153,5 @@ _OPTIONS = {
     "uid": _word,
     "drift_ppm": _word,
     "hand_error": _word,
+    "torques": _word,
 }

@@ -90,10 +90,15 @@ static void send_sample(dpr_device_t *device, const dpr_reading_t *reading, uint
 {
     dpr_counters_t *counters = &device->counters;
     counters->overruns = (uint16_t)(counters->overruns + missed);
-    if (emit(device, dpr_sample(node_of(device), reading))) {
-        counters->sent++;
-    } else {
+    if (!emit(device, dpr_sample(node_of(device), reading))) {
         counters->dropped++;
+        return;
+    }
+    counters->sent++;
+    for (uint8_t kind = 0; kind < DPR_TORQUE_KINDS; kind++) {
+        if (device->session.identity->torques[kind]) {
+            emit(device, dpr_torque(node_of(device), reading, kind));
+        }
     }
 }
 

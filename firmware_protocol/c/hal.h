@@ -17,11 +17,13 @@ extern "C" {
 #endif
 
 #define DPR_JOINTS 3u
+#define DPR_TORQUE_KINDS 2u /* measured and commanded, in this order */
 
 /* The multi-turn counters of arm, inner and outer rod, latched together at one tick. */
 typedef struct {
     uint32_t tick;
     int32_t counts[DPR_JOINTS];
+    int16_t torques[DPR_TORQUE_KINDS][2]; /* of joint 1 and 2, in the unit of the identity; of no meaning without */
 } dpr_reading_t;
 
 /* Milliseconds of a clock that never jumps; may wrap. */

@@ -32,6 +32,20 @@ dpr_frame_t dpr_sample(uint8_t node, const dpr_reading_t *reading)
     return frame;
 }
 
+/* `kind` is an index of `torques`. */
+dpr_frame_t dpr_torque(uint8_t node, const dpr_reading_t *reading, uint8_t kind)
+{
+    dpr_frame_t frame = empty(node, DPR_TORQUE_FRAME_ID, DPR_TORQUE_LENGTH);
+    struct dpr_torque_t torque = {
+        .kind = (uint8_t)(DPR_TORQUE_KIND_MEASURED_CHOICE + kind),
+        .tick = (uint16_t)(reading->tick & 0xFFFFu),
+        .torque1 = reading->torques[kind][0],
+        .torque2 = reading->torques[kind][1],
+    };
+    dpr_torque_pack(frame.data, &torque, DPR_MAX_DATA);
+    return frame;
+}
+
 dpr_frame_t dpr_position(uint8_t node, const dpr_reading_t *reading, uint8_t joint)
 {
     dpr_frame_t frame = empty(node, DPR_POSITION_FRAME_ID, DPR_POSITION_LENGTH);
@@ -103,6 +117,9 @@ dpr_frame_t dpr_info(const dpr_identity_t *identity, uint8_t page)
         .counts_per_rev2 = identity->counts_per_rev[2],
         .rate_max_hz = identity->rate_max_hz,
         .rate_default_hz = identity->rate_default_hz,
+        .torque_unit = identity->torque_unit_uNm,
+        .torque_measured = identity->torques[0],
+        .torque_commanded = identity->torques[1],
     };
     dpr_info_pack(frame.data, &info, DPR_MAX_DATA);
     return frame;

@@ -30,6 +30,8 @@ typedef struct {
     uint8_t firmware[3];      /* major, minor, patch */
     uint8_t node;
     bool simulated_time;
+    bool torques[DPR_TORQUE_KINDS]; /* which are known of the joint drives; none without drives */
+    uint32_t torque_unit_uNm;
 } dpr_identity_t;
 
 /* Samples since STREAM. */
@@ -41,6 +43,7 @@ typedef struct {
 
 dpr_frame_t dpr_event(uint8_t node, uint8_t kind, uint8_t detail, uint32_t tick);
 dpr_frame_t dpr_sample(uint8_t node, const dpr_reading_t *reading);
+dpr_frame_t dpr_torque(uint8_t node, const dpr_reading_t *reading, uint8_t kind);
 dpr_frame_t dpr_position(uint8_t node, const dpr_reading_t *reading, uint8_t joint);
 dpr_frame_t dpr_status(uint8_t node, uint8_t state, uint8_t fault, bool latched, const dpr_counters_t *counters);
 dpr_frame_t dpr_pong(uint8_t node, uint16_t token, uint32_t tick, uint16_t fraction);

@@ -160,6 +160,9 @@ static void greet(dpr_session_t *session, const command_t *hello, dpr_answer_t *
     session->oldest = 0;
     session->greeted = verdict.refusal == 0;
     add_verdict(session, &verdict, answer);
+    if (session->identity->torques[0] || session->identity->torques[1]) {
+        add(answer, dpr_info(session->identity, DPR_INFO_PAGE_TORQUES_CHOICE));
+    }
     for (uint8_t page = 0; page < DPR_INFO_PAGES; page++) {
         add(answer, dpr_info(session->identity, page));
     }

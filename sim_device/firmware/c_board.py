@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import Frame, State
+from firmware_protocol.messages import NUMBERS, Frame, Sample, State, Torque
 from firmware_protocol.session import STREAMS
 from sim_device.faults import Faults
 from sim_device.firmware.c_firmware import Firmware
@@ -86,7 +86,19 @@ class CBoard:
         ticks, in_time = np.arange(first, first + count), self._faults.taken(count)
         released_at = self._release_tick if self._firmware.state is State.RELEASED else None
         counts, missing = streamed(self._rods, self._ticks, released_at, first, count)
-        frames = self._firmware.poll(self._millis(wall), np.column_stack([ticks, counts])[in_time])
+        told = np.array(self._rods.torques(None if released_at is None else first - released_at, count))
+        readings = np.column_stack([ticks, counts])[in_time]
+        frames = self._firmware.poll(self._millis(wall), readings, told[in_time])
         self.streamed += count / self._ticks.rate_hz
-        gone = iter(missing[in_time].tolist())
-        return [frame for frame in frames if not (is_sample(frame) and next(gone))]
+        return _arrived(frames, missing[in_time].tolist())
+
+
+def _arrived(frames: Iterable[Frame], missing: Iterable[bool]) -> list[Frame]:
+    """Frames without those samples, and the torques of their ticks, that go astray inside the board."""
+    arrived: list[Frame] = []
+    following, gone = iter(missing), False
+    for frame in frames:
+        gone = next(following) if is_sample(frame) else gone
+        if not (gone and frame.number in (NUMBERS[Sample], NUMBERS[Torque])):
+            arrived.append(frame)
+    return arrived

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import DEVICE_NODE, MAX_DATA, Frame, State
+from firmware_protocol.messages import DEVICE_NODE, MAX_DATA, Frame, State, TorqueKind
 from sim_device.firmware.c_library import library_path
 
 FRAMES = 2048
@@ -22,6 +22,7 @@ SHORTEST_LINE = 5
 """Bytes of the shortest frame on a byte stream."""
 
 _FRAME = struct.Struct(f"=HB{MAX_DATA}sx")
+_READING = np.dtype([("tick", np.int32), ("counts", np.int32, 3), ("torques", np.int16, (len(TorqueKind), 2))])
 
 
 class _Frame(Structure):
@@ -37,6 +38,8 @@ class _Identity(Structure):
         ("firmware", c_uint8 * 3),
         ("node", c_uint8),
         ("simulated_time", c_bool),
+        ("torques", c_bool * len(TorqueKind)),
+        ("torque_unit_uNm", c_uint32),
     )
 
 
@@ -106,6 +109,7 @@ class Firmware:
         self._library = library or load()
         self._host = ctypes.create_string_buffer(self._library.dpr_host_size())
         self._frames = ctypes.create_string_buffer(FRAMES * _FRAME.size)
+        self._told = [list(TorqueKind).index(kind) for kind in info.torque_kinds]
         self._library.dpr_host_start(self._host, byref(_identity(info, node)))
         self._library.dpr_host_claim(self._host, info.major, info.schema_hash)
 
@@ -131,16 +135,33 @@ class Firmware:
         self._library.dpr_host_receive(self._host, byref(_packed(frame)), *time)
         return self._taken()
 
-    def poll(self, millis: int, readings: NDArray[np.int64] | None = None) -> list[Frame]:
-        """Let it look after lease and faults and take readings, (n, 4) of tick and counters; what it says."""
-        rows = np.zeros((0, 4), np.int32) if readings is None else readings.astype(np.int32)
+    def poll(
+        self, millis: int, readings: NDArray[np.int64] | None = None, torques: NDArray[np.int64] | None = None
+    ) -> list[Frame]:
+        """Let it look after lease and faults and take readings; what it says.
+
+        Args:
+            millis: now
+            readings: (n, 4) of tick and counters
+            torques: (n, kinds, 2) in units, of the kinds of its identity
+        """
+        rows = self._rows(readings, torques)
         frames: list[Frame] = []
         for first in range(0, max(len(rows), 1), READINGS):
-            some = np.ascontiguousarray(rows[first : first + READINGS])
+            some = rows[first : first + READINGS]
             pointer = some.ctypes.data_as(POINTER(c_int32))
             self._library.dpr_host_poll(self._host, millis & 0xFFFFFFFF, pointer, len(some))
             frames += self._taken()
         return frames
+
+    def _rows(self, readings: NDArray[np.int64] | None, torques: NDArray[np.int64] | None) -> NDArray[np.void]:
+        """(n,) of `dpr_reading_t`."""
+        rows = np.zeros(0 if readings is None else len(readings), _READING)
+        if readings is not None:
+            rows["tick"], rows["counts"] = readings[:, 0].astype(np.int32), readings[:, 1:].astype(np.int32)
+        if torques is not None and torques.size:
+            rows["torques"][:, self._told] = torques.clip(-0x8000, 0x7FFF)
+        return rows
 
     def hardware_actions(self) -> HardwareActions:
         """What it did to latch and timer since the last call."""
@@ -193,6 +214,8 @@ def _identity(info: DeviceInfo, node: int) -> _Identity:
         tuple(map(int, info.firmware.split("."))),
         node,
         info.simulated_time,
+        tuple(kind in info.torque_kinds for kind in TorqueKind),
+        info.torque_unit_uNm,
     )
 
 

@@ -58,11 +58,25 @@ class OperatorConfig(_Table):
     release_speed_std: NotNegative = 0.002
 
 
+class DriveConfig(_Table):
+    """How joint drives are, where the device is given torques to replay."""
+
+    tells: tuple[Literal["measured", "commanded"], ...] = ("measured", "commanded")
+    """Which torques the board sends."""
+    delay_s: NotNegative = 0.0
+    """How much later than commanded a torque acts."""
+    noise_Nm: NotNegative = 0.0
+    """Standard deviation of the measured torques."""
+    unit_uNm: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
+    """Step in which torques are commanded and told."""
+
+
 class PlantConfig(_Table):
     """A plant file (`configs/plants/*.toml`).
 
     Args of the file: `name`, `seed`, `[parameters]` with one value for each of `PARAMETERS` (SI), `[arm]`,
-    `[effects.NAME]` or, at most one, `[foreign.NAME]` with the effect's own parameters, `[encoders]`, `[hand]`.
+    `[effects.NAME]` or, at most one, `[foreign.NAME]` with the effect's own parameters, `[encoders]`, `[drives]`,
+    `[hand]`.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -72,6 +86,7 @@ class PlantConfig(_Table):
     effects: dict[str, dict[str, Finite]] = {}
     foreign: dict[str, dict[str, Finite]] = {}
     encoders: EncoderConfig = EncoderConfig()
+    drives: DriveConfig = DriveConfig()
     hand: OperatorConfig = OperatorConfig()
 
     @model_validator(mode="after")

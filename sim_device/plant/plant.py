@@ -1,8 +1,9 @@
 """The plant: the hidden truth that the encoders look at."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,10 @@ from dpr_lab.dynamics.base import RATIOS, base_parameters, loaded, ratios
 from dpr_lab.dynamics.encoder_errors import apply_encoder_errors, held_along, read_at
 from dpr_lab.dynamics.rig_constants import constants_of_run, rig_constants
 from dpr_lab.dynamics.simulate import as_state, at_release, integrate, rig_model
-from dpr_lab.dynamics.step import RigModel, RigState
-from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.dynamics.step import RigModel, RigState, model_with
+from dpr_lab.effects import EFFECTS, effect_params, param_index
 from dpr_lab.effects.mounted import effects_of_run
+from dpr_lab.effects.spring import SPRING
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS, PARAMETERS, Rig
 from dpr_lab.setup import Setup
@@ -28,6 +30,12 @@ BLOCK_TIME = 1.0
 
 LOOK = 5e-4
 """How often an encoder with play or delay looks at its joint, s."""
+
+Driven = Callable[[int, int], NDArray[np.float64]]
+"""(first, count) -> (count, 2) torques of joint 1 and 2 from each of these ticks to the next, N m."""
+
+CONSTANT = [param_index(effect.name, "constant_Nm") for effect in SPRING]
+"""Where a joint's constant torque stands: what a drive is between two ticks."""
 
 NO_ROD = 1e-9
 """Mass, kg, and inertia, kg m^2, of an outer rod that is not there; zero would leave joint 2 without an equation."""
@@ -97,9 +105,20 @@ class Plant:
         except ValueError as error:
             raise ConfigError(f"plant {self.config.name}: effects: {error}") from error
 
-    def let_go(self, theta: Theta, omega: Theta, rate_hz: float, release: int) -> "Swing":
-        """The swing of rods let go at theta, omega (3,), read at `rate_hz`."""
-        return Swing(self, theta, omega, rate_hz)
+    def refuse_drives(self) -> None:
+        """Make sure that drives on the joints of this plant do what they tell, and nothing more.
+
+        Raises:
+            ConfigError: a rod is not mounted, or an effect is one that only drives have.
+        """
+        if self._setup.held:
+            raise ConfigError(f"plant {self.config.name}: drives need both rods mounted")
+        if of_drives := [name for name in self.config.effects if EFFECTS[name].driven]:
+            raise ConfigError(f"plant {self.config.name}: effects: simulated drives have no {', '.join(of_drives)}")
+
+    def let_go(self, theta: Theta, omega: Theta, rate_hz: float, release: int, driven: Driven | None = None) -> "Swing":
+        """The swing of rods let go at theta, omega (3,), read at `rate_hz`, and driven at these ticks."""
+        return Swing(self, theta, omega, rate_hz, driven)
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
         """(n, 3) what the counters say instead of these counts: the same."""
@@ -117,6 +136,27 @@ class Plant:
     def goes_on(self, state: RigState, t: Theta) -> NDArray[np.float64]:
         """(n, 6 + internal) states, as of `RigState`, at true times `t` (n,) since the release; `state` is at t[0]."""
         return integrate(*self._moving, state, t, MAX_STEP)
+
+    def driven_on(self, state: RigState, t: Theta, torques: Theta) -> NDArray[np.float64]:
+        """As `goes_on`, under torques (n - 1, 2) of joint 1 and 2 that hold from each instant to the next, N m."""
+        changes = 1 + np.flatnonzero((np.diff(torques, axis=0) != 0).any(axis=1))
+        model, mode = self._driven
+        found = [np.array([[*state[:6], *state.internal]])]
+        for first, last in pairwise([0, *changes.tolist(), len(torques)]):
+            params = model.params.copy()
+            params[CONSTANT] += torques[first]
+            part = integrate(model._replace(params=params), mode, state, t[first : last + 1], MAX_STEP)
+            state = as_state(part[-1])
+            found.append(part[1:])
+        return np.concatenate(found)
+
+    @cached_property
+    def _driven(self) -> tuple[RigModel, int]:
+        """As `_moving`, of joints that any torque may act in."""
+        model, mode = self._moving
+        pushed = model.params.copy()
+        pushed[CONSTANT] = 1.0
+        return model_with(model.base, model.constants, model.arm, pushed)._replace(params=model.params), mode
 
     def joint2(self, theta1: Theta, theta2: Theta) -> Theta:
         """Angle of joint 2 as its encoder has it, rad."""
@@ -155,8 +195,8 @@ class Swing:
     Blocks start from the state the last one ended in, so the same release has the same bits however it is read.
     """
 
-    def __init__(self, plant: Plant, theta: Theta, omega: Theta, rate_hz: float) -> None:
-        self._blocks = _shown(plant, theta, omega, rate_hz)
+    def __init__(self, plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Driven | None = None) -> None:
+        self._blocks = _shown(plant, theta, omega, rate_hz, driven)
         self.first = 0
         """Earliest tick that can still be read."""
         self._theta = next(self._blocks)
@@ -176,13 +216,13 @@ class Swing:
         return self._theta[first - self.first :][:count]
 
 
-def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float) -> Iterator[Theta]:
+def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Driven | None) -> Iterator[Theta]:
     """Blocks of angles, (ticks, 3), with joint 2 as late and as loose as its encoder has it."""
     rate_hz /= plant.pace
     if plant.delay == 0.0 and not plant.has_play:
-        yield from (states[:-1, :JOINTS] for _, states in _blocks(plant, theta, omega, rate_hz, 1))
+        yield from (states[:-1, :JOINTS] for _, states in _blocks(plant, theta, omega, rate_hz, 1, driven))
     looks = max(1, math.ceil(1.0 / (rate_hz * LOOK)))
-    blocks = _blocks(plant, theta, omega, rate_hz, looks)
+    blocks = _blocks(plant, theta, omega, rate_hz, looks, driven)
     hold = float(plant.joint2(theta[1], theta[2]))
     around = [next(blocks), next(blocks)]
     this = 0
@@ -205,13 +245,18 @@ def _joint2_at(plant: Plant, blocks: list[tuple[Theta, Theta]], t: Theta) -> The
     return CubicHermiteSpline(at, angle, speed)(np.maximum(t, 0.0))
 
 
-def _blocks(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, looks: int) -> Iterator[tuple[Theta, Theta]]:
+def _blocks(
+    plant: Plant, theta: Theta, omega: Theta, rate_hz: float, looks: int, driven: Driven | None
+) -> Iterator[tuple[Theta, Theta]]:
     """Blocks of true times and states, each from the instant at which the last one ended, `looks` to a tick."""
     ticks = max(1, round(BLOCK_TIME * rate_hz))
     own = np.arange(ticks * looks + 1) / (rate_hz * looks)
     state, first = plant.start(theta, omega), 0
     while True:
         t = first / rate_hz + own
-        states = plant.goes_on(state, t)
+        if driven is None:
+            states = plant.goes_on(state, t)
+        else:
+            states = plant.driven_on(state, t, np.repeat(driven(first, ticks), looks, axis=0))
         yield t, states
         state, first = as_state(states[-1]), first + ticks

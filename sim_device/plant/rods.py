@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dpr_lab.rig import Pose, Rig
 from sim_device.faults import Faults
 from sim_device.plant import sampling_faults
+from sim_device.plant.drives import JointDrives
 from sim_device.plant.encoders import NoisyEncoders
 from sim_device.plant.hidden import HiddenPlant, HiddenSwing
 from sim_device.plant.operator import HABITS, HeldRods, placement, release_speed
@@ -33,6 +35,7 @@ class SimulatedRods:
         hand_error: how far off every pose the operator leaves both rods, on purpose, rad
         clock_rate: device seconds per true second
         faults: what is wrong with the encoders
+        drives: what drives the joints while they swing; None for nothing
         ready: whether the rods can be let go; the operator waits for that before he takes them to a pose
     """
 
@@ -44,6 +47,7 @@ class SimulatedRods:
         hand_error: float = 0.0,
         clock_rate: float = 1.0,
         faults: Faults | None = None,
+        drives: JointDrives | None = None,
         ready: Callable[[], bool] = lambda: True,
     ) -> None:
         self._plant, self._config, self._faults = plant, plant.config, faults or Faults()
@@ -51,7 +55,7 @@ class SimulatedRods:
         encoders = plant.config.encoders
         self._encoders = NoisyEncoders(rig, encoders.noise_counts, plant.config.seed, encoders.step_counts)
         self._placing_time, self._hand_error, self._clock_rate = placing_time, hand_error, clock_rate
-        self._ready = ready
+        self._ready, self._drives = ready, drives
         self._held = HeldRods(HANGING.theta, HANGING.theta)
         self._swing: HiddenSwing | None = None
         self._released_at, self._rate_hz, self._release = 0.0, 1.0, 0
@@ -75,7 +79,8 @@ class SimulatedRods:
         theta = self._held.theta(np.array([at]))[0]
         self._release += 1
         omega = release_speed(self._config.hand, self._config.seed, self._release)
-        self._swing = self._plant.let_go(theta, omega, rate_hz * self._clock_rate, self._release)
+        driven = None if self._drives is None else partial(self._drives.exerted, rate_hz=rate_hz)
+        self._swing = self._plant.let_go(theta, omega, rate_hz * self._clock_rate, self._release, driven)
         self._released_at, self._rate_hz = at, rate_hz
         self._at_release = self._read(theta[None], RandomStream.SWING, self._release, 0)[0]
 
@@ -92,6 +97,14 @@ class SimulatedRods:
         counts = self._swung(first - before, count + before)[said][before:]
         since = np.arange(first, first + count) / self._rate_hz
         return self._faults.counts(counts, self._at_release, since)
+
+    def torques(self, first: int | None, count: int) -> list[list[list[int]]]:
+        """What the drives tell at each tick from `first` since the release on, by kind; None while they stand still."""
+        if self._drives is None:
+            return [[]] * count
+        if first is None:
+            return [[[0, 0]] * len(self._drives.kinds)] * count
+        return self._drives.told(self._release, first, count, self._rate_hz).tolist()
 
     def missing(self, first: int, count: int) -> NDArray[np.bool_]:
         """(count,) which samples of the swing the board never sends."""

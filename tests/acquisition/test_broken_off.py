@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dpr_lab.acquisition.batch import Batch
 from dpr_lab.acquisition.capture import CaptureOptions, Progress, Released, capture
-from dpr_lab.acquisition.device import Batch
 from dpr_lab.acquisition.holding import raise_faults
 from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, RunError

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import pytest
 
-from dpr_lab.acquisition.device import Batch, Device
+from dpr_lab.acquisition.batch import Batch
+from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.settings import DeviceTiming
 from dpr_lab.errors import DeviceFault, DeviceLost, LinkError, LinkTimeout, MismatchError
 from dpr_lab.run import LOSS_CAUSES

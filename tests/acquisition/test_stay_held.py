@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dpr_lab.acquisition.batch import Batch
 from dpr_lab.acquisition.capture import CaptureOptions, Progress, capture
-from dpr_lab.acquisition.device import Batch
 from dpr_lab.acquisition.holding import HeldPose, PoseReading, RestWindow
 from dpr_lab.acquisition.settings import CAPTURE_SETTINGS
 from dpr_lab.errors import SafetyStop

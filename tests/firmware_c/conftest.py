@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -35,6 +37,7 @@ from firmware_protocol.messages import (
     Sample,
     State,
     Status,
+    TorqueKind,
     decode,
     encode,
 )
@@ -42,6 +45,7 @@ from sim_device.firmware.c_firmware import Firmware
 
 SOURCES = Path(firmware_protocol.__file__).parent / "c"
 INFO = DeviceInfo("1.0.0", "00a385000000dead", (16384, 16384, 16384), rate_max_hz=4000, rate_default_hz=1000)
+DRIVEN = replace(INFO, torque_kinds=tuple(TorqueKind), torque_unit_uNm=100)
 
 PATIENCE_S = 30.0
 """For something that is sure to come."""
@@ -60,8 +64,8 @@ class Role(Protocol):
 
 
 class PythonRole:
-    def __init__(self) -> None:
-        self.session, self.now = DeviceSession(INFO), 0.0
+    def __init__(self, drives: bool) -> None:
+        self.session, self.now = DeviceSession(DRIVEN if drives else INFO), 0.0
 
     def send(self, frame: Frame) -> list[Message]:
         return self._carry_out(self.session.receive(frame, self.now))
@@ -88,8 +92,8 @@ class PythonRole:
 
 
 class CRole:
-    def __init__(self, library: ctypes.PyDLL) -> None:
-        self.firmware, self.millis = Firmware(INFO, library=library), 0
+    def __init__(self, library: ctypes.PyDLL, drives: bool) -> None:
+        self.firmware, self.millis = Firmware(DRIVEN if drives else INFO, library=library), 0
 
     def send(self, frame: Frame) -> list[Message]:
         return [decode(answer) for answer in self.firmware.receive(frame, self.millis, 9.5)]
@@ -301,13 +305,13 @@ def board(image: Path) -> Iterator[QemuBoard]:
 
 
 @pytest.fixture
-def python_role() -> Role:
-    return PythonRole()
+def python_role() -> Callable[[bool], Role]:
+    return PythonRole
 
 
 @pytest.fixture
-def c_role(library: ctypes.PyDLL) -> Role:
-    return CRole(library)
+def c_role(library: ctypes.PyDLL) -> Callable[[bool], Role]:
+    return partial(CRole, library)
 
 
 @pytest.fixture

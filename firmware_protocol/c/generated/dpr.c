@@ -809,6 +809,15 @@ int dpr_info_pack(
         dst_p[4] |= pack_right_shift_u16(src_p->rate_default_hz, 8u, 0xffu);
         break;
 
+    case 8:
+        dst_p[1] |= pack_left_shift_u32(src_p->torque_unit, 0u, 0xffu);
+        dst_p[2] |= pack_right_shift_u32(src_p->torque_unit, 8u, 0xffu);
+        dst_p[3] |= pack_right_shift_u32(src_p->torque_unit, 16u, 0xffu);
+        dst_p[4] |= pack_right_shift_u32(src_p->torque_unit, 24u, 0xffu);
+        dst_p[5] |= pack_left_shift_u8(src_p->torque_measured, 0u, 0x01u);
+        dst_p[5] |= pack_left_shift_u8(src_p->torque_commanded, 1u, 0x02u);
+        break;
+
     default:
         break;
     }
@@ -887,6 +896,15 @@ int dpr_info_unpack(
         dst_p->rate_default_hz |= unpack_left_shift_u16(src_p[4], 8u, 0xffu);
         break;
 
+    case 8:
+        dst_p->torque_unit = unpack_right_shift_u32(src_p[1], 0u, 0xffu);
+        dst_p->torque_unit |= unpack_left_shift_u32(src_p[2], 8u, 0xffu);
+        dst_p->torque_unit |= unpack_left_shift_u32(src_p[3], 16u, 0xffu);
+        dst_p->torque_unit |= unpack_left_shift_u32(src_p[4], 24u, 0xffu);
+        dst_p->torque_measured = unpack_right_shift_u8(src_p[5], 0u, 0x01u);
+        dst_p->torque_commanded = unpack_right_shift_u8(src_p[5], 1u, 0x02u);
+        break;
+
     default:
         break;
     }
@@ -905,12 +923,12 @@ int dpr_info_init(struct dpr_info_t *msg_p)
 
 bool dpr_info_page_is_in_range(uint8_t value)
 {
-    return (value <= 7u);
+    return (value <= 8u);
 }
 
 bool dpr_info_page_is_in_phys_range(double value)
 {
-    return ((value >= 0.0) && (value <= 7.0));
+    return ((value >= 0.0) && (value <= 8.0));
 }
 
 bool dpr_info_major_is_in_range(uint8_t value)
@@ -1001,6 +1019,16 @@ bool dpr_info_rate_max_hz_is_in_phys_range(double value)
     return ((value >= 1.0) && (value <= 65535.0));
 }
 
+bool dpr_info_torque_unit_is_in_range(uint32_t value)
+{
+    return (value >= 1u);
+}
+
+bool dpr_info_torque_unit_is_in_phys_range(double value)
+{
+    return ((value >= 1.0) && (value <= 4294967295.0));
+}
+
 bool dpr_info_minor_is_in_range(uint8_t value)
 {
     (void)value;
@@ -1067,6 +1095,133 @@ bool dpr_info_simulated_time_is_in_range(uint8_t value)
 bool dpr_info_simulated_time_is_in_phys_range(double value)
 {
     return ((value >= 0.0) && (value <= 1.0));
+}
+
+bool dpr_info_torque_measured_is_in_range(uint8_t value)
+{
+    return (value <= 1u);
+}
+
+bool dpr_info_torque_measured_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 1.0));
+}
+
+bool dpr_info_torque_commanded_is_in_range(uint8_t value)
+{
+    return (value <= 1u);
+}
+
+bool dpr_info_torque_commanded_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 1.0));
+}
+
+int dpr_torque_pack(
+    uint8_t *dst_p,
+    const struct dpr_torque_t *src_p,
+    size_t size)
+{
+    uint16_t torque1;
+    uint16_t torque2;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    memset(&dst_p[0], 0, 8);
+
+    dst_p[0] |= pack_left_shift_u8(src_p->kind, 0u, 0xffu);
+    dst_p[2] |= pack_left_shift_u16(src_p->tick, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(src_p->tick, 8u, 0xffu);
+    torque1 = (uint16_t)src_p->torque1;
+    dst_p[4] |= pack_left_shift_u16(torque1, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u16(torque1, 8u, 0xffu);
+    torque2 = (uint16_t)src_p->torque2;
+    dst_p[6] |= pack_left_shift_u16(torque2, 0u, 0xffu);
+    dst_p[7] |= pack_right_shift_u16(torque2, 8u, 0xffu);
+
+    return (8);
+}
+
+int dpr_torque_unpack(
+    struct dpr_torque_t *dst_p,
+    const uint8_t *src_p,
+    size_t size)
+{
+    uint16_t torque1;
+    uint16_t torque2;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    dst_p->kind = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
+    dst_p->tick = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
+    dst_p->tick |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
+    torque1 = unpack_right_shift_u16(src_p[4], 0u, 0xffu);
+    torque1 |= unpack_left_shift_u16(src_p[5], 8u, 0xffu);
+    dst_p->torque1 = (int16_t)torque1;
+    torque2 = unpack_right_shift_u16(src_p[6], 0u, 0xffu);
+    torque2 |= unpack_left_shift_u16(src_p[7], 8u, 0xffu);
+    dst_p->torque2 = (int16_t)torque2;
+
+    return (0);
+}
+
+int dpr_torque_init(struct dpr_torque_t *msg_p)
+{
+    if (msg_p == NULL) return -1;
+
+    memset(msg_p, 0, sizeof(struct dpr_torque_t));
+
+    return 0;
+}
+
+bool dpr_torque_kind_is_in_range(uint8_t value)
+{
+    return ((value >= 1u) && (value <= 2u));
+}
+
+bool dpr_torque_kind_is_in_phys_range(double value)
+{
+    return ((value >= 1.0) && (value <= 2.0));
+}
+
+bool dpr_torque_tick_is_in_range(uint16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool dpr_torque_tick_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 65535.0));
+}
+
+bool dpr_torque_torque1_is_in_range(int16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool dpr_torque_torque1_is_in_phys_range(double value)
+{
+    return ((value >= -32768.0) && (value <= 32767.0));
+}
+
+bool dpr_torque_torque2_is_in_range(int16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool dpr_torque_torque2_is_in_phys_range(double value)
+{
+    return ((value >= -32768.0) && (value <= 32767.0));
 }
 
 int dpr_hello_pack(

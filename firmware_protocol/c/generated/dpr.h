@@ -53,6 +53,7 @@ extern "C" {
 #define DPR_ACK_FRAME_ID (0x06u)
 #define DPR_NAK_FRAME_ID (0x07u)
 #define DPR_INFO_FRAME_ID (0x08u)
+#define DPR_TORQUE_FRAME_ID (0x09u)
 #define DPR_HELLO_FRAME_ID (0x20u)
 #define DPR_HOLD_FRAME_ID (0x21u)
 #define DPR_RELEASE_FRAME_ID (0x22u)
@@ -71,6 +72,7 @@ extern "C" {
 #define DPR_ACK_LENGTH (2u)
 #define DPR_NAK_LENGTH (3u)
 #define DPR_INFO_LENGTH (8u)
+#define DPR_TORQUE_LENGTH (8u)
 #define DPR_HELLO_LENGTH (7u)
 #define DPR_HOLD_LENGTH (2u)
 #define DPR_RELEASE_LENGTH (3u)
@@ -89,6 +91,7 @@ extern "C" {
 #define DPR_ACK_IS_EXTENDED (0)
 #define DPR_NAK_IS_EXTENDED (0)
 #define DPR_INFO_IS_EXTENDED (0)
+#define DPR_TORQUE_IS_EXTENDED (0)
 #define DPR_HELLO_IS_EXTENDED (0)
 #define DPR_HOLD_IS_EXTENDED (0)
 #define DPR_RELEASE_IS_EXTENDED (0)
@@ -154,6 +157,10 @@ extern "C" {
 #define DPR_INFO_PAGE_COUNTS_PER_REV1_CHOICE (5u)
 #define DPR_INFO_PAGE_COUNTS_PER_REV2_CHOICE (6u)
 #define DPR_INFO_PAGE_RATES_CHOICE (7u)
+#define DPR_INFO_PAGE_TORQUES_CHOICE (8u)
+
+#define DPR_TORQUE_KIND_MEASURED_CHOICE (1u)
+#define DPR_TORQUE_KIND_COMMANDED_CHOICE (2u)
 
 /* Frame Names. */
 #define DPR_EVENT_NAME "EVENT"
@@ -164,6 +171,7 @@ extern "C" {
 #define DPR_ACK_NAME "ACK"
 #define DPR_NAK_NAME "NAK"
 #define DPR_INFO_NAME "INFO"
+#define DPR_TORQUE_NAME "TORQUE"
 #define DPR_HELLO_NAME "HELLO"
 #define DPR_HOLD_NAME "HOLD"
 #define DPR_RELEASE_NAME "RELEASE"
@@ -207,12 +215,19 @@ extern "C" {
 #define DPR_INFO_COUNTS_PER_REV1_NAME "counts_per_rev1"
 #define DPR_INFO_COUNTS_PER_REV2_NAME "counts_per_rev2"
 #define DPR_INFO_RATE_MAX_HZ_NAME "rate_max_hz"
+#define DPR_INFO_TORQUE_UNIT_NAME "torque_unit"
 #define DPR_INFO_MINOR_NAME "minor"
 #define DPR_INFO_FIRMWARE_MINOR_NAME "firmware_minor"
 #define DPR_INFO_SCHEMA_HASH_NAME "schema_hash"
 #define DPR_INFO_FIRMWARE_PATCH_NAME "firmware_patch"
 #define DPR_INFO_RATE_DEFAULT_HZ_NAME "rate_default_hz"
 #define DPR_INFO_SIMULATED_TIME_NAME "simulated_time"
+#define DPR_INFO_TORQUE_MEASURED_NAME "torque_measured"
+#define DPR_INFO_TORQUE_COMMANDED_NAME "torque_commanded"
+#define DPR_TORQUE_KIND_NAME "kind"
+#define DPR_TORQUE_TICK_NAME "tick"
+#define DPR_TORQUE_TORQUE1_NAME "torque1"
+#define DPR_TORQUE_TORQUE2_NAME "torque2"
 #define DPR_HELLO_TOKEN_NAME "token"
 #define DPR_HELLO_MAJOR_NAME "major"
 #define DPR_HELLO_MINOR_NAME "minor"
@@ -525,7 +540,7 @@ struct dpr_nak_t {
 /**
  * Signals in message INFO.
  *
- * What the device is; every page is sent in answer to HELLO.
+ * What the device is; every page is sent in answer to HELLO: TORQUES by a device with drives alone, before the others.
  *
  * All signal values are as on the CAN bus.
  */
@@ -533,7 +548,7 @@ struct dpr_info_t {
     /**
      * Which of the fields below this frame carries.
      *
-     * Range: 0..7 (0..7 -)
+     * Range: 0..8 (0..8 -)
      * Scale: 1
      * Offset: 0
      */
@@ -612,6 +627,15 @@ struct dpr_info_t {
     uint16_t rate_max_hz;
 
     /**
+     * What 1 in TORQUE is.
+     *
+     * Range: 1..4294967295 (1..4294967295 uN m)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint32_t torque_unit;
+
+    /**
      * Protocol version, minor: may differ.
      *
      * Range: 0..255 (0..255 -)
@@ -664,6 +688,69 @@ struct dpr_info_t {
      * Offset: 0
      */
     uint8_t simulated_time;
+
+    /**
+     * 1 when a TORQUE of that kind follows every SAMPLE.
+     *
+     * Range: 0..1 (0..1 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t torque_measured;
+
+    /**
+     * 1 when a TORQUE of that kind follows every SAMPLE.
+     *
+     * Range: 0..1 (0..1 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t torque_commanded;
+};
+
+/**
+ * Signals in message TORQUE.
+ *
+ * Torques of the joint drives at one tick, each held until the next. A device with drives sends one after the SAMPLE of that tick for every kind that INFO names; others send none. It tells what drives the joints, and nothing on this wire commands it.
+ *
+ * All signal values are as on the CAN bus.
+ */
+struct dpr_torque_t {
+    /**
+     * MEASURED: What the drive gives, by a sensor or its current. COMMANDED: What its controller asked it for.
+     *
+     * Range: 1..2 (1..2 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t kind;
+
+    /**
+     * Low 16 bits of the tick, as in the SAMPLE it follows.
+     *
+     * Range: 0..65535 (0..65535 ticks)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint16_t tick;
+
+    /**
+     * Torque of joint 1 on the inner rod, positive as its angle grows; in torque_unit of INFO.
+     *
+     * Range: -32768..32767 (-32768..32767 torque_unit)
+     * Scale: 1
+     * Offset: 0
+     */
+    int16_t torque1;
+
+    /**
+     * Torque of joint 2 on the outer rod, and its reaction on the inner one; in torque_unit of INFO.
+     *
+     * Range: -32768..32767 (-32768..32767 torque_unit)
+     * Scale: 1
+     * Offset: 0
+     */
+    int16_t torque2;
 };
 
 /**
@@ -1889,6 +1976,28 @@ bool dpr_info_rate_max_hz_is_in_phys_range(double value);
  *
  * @return true if in range, false otherwise.
  */
+bool dpr_info_torque_unit_is_in_range(uint32_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_torque_unit_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
 bool dpr_info_minor_is_in_range(uint8_t value);
 
 /**
@@ -2013,6 +2122,175 @@ bool dpr_info_simulated_time_is_in_range(uint8_t value);
  * @return true if in range, false otherwise.
  */
 bool dpr_info_simulated_time_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_torque_measured_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_torque_measured_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_torque_commanded_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_torque_commanded_is_in_phys_range(double value);
+
+/**
+ * Pack message TORQUE.
+ *
+ * @param[out] dst_p Buffer to pack the message into.
+ * @param[in] src_p Data to pack.
+ * @param[in] size Size of dst_p.
+ *
+ * @return Size of packed data, or negative error code.
+ */
+int dpr_torque_pack(
+    uint8_t *dst_p,
+    const struct dpr_torque_t *src_p,
+    size_t size);
+
+/**
+ * Unpack message TORQUE.
+ *
+ * @param[out] dst_p Object to unpack the message into.
+ * @param[in] src_p Message to unpack.
+ * @param[in] size Size of src_p.
+ *
+ * @return zero(0) or negative error code.
+ */
+int dpr_torque_unpack(
+    struct dpr_torque_t *dst_p,
+    const uint8_t *src_p,
+    size_t size);
+
+/**
+ * Init message fields to default values from TORQUE.
+ *
+ * @param[in] msg_p Message to init.
+ *
+ * @return zero(0) on success or (-1) in case of nullptr argument.
+ */
+int dpr_torque_init(struct dpr_torque_t *msg_p);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_torque_kind_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_torque_kind_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_torque_tick_is_in_range(uint16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_torque_tick_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_torque_torque1_is_in_range(int16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_torque_torque1_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_torque_torque2_is_in_range(int16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_torque_torque2_is_in_phys_range(double value);
 
 /**
  * Pack message HELLO.

@@ -12,7 +12,7 @@ from sim_device.plant.encoders import standard_noise
 from sim_device.plant.foreign import FOREIGN
 from sim_device.plant.foreign.effect import Array, Moment, OutOfLibraryEffect
 from sim_device.plant.foreign.engine import Body, integrate, undisturbed
-from sim_device.plant.plant import BLOCK_TIME, Plant
+from sim_device.plant.plant import BLOCK_TIME, Driven, Plant
 from sim_device.random_streams import RandomStream
 
 
@@ -38,7 +38,13 @@ class ForeignPlant:
         self.motion = undisturbed(body) if self.effect.motion is None else self.effect.motion(body, self.values)
         self._relative = bool(known.relative2)
 
-    def let_go(self, theta: Array, omega: Array, rate_hz: float, release: int) -> "ForeignSwing":
+    def refuse_drives(self) -> None:
+        """Raise ConfigError: nobody drives a plant with an out-of-library effect."""
+        raise ConfigError(f"plant {self.config.name}: with an out-of-library effect it has no joint drives")
+
+    def let_go(
+        self, theta: Array, omega: Array, rate_hz: float, release: int, driven: Driven | None = None
+    ) -> "ForeignSwing":
         """The swing of rods let go at theta, omega (3,), read at `rate_hz`."""
         start = np.array([*theta[1:], *omega[1:], *self.motion.memory])
         return ForeignSwing(self, start, float(theta[0]), rate_hz, release)

@@ -21,6 +21,7 @@ static const dpr_identity_t IDENTITY = {
     {1, 0, 0},             /* version of this firmware */
     1,                     /* node */
     false,                 /* real time */
+    {false, false}, 0,     /* no joint drives */
 };
 
 static dpr_device_t device;

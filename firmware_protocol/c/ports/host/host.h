@@ -4,7 +4,7 @@
 
 #include "../../device.h"
 
-#define DPR_HOST_FRAMES 2048u /* that wait to be taken; a reading makes at most six */
+#define DPR_HOST_FRAMES 2048u /* that wait to be taken; a reading makes at most eight */
 
 /* What the firmware did to latch and timer; whoever plays the hardware acts on it after every call. */
 typedef struct {

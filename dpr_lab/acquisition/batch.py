@@ -1,0 +1,56 @@
+"""What a read of the link brought, and its samples as arrays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.rig import JOINTS
+from firmware_protocol.messages import Message
+from firmware_protocol.stream import Row
+from firmware_protocol.torques import DrivenRow
+
+AnyRow = Row | DrivenRow
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """What one read of the link brought, in order of arrival."""
+
+    host_time: float
+    """`time.monotonic()` of the read, s."""
+    raw: bytes
+    rows: tuple[AnyRow, ...]
+    """Samples with whole ticks and positions, and with their torques where the device has drives."""
+    messages: tuple[Message, ...]
+    """Everything but samples."""
+
+
+def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> NDArray[np.float64] | None:
+    """(kinds, n, 2) torques of joint 1 and 2, N m, of the samples of a device with drives."""
+    driven = [row.torques for row in rows if isinstance(row, DrivenRow)]
+    return np.round(np.array(driven).swapaxes(0, 1) * (unit_uNm * 1e-6), 6) if driven else None
+
+
+def arrays(rows: Sequence[AnyRow]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Ticks (n,) and position counters (n, 3) of samples."""
+    ticks = np.array([row.tick for row in rows], dtype=np.int64)
+    return ticks, np.array([row.counts for row in rows], dtype=np.int64).reshape(-1, JOINTS)
+
+
+class Counter:
+    """A total behind a 16-bit counter that restarts with every stream."""
+
+    def __init__(self) -> None:
+        self.total = 0
+        self._last = 0
+
+    def read(self, low: int) -> None:
+        """Take what the counter says."""
+        self.total += (low - self._last) & 0xFFFF
+        self._last = low
+
+    def restart(self) -> None:
+        """A new stream begins."""
+        self._last = 0

@@ -1,0 +1,76 @@
+"""Torques put to the samples of their ticks: nothing is made up for one that never came."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from firmware_protocol.messages import Torque, TorqueKind
+from firmware_protocol.stream import Row, unwrap
+
+LATE = 2
+"""A sample waits for its torques until so many have come after it: links swap neighbours."""
+KEPT = 64
+"""Ticks whose torques are kept for a sample that is still to come."""
+
+Pair = tuple[int, int]
+
+
+class DrivenRow(NamedTuple):
+    """A `Row` with its torques."""
+
+    tick: int
+    counts: tuple[int, int, int]
+    torques: tuple[Pair, ...]
+    """Of joint 1 and 2, in the device's unit, one of each kind that it tells."""
+
+
+class TorquePairs:
+    """Follows one device's samples and torques in the order they arrived.
+
+    Args:
+        kinds: which torques the device tells of every sample
+    """
+
+    def __init__(self, kinds: Sequence[TorqueKind]) -> None:
+        self.kinds = tuple(kinds)
+        self.missing = 0
+        """Samples left out because not all of their torques came, or two that differ."""
+        self._told: dict[int, dict[TorqueKind, Pair | None]] = {}
+        self._waiting: list[Row] = []
+        self._newest = 0
+
+    def restart(self) -> None:
+        """Begin again at tick 0."""
+        self._told, self._waiting, self._newest = {}, [], 0
+
+    def note(self, torque: Torque) -> None:
+        """Take a TORQUE."""
+        tick = unwrap(torque.tick, self._newest, 16)
+        told = self._told.setdefault(tick, {})
+        pair = torque.torque1, torque.torque2
+        told[torque.kind] = pair if told.get(torque.kind, pair) == pair else None
+        for old in sorted(self._told)[: max(0, len(self._told) - KEPT)]:
+            del self._told[old]
+
+    def take(self, rows: Sequence[Row]) -> list[DrivenRow]:
+        """Take samples in their order; those that have waited long enough, with their torques."""
+        self._waiting += rows
+        if rows:
+            self._newest = rows[-1].tick
+        return self._let_go(LATE)
+
+    def rest(self) -> list[DrivenRow]:
+        """Those that waited, once nothing more comes."""
+        return self._let_go(0)
+
+    def _let_go(self, kept: int) -> list[DrivenRow]:
+        cut = max(0, len(self._waiting) - kept)
+        ready, self._waiting = self._waiting[:cut], self._waiting[cut:]
+        return [row for row in map(self._with_torques, ready) if row is not None]
+
+    def _with_torques(self, row: Row) -> DrivenRow | None:
+        told = self._told.pop(row.tick, {})
+        pairs = [pair for kind in self.kinds if (pair := told.get(kind)) is not None]
+        if len(pairs) < len(self.kinds):
+            self.missing += 1
+            return None
+        return DrivenRow(row.tick, row.counts, tuple(pairs))

@@ -1,0 +1,99 @@
+"""Joint drives: from the release on they replay a table of torques, and tell what they were asked for and gave.
+
+They are a part of the rig, as the arm is: nothing on the wire starts, stops or changes them.
+"""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import ConfigError
+from firmware_protocol.messages import TorqueKind
+from sim_device.plant.config import DriveConfig
+from sim_device.plant.encoders import standard_noise
+from sim_device.random_streams import RandomStream
+
+FULL_SCALE = 0x7FFF
+"""Largest torque that the wire carries, units."""
+
+COLUMNS = ("t", "tau1_Nm", "tau2_Nm")
+
+SLACK_S = 1e-9
+"""By which a row may come after its tick and still be of it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointDrives:
+    """Drives of both joints, worked by the board at its ticks; a torque holds from its tick to the next.
+
+    Before the release and before the table's first row they give nothing; after the last row they go on with it.
+    """
+
+    t: NDArray[np.float64]
+    """(m,) increasing, device time since the release, s."""
+    joints: NDArray[np.float64]
+    """(m, 2) torque of joint 1 on the inner rod, and of joint 2 on the outer one, N m."""
+    config: DriveConfig
+    seed: int
+
+    @property
+    def kinds(self) -> tuple[TorqueKind, ...]:
+        """Which torques they tell."""
+        return tuple(kind for kind in TorqueKind if kind.name.lower() in self.config.tells)
+
+    @property
+    def unit_Nm(self) -> float:
+        """Step of their torques, N m."""
+        return self.config.unit_uNm * 1e-6
+
+    def exerted(self, first: int, count: int, rate_hz: float) -> NDArray[np.float64]:
+        """(count, 2) what acts from the ticks `first`, `first` + 1, ... since the release on, N m."""
+        return self._asked(first, count, rate_hz, self.config.delay_s) * np.float64(self.unit_Nm)
+
+    def told(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
+        """(count, kinds, 2) what TORQUE says of these ticks, in units; `release` is the number of the release."""
+        commanded = self._asked(first, count, rate_hz, 0.0)
+        noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, count)[:, :2] * self.config.noise_Nm
+        given = self._asked(first, count, rate_hz, self.config.delay_s) + np.rint(noise / self.unit_Nm)
+        by_kind = {TorqueKind.MEASURED: given.astype(np.int64), TorqueKind.COMMANDED: commanded}
+        return np.stack([by_kind[kind] for kind in self.kinds], axis=1)
+
+    def _asked(self, first: int, count: int, rate_hz: float, later_s: float) -> NDArray[np.int64]:
+        """(count, 2) rows of the table at the ticks, in units, of a table that comes later by so much."""
+        t = np.arange(first, first + count) / rate_hz - later_s
+        row = np.searchsorted(self.t, t + SLACK_S, side="right")
+        units = np.rint(np.concatenate([np.zeros((1, 2)), self.joints]) / self.unit_Nm).astype(np.int64)
+        return units[row]
+
+
+def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives:
+    """Drives that replay a table (CSV): time since the release in s, and the torques of both joints in N m.
+
+    Raises:
+        ConfigError: no such table, or a torque that the wire does not carry in the plant's unit.
+    """
+    path = Path(file)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as text:
+            names, *rows = csv.reader(text)
+        named = {name.strip(): column for name, column in zip(names, zip(*rows, strict=True), strict=True)}
+        t, *joints = (np.array(named[name], dtype=np.float64) for name in COLUMNS)
+    except OSError as error:
+        raise ConfigError(f"torques: {path}: cannot be read: {error.strerror}") from error
+    except (KeyError, ValueError) as error:
+        raise ConfigError(
+            f"torques: {path}: needs a line with the names {', '.join(COLUMNS)}, then a number of each in every line"
+        ) from error
+    joints = np.stack(joints, axis=1)
+    if not np.isfinite(joints).all() or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
+        raise ConfigError(f"torques: {path}: needs finite numbers, and a time that grows")
+    most = FULL_SCALE * config.unit_uNm * 1e-6
+    if (np.abs(joints) > most).any():
+        raise ConfigError(
+            f"torques: {path}: {np.abs(joints).max():g} N m is more than the wire carries in units of"
+            f" {config.unit_uNm} uN m ({most:g} N m): give the plant's drives a larger unit_uNm"
+        )
+    return JointDrives(t, joints, config, seed)

@@ -1,0 +1,74 @@
+"""Torques and samples of one tick find each other; what never came is counted."""
+
+from firmware_protocol.device_role import DeviceSession
+from firmware_protocol.host_role import HostSession
+from firmware_protocol.identity import DeviceInfo, assemble, info_pages
+from firmware_protocol.messages import Hello, Sample, Torque, TorqueKind, decode, encode
+from firmware_protocol.stream import Row
+from firmware_protocol.torques import DrivenRow, TorquePairs
+
+PLAIN = DeviceInfo("1.0.0", "00000000000000ff", (16384, 16384, 16384), 4000, 100)
+DRIVEN = DeviceInfo(
+    "1.0.0", "00000000000000ff", (16384, 16384, 16384), 4000, 100, torque_kinds=tuple(TorqueKind), torque_unit_uNm=100
+)
+MEASURED, COMMANDED = TorqueKind
+TICKS = range(65530, 65545)
+"""Across the turn of the low 16 bits."""
+
+
+def rows(ticks=TICKS) -> list[Row]:
+    return [Row(tick, (tick, 0, 0)) for tick in ticks]
+
+
+def told(tick: int, kind: TorqueKind = MEASURED) -> Torque:
+    return Torque(kind, tick & 0xFFFF, tick - 65530, -kind)
+
+
+def paired(kinds, happenings) -> tuple[list[DrivenRow], int]:
+    pairs = TorquePairs(kinds)
+    pairs.take(rows([65529]))
+    found: list[DrivenRow] = []
+    for happening in happenings:
+        if isinstance(happening, Row):
+            found += pairs.take([happening])
+        else:
+            pairs.note(happening)
+    return found + pairs.rest(), pairs.missing - 1
+
+
+def test_every_sample_gets_the_torques_of_its_own_tick_in_any_order_nearby():
+    usual = [item for row in rows() for item in (row, told(row.tick), told(row.tick, COMMANDED))]
+    swapped = [usual[i ^ 1] if i ^ 1 < len(usual) else usual[i] for i in range(len(usual))]
+    expected = [DrivenRow(t, (t, 0, 0), ((t - 65530, -1), (t - 65530, -2))) for t in TICKS]
+    for happenings in (usual, swapped):
+        assert paired(TorqueKind, happenings) == (expected, 0)
+    assert paired([MEASURED], usual)[0][3] == DrivenRow(65533, (65533, 0, 0), ((3, -1),))
+
+
+def test_a_sample_without_its_torque_is_left_out_and_counted():
+    lost, contradicted = 65534, 65540
+    happenings = [item for row in rows() for item in (row, *([] if row.tick == lost else [told(row.tick)]))]
+    happenings.insert(-8, Torque(MEASURED, contradicted & 0xFFFF, 999, 0))
+    found, missing = paired([MEASURED], happenings)
+    assert [row.tick for row in found] == [t for t in TICKS if t not in (lost, contradicted)]
+    assert missing == 2
+
+
+def test_the_identity_tells_of_drives_and_one_without_is_as_before():
+    assert assemble(info_pages(DRIVEN)) == DRIVEN
+    assert [page.page for page in info_pages(DRIVEN)] == [8, *range(8)]
+    assert [page.page for page in info_pages(PLAIN)] == [*range(8)]
+    late = HostSession()
+    pages = DeviceSession(DRIVEN).receive(late.hello(0.0), 0.0).frames
+    for frame in (*pages[:1], *pages[2:], pages[1]):
+        late.receive(frame)
+    assert late.info == DRIVEN
+
+
+def test_the_device_cuts_what_its_unit_cannot_tell_and_obeys_no_torque():
+    session = DeviceSession(DRIVEN)
+    session.receive(encode(Hello(1)), 0.0)
+    assert decode(session.torque(COMMANDED, 65537, (40000, -40000))) == Torque(COMMANDED, 1, 32767, -32768)
+    answer = session.receive(session.torque(COMMANDED, 0, (1, 1)), 0.0)
+    assert (answer.frames, answer.task) == ((), None)
+    assert isinstance(decode(session.sample(1, (0, 0, 0))), Sample)
