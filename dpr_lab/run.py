@@ -129,7 +129,8 @@ class Run(Shown):
         """Hash of all that a fit reads of this run: the same after another import of the same table."""
         unread = {"name": "", "file": None, "sha256": "", "recorded_utc": "", "notes": ()}
         digest = hashlib.sha256()
-        for part in _flat(astuple(replace(self, **unread))):
+        known = (part for part in _flat(astuple(replace(self, **unread))) if part is not None)
+        for part in known:
             digest.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
         return digest.hexdigest()
 
