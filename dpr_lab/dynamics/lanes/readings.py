@@ -1,4 +1,4 @@
-"""Reading the encoders along tracks: lanes of candidates and segments that go through their steps together."""
+"""Following tracks: lanes of candidates and segments that go through their steps together and read the encoders."""
 
 from typing import Any, NamedTuple
 
@@ -6,9 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.lanes.driving import Drive, carry, push
-from dpr_lab.dynamics.lanes.effects import displaced, played
+from dpr_lab.dynamics.lanes.effects import displaced
+from dpr_lab.dynamics.lanes.samples import (
+    LaneSamples,
+    angle0,
+    angle2,
+    read_both,
+    read_joint1,
+    read_joint2,
+    read_play,
+    shares,
+)
 from dpr_lab.dynamics.lanes.tracks import Tracks
-from dpr_lab.dynamics.lanes.workspace import LANES, ROW, WORKSPACE, constants_at, waits
+from dpr_lab.dynamics.lanes.workspace import LANES, ROW, WORKSPACE, constants_at
 from dpr_lab.effects.effect_kernels import (
     ARM,
     AT_RELEASE,
@@ -52,24 +62,6 @@ class Candidates(NamedTuple):
     """(n, S, 4)"""
     internal: NDArray[np.float64]
     """(n, S, internal) nan where it is taken over from the segment before."""
-
-
-class LaneSamples(NamedTuple):
-    """The samples of a segment in each lane."""
-
-    t1: NDArray[np.float64]
-    """(LANES, longest) instants at which joint 1 has the angle that is read, s."""
-    t2: NDArray[np.float64]
-    out: NDArray[np.float64]
-    """(n * N * columns,) the readings of all candidates end to end: joint 1, joint 2 and perhaps the arm, rad."""
-    columns: int
-    first: NDArray[np.int64]
-    """(LANES,) where in `out` the readings of the segment begin."""
-    next1: NDArray[np.int64]
-    """(LANES,) sample that joint 1 is read at next."""
-    next2: NDArray[np.int64]
-    size: NDArray[np.int64]
-    """(LANES,) samples of the segment; 0 where the lane is idle."""
 
 
 @njit
@@ -284,13 +276,13 @@ def _read(
             carry(w, drive, run)
         advance(w, rig, active, acts, held)
         if not (acts.timing or acts.play):
-            _read_both(w, rig.relative2, acts.arm, samples)
+            read_both(w, rig.relative2, acts.arm, samples)
         else:
-            _read_joint1(w, acts.arm, samples)
+            read_joint1(w, acts.arm, samples)
             if acts.play:
-                _read_play(w, rig.relative2, active, samples)
+                read_play(w, rig.relative2, active, samples)
             else:
-                _read_joint2(w, 1.0, rig.relative2, samples)
+                read_joint2(w, 1.0, rig.relative2, samples)
         if acts.internal:
             _hand_over(w, rig.relative2, active, acts.play, after)
         held = held and _any_held(w)
@@ -314,125 +306,11 @@ def _any_due(w: NDArray[np.float64]) -> bool:
 
 
 @njit
-def _cubic(u: float, h: float, y0: float, v0: float, y1: float, v1: float) -> float:
-    """The cubic through y0, y1 with slopes v0, v1 over a step of h, at the share u of it."""
-    v = 1.0 - u
-    return v * v * ((1.0 + 2.0 * u) * y0 + u * h * v0) + u * u * ((3.0 - 2.0 * u) * y1 - v * h * v1)
-
-
-@njit
-def _angle1(w: NDArray[np.float64], k: int, u: float) -> float:
-    """theta1 of lane k at the share u of its step, rad."""
-    return _cubic(u, w[ROW.h + k], w[ROW.old_theta1 + k], w[ROW.old_omega1 + k], w[ROW.theta1 + k], w[ROW.omega1 + k])
-
-
-@njit
-def _angle2(w: NDArray[np.float64], k: int, u: float, relative2: float) -> float:
-    """Angle of joint 2 as its encoder has it, likewise."""
-    theta2 = _cubic(u, w[ROW.h + k], w[ROW.old_theta2 + k], w[ROW.old_omega2 + k], w[ROW.theta2 + k], w[ROW.omega2 + k])
-    return theta2 - relative2 * _angle1(w, k, u)
-
-
-@njit
-def _angle0(w: NDArray[np.float64], k: int, u: float) -> float:
-    """theta0, likewise."""
-    return _cubic(u, w[ROW.h + k], w[ROW.old_theta0 + k], w[ROW.old_omega0 + k], w[ROW.theta0 + k], w[ROW.omega0 + k])
-
-
-@njit
-def _shares(w: NDArray[np.float64], due: int, until: float) -> bool:
-    """The share of its step at which each lane is to read next; whether any does by the share `until`."""
-    count = 0
-    for k in range(LANES):
-        share = (w[due + k] - w[ROW.old_t + k]) / w[ROW.h + k]
-        w[ROW.share + k] = share
-        count += share <= until
-    return count > 0
-
-
-@njit
-def _after_reading(w: NDArray[np.float64], due: int, k: int, t: NDArray[np.float64], j: int, count: int) -> int:
-    """The sample after j, which becomes due."""
-    w[due + k] = t[k, j + 1] if j + 1 < count else np.inf
-    return j + 1
-
-
-@njit
-def _read_both(w: NDArray[np.float64], relative2: float, arm: bool, samples: LaneSamples) -> None:
-    """Read the samples that fall into the step, both joints at one instant."""
-    while _shares(w, ROW.due1, 1.0):
-        for k in range(LANES):
-            w[ROW.angle1 + k] = _angle1(w, k, w[ROW.share + k])
-            w[ROW.angle2 + k] = _angle2(w, k, w[ROW.share + k], relative2)
-        for k in range(LANES):
-            if w[ROW.share + k] <= 1.0:
-                j = samples.next1[k]
-                at = samples.first[k] + j * samples.columns
-                samples.out[at], samples.out[at + 1] = w[ROW.angle1 + k], w[ROW.angle2 + k]
-                if arm and samples.columns > 2:
-                    samples.out[at + 2] = _angle0(w, k, w[ROW.share + k])
-                samples.next1[k] = _after_reading(w, ROW.due1, k, samples.t1, j, samples.size[k])
-
-
-@njit
-def _read_joint1(w: NDArray[np.float64], arm: bool, samples: LaneSamples) -> None:
-    """Read joint 1 and the arm at the samples that fall into the step."""
-    while _shares(w, ROW.due1, 1.0):
-        for k in range(LANES):
-            w[ROW.angle1 + k] = _angle1(w, k, w[ROW.share + k])
-        for k in range(LANES):
-            if w[ROW.share + k] <= 1.0:
-                j = samples.next1[k]
-                at = samples.first[k] + j * samples.columns
-                samples.out[at] = w[ROW.angle1 + k]
-                if arm and samples.columns > 2:
-                    samples.out[at + 2] = _angle0(w, k, w[ROW.share + k])
-                samples.next1[k] = _after_reading(w, ROW.due1, k, samples.t1, j, samples.size[k])
-
-
-@njit
-def _read_joint2(w: NDArray[np.float64], until: float, relative2: float, samples: LaneSamples) -> None:
-    """Read joint 2 at the samples that fall into the step before the share `until` of it."""
-    while _shares(w, ROW.due2, until):
-        for k in range(LANES):
-            w[ROW.angle2 + k] = _angle2(w, k, w[ROW.share + k], relative2)
-        for k in range(LANES):
-            if w[ROW.share + k] <= until:
-                j = samples.next2[k]
-                samples.out[samples.first[k] + j * samples.columns + 1] = w[ROW.angle2 + k]
-                samples.next2[k] = _after_reading(w, ROW.due2, k, samples.t2, j, samples.size[k])
-
-
-@njit
-def _read_play(w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_], samples: LaneSamples) -> None:
-    """Read joint 2 through the play of its encoder, which looks for a turning point at each quarter of the step."""
-    for quarter in range(1, 5):
-        until = 0.25 * quarter
-        while _shares(w, ROW.due2, until):
-            for k in range(LANES):
-                w[ROW.angle2 + k] = _angle2(w, k, w[ROW.share + k], relative2)
-            played(w, active)
-            for k in range(LANES):
-                if w[ROW.share + k] <= until:
-                    j = samples.next2[k]
-                    w[ROW.hold + k] = w[ROW.angle2 + k]
-                    samples.out[samples.first[k] + j * samples.columns + 1] = w[ROW.angle2 + k]
-                    samples.next2[k] = _after_reading(w, ROW.due2, k, samples.t2, j, samples.size[k])
-        for k in range(LANES):
-            w[ROW.angle2 + k] = _angle2(w, k, until, relative2)
-        played(w, active)
-        for k in range(LANES):
-            w[ROW.hold + k] = w[ROW.angle2 + k]
-    for k in range(LANES):
-        w[ROW.hold + k] = _angle2(w, k, 1.0, relative2) if waits(w, k) else w[ROW.hold + k]
-
-
-@njit
 def _hand_over(
     w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_], play: bool, after: NDArray[np.float64]
 ) -> None:
     """Internal states for the next segment, where it starts in this step; the play's is that of the step's end."""
-    if not _shares(w, ROW.handed, 1.0):
+    if not shares(w, ROW.handed, 1.0):
         return
     for k in range(LANES):
         turn1 = w[ROW.theta1 + k] - w[ROW.old_theta1 + k]
@@ -445,8 +323,8 @@ def _hand_over(
             if u > 0.0:
                 for n, place in enumerate(STEPPED):
                     after[k, place] = w[ROW.moved + n * LANES + k]
-                after[k, LAG] = w[ROW.hold + k] - _angle2(w, k, 1.0, relative2) if play else 0.0
-                after[k, ARM] = _angle0(w, k, u)
+                after[k, LAG] = w[ROW.hold + k] - angle2(w, k, 1.0, relative2) if play else 0.0
+                after[k, ARM] = angle0(w, k, u)
                 after[k, ARM + 1] = w[ROW.old_omega0 + k] + u * (w[ROW.omega0 + k] - w[ROW.old_omega0 + k])
             w[ROW.handed + k] = np.inf
 
