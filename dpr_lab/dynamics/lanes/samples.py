@@ -1,4 +1,4 @@
-"""Reading the encoders within a step of all lanes: at the instants that fall into it, by the cubic through its ends."""
+"""Reading the encoders within a step of all lanes: at instants that fall into it, by the cubic through its ends."""
 
 from typing import NamedTuple
 
