@@ -131,6 +131,10 @@ HeldOut = Annotated[
 AnyClock = Annotated[
     bool, typer.Option("--any-clock", help="Take runs of a device whose clock is further off than a crystal's.")
 ]
+TorqueKind = Annotated[
+    Literal["measured", "commanded"] | None,
+    typer.Option("--torque", help="Which known torques drove the joints of runs that hold both; else the measured."),
+]
 Rods = Annotated[
     Literal["both", "inner", "outer"] | None,
     typer.Option(help="Which rods hang on the rig; one alone hangs on joint 1. As the rig file says when left out."),

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from dpr_lab.cli.checks import TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
 from dpr_lab.workflows.compare import compare as compare_runs
 
@@ -13,6 +14,7 @@ def compare(
     runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap); those the model never saw are held out.")],
     model: Annotated[Path, typer.Option(help="The model that `identify` wrote.")],
     out: Annotated[Path, typer.Option(help="Folder of the figures and the report.")] = Path("report"),
+    torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Compare recorded and simulated swings: figures, residuals and a one-file HTML report.
@@ -25,7 +27,7 @@ def compare(
     from dpr_lab.workflows.compare import CompareRequest
 
     with Listener() as listener:
-        compared = compare_runs(CompareRequest(tuple(runs), model, out), listener)
+        compared = compare_runs(CompareRequest(tuple(runs), model, out, torque=torque), listener)
     if as_json:
         emit(compared.saved)
         return

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import EFFECT_NAMES, REASON_NAMES, AnyClock, HeldOut, Library, RigName, names_in
+from dpr_lab.cli.checks import EFFECT_NAMES, REASON_NAMES, AnyClock, HeldOut, Library, RigName, TorqueKind, names_in
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def diagnose(
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder of report, figures, corrected model and exports.")] = None,
     any_clock: AnyClock = False,
+    torque: TorqueKind = None,
     fail_on: Annotated[
         str | None,
         typer.Option(
@@ -63,6 +64,7 @@ def diagnose(
         seed,
         out,
         any_clock=any_clock,
+        torque=torque,
         trust=trust,
     )
     with Listener() as listener:

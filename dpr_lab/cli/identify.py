@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, AnyClock, RigName
+from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, AnyClock, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.errors import IdentificationError
 
@@ -39,6 +39,7 @@ def identify(
     profile: Annotated[bool, typer.Option("--profile", help="Add profile likelihood intervals of the ratios.")] = False,
     out: Annotated[Path, typer.Option(help="Where the model is written.")] = Path("model.json"),
     any_clock: AnyClock = False,
+    torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Identify the kinetic parameters from recorded free swings.
@@ -50,7 +51,7 @@ def identify(
     from dpr_lab.workflows.identify import IdentifyRequest
     from dpr_lab.workflows.identify import identify as identify_runs
 
-    request = IdentifyRequest(tuple(runs), rig, out, objective, search, settings, seed, profile, any_clock)
+    request = IdentifyRequest(tuple(runs), rig, out, objective, search, settings, seed, profile, any_clock, torque)
     with Listener() as listener:
         model = identify_runs(request, listener).model
     if as_json:

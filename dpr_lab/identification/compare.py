@@ -57,6 +57,8 @@ class Comparison(Shown):
     """(2,) root mean square of measured - tracked, rad."""
     free_run_rms_rad: NDArray[np.float64]
     """(2,) root mean square of measured - free_run up to the horizon, rad."""
+    torque_kind: str = ""
+    """`measured` or `commanded`: the known torques that drove the run, where their kind is known."""
 
     def _heading(self) -> str:
         part = "held out" if self.held_out else "used in the fit"
@@ -190,6 +192,7 @@ def compare_followed(followed: Followed) -> Comparison:
         segments=followed.bare.segments,
         segment_rms_rad=_rms(measured - followed.tracked),
         free_run_rms_rad=_rms((measured - freely.theta)[predictable]),
+        torque_kind=run.torque_kind if run.torques is not None else "",
     )
 
 

@@ -87,6 +87,8 @@ class RunUsed(_Record):
     segments: int = 0
     horizon_s: Number | None = None
     """How long a free run from the fitted initial state can be predicted: until its uncertainty fills 0.1 rad."""
+    torque_kind: str = ""
+    """`measured` or `commanded`: the known torques that drove it, where their kind is known."""
 
 
 class Covariance(_Record):

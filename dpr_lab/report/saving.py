@@ -91,6 +91,7 @@ def _record(comparison: Comparison) -> dict[str, Any]:
         "run": comparison.run,
         "pose": comparison.pose,
         "held_out": comparison.held_out,
+        **({"torque_kind": comparison.torque_kind} if comparison.torque_kind else {}),
         "horizon_s": comparison.horizon_s,
         "segments": comparison.segments,
         **{name: dict(zip(AXES, getattr(comparison, name).tolist(), strict=True)) for name in by_axis},

@@ -102,7 +102,8 @@ def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RAD
         [
             comparison.run,
             comparison.pose or NONE,
-            "held out" if comparison.held_out else "used",
+            ("held out" if comparison.held_out else "used")
+            + (f", {comparison.torque_kind} torques" if comparison.torque_kind else ""),
             str(comparison.segments),
             pair(angles.small_per_rad * comparison.segment_rms_rad),
             pair(angles.small_per_rad * comparison.noise_rad),

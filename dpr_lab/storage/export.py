@@ -1,8 +1,8 @@
 """Write a run in the formats other programs read: one file per format, one line each in `EXPORTERS`.
 
-Every format holds the same columns (`COLUMNS`, and `COUNT_COLUMNS` where the run has counts), one row per sample,
-nothing resampled. What the run says about itself goes along where the format has a place for it: Parquet metadata
-under the key `dpr_lab`, HDF5 attributes, a MATLAB struct `run`; CSV has none.
+Every format holds the same columns (`COLUMNS`, `COUNT_COLUMNS` where the run has counts, its torques where it was
+driven), one row per sample, nothing resampled. What the run says about itself goes along where the format has a place
+for it: Parquet metadata under the key `dpr_lab`, HDF5 attributes, a MATLAB struct `run`; CSV has none.
 """
 
 import json
@@ -20,11 +20,14 @@ from dpr_lab.storage.layout import NANOSECONDS
 
 COLUMNS: tuple[str, ...] = ("t_s", "theta0_rad", "theta1_rad", "theta2_rad")
 COUNT_COLUMNS: tuple[str, ...] = ("counts0", "counts1", "counts2")
+TORQUE_COLUMNS: tuple[str, ...] = ("tau1_Nm", "tau2_Nm")
+BOTH_KINDS: tuple[str, ...] = ("tau1_measured_Nm", "tau2_measured_Nm", "tau1_commanded_Nm", "tau2_commanded_Nm")
 
 Columns = dict[str, NDArray[np.float64] | NDArray[np.int64]]
 """Column name -> (n,) values."""
 
 UNITS = {"t_s": "s", **dict.fromkeys(COLUMNS[1:], "rad"), **dict.fromkeys(COUNT_COLUMNS, "counts")}
+UNITS |= dict.fromkeys(TORQUE_COLUMNS + BOTH_KINDS, "N m")
 CONVENTION = "t = 0 at the release; absolute angles, 0 = upright, pi = hanging"
 
 
@@ -58,8 +61,10 @@ def export(run: Run, path: Path | str) -> Path:
 def columns(run: Run) -> Columns:
     """The run as named columns, each (n,)."""
     table: Columns = dict(zip(COLUMNS, (run.t, *run.theta.T), strict=True))
-    if run.torques is not None:
-        table |= dict(zip(("tau1_Nm", "tau2_Nm"), run.torques.T, strict=True))
+    if run.torques is not None and run.commanded is not None:
+        table |= dict(zip(BOTH_KINDS, (*run.torques.T, *run.commanded.T), strict=True))
+    elif run.torques is not None:
+        table |= dict(zip(TORQUE_COLUMNS, run.torques.T, strict=True))
     if run.counts is not None:
         table |= dict(zip(COUNT_COLUMNS, run.counts.T, strict=True))
     return table

@@ -65,5 +65,5 @@ def _readings(path: Path) -> str:
         return ""
 
 
-_SETTINGS = ("library", "without", "max_effects", "seed", "any_clock")
+_SETTINGS = ("library", "without", "max_effects", "seed", "any_clock", "torque")
 """Fields of a request that a certificate repeats."""

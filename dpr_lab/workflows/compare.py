@@ -26,6 +26,8 @@ class CompareRequest:
     """Whether to go on without a run that cannot be compared."""
     record: Path | None = None
     """Where to write what `compare --json` prints."""
+    torque: str | None = None
+    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     left_out: list[Path] = []
     for file in request.runs:
         try:
-            followed.append(_follow(file, model))
+            followed.append(_follow(file, model, request.torque))
         except RunError as error:
             if not request.leave_out:
                 raise
@@ -85,8 +87,8 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     return CompareResult(tuple(comparisons), tuple(followed), tuple(left_out), saved)
 
 
-def _follow(file: Path, model: "Model") -> "Followed":
+def _follow(file: Path, model: "Model", torque: str | None) -> "Followed":
     from dpr_lab.identification.compare import follow
     from dpr_lab.storage.reader import load_run, stored_rig
 
-    return follow(load_run(file), stored_rig(file), model)
+    return follow(load_run(file).driven_by(torque), stored_rig(file), model)

@@ -46,6 +46,8 @@ class DiagnoseRequest:
     """Whether to take runs of a device whose clock is further off than a crystal's."""
     trust: int = 0
     """How many blind trials on plants like this rig to add; each takes as long as the diagnosis."""
+    torque: str | None = None
+    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     from dpr_lab.rig import load_rig
 
     rig = load_rig(request.rig)
-    read = read_runs((*request.runs, *request.held_out), rig, on_event, request.any_clock)
+    read = read_runs((*request.runs, *request.held_out), rig, on_event, request.any_clock, request.torque)
     runs, held_out = read[: len(request.runs)], read[len(request.runs) :]
     if request.out:
         refuse_file(request.out)

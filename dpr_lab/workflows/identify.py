@@ -34,6 +34,8 @@ class IdentifyRequest:
     """Whether to find each ratio's interval by profile likelihood too."""
     any_clock: bool = False
     """Whether to take runs of a device whose clock is further off than a crystal's."""
+    torque: str | None = None
+    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proc
 
     refuse_folder(request.out)
     rig = load_rig(request.rig)
-    runs = read_runs(request.runs, rig, on_event, request.any_clock)
+    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
     settings = load_search(request.settings) if request.settings else None
     model = identify_runs(
         runs,

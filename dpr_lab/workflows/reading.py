@@ -11,20 +11,31 @@ if TYPE_CHECKING:
     from dpr_lab.run import Run
 
 
-def read_runs(files: Sequence[Path], rig: "Rig", on_event: OnEvent, any_clock: bool = True) -> "list[Run]":
+def read_runs(
+    files: Sequence[Path], rig: "Rig", on_event: OnEvent, any_clock: bool = True, torque: str | None = None
+) -> "list[Run]":
     """The runs of a rig, in the order of their files.
 
+    Args:
+        files: of the runs
+        rig: that they are of
+        on_event: told of each
+        any_clock: whether any clock is good enough
+        torque: `measured` or `commanded`: which known torques drove the joints of runs that hold both
+
     Raises:
-        RunError: a file that is no run, or of another rig; two that hold the same recording; or, unless `any_clock`,
-            one of a device whose clock is further off than a crystal's.
+        RunError: a file that is no run, or of another rig; two that hold the same recording; torques of another kind
+            alone; or, unless `any_clock`, one of a device whose clock is further off than a crystal's.
     """
     from dpr_lab.run import refuse_repeated, refuse_wrong_clocks
     from dpr_lab.storage.reader import load_run
 
     runs: list[Run] = []
     for file in files:
-        runs.append(load_run(file, rig=rig))
-        on_event(RunRead(file, runs[-1].name, runs[-1].notes))
+        run = load_run(file, rig=rig).driven_by(torque)
+        chosen = f"driven by its {run.torque_kind} torques; --torque says which" if run.commanded is not None else ""
+        runs.append(run)
+        on_event(RunRead(file, run.name, (*run.notes, *([chosen] if chosen else []))))
     refuse_repeated(runs)
     if not any_clock:
         refuse_wrong_clocks(runs)

@@ -1,5 +1,7 @@
 """Torques and samples of one tick find each other; what never came is counted."""
 
+from collections.abc import Iterable
+
 from firmware_protocol.device_role import DeviceSession
 from firmware_protocol.host_role import HostSession
 from firmware_protocol.identity import DeviceInfo, assemble, info_pages
@@ -16,7 +18,7 @@ TICKS = range(65530, 65545)
 """Across the turn of the low 16 bits."""
 
 
-def rows(ticks=TICKS) -> list[Row]:
+def rows(ticks: Iterable[int] = TICKS) -> list[Row]:
     return [Row(tick, (tick, 0, 0)) for tick in ticks]
 
 

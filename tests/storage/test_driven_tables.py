@@ -9,8 +9,12 @@ from dpr_lab.errors import RunError
 from dpr_lab.identification.identify import identify
 from dpr_lab.rig import Rig, RigGeometry
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.storage.export import export
+from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter
+from dpr_lab.workflows.events import RunRead
+from dpr_lab.workflows.reading import read_runs
 
 T = np.arange(0, 1, 0.01)
 ANGLES = np.column_stack([T, np.cos(6 * T), np.cos(8 * T)])
@@ -55,6 +59,27 @@ def test_a_run_file_keeps_which_torques_they_are_and_how_late_they_act(paper: Ri
         assert run.setup.torques.mean_before([0.512, 0.514])[1] == pytest.approx(TAU[[49, 50]].mean(axis=0) @ _PUSHED)
     with pytest.raises(ValueError, match="within 1 s"):
         ImportOptions(input_delay_s=2.0)
+
+
+def test_of_both_kinds_in_a_run_the_measured_ones_act_unless_the_others_are_said(paper: Rig, tmp_path: Path) -> None:
+    metadata = RunMetadata(paper, None, 100.0, extra={"torque_kind": "measured", "torque_unit_uNm": "100"})
+    with RunWriter(tmp_path / "a.mcap", metadata) as writer:
+        writer.samples(np.arange(len(T)), np.full((len(T), 3), 8192), np.stack([TAU, 2 * TAU]))
+        writer.finish(RunSummary(release_tick=0))
+    told: list[RunRead] = []
+    for kind, scale, said in ((None, 1, 1), ("measured", 1, 0), ("commanded", 2, 0)):
+        (run,) = read_runs([tmp_path / "a.mcap"], paper, told.append, torque=kind)  # pyright: ignore[reportArgumentType]
+        assert run.setup.torques is not None
+        assert run.setup.torques.kind == run.torque_kind == (kind or "measured")
+        assert run.torques == pytest.approx(scale * TAU)
+        assert sum("driven by its measured torques" in note for note in told[-1].notes) == said
+    both = load_run(tmp_path / "a.mcap")
+    assert both.between(0.2, 0.5).commanded == pytest.approx(2 * TAU[20:50])
+    export(both, tmp_path / "a.h5")
+    again = import_csv(tmp_path / "a.h5", paper, ImportOptions(torque="commanded"))
+    assert again.torques == pytest.approx(2 * TAU)
+    with pytest.raises(RunError, match="holds no commanded torques, only measured: leave out --torque"):
+        both.driven_by("measured").driven_by("commanded")
 
 
 def test_a_prescribed_arm_is_kept_and_refused_where_it_is_not_known(paper: Rig, tmp_path: Path) -> None:
