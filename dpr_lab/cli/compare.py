@@ -23,7 +23,7 @@ def compare(
     """
     json_mode(as_json)
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows
+    from dpr_lab.report.tables import COMPARISON_COLUMNS, COMPARISON_NOTE, comparison_rows
     from dpr_lab.workflows.compare import CompareRequest
 
     with Listener() as listener:
@@ -31,5 +31,6 @@ def compare(
     if as_json:
         emit(compared.saved)
         return
-    table("Measured against simulated", COMPARISON_COLUMNS, comparison_rows(compared.comparisons))
+    rows = comparison_rows(compared.comparisons)
+    table("Measured against simulated", COMPARISON_COLUMNS, rows, note=COMPARISON_NOTE)
     line(f"report: {compared.saved['report']}")

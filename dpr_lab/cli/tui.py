@@ -14,10 +14,16 @@ from dpr_lab.errors import DprError
 def tui(
     rig: Annotated[
         str | None,
-        typer.Option(help="Rig file, or the name of a built-in one; the last one's.", autocompletion=complete_rig),
+        typer.Option(
+            help="Rig file, or the name of a built-in one; when left out, the last one.", autocompletion=complete_rig
+        ),
     ] = None,
-    link: Annotated[str | None, typer.Option(help="Where the device is; the last one, or the rig file's.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of runs, model, report and diagnosis; the last one.")] = None,
+    link: Annotated[
+        str | None, typer.Option(help="Where the device is; when left out, the last one, or the rig file's.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of runs, model, report and diagnosis; or the last one.")
+    ] = None,
     allow_release: Annotated[
         bool,
         typer.Option(

@@ -75,12 +75,7 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
 def _comparisons(comparisons: Sequence[Comparison], drawn: Mapping[str, str]) -> str:
     if not comparisons:
         return "<p>No run was compared.</p>"
-    caption = (
-        "Numbers in pairs are θ1, θ2. rms: residual of segments with free start states. "
-        "Free run: residual of one simulation from the release to the horizon. "
-        "Held out: the run took no part in the fit. ≥: predictable to the end of the record."
-    )
-    table = table_html(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), caption)
+    table = table_html(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), tables.COMPARISON_NOTE)
     return "\n".join([table, drawn["response"], drawn["error"]])
 
 

@@ -1,8 +1,10 @@
-"""The numbers of an identification as rows of text: each with its uncertainty, its unit and what fixed it."""
+"""An identification as rows of text: each number with its uncertainty and what fixed it, runs by pose and time."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +21,6 @@ RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
 PARAMETER_COLUMNS = ("parameter", "value ± std", "unit", "fixed by", "what it is")
 COMPARISON_COLUMNS = (
     "run",
-    "pose",
     "role",
     "segments",
     "rms (mrad)",
@@ -28,8 +29,11 @@ COMPARISON_COLUMNS = (
     "free run (mrad)",
     "horizon (s)",
 )
-"""Pairs of numbers are inner, outer rod; rms is that of the segments, free run that up to the horizon; ≥ marks a
-horizon that the record does not reach."""
+COMPARISON_NOTE = (
+    "Numbers in pairs are θ1, θ2 (inner, outer rod). rms: residual of segments with free start states. "
+    "Free run: residual of one simulation from the release to the horizon. "
+    "Held out: the run took no part in the fit. ≥: predictable to the end of the record."
+)
 RUN_COLUMNS = ("file", "pose", "samples", "duration (s)", "segments", "χ² per dof", "SHA-256")
 SEARCH_COLUMNS = ("what", "value")
 
@@ -100,8 +104,7 @@ def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RAD
     """One row for each compared run, in the columns `COMPARISON_COLUMNS`."""
     return [
         [
-            comparison.run,
-            comparison.pose or NONE,
+            compared_name(comparison),
             ("held out" if comparison.held_out else "used")
             + (f", {comparison.torque_kind} torques" if comparison.torque_kind else ""),
             str(comparison.segments),
@@ -145,6 +148,35 @@ def search_rows(model: "Model") -> list[list[str]]:
         ["local solver", f"{fit.iterations} iterations, {fit.segments} segments up to {fit.longest_segment_s:.3g} s"],
         ["χ² per degree of freedom", f"{three(fit.chi2_per_dof)} (1 = nothing left but noise)"],
     ]
+
+
+def local_time(utc: str) -> str:
+    """`2026-11-21 11:15 CET` of a time in UTC (ISO 8601, or as in the name of a run file); what is none stays."""
+    try:
+        at = datetime.fromisoformat(utc.replace("Z", "+00:00"))
+        at = at if at.tzinfo is not None else at.replace(tzinfo=UTC)
+        return f"{at.astimezone():%Y-%m-%d %H:%M %Z}"
+    except (ValueError, OverflowError, OSError):  # no time, or none that this computer's clock knows
+        return utc
+
+
+def recorded(run: Path) -> str:
+    """When a run was recorded, from a file name `<utc>_<pose>_<uid8>`; empty for others."""
+    parts = run.stem.split("_")
+    when = local_time(parts[0])
+    return when if len(parts) > 2 and when != parts[0] else ""
+
+
+def run_name(run: Path) -> str:
+    """A run by its pose and when it was recorded, from a file name `<utc>_<pose>_<uid8>`; others by their name."""
+    when = recorded(run)
+    return f"{'_'.join(run.stem.split('_')[1:-1])} ({when})" if when else run.stem
+
+
+def compared_name(comparison: "Comparison") -> str:
+    """The run of a comparison; one that is not named by its pose has it in front."""
+    name = run_name(Path(f"{comparison.run}.mcap"))
+    return f"{comparison.pose} {name}" if comparison.pose and name == comparison.run else name
 
 
 def to_the_end(comparison: "Comparison") -> bool:

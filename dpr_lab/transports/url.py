@@ -56,7 +56,7 @@ def parse_url(text: str) -> LinkUrl:
     except ValueError as error:
         raise LinkUrlError(f"{text}: is not a link URL ({error}); write scheme://place?option=value") from error
     if "://" not in text:
-        raise LinkUrlError(f"{text}: is not a link URL; write for example serial://{text}?baud=921600")
+        raise LinkUrlError(f"{text}: is not a link URL; write for example serial:///dev/ttyUSB0?baud=921600 or sim://")
     return LinkUrl(text, split.scheme, split.netloc, split.path, query)
 
 

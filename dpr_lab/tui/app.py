@@ -172,6 +172,12 @@ class DprApp(Guarded, App[None]):
             self.terminal.hurry()
         await super().on_event(event)
 
+    def on_key(self, event: events.Key) -> None:
+        """A key that nobody took, and that nothing is bound to: say so."""
+        if event.is_printable and len(self.screen_stack) == 1 and event.key not in self.screen.active_bindings:
+            key, keys = self.get_key_display(Binding(event.key, "")), self.services.keys.of("app.help")
+            self.notify(f"{key} does nothing here now; {keys}: which keys do", timeout=NOTICES.hint_s, markup=False)
+
     def on_cursor_position(self, event: events.CursorPosition) -> None:
         """The terminal confirmed a frame."""
         self.terminal.confirmed(event.x, event.y)
@@ -194,7 +200,7 @@ class DprApp(Guarded, App[None]):
         status = [
             StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == self.workspace.step, s.stale()) for s in self.steps
         ]
-        self.query_one(Stepper).show(status, self._key_of("app.next"))
+        self.query_one(Stepper).show(status, self.services.keys.of("app.next"))
 
     @on(Step.Done)
     def save(self) -> None:
@@ -224,7 +230,9 @@ class DprApp(Guarded, App[None]):
         self.call_after_refresh(self.redraw)
 
     def notify(self, message: str, **options: Any) -> None:
-        """Say something, once: not again while it is still to be read."""
+        """Say something, once: not again while it is still to be read, and with the one before at most."""
+        for old in [*self._notifications][: -NOTICES.most + 1]:
+            self._unnotify(old, refresh=False)
         if all(notice.message != message for notice in self._notifications):
             super().notify(message, **options)
 
@@ -237,6 +245,8 @@ class DprApp(Guarded, App[None]):
         if not 1 <= number <= len(self.steps):
             return
         step = self.steps[number - 1]
+        if step.NAME != self.workspace.step:
+            self.clear_notifications()  # they were about what is left now
         self.workspace.step = step.NAME
         self.query_one("#steps", ContentSwitcher).current = step.id
         step.focus()
@@ -366,16 +376,6 @@ class DprApp(Guarded, App[None]):
     def _keep_theme(self, name: str) -> None:
         self.workspace.theme = name
         self.save()
-
-    def _key_of(self, action: str) -> str:
-        return next(
-            (
-                self.get_key_display(active.binding)
-                for active in self.screen.active_bindings.values()
-                if active.binding.id == action
-            ),
-            "",
-        )
 
 
 def _keys(keymap: Keymap) -> dict[str, str]:

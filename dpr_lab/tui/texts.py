@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 from rich import box
@@ -10,15 +9,22 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderR
 from rich.table import Table
 from rich.text import Text
 
+from dpr_lab.report.tables import run_name
+
 
 @dataclass(frozen=True, slots=True)
 class NoticeTimes:
-    """How long a notice stays, s; Escape takes it away sooner."""
+    """How long a notice stays, s, and how many; Escape takes them away sooner."""
 
     error_s: float = 15.0
     """Long enough to read what to do about it."""
     news_s: float = 20.0
     """Of a job that ended while another step was shown, and of a release that was refused on a slow line."""
+
+    hint_s: float = 5.0
+    """That a key does nothing."""
+    most: int = 2
+    """So many stand at once: more would cover what they are about."""
 
 
 NOTICES = NoticeTimes()
@@ -55,23 +61,6 @@ def shorter(names: Sequence[str], most: int = 6) -> str:
     """Names by comma, the first few of many."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
-
-
-def local_time(utc: str) -> str:
-    """`2026-11-21 11:15 CET` of a time in UTC (ISO 8601, or as in the name of a run file); what is none stays."""
-    try:
-        at = datetime.fromisoformat(utc.replace("Z", "+00:00"))
-    except ValueError:
-        return utc
-    at = at if at.tzinfo is not None else at.replace(tzinfo=UTC)
-    return f"{at.astimezone():%Y-%m-%d %H:%M %Z}"
-
-
-def run_name(run: Path) -> str:
-    """A run by its pose and when it was recorded, from a file name `<utc>_<pose>_<uid8>`; others by their name."""
-    parts = run.stem.split("_")
-    when = local_time(parts[0])
-    return f"{'_'.join(parts[1:-1])} ({when})" if len(parts) > 2 and when != parts[0] else run.stem
 
 
 def named_runs(runs: Sequence[Path]) -> str:

@@ -2,11 +2,15 @@
 
 import os
 import time
+from datetime import datetime, timedelta, tzinfo
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from dpr_lab.acquisition import capture
+from dpr_lab.report.tables import run_name
+from dpr_lab.storage import metadata
 from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
 
@@ -28,6 +32,35 @@ def test_injected_drift_is_recovered_within_the_stated_interval(drift_ppm: float
     assert clock["rate_ppm_std"] > 0
     assert clock["offset_std"] > 0
     assert before < clock["offset_unix"] < after
+
+
+class Early(datetime):
+    """A computer whose clock was never set, and runs before 1970."""
+
+    BACK_S = 60 * 365.25 * 86400
+
+    @classmethod
+    def now(cls, tz: tzinfo | None = None) -> datetime:
+        return datetime.now(tz) - timedelta(seconds=cls.BACK_S)
+
+
+def test_a_clock_before_1970_records_and_reads_as_any_other(
+    serve, operate, command, monkeypatch, tmp_path: Path
+) -> None:
+    now = time.time
+    monkeypatch.setattr(time, "time", lambda: now() - Early.BACK_S)
+    for module in (capture, metadata):
+        monkeypatch.setattr(module, "datetime", Early)
+    done = operate(serve(), "--duration", "0.5")
+    assert (done.code, len(done.runs)) == (0, 1), done.said
+    (file,) = done.runs
+    assert file.name.startswith("196")
+    assert info(file).created_utc.startswith("196")
+    assert " (196" in run_name(file)
+    for words in (("info", file), ("verify", file), ("export", file, "--out", tmp_path / "swing.csv")):
+        code, said = command("run", *words)
+        assert (code, "Traceback" in said) == (0, False), said
+    assert (tmp_path / "swing.csv").is_file()
 
 
 def test_a_simulated_time_has_no_drift_to_tell(serve, operate) -> None:

@@ -1,3 +1,4 @@
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -43,9 +44,9 @@ def test_a_compared_run_in_mrad_and_times_noise(comparison):
     (row,) = tables.comparison_rows([comparison(held_out=True, residual=2.0)])
 
     assert len(row) == len(tables.COMPARISON_COLUMNS)
-    assert row[:4] == ["first", "X1", "held out", "4"]
-    assert row[4:7] == ["0.400, 0.600", "0.200, 0.300", "2.00, 2.00"]
-    assert row[8] == "1.20"
+    assert row[:3] == ["X1 first", "held out", "4"]
+    assert row[3:6] == ["0.400, 0.600", "0.200, 0.300", "2.00, 2.00"]
+    assert row[7] == "1.20"
 
 
 def test_a_horizon_beyond_the_record_is_only_bounded_from_below(comparison):
@@ -53,14 +54,14 @@ def test_a_horizon_beyond_the_record_is_only_bounded_from_below(comparison):
 
     (row,) = tables.comparison_rows([replace(made, horizon_s=float(made.t[-1]))])
 
-    assert row[8] == "≥ 2.00"
+    assert row[7] == "≥ 2.00"
 
 
 def test_a_run_without_pose_or_noise_floor_shows_dashes(comparison):
     (row,) = tables.comparison_rows([replace(comparison(pose=None), noise_rad=np.zeros(2))])
 
-    assert row[1] == "–"
-    assert row[6] == "–, –"
+    assert row[0] == "first"
+    assert row[5] == "–, –"
 
 
 @pytest.mark.parametrize(
@@ -104,3 +105,21 @@ def test_without_a_noise_floor_there_is_no_verdict(model):
     fit = whole.fit.model_copy(update={"noise_rad": {"theta1": 0.0, "theta2": 0.0}})
 
     assert tables.summary(model(fit=fit)).startswith("The noise floor is not known")
+
+
+def test_compared_runs_stand_side_by_side_in_80_columns_by_pose_and_local_time(comparison, monkeypatch):
+    # File names of 28 characters made a block of nine lines of each run.
+    monkeypatch.setenv("TZ", "Europe/Berlin")
+    time.tzset()
+    try:
+        rows = tables.comparison_rows([comparison("20261121T101500Z_X1_00000001", held_out=True)])
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+
+    assert rows[0][0] == "X1 (2026-11-21 11:15 CET)"
+    words = [
+        max(len(word) for cell in column for word in cell.split())
+        for column in zip(tables.COMPARISON_COLUMNS, *rows, strict=True)
+    ]
+    assert sum(words) + 3 * len(words) + 1 <= 80

@@ -235,6 +235,36 @@ async def test_the_same_message_is_not_stacked(tmp_path: Path, said) -> None:
         assert said(app).count("no cable") == 1
 
 
+async def test_a_key_that_does_nothing_says_so_and_old_notices_make_room(tmp_path: Path, said) -> None:
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("3", "r", "k", "8")
+        assert said(app).splitlines() == [
+            "Nothing to keep yet: a recording must be finished first",
+            "8 does nothing here now; f1: which keys do",
+        ]
+        await pilot.press("1")  # they were about what is left now
+        assert said(app) == ""
+
+
+@pytest.mark.parametrize("desktop", [True, False], ids=["a desktop", "no desktop"])
+async def test_the_report_is_opened_by_key(tmp_path: Path, said, monkeypatch, until, desktop: bool) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", ":0") if desktop else monkeypatch.delenv("DISPLAY", raising=False)
+    page = tmp_path / "my bench" / "report" / "report.html"
+    app = DprApp(Workspace(out=tmp_path / "my bench"), tmp_path / "state")
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("5", "f2")
+        assert "No report here yet" in said(app)
+        page.parent.mkdir(parents=True)
+        page.touch()
+        await pilot.press("f2")
+        await until(pilot, lambda: opened or str(page) in said(app).replace("\n", ""))
+    assert opened == ([page.as_uri()] if desktop or sys.platform != "linux" else [])
+
+
 def test_nothing_that_computes_is_imported_before_it_is_needed(tmp_path: Path) -> None:
     script = """
 import asyncio, pathlib, sys

@@ -103,6 +103,9 @@ async def test_every_text_names_the_key_as_it_is(tmp_path: Path) -> None:
         app.device.connected = CONNECTED
         step._draw()
         assert "Press f7 to RELEASE" in str(app.query_one("#headline").render())
+        await pilot.press("d")  # it said "of 20 s" of a recording of 10 s
+        assert "An attempt is under way: end it with x" in "\n".join(notice.message for notice in app._notifications)
+        assert step.options.duration == 10.0
         step.attempt = None
         app.device.note(RecorderFailed(None, "gone", alive=False))
         step._draw()

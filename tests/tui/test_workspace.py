@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab.report.tables import run_name
 from dpr_lab.tui.app import DprApp
 from dpr_lab.tui.path_suggester import PathSuggester
-from dpr_lab.tui.texts import run_name
 from dpr_lab.tui.workspace import Workspace, load, state_folder
 
 

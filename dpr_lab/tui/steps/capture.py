@@ -12,6 +12,7 @@ from textual.binding import Binding, BindingType
 from dpr_lab.acquisition.capture import CaptureOptions
 from dpr_lab.acquisition.holding import HangReading
 from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.report.tables import run_name
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.messages import (
@@ -121,6 +122,8 @@ What is grey is old: the device was not heard since, and the latch may have open
 
     def missing(self) -> str:
         """A device, and poses."""
+        if self.device.opening is not None:
+            return "Capture needs a device: one is being connected, wait"
         if self.device.connected is None:
             return f"Capture needs a device: press {self.services.key_of('Connect')} and connect one"
         if self._rig is None:
@@ -136,7 +139,7 @@ What is grey is old: the device was not heard since, and the latch may have open
         if self.workspace.undecided is None:
             return ""
         keep = self.services.keys.of("capture.keep")
-        return f"the swing {self.workspace.undecided.stem}, which is not kept yet ({keep} in Capture keeps it)"
+        return f"the swing {run_name(self.workspace.undecided)}, which is not kept yet ({keep} in Capture keeps it)"
 
     @property
     def recording(self) -> RecordingNow | None:
@@ -174,8 +177,7 @@ What is grey is old: the device was not heard since, and the latch may have open
 
     def action_start(self) -> None:
         """Begin an attempt at the chosen pose."""
-        if self.attempt is not None:
-            raise DprError(self.worded(BUSY))
+        self._require_none()
         if self.workspace.undecided is not None:
             raise DprError(self.worded(UNDECIDED))
         if self.missing() or self._rig is None:
@@ -218,18 +220,21 @@ What is grey is old: the device was not heard since, and the latch may have open
 
     def action_end(self) -> None:
         """End the attempt under way; the rods stay held."""
-        if self.attempt is not None and self.attempt.phase is not Phase.JUDGED:
-            self.device.tell(CancelAttempt(self.attempt.number))
+        if self.attempt is None or self.attempt.phase is Phase.JUDGED:
+            raise DprError("Nothing to end: no attempt is under way")
+        self.device.tell(CancelAttempt(self.attempt.number))
 
     def action_pose(self, by: int) -> None:
         """Choose another pose."""
-        if self.attempt is None and self._rig is not None and self._rig.poses:
+        self._require_none()
+        if self._rig is not None and self._rig.poses:
             names = list(self._rig.poses)
             self._pose = names[(names.index(self._pose) + by) % len(names)]
             self._draw()
 
     def action_length(self) -> None:
         """Record for longer, or until rest."""
+        self._require_none()
         if self.options.until_rest:
             self.options = replace(self.options, until_rest=False, duration=CHOICES.durations[0])
         else:
@@ -245,11 +250,18 @@ What is grey is old: the device was not heard since, and the latch may have open
 
     async def action_connect(self) -> None:
         """Connect again, after the cable was out."""
-        if self.device.connected is None and self.device.opening is None:
+        if self.device.connected is not None:
+            raise DprError(f"Connected already: {self.services.key_of('Connect')} shows the device, and others")
+        if self.device.opening is None:
             self._ended = None
             await self.services.connect()
             self.post_message(self.Done())
             self._draw()
+
+    def _require_none(self) -> None:
+        """Raise DprError while an attempt is under way: it goes on as it began."""
+        if self.attempt is not None:
+            raise DprError(self.worded(BUSY))
 
     def _obstacle(self) -> str:
         """Why the rods may not be released now; empty when they may."""
@@ -322,7 +334,7 @@ What is grey is old: the device was not heard since, and the latch may have open
             now=now,
             live=self.device.fresh(now),
             lost=self.device.lost is not None,
-            undecided=self.workspace.undecided.stem if self.workspace.undecided is not None else "",
+            undecided=run_name(self.workspace.undecided) if self.workspace.undecided is not None else "",
             unit=self.workspace.unit,
             keys=self.services.keys,
             options=self.options,

@@ -15,13 +15,14 @@ from textual.widgets import Select, Static
 
 from dpr_lab.errors import RunError
 from dpr_lab.report.angles import AngleUnit
+from dpr_lab.report.tables import compared_name, run_name
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.beside import Beside
 from dpr_lab.tui.steps.job_step import JobStep
-from dpr_lab.tui.texts import counted_runs, run_name
+from dpr_lab.tui.texts import counted_runs
 from dpr_lab.tui.widgets.chart import Band, Chart, Mark, Series
 from dpr_lab.tui.widgets.slider import Slider
 from dpr_lab.workflows.compare import CompareRequest
@@ -53,6 +54,7 @@ class CompareStep(JobStep):
     """Measured and simulated angles, and what is left between them."""
 
     NAME = "Compare"
+    PURPOSE = "simulates the runs with the model"
     WORK = ""
     RESTS_ON = ("the runs", "the model")
     HELP = f"""
@@ -179,8 +181,8 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
             case ComparisonSaved(left_out):
                 self._saved = True
                 self.made()
-                without = f"; left out: {', '.join(run.stem for run in left_out)}" if left_out else ""
-                self._draw(f"saved in {self.workspace.out / 'report'}{without}")
+                without = f"; left out: {', '.join(map(run_name, left_out))}" if left_out else ""
+                self._draw(self.worded(f"saved in {self.workspace.out / 'report'}, {{app.report}} opens it{without}"))
                 self.post_message(self.Done())
             case FreeRunFrom():
                 self._free_runs[value.start] = value.free_run
@@ -267,6 +269,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
     def _offer_runs(self) -> None:
         picker = self.query_one("#run", Select)
         here = picker.value if isinstance(picker.value, int) else 0
+        picker.prompt = "choose a run"
         picker.set_options([(_label(comparison), i) for i, comparison in enumerate(self._comparisons)])
         picker.value = min(here, len(self._comparisons) - 1)
         self._offer_beside()
@@ -364,8 +367,7 @@ def _name_beside(same_run: bool) -> str:
 
 def _label(comparison: "Comparison") -> str:
     role = "held out" if comparison.held_out else "used"
-    name = run_name(Path(comparison.run))
-    return f"{comparison.pose or '' if name == comparison.run else ''} {name} ({role})".strip()
+    return f"{compared_name(comparison)} ({role})"
 
 
 def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
@@ -374,10 +376,9 @@ def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
 
     row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))
     return (
-        f"{row['role']}, {row['segments']} segments: rms {row['rms (mrad)']} {unit.small}, noise"
-        f" {row['noise (mrad)']} ({row['times noise']} times); free run from the release"
-        f" {row['free run (mrad)']} {unit.small} up to"
-        f" {row['horizon (s)']} s"
+        f"{row['role']}, {row['segments']} segments, θ1, θ2: rms {row['rms (mrad)']} {unit.small},"
+        f" {row['times noise']} times the noise; free run from the release {row['free run (mrad)']} {unit.small}"
+        f" up to {row['horizon (s)']} s"
     )
 
 

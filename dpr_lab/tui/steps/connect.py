@@ -1,6 +1,7 @@
 """Find the device and greet it."""
 
 import time
+from contextlib import suppress
 from typing import ClassVar
 
 from textual import on, work
@@ -11,7 +12,8 @@ from textual.content import Content
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
-from dpr_lab.errors import DprError
+from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.rig import load_rig
 from dpr_lab.transports import TRANSPORTS
 from dpr_lab.transports.discover import Links, SerialPortFound, discover
 from dpr_lab.tui.recorder.messages import Connected, Exercise, Exercised, Idle, RecorderFailed, RecorderReport
@@ -24,6 +26,7 @@ from dpr_lab.tui.widgets.readout import BAD, GOOD, old_text
 
 SIMULATED = TRANSPORTS["sim"].example
 CONNECTING = "connecting: a first start can compile for half a minute ({connect.disconnect}: give up)"
+OWN = "or the URL of another link ({connect.edit} writes it here); empty: the rig file's own"
 UNTESTED = "not done: press {connect.exercise} (closes the latch)"
 LINKS = "\n".join(f"- {kind.name}: `{kind.example}`" for kind in TRANSPORTS.values() if kind.example != SIMULATED)
 
@@ -58,7 +61,7 @@ follows this computer's. That closes the latch, and leaves it closed.
     def compose(self) -> ComposeResult:
         """The links, a field for a URL, the answer."""
         yield OptionList(id="links")
-        yield Input(placeholder="URL of the device; empty for the rig file's", id="url")
+        yield Input(placeholder=self.worded(OWN), id="url")
         with VerticalScroll(id="answer", can_focus=False):
             yield Static(id="device")
 
@@ -92,8 +95,9 @@ follows this computer's. That closes the latch, and leaves it closed.
                 self._exercised = report
             case RecorderFailed():
                 self._exercised = ""
-                severity = "warning" if report.alive else "error"
-                self.notify(report.message, severity=severity, timeout=NOTICES.error_s, markup=False)
+                if report.alive or self.device.lost is not None or not self.display:  # the page says the others
+                    severity = "warning" if report.alive else "error"
+                    self.notify(report.message, severity=severity, timeout=NOTICES.error_s, markup=False)
             case _:
                 return
         if self.display:
@@ -102,17 +106,26 @@ follows this computer's. That closes the latch, and leaves it closed.
     @on(OptionList.OptionSelected)
     async def _choose(self, event: OptionList.OptionSelected) -> None:
         if event.option.id is not None:
-            self.query_one(Input).value = event.option.id
-            await self.action_connect()
+            await self._connect(event.option.id)
 
     @on(Input.Submitted)
+    async def _given(self) -> None:
+        await self._connect(self.query_one(Input).value)
+
     async def action_connect(self) -> None:
-        """Connect to the URL in the field."""
+        """Connect to the link under the cursor, or while the list has none to the URL in the field."""
+        links = self.query_one(OptionList)
+        here = links.highlighted_option if links.has_focus else None
+        await self._connect(here.id if here is not None and here.id else self.query_one(Input).value)
+
+    async def _connect(self, url: str) -> None:
         self.services.require_free()
+        self.query_one(Input).value = url
         self.workspace.link = self.query_one(Input).value.strip()
         self._exercised = ""
         await self.services.connect()
-        self.focus()
+        self.query_one(OptionList).focus()
+        self.action_look()  # it is the one that was used last
         self.post_message(self.Done())
         self._draw()
 
@@ -127,8 +140,7 @@ follows this computer's. That closes the latch, and leaves it closed.
 
     async def _simulate(self, sure: bool | None) -> None:
         if sure:
-            self.query_one(Input).value = SIMULATED
-            await self.action_connect()
+            await self._connect(SIMULATED)
 
     async def action_disconnect(self) -> None:
         """Let the device go."""
@@ -181,6 +193,10 @@ follows this computer's. That closes the latch, and leaves it closed.
         offers = {}
         if self.workspace.link:
             offers[self.workspace.link] = "used last"
+        with suppress(ConfigError):
+            own = load_rig(self.workspace.rig).link.url
+            if not own.startswith("sim:"):  # what a rig file has that names none
+                offers.setdefault(own, "the rig file's own")
         offers |= {f"serial://{port.device}?baud=921600": _described(port) for port in found.serial}
         offers |= {f"can://socketcan/{name}?bitrate=1000000": "CAN interface" for name in found.can_interfaces}
         return offers | {SIMULATED: "simulated rig, no hardware needed"}
@@ -238,7 +254,7 @@ def _clock_fit(exercised: Exercised) -> str:
     if clock is None:
         return "not compared: this device's time is simulated"
     return (
-        f"known to ±{1e6 * clock.offset_std:.0f} µs, runs {clock.rate_ppm:+.1f} ± {clock.rate_ppm_std:.1f} ppm"
+        f"known to ±{1e6 * clock.offset_std:.0f} µs, runs {clock.rate_ppm:+.0f} ± {clock.rate_ppm_std:.0f} ppm"
         f" ({clock.n} pings, shortest {1e6 * clock.rtt_min:.0f} µs)"
     )
 

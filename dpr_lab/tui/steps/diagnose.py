@@ -19,7 +19,7 @@ from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.services import Services
-from dpr_lab.tui.steps.job_step import JobStep, job_keys
+from dpr_lab.tui.steps.job_step import READING, JobStep, job_keys
 from dpr_lab.tui.texts import Bars, named_runs, sentences, table
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.tui.widgets.run_browser import RunBrowser
@@ -38,6 +38,7 @@ class DiagnoseStep(JobStep):
     """Runs in, a diagnosis out."""
 
     NAME = "Diagnose"
+    PURPOSE = "says where the simulation differs from the rig, which effect causes it, and how sure that is"
     WORK = "the diagnosis that is running"
     RESTS_ON = ("the rig", "the runs", "the held-out runs", "the model")
     HELP = """
@@ -111,6 +112,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
             self._shown = self.workspace.diagnosis
             self.show(load_diagnosis(self._shown))
+        self.invite()
 
     def start_work(self) -> None:
         """Diagnose the selected runs."""
@@ -127,7 +129,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             out=self._record.parent,
         )
         self._stage = None
-        self.say("reading the runs")
+        self.say(READING)
         self.begin(jobs.diagnose, request=request)
 
     def share_done(self) -> float:

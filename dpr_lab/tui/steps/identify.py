@@ -17,7 +17,7 @@ from dpr_lab.progress import GenerationDone, LocalFitBegan
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.services import Services
-from dpr_lab.tui.steps.job_step import JobStep, job_keys
+from dpr_lab.tui.steps.job_step import READING, JobStep, job_keys
 from dpr_lab.tui.texts import counted_runs, named_runs, sentences, table
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.workflows.events import RunRead
@@ -33,6 +33,7 @@ class IdentifyStep(JobStep):
     """Runs in, model.json out."""
 
     NAME = "Identify"
+    PURPOSE = "finds the parameters of the rig from these runs, inside the bounds of its file"
     WORK = "the identification that is running"
     RESTS_ON = ("the rig", "the runs")
     CAN_PAUSE = True
@@ -108,6 +109,7 @@ bench's folder.
 
             self._shown = self.workspace.model
             self.show_model(load_model(self.workspace.model))
+        self.invite()
 
     def start_work(self) -> None:
         """Identify the selected runs."""
@@ -121,7 +123,7 @@ bench's folder.
         )
         self._history, self._instants = [], []
         self._draw_convergence()
-        self.say("reading the runs")
+        self.say(READING)
         self.query_one(TabbedContent).active = TABS[0]
         self.begin(jobs.identify, request=request)
 

@@ -27,9 +27,14 @@ def job_keys(place: str) -> list[Binding]:
     ]
 
 
+READING = "reading the runs; the first start on a computer compiles for a minute or two"
+
+
 class JobStep(Step):
     """A step with at most one job at work; what it reports arrives as calls of the four methods below."""
 
+    PURPOSE: ClassVar[str]
+    """What a start does, in a few words."""
     WORK: ClassVar[str]
     """What runs, as an object of `lose`: `the identification`."""
     RESTS_ON: ClassVar[tuple[str, ...]] = ()
@@ -95,6 +100,11 @@ class JobStep(Step):
         """Show a sentence."""
         self.query_one("#state", Static).update(text)
 
+    def invite(self) -> None:
+        """Say what a start would do, while there is no result and nothing runs."""
+        if self.job is None and not self.outcome() and not self.missing():
+            self.say(self.worded(f"{{{self.NAME.lower()}.start}}: {self.PURPOSE}"))
+
     def start_work(self) -> None:
         """Begin what the form says; called when nothing is missing and nothing runs."""
 
@@ -116,7 +126,14 @@ class JobStep(Step):
         self._stop_job()
         self._begun, self._basis = time.monotonic(), self.workspace.basis()
         self.job = start_job(self, function, **arguments)
+        if self.display:
+            self.focus()  # what had it may be in a tab that is no longer shown, and no key would steer the work
         self.refresh_bindings()
+
+    def take_keys(self) -> None:
+        """Have the step's keys work where what had the focus is no longer shown."""
+        if self.display and (self.app.focused is None or not self.app.focused.is_on_screen):
+            self.focus()
 
     def on_unmount(self) -> None:
         """Nobody is left to work for."""
@@ -190,6 +207,7 @@ class JobStep(Step):
                 self.made()
                 self.post_message(self.JobDone(self))
                 self.finished(result)
+                self.call_after_refresh(self.take_keys)
             case JobFailed() as failed:
                 self.ended(failed.message)
                 raise failed.error

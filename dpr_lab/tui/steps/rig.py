@@ -24,6 +24,7 @@ from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.steps.table_import import TableImport
 from dpr_lab.tui.widgets.readout import BAD
 
+UNNAMED = "No rig is named: choose one from the list, or write the path of a rig file ({rig.edit})"
 CORRECT = "correct it, then press {rig.read}"
 
 
@@ -43,9 +44,11 @@ The path of a recording of another logger (a table, `.mat`, `.npz`, `.h5`, `.par
 rig file shows what is understood of it with the rig that is chosen; `ctrl+s` there makes a run of it.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("i", "edit", "Edit", id="rig.edit"),
-        Binding("f3", "write", "Change", id="rig.write", tooltip="change the rig file and save it"),
+        Binding("i", "edit", "Edit", id="rig.edit", tooltip="edit the path of the rig file"),
+        Binding("f3", "write", "Change file", id="rig.write", tooltip="change the rig file and save it"),
         Binding("u", "read", "Look again", id="rig.read"),
+        Binding("pagedown", "page(1)", "More", id="rig.more", key_display="pgdn", priority=True),
+        Binding("pageup", "page(-1)", "Back", id="rig.back", show=False, priority=True),
     ]
 
     def __init__(self, services: Services, *, id: str | None = None) -> None:
@@ -71,8 +74,18 @@ rig file shows what is understood of it with the rig that is chosen; `ctrl+s` th
         return self._rig.name if self._rig is not None else ""
 
     def enter(self) -> None:
-        """Read the file again: it may have changed."""
+        """Read the file again: it may have changed; the list is ready for Enter."""
+        self.query_one(OptionList).focus()
         self._read()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Say that there is more where it does not fit."""
+        return action != "page" or self.query_one("#described").max_scroll_y > 0
+
+    def action_page(self, by: int) -> None:
+        """Show more of the rig, or what was before."""
+        described = self.query_one("#described")
+        described.scroll_page_down() if by > 0 else described.scroll_page_up()
 
     @on(OptionList.OptionSelected)
     async def _choose(self, event: OptionList.OptionSelected) -> None:
@@ -84,6 +97,8 @@ rig file shows what is understood of it with the rig that is chosen; `ctrl+s` th
         """Take the rig in the field; a connected device is greeted again for it."""
         self.services.require_free()
         name = self.query_one(Input).value.strip()
+        if not name:
+            raise ConfigError(self.worded(UNNAMED))
         path = Path(name).expanduser()
         if name and path.exists() and path.suffix != ".toml":
             self.app.push_screen(TableImport(path, self.workspace.rig, self.workspace.out / "runs"), self._imported)
@@ -95,7 +110,7 @@ rig file shows what is understood of it with the rig that is chosen; `ctrl+s` th
         if self._rig is not None:
             self.workspace.used(name)
             self._offer()
-        self.focus()
+        self.query_one(OptionList).focus()
         if changed and self._rig is not None and self.device.connected is not None:
             await self.services.connect()
         self.post_message(self.Done())
@@ -123,7 +138,8 @@ rig file shows what is understood of it with the rig that is chosen; `ctrl+s` th
         before = [name for name in self.workspace.recent_rigs if name not in built_in]
         options = [Option(Content(f"{name}  (used before)"), id=name) for name in before]
         options += [Option(Content(f"{name}  (built in)"), id=name) for name in built_in]
-        self.query_one(OptionList).clear_options().add_options(options)
+        names = self.query_one(OptionList).clear_options().add_options(options)
+        names.highlighted = next((i for i, option in enumerate(options) if option.id == self.workspace.rig), 0)
 
     def action_edit(self) -> None:
         """Go to the field."""
@@ -137,7 +153,10 @@ rig file shows what is understood of it with the rig that is chosen; `ctrl+s` th
             description = Content.styled(f"{BAD} {error}\n\n{self.worded(CORRECT)}", "$error")
         else:
             description = Content("\n").join(_description(self._rig, self.workspace.unit))
-        self.query_one("#description", Static).update(description)
+        shown = self.query_one("#description", Static)
+        shown.set_class(self._rig is None, "-wrong")
+        shown.update(description)
+        self.call_after_refresh(self.refresh_bindings)
 
 
 def _description(rig: Rig, unit: AngleUnit) -> Iterator[Content]:

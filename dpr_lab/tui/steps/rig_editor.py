@@ -14,6 +14,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.rig import parse_rig
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.path_suggester import PathSuggester
+from dpr_lab.tui.widgets.dialogs import Question
 from dpr_lab.whole_file import write_text
 
 
@@ -26,7 +27,7 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("ctrl+s", "save", "Save", id="editor.save", priority=True),
-        Binding("escape", "dismiss", "Leave", id="editor.leave"),
+        Binding("escape", "leave", "Leave", id="editor.leave"),
     ]
     DEFAULT_CSS = """
     RigEditor { align: center middle; }
@@ -39,6 +40,7 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
     def __init__(self, source: Path) -> None:
         super().__init__()
         self._source = source
+        self._text = source.read_text(encoding="utf-8")
 
     def compose(self) -> ComposeResult:
         """Where to save it, its text, what is wrong with it."""
@@ -47,13 +49,25 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
             page.border_title = "Rig file"
             target = str(self._source if own else Path.cwd() / f"my_{self._source.name}")
             yield Input(target, id="target", suggester=PathSuggester(".toml"), compact=True)
-            yield TextArea(self._source.read_text(encoding="utf-8"), show_line_numbers=True)
+            yield TextArea(self._text, show_line_numbers=True)
             yield Static(id="verdict", markup=False)
             yield Footer(show_command_palette=False, compact=True)
 
     def on_mount(self) -> None:
         """The text is to be edited."""
         self.query_one(TextArea).focus()
+
+    def action_leave(self) -> None:
+        """Leave; on a yes where that loses what was changed."""
+        if self.query_one(TextArea).text == self._text:
+            self.dismiss(None)
+        else:
+            question = Question("Leave and lose what was changed here?", "Leave", "Stay")
+            self.app.push_screen(question, self._leave_if)
+
+    def _leave_if(self, sure: bool | None) -> None:
+        if sure:
+            self.dismiss(None)
 
     def action_save(self) -> None:
         """Check the text, and write it whole or not at all."""

@@ -98,7 +98,7 @@ class CaptureView(Vertical):
         shown = theta * unit.per_rad
         lines = [Series("θ1 inner", t, shown[:, 1]), Series("θ2 outer", t, shown[:, 2], tone="secondary")]
         self.query_one(Chart).show(
-            lines, x_label="time since the release (s)", y_label=f"angle ({unit.symbol.strip()}, 0 = upright)"
+            lines, x_label="time from release (s)", y_label=f"angle ({unit.symbol.strip()}, 0 = upright)"
         )
 
 

@@ -23,7 +23,8 @@ class HelpScreen(ModalScreen[None]):
 
     def compose(self) -> ComposeResult:
         """One scrolling page."""
-        with VerticalScroll(classes="dialog"):
+        with VerticalScroll(classes="dialog") as page:
+            page.border_subtitle = "esc: close · up, down: scroll"
             yield Markdown(self._text)
 
 

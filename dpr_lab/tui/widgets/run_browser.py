@@ -15,6 +15,7 @@ from textual.screen import ModalScreen
 from textual.widgets import DataTable, Footer, Input, OptionList, Static
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.report.tables import local_time, recorded
 from dpr_lab.storage.export import EXPORTERS
 from dpr_lab.storage.sidecar import write_note
 from dpr_lab.tui.guard import Guarded
@@ -24,7 +25,6 @@ from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
 from dpr_lab.tui.jobs.jobs import RunSurveyed
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
-from dpr_lab.tui.texts import local_time
 from dpr_lab.tui.widgets.dialogs import HELP_KEY
 
 if TYPE_CHECKING:
@@ -342,11 +342,11 @@ def _row(path: Path, known: RunSurveyed | None) -> tuple[str, ...]:
     info = known.info
     return (
         info.pose or "–",
-        local_time(info.created_utc),
+        recorded(path) or local_time(info.created_utc),
         f"{info.duration_s:.1f}",
         str(sum(info.lost.values())),
         "whole" if info.complete else "cut",
-        info.gate or "–",
+        info.gate.partition(":")[0] or "–",
         path.stem,
     )
 
@@ -358,9 +358,14 @@ def _about(known: RunSurveyed) -> str:
     lines = [
         f"{info.samples} samples at {info.rate_hz:g} Hz, rig {info.rig}, {info.source} {info.url}",
         f"lost {_losses(info)}; {info.gaps} gaps, the longest {1e3 * info.longest_gap_s:.1f} ms",
-        *(text for text in (info.damage, info.stopped, info.note, *info.notes) if text),
+        *(text for text in (_reason(info.gate), info.damage, info.stopped, info.note, *info.notes) if text),
     ]
     return "\n".join(lines)
+
+
+def _reason(gate: str) -> str:
+    """Why a run is not simply ok."""
+    return gate if ":" in gate else ""
 
 
 def _losses(info: "RunInfo") -> str:

@@ -13,6 +13,7 @@ from dpr_lab.acquisition.capture import CaptureOptions
 from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.holding import RestReading
 from dpr_lab.report.angles import UNITS
+from dpr_lab.report.tables import run_name
 from dpr_lab.storage.inspect import info, recover, verify
 from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
@@ -251,7 +252,7 @@ async def test_quitting_before_a_swing_is_kept_asks_and_the_next_start_offers_it
         run = await to_judged(pilot, until, step)
         await pilot.press("ctrl+q")
         assert isinstance(app.screen, Question)
-        assert f"{run.stem}, which is not kept yet (k in Capture keeps it)" in str(
+        assert f"{run_name(run)}, which is not kept yet (k in Capture keeps it)" in str(
             app.screen.query_one(Static).render()
         )
         await pilot.press("y")
@@ -260,7 +261,7 @@ async def test_quitting_before_a_swing_is_kept_asks_and_the_next_start_offers_it
     again = DprApp(workspace, tmp_path / "state", notices=notices)
     async with again.run_test(size=(80, 24)) as pilot:
         await until(pilot, lambda: again.current.NAME == "Capture")
-        assert f"{run.stem}: not decided yet. k: keep it" in headline(again)
+        assert f"{run_name(run)}: not decided yet. k: keep it" in headline(again)
         await pilot.press("k")
         await pilot.pause()
         assert again.workspace.runs == [run]

@@ -13,9 +13,10 @@ from textual.widgets import DataTable, Input, Static, TabbedContent
 
 from dpr_lab.gap.result.diagnosis import load_diagnosis
 from dpr_lab.report.gap.tables import next_steps, sentence
+from dpr_lab.report.tables import run_name
 from dpr_lab.report.words import in_words, named
 from dpr_lab.tui.steps.diagnose import DiagnoseStep, signal_scale
-from dpr_lab.tui.texts import Bars, run_name
+from dpr_lab.tui.texts import Bars
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.stepper import Stepper
 

@@ -141,6 +141,10 @@ async def test_the_bench_is_resumed_with_its_model(lab, fixed_model: Path) -> No
         assert "of other runs than those selected" in text(pilot.app, "#state")
         await pilot.press("v")
         assert pilot.app.query_one(TabbedContent).active == "ratios"
+        pilot.app.query_one(TabbedContent).active = "convergence"  # as a start does: what had the focus is gone
+        step(pilot.app).call_after_refresh(step(pilot.app).take_keys)
+        await pilot.pause()
+        assert {"s", "v"} <= pilot.app.screen.active_bindings.keys()
 
 
 async def test_a_damaged_model_is_told_and_the_step_lives_on(lab, tmp_path: Path) -> None:

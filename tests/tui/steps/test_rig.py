@@ -11,6 +11,7 @@ from dpr_lab.storage.reader import load_run
 from dpr_lab.tui.steps.rig import RigStep
 from dpr_lab.tui.steps.rig_editor import RigEditor
 from dpr_lab.tui.steps.table_import import TableImport
+from dpr_lab.tui.widgets.dialogs import Question
 
 
 def verdict(app) -> str:
@@ -60,7 +61,9 @@ async def test_rigs_used_before_are_offered_first(lab, until, tmp_path: Path) ->
         await pilot.press("escape", "f3")
         await until(pilot, lambda: isinstance(pilot.app.screen, RigEditor))
         assert pilot.app.screen.query_one(Input).value == str(mine)
-        await pilot.press("escape")
+        await pilot.press("#", "escape")
+        await until(pilot, lambda: isinstance(pilot.app.screen, Question))  # what was changed is not lost silently
+        await pilot.press("y")
         await until(pilot, lambda: not isinstance(pilot.app.screen, RigEditor))
         assert pilot.app.workspace.rig == str(mine)
 
