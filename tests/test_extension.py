@@ -178,6 +178,7 @@ def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
     assert said == "21 True\n"
 
 
+@pytest.mark.slow
 def test_a_verb_is_a_file_and_a_row(copy: Copy) -> None:
     copy.add(
         "dpr_lab/cli/weigh.py",
@@ -202,6 +203,7 @@ def test_a_verb_is_a_file_and_a_row(copy: Copy) -> None:
     assert '"m1": 0.1' in copy.run(shell.format(["weigh", "--rig", "paper"]))
 
 
+@pytest.mark.slow
 def test_the_screen_of_a_verb_is_a_file_and_a_row(copy: Copy) -> None:
     copy.add(
         "dpr_lab/tui/steps/weigh.py",
@@ -249,7 +251,7 @@ def test_the_screen_of_a_verb_is_a_file_and_a_row(copy: Copy) -> None:
     assert said == "Weigh [0.1, 0.1, 0.208]\n"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_an_effect_with_memory_or_a_continuous_shape_is_a_file_and_a_row(copy: Copy) -> None:
     copy.add(

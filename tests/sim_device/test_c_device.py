@@ -67,6 +67,7 @@ def frame_of(happening, last: Frame) -> Frame:
     return happening if isinstance(happening, Frame) else encode(happening)
 
 
+@pytest.mark.slow
 @settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
 @given(st.booleans(), st.lists(happenings, max_size=25))
 def test_both_firmwares_say_the_same_at_every_step(begun: bool, sequence: list):
@@ -83,6 +84,7 @@ def test_both_firmwares_say_the_same_at_every_step(begun: bool, sequence: list):
         assert c.streams == python.streams
 
 
+@pytest.mark.slow
 def test_two_swings_are_the_same_frame_by_frame(bench):
     said = []
     for firmware in ("python", "c"):

@@ -26,7 +26,6 @@ from dpr_lab.tui.widgets.readout import rest_text
 from dpr_lab.tui.workspace import load
 from firmware_protocol.messages import State
 
-SIM = "sim://?seed=1"
 SECOND = CaptureOptions(duration=1.0, pose_timeout=600.0, rest_timeout=60.0)
 
 pytestmark = pytest.mark.usefixtures("quick_countdown")
@@ -68,9 +67,9 @@ def recorded(app: DprApp) -> list[Path]:
 
 
 @pytest.mark.slow
-async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until) -> None:
+async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until, rig) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM)
+        step = await connect(pilot, until, rig())
         for done in range(1, 4):
             await to_judged(pilot, until, step)
             assert "good" in headline(app)
@@ -84,9 +83,9 @@ async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until) -> 
 
 
 @pytest.mark.slow
-async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, until) -> None:
+async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, until, rig) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM)
+        step = await connect(pilot, until, rig())
         first = await to_judged(pilot, until, step)
         await pilot.press("a")
         await until(pilot, in_phase(step, Phase.READY))
@@ -101,9 +100,10 @@ async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, un
     assert verify(first.parent / "aside" / first.name).ok
 
 
-async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
+@pytest.mark.slow
+async def test_a_degraded_recording_says_why(app: DprApp, until, rig) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM + "&fault=drop=0.02")
+        step = await connect(pilot, until, rig(fault=("drop=0.02",)))
         await to_judged(pilot, until, step)
         assert "degraded" in headline(app)
         assert "lost by cause" in str(app.query_one("#readout", Static).render())
@@ -111,17 +111,18 @@ async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
         await until(pilot, lambda: app.workspace.runs)
 
 
-async def test_what_no_check_fails_by_is_said_too(app: DprApp, until) -> None:
+@pytest.mark.slow
+async def test_what_no_check_fails_by_is_said_too(app: DprApp, until, rig) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM, replace(SECOND, until_rest=True, max_duration=1.0))
+        step = await connect(pilot, until, rig(), replace(SECOND, until_rest=True, max_duration=1.0))
         await to_judged(pilot, until, step)
         assert "good" in headline(app)
         assert "the rods had not come to rest" in str(app.query_one("#readout", Static).render())
 
 
-async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, said) -> None:
+async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, said, rig) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM + "&hand_error=0.3")
+        step = await connect(pilot, until, rig(hand_error=0.3))
         await pilot.press("r")
         await until(pilot, lambda: "press s to be guided" in said(app))
         await pilot.press("s")
@@ -137,10 +138,13 @@ async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, sai
     assert recorded(app) == []
 
 
-async def test_any_other_key_stops_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.slow
+async def test_any_other_key_stops_the_countdown(
+    app: DprApp, until, said, rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM)
+        step = await connect(pilot, until, rig())
         await to_ready(pilot, until, step)
         for key in ("x", "escape", "ctrl+p", "ctrl+c", "1"):
             app.clear_notifications()
@@ -158,22 +162,26 @@ async def test_any_other_key_stops_the_countdown(app: DprApp, until, said, monke
     assert recorded(app) == []
 
 
-async def test_quitting_during_the_countdown_releases_nothing(app: DprApp, until, cable) -> None:
-    port = cable()
+@pytest.mark.slow
+async def test_quitting_during_the_countdown_releases_nothing(app: DprApp, until, rig) -> None:
+    url = rig()
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, port.url)
+        step = await connect(pilot, until, url)
         await to_ready(pilot, until, step)
         Countdown.SECOND_S = 600.0
         await pilot.press("r")
         await pilot.press("ctrl+q")
     assert recorded(app) == []
-    assert state_of(port.url) == (State.HOLDING, True)
+    assert state_of(url) == (State.HOLDING, True)
 
 
-async def test_rods_that_move_stop_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.slow
+async def test_rods_that_move_stop_the_countdown(
+    app: DprApp, until, said, rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM)
+        step = await connect(pilot, until, rig())
         await to_ready(pilot, until, step)
         await pilot.press("r")
         assert isinstance(app.screen, Countdown)
@@ -245,9 +253,12 @@ def test_the_limit_that_failed_is_named(paper) -> None:
     assert "shaking" not in str(rest_text(drifting, paper, UNITS["radians"]))
 
 
-async def test_quitting_before_a_swing_is_kept_asks_and_the_next_start_offers_it(app: DprApp, until, tmp_path) -> None:
+@pytest.mark.slow
+async def test_quitting_before_a_swing_is_kept_asks_and_the_next_start_offers_it(
+    app: DprApp, until, rig, tmp_path
+) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM)
+        step = await connect(pilot, until, rig())
         run = await to_judged(pilot, until, step)
         await pilot.press("ctrl+q")
         assert isinstance(app.screen, Question)

@@ -21,7 +21,7 @@ def nothing_is_stated_that_is_not_known(terminal: Terminal) -> None:
     assert "last seen" in terminal.text()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_device_killed_in_a_swing_leaves_the_latch_unknown_and_the_trace_in_sight(on_terminal, cable) -> None:
     port = cable()
@@ -59,8 +59,8 @@ def test_a_device_killed_in_the_countdown_releases_nothing_and_claims_nothing(on
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads /proc")
-def test_a_recorder_that_is_stopped_makes_everything_old(on_terminal) -> None:
-    terminal = on_terminal("sim://?seed=1")
+def test_a_recorder_that_is_stopped_makes_everything_old(on_terminal, rig) -> None:
+    terminal = on_terminal(rig())
     to_ready(terminal)
     recorder = next(pid for pid in children(terminal.process.pid) if b"spawn_main" in command(pid))
     os.kill(recorder, signal.SIGSTOP)
