@@ -14,7 +14,10 @@ def plug(folder: Path, name: str, url: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shown", "link", "prefix"), [("serial", "pty", "serial://"), ("CAN", "slcan", "can://slcan")])
+@pytest.mark.parametrize(
+    ("shown", "link", "prefix"),
+    [("serial", "pty", "serial://"), pytest.param("CAN", "slcan", "can://slcan", marks=pytest.mark.long)],
+)
 def test_a_device_is_found_again_on_another_port_by_its_uid(
     shown: str, link: str, prefix: str, serve, operate, wrong_samples, tmp_path, matrix
 ) -> None:

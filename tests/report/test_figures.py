@@ -139,7 +139,7 @@ def test_one_run_becomes_three_valid_pictures(model, comparison, tmp_path):
         assert height > 300
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pictures_of_six_long_runs_stay_small(model, comparison, tmp_path):
     compared = [comparison(f"run {i}", samples=60_000, horizon_s=4.0) for i in range(6)]
 

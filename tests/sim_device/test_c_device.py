@@ -30,6 +30,7 @@ from firmware_protocol.messages import (
 )
 from sim_device.assemble import assemble
 from sim_device.options import Options
+from tests.thinned import thinned
 
 STEP_S = 1 / 64
 """Exact in seconds and, times 32, in milliseconds, so that both firmwares see the same lease."""
@@ -127,7 +128,7 @@ def test_ticks_missed_and_samples_without_room_are_counted_the_same(bench):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bus", ["pty", "can"])
+@pytest.mark.parametrize("bus", thinned(["pty", "can"], 2))
 def test_a_capture_with_the_real_driver_gives_the_same_counts(bus, paper, tmp_path):
     swings = []
     for firmware in ("python", "c"):

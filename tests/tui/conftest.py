@@ -162,7 +162,7 @@ def quick_countdown(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def rig(simulated: Callable[..., Any]) -> Callable[..., str]:
-    """(fault=, ...) -> URL of a device in real time, served in this process; where no process has to end or start."""
+    """(fault=, ...) -> URL of a device in real time, served in this process: not for rods held before a screen."""
     return lambda **options: simulated(**{"clock": "realtime", **options}).url
 
 

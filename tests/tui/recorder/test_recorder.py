@@ -252,7 +252,7 @@ def test_a_killed_screen_leaves_a_finished_file_and_a_free_port(bench, tmp_path:
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads /proc")
-@pytest.mark.slow
+@pytest.mark.long
 def test_screen_and_recorder_killed_together_cost_one_chunk_at_most(bench, tmp_path: Path) -> None:
     process, pid, runs = bench
     shown = recorded_until(process, 1.0)

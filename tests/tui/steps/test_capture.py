@@ -26,6 +26,7 @@ from dpr_lab.tui.widgets.readout import rest_text
 from dpr_lab.tui.workspace import load
 from firmware_protocol.messages import State
 
+SIM = "sim://?seed=1"
 SECOND = CaptureOptions(duration=1.0, pose_timeout=600.0, rest_timeout=60.0)
 
 pytestmark = pytest.mark.usefixtures("quick_countdown")
@@ -67,9 +68,9 @@ def recorded(app: DprApp) -> list[Path]:
 
 
 @pytest.mark.slow
-async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until, rig) -> None:
+async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, rig())
+        step = await connect(pilot, until, SIM)
         for done in range(1, 4):
             await to_judged(pilot, until, step)
             assert "good" in headline(app)
@@ -82,10 +83,10 @@ async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until, rig
     assert all(verify(file).ok for file in app.workspace.runs)
 
 
-@pytest.mark.slow
-async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, until, rig) -> None:
+@pytest.mark.long
+async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, rig())
+        step = await connect(pilot, until, SIM)
         first = await to_judged(pilot, until, step)
         await pilot.press("a")
         await until(pilot, in_phase(step, Phase.READY))
@@ -101,9 +102,9 @@ async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, un
 
 
 @pytest.mark.slow
-async def test_a_degraded_recording_says_why(app: DprApp, until, rig) -> None:
+async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, rig(fault=("drop=0.02",)))
+        step = await connect(pilot, until, SIM + "&fault=drop=0.02")
         await to_judged(pilot, until, step)
         assert "degraded" in headline(app)
         assert "lost by cause" in str(app.query_one("#readout", Static).render())
@@ -112,17 +113,17 @@ async def test_a_degraded_recording_says_why(app: DprApp, until, rig) -> None:
 
 
 @pytest.mark.slow
-async def test_what_no_check_fails_by_is_said_too(app: DprApp, until, rig) -> None:
+async def test_what_no_check_fails_by_is_said_too(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, rig(), replace(SECOND, until_rest=True, max_duration=1.0))
+        step = await connect(pilot, until, SIM, replace(SECOND, until_rest=True, max_duration=1.0))
         await to_judged(pilot, until, step)
         assert "good" in headline(app)
         assert "the rods had not come to rest" in str(app.query_one("#readout", Static).render())
 
 
-async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, said, rig) -> None:
+async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, said) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, rig(hand_error=0.3))
+        step = await connect(pilot, until, SIM + "&hand_error=0.3")
         await pilot.press("r")
         await until(pilot, lambda: "press s to be guided" in said(app))
         await pilot.press("s")
@@ -139,12 +140,10 @@ async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, sai
 
 
 @pytest.mark.slow
-async def test_any_other_key_stops_the_countdown(
-    app: DprApp, until, said, rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_any_other_key_stops_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, rig())
+        step = await connect(pilot, until, SIM)
         await to_ready(pilot, until, step)
         for key in ("x", "escape", "ctrl+p", "ctrl+c", "1"):
             app.clear_notifications()
@@ -163,25 +162,23 @@ async def test_any_other_key_stops_the_countdown(
 
 
 @pytest.mark.slow
-async def test_quitting_during_the_countdown_releases_nothing(app: DprApp, until, rig) -> None:
-    url = rig()
+async def test_quitting_during_the_countdown_releases_nothing(app: DprApp, until, cable) -> None:
+    port = cable()
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, url)
+        step = await connect(pilot, until, port.url)
         await to_ready(pilot, until, step)
         Countdown.SECOND_S = 600.0
         await pilot.press("r")
         await pilot.press("ctrl+q")
     assert recorded(app) == []
-    assert state_of(url) == (State.HOLDING, True)
+    assert state_of(port.url) == (State.HOLDING, True)
 
 
 @pytest.mark.slow
-async def test_rods_that_move_stop_the_countdown(
-    app: DprApp, until, said, rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_rods_that_move_stop_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, rig())
+        step = await connect(pilot, until, SIM)
         await to_ready(pilot, until, step)
         await pilot.press("r")
         assert isinstance(app.screen, Countdown)
@@ -193,7 +190,7 @@ async def test_rods_that_move_stop_the_countdown(
     assert recorded(app) == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_cable_pulled_while_recording_costs_the_rest_of_the_swing_only(app: DprApp, until, said, cable) -> None:
     port = cable()
     async with app.run_test(size=(80, 24)) as pilot:
@@ -254,11 +251,9 @@ def test_the_limit_that_failed_is_named(paper) -> None:
 
 
 @pytest.mark.slow
-async def test_quitting_before_a_swing_is_kept_asks_and_the_next_start_offers_it(
-    app: DprApp, until, rig, tmp_path
-) -> None:
+async def test_quitting_before_a_swing_is_kept_asks_and_the_next_start_offers_it(app: DprApp, until, tmp_path) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, rig())
+        step = await connect(pilot, until, SIM)
         run = await to_judged(pilot, until, step)
         await pilot.press("ctrl+q")
         assert isinstance(app.screen, Question)

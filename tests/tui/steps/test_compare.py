@@ -217,7 +217,10 @@ async def test_a_tall_screen_shows_angle_and_error(lab) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("theme", "views"), [("dpr-dark", ("angle", "free-run-error")), ("dpr-light", ("angle",))])
+@pytest.mark.parametrize(
+    ("theme", "views"),
+    [("dpr-dark", ("angle", "free-run-error")), pytest.param("dpr-light", ("angle",), marks=pytest.mark.long)],
+)
 async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...]) -> None:
     async with lab(CompareStep, theme=theme) as pilot:
         step(pilot.app).show([swing("first", 3.2), swing("second", 9.0, held_out=True)])
@@ -261,7 +264,7 @@ async def test_the_same_run_by_two_models_stands_in_one_plot(lab) -> None:
         assert np.allclose(series(pilot.app, "#angle")["2nd model"], np.degrees(by_other.free_run[:, 1]))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_another_models_file_is_simulated_beside(
     lab, until, recorded: list[Path], modelled: Path, tmp_path: Path
 ) -> None:

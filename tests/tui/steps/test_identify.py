@@ -163,7 +163,11 @@ def test_time_left_follows_the_usual_pace(instants, generations, expected) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("theme", "views"), [("dpr-dark", ("convergence", "ratios", "nine")), ("dpr-light", ("convergence",))]
+    ("theme", "views"),
+    [
+        ("dpr-dark", ("convergence", "ratios", "nine")),
+        pytest.param("dpr-light", ("convergence",), marks=pytest.mark.long),
+    ],
 )
 async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...], fixed_model: Path) -> None:
     async with lab(IdentifyStep, model=fixed_model, theme=theme) as pilot:

@@ -11,6 +11,7 @@ from dpr_lab.storage.inspect import info
 from tests.thinned import thinned
 from tests.tui.terminal_emulator import to_ready
 
+SIM = "sim://?seed=1"
 BUSY = "while True: pass"
 
 
@@ -29,8 +30,8 @@ def load() -> Iterator[None]:
 @pytest.mark.parametrize(
     "number", thinned((signal.SIGTERM, signal.SIGHUP, signal.SIGINT), 3), ids=lambda number: number.name
 )
-def test_a_signal_while_recording_closes_the_file_and_restores_the_terminal(on_terminal, tmp_path, number, rig) -> None:
-    terminal = on_terminal(rig())
+def test_a_signal_while_recording_closes_the_file_and_restores_the_terminal(on_terminal, tmp_path, number) -> None:
+    terminal = on_terminal(SIM)
     to_ready(terminal)
     terminal.press("r")
     terminal.until_shown("REC")
@@ -43,11 +44,11 @@ def test_a_signal_while_recording_closes_the_file_and_restores_the_terminal(on_t
     assert not info(run).complete
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
-def test_sigterm_ends_the_screen_though_its_terminal_no_longer_takes_anything(on_terminal, rig) -> None:
+def test_sigterm_ends_the_screen_though_its_terminal_no_longer_takes_anything(on_terminal) -> None:
     # The main thread waited without end for Textual's writer, which waited for the terminal.
-    terminal = on_terminal(rig())
+    terminal = on_terminal(SIM)
     to_ready(terminal)
     terminal.reading = False
     terminal.press("123456" * 20)  # whole pictures, more than the pty holds
@@ -58,8 +59,8 @@ def test_sigterm_ends_the_screen_though_its_terminal_no_longer_takes_anything(on
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_a_terminal_that_hangs_up_ends_the_screen(on_terminal, rig) -> None:
-    terminal = on_terminal(rig())
+def test_a_terminal_that_hangs_up_ends_the_screen(on_terminal) -> None:
+    terminal = on_terminal(SIM)
     to_ready(terminal)
     terminal.hang_up()
     terminal.ended()

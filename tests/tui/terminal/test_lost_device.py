@@ -9,6 +9,7 @@ import pytest
 from tests.tui.terminal_emulator import Terminal, to_ready
 
 CLAIMS = ("the rods are held", "the rods are free", "inside", "latch OPEN", "latch CLOSED")
+SIM = "sim://?seed=1"
 
 
 def drawn_cells(terminal: Terminal) -> int:
@@ -59,8 +60,8 @@ def test_a_device_killed_in_the_countdown_releases_nothing_and_claims_nothing(on
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads /proc")
-def test_a_recorder_that_is_stopped_makes_everything_old(on_terminal, rig) -> None:
-    terminal = on_terminal(rig())
+def test_a_recorder_that_is_stopped_makes_everything_old(on_terminal) -> None:
+    terminal = on_terminal(SIM)
     to_ready(terminal)
     recorder = next(pid for pid in children(terminal.process.pid) if b"spawn_main" in command(pid))
     os.kill(recorder, signal.SIGSTOP)

@@ -9,6 +9,7 @@ import pytest
 from dpr_lab.tui.terminal.sight import SIGHT
 from tests.tui.terminal_emulator import Terminal, to_ready
 
+SIM = "sim://?seed=1"
 CONSOLE = 11520.0
 """115200 baud, bytes/s."""
 
@@ -19,9 +20,9 @@ def first_shown(terminal: Terminal, text: str) -> float:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_on_a_serial_console_the_countdown_is_seen_in_full_before_the_latch_opens(on_terminal, rig) -> None:
+def test_on_a_serial_console_the_countdown_is_seen_in_full_before_the_latch_opens(on_terminal) -> None:
     # The latch opened six seconds before the countdown was visible: frames piled up in front of the line.
-    terminal = on_terminal(rig(), bytes_per_s=CONSOLE)
+    terminal = on_terminal(SIM, bytes_per_s=CONSOLE)
     to_ready(terminal)
     terminal.press("r")
     terminal.until(lambda: "latch OPEN" in terminal.text() or "Not released" in terminal.text())
@@ -33,8 +34,8 @@ def test_on_a_serial_console_the_countdown_is_seen_in_full_before_the_latch_open
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_a_recording_leaves_a_serial_console_room(on_terminal, rig) -> None:
-    terminal = on_terminal(rig())
+def test_a_recording_leaves_a_serial_console_room(on_terminal) -> None:
+    terminal = on_terminal(SIM)
     to_ready(terminal)
     terminal.press("r")
     terminal.until_shown("REC")
@@ -56,9 +57,9 @@ def test_a_recording_leaves_a_serial_console_room(on_terminal, rig) -> None:
     ids=["a terminal that does not answer", "a line that is too slow"],
 )
 def test_where_the_countdown_is_not_seen_in_time_the_release_is_refused(
-    on_terminal, rig, tmp_path: Path, options: dict[str, object], why: str
+    on_terminal, tmp_path: Path, options: dict[str, object], why: str
 ) -> None:
-    terminal = on_terminal(rig())
+    terminal = on_terminal(SIM)
     to_ready(terminal)
     for name, value in options.items():
         setattr(terminal, name, value)
