@@ -21,7 +21,7 @@ from dpr_lab.effects.effect_kernels import (
     Acting,
     acting,
     active_effects,
-    arm_model_of,
+    arm_model,
     dry_limits,
     effect_torques,
     internal_after,
@@ -62,7 +62,7 @@ def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, par
     """The rig with the effects of a vector; `arm` holds its arm unless an effect does."""
     active = active_effects(params)
     acts = Acting(*map(bool, acting(active)))
-    return RigModel(base, constants, arm_model_of(constants, arm, params, active), params, active, acts)
+    return RigModel(base, constants, arm_model(constants, arm, params, active) if acts.arm else arm, params, active, acts)
 
 
 @njit

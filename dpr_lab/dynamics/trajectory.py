@@ -10,7 +10,7 @@ from dpr_lab.dynamics.dry_friction import direction_of
 from dpr_lab.dynamics.lanes.effects import add_drives, add_torques
 from dpr_lab.dynamics.lanes.workspace import LANES, ROW, WORKSPACE
 from dpr_lab.effects.effect import Stage
-from dpr_lab.effects.effect_kernels import EFFECT_OF, active_effects, arm_model_of
+from dpr_lab.effects.effect_kernels import EFFECT_OF, active_effects, arm_model
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import HELD_ARM, BaseParameters, RigConstants
 from dpr_lab.kernels import njit
@@ -75,7 +75,7 @@ def arm_torques_along(
     levers = constants.L0 / constants.g * np.array([named.e1, named.e2])
     sine, cosine = np.sin(theta), np.cos(theta)
     force = (sine * omega**2 - cosine * alpha) @ levers
-    arms = [arm_model_of(constants, HELD_ARM, row, active_effects(row)) for row in _c(params)]
+    arms = [arm_model(constants, HELD_ARM, row, active_effects(row)) for row in _c(params)]
     inertia, _, friction, stiffness = np.array(arms).T
     swing = _driven(_c(t), np.array(run), force, friction / inertia, stiffness / inertia) / inertia
     return -(cosine * levers)[:, :, None] * swing[:, None, :]

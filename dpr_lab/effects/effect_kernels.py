@@ -16,8 +16,6 @@ from dpr_lab.effects.effect import Effect, InternalState, Stage
 from dpr_lab.effects.fold import arguments, call, compiled
 from dpr_lab.effects.quantities import (
     NOTHING,
-    ArmModel,
-    RigConstants,
     encoder1,
     encoder2,
     joint1,
@@ -27,7 +25,6 @@ from dpr_lab.effects.quantities import (
     torque_at2,
     yielding,
 )
-from dpr_lab.kernels import njit
 
 _ALL = list(EFFECTS.values())
 _AMPLITUDES = [param_index(effect.name, p.name) for effect in _ALL for p in effect.amplitudes]
@@ -165,15 +162,6 @@ dry_limits = _dry_limits()
 
 arm_model = _one_effect("arm", "constants, held", "held")
 """(constants, held, params, active) -> ArmModel: what holds the arm; `held` where no effect does."""
-
-
-@njit
-def arm_model_of(
-    constants: RigConstants, held: ArmModel, params: NDArray[np.float64], active: NDArray[np.bool_]
-) -> ArmModel:
-    """`arm_model` for callers in Python: what is written from the table is compiled anew in every process."""
-    return arm_model(constants, held, params, active)
-
 
 reading_shifts = _joint_stage("timing", "t", ({"t": "t"}, {"t": "t"}))
 """(t, params, active) -> s added to the instants at which joints 1 and 2 are read."""
