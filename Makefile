@@ -5,17 +5,23 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 OUT    ?= out/demo
 FUZZ_SECONDS ?= 120
-# Many tests wait for a device or a terminal: more at a time than there are processors.
 CORES   := $(shell getconf _NPROCESSORS_ONLN)
+# Without it every process that tests compiles all tests again.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check docs bench fuzz format clean
+.PHONY: demo test test-all check docs bench fuzz format clean
 
 demo: $(STAMP)  ## record a simulated pendulum through the real protocol, identify it, compare, draw; then a blind trial
 	$(BIN)/dpr-lab demo --out $(OUT)
 
+# Tests of one file share what they record and identify, so one process gets them all. Slow ones wait for devices and
+# terminals: more at a time than there are processors.
 test: $(STAMP)  ## fast tests first, then the slow ones
-	$(BIN)/pytest -m "not slow and not hardware" -n $$((2 * $(CORES)))
-	$(BIN)/pytest -m "slow and not hardware" -n $$(($(CORES) + 1))
+	$(BIN)/pytest -m "not slow and not hardware" -n $(CORES) --dist loadfile
+	$(BIN)/pytest -m "slow and not long and not hardware" -n $$(($(CORES) + 1)) --dist loadfile
+
+test-all: test  ## and the long ones: every case of every table, before a release
+	DPR_LAB_FULL=1 $(BIN)/pytest -m "slow and not hardware" -n $$(($(CORES) + 1)) --dist loadfile
 
 check: $(STAMP)  ## style, types, import contracts
 	$(BIN)/ruff check .

@@ -55,6 +55,7 @@ def found(runs: list[Run]) -> dpr.Diagnosis:
     return dpr.diagnose(runs, dpr.load_rig("paper"), library={FRICTION: EFFECTS[FRICTION]})
 
 
+@pytest.mark.slow
 def test_results_show_themselves_on_a_few_lines(results, found) -> None:
     for result in (*results, found):
         told, page = repr(result), result._repr_html_()

@@ -1,5 +1,6 @@
 """The README is run, not believed."""
 
+import ast
 import os
 import re
 import shutil
@@ -22,20 +23,18 @@ def blocks(language: str, text: str = README) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_the_tutorial_with_a_table_runs(tmp_path: Path) -> None:
     steps = "\n".join(blocks("sh", (ROOT / "docs" / "tutorials" / "your-table.md").read_text(encoding="utf-8")))
     subprocess.run(["sh", "-e", "-c", steps], cwd=tmp_path, env=WITH_COMMANDS, check=True, timeout=600)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_the_site_builds_without_a_warning_or_a_network(tmp_path: Path) -> None:
     pytest.importorskip("sphinx")
     build = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", str(ROOT / "docs"), "site"]
-    if os.environ.get("DPR_LAB_FULL") != "1":
-        build += ["-D", "nb_execution_mode=off"]  # the README's example walks the same way
     done = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "site" / "reference" / "command-line.html").read_text(encoding="utf-8")
@@ -45,9 +44,9 @@ def test_the_site_builds_without_a_warning_or_a_network(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_the_quickstart_and_the_python_example_run(tmp_path: Path) -> None:
-    steps = "\n".join(blocks("sh"))
-    subprocess.run(["sh", "-e", "-c", steps], cwd=tmp_path, env=WITH_COMMANDS, check=True, timeout=600)
+@pytest.mark.parametrize("commands", [blocks("sh")[:1], pytest.param(blocks("sh"), marks=pytest.mark.long)], ids=len)
+def test_the_quickstart_and_the_python_example_run(commands: list[str], tmp_path: Path) -> None:
+    subprocess.run(["sh", "-e", "-c", "\n".join(commands)], cwd=tmp_path, env=WITH_COMMANDS, check=True, timeout=600)
     assert (tmp_path / "report" / "report.html").is_file()
     shutil.copy(next((tmp_path / "runs").glob("*.mcap")), tmp_path / "runs" / "first.mcap")
     (example,) = blocks("python")
@@ -77,7 +76,9 @@ def test_every_promise_of_the_readme_has_its_test() -> None:
     promised = re.findall(r"\| \[`(test_\w+)`\]\(([^)]+)\) \|", README)
     assert len(promised) >= 20
     for name, file in promised:
-        assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8"), name
+        functions = ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8")))
+        (test,) = (found for found in functions if isinstance(found, ast.FunctionDef) and found.name == name)
+        assert "pytest.mark.long" not in map(ast.unparse, test.decorator_list), f"make test leaves out {name}"
 
 
 def test_every_make_target_the_readme_names_exists() -> None:

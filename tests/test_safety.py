@@ -137,6 +137,7 @@ def test_tcp_links_listen_on_this_machine_only(address: str) -> None:
         port.close()
 
 
+@pytest.mark.slow
 def test_nothing_else_listens() -> None:
     listening = [
         path.relative_to(ROOT).as_posix()

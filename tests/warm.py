@@ -5,29 +5,18 @@ the files of the three streams. Each is answered by a line with the exit code.
 """
 
 import atexit
-import gc
 import json
 import os
-import pkgutil
 import runpy
 import sys
 import threading
 import traceback
-from importlib import import_module
-
-from numba.core.registry import cpu_target
-
-import dpr_lab
 
 
 def main() -> None:
     """Fork for every line."""
-    for module in pkgutil.walk_packages(dpr_lab.__path__, "dpr_lab."):
-        if not module.name.startswith(("dpr_lab.tui", "dpr_lab.__main__", "dpr_lab.cli.tui")):
-            import_module(module.name)
-    cpu_target.typing_context.refresh()  # pyright: ignore[reportAttributeAccessIssue]
-    cpu_target.target_context.refresh()  # pyright: ignore[reportAttributeAccessIssue]
-    gc.freeze()  # what is collected is copied in every process
+    import tests.loaded  # noqa: F401
+
     for line in sys.stdin:
         asked, child = json.loads(line), os.fork()
         if child == 0:

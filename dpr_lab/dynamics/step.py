@@ -62,7 +62,8 @@ def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, par
     """The rig with the effects of a vector; `arm` holds its arm unless an effect does."""
     active = active_effects(params)
     acts = Acting(*map(bool, acting(active)))
-    return RigModel(base, constants, arm_model(constants, arm, params, active), params, active, acts)
+    arm = arm_model(constants, arm, params, active) if acts.arm else arm
+    return RigModel(base, constants, arm, params, active, acts)
 
 
 @njit

@@ -38,6 +38,7 @@ def test_what_the_device_reports_ends_the_capture(message: Message, error: type[
         raise_faults("x://", [Batch(0.0, b"", (), (message,))])
 
 
+@pytest.mark.slow
 def test_pulled_cable_leaves_a_partial_run_that_can_be_recovered(paper: Rig, tmp_path: Path, bench, agree) -> None:
     with bench(fault=("cut_after_s=20",)) as (device, _):
         with pytest.raises(DeviceLost) as caught:
@@ -53,6 +54,7 @@ def test_pulled_cable_leaves_a_partial_run_that_can_be_recovered(paper: Rig, tmp
     assert np.array_equal(load_run(tmp_path / "recovered.mcap").theta, run.theta)
 
 
+@pytest.mark.slow
 def test_device_that_restarts_is_lost(paper: Rig, tmp_path: Path, bench, agree) -> None:
     with bench(fault=("reset_after_s=20",)) as (device, _):
         with pytest.raises(DeviceLost, match="may have restarted"):
@@ -60,6 +62,7 @@ def test_device_that_restarts_is_lost(paper: Rig, tmp_path: Path, bench, agree) 
     assert not load_run(sorted(tmp_path.glob("*.mcap"))[0]).complete
 
 
+@pytest.mark.slow
 def test_ctrl_c_finishes_the_file_stops_the_device_and_passes_on(
     paper: Rig, tmp_path: Path, bench, settled, agree
 ) -> None:

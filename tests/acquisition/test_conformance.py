@@ -13,6 +13,7 @@ from firmware_protocol.messages import Nak, Status, decode, encode
 PATIENT = ConformanceSettings(patience_s=60.0, rate_off=0.5, reports_hz=(1.0, 30.0))
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("firmware", ["python", "c"])
 def test_the_reference_devices_conform(simulated, firmware: str) -> None:

@@ -37,6 +37,7 @@ def test_stuck_encoder_degrades_the_run(joint: int, paper: Rig, tmp_path: Path, 
     assert load_run(captured.run_file).complete
 
 
+@pytest.mark.slow
 def test_how_the_rods_hang_is_seen_before_they_are_raised(paper: Rig, tmp_path: Path, bench, agree) -> None:
     seen: list[Progress] = []
     askew = tmp_path / "askew.toml"

@@ -157,6 +157,7 @@ def test_ticks_that_go_back_a_little_degrade_it(lying, paper: Rig, tmp_path: Pat
     assert "degraded: lost by cause: contradicted 3" in captured.quality.sentence
 
 
+@pytest.mark.slow
 def test_a_device_that_samples_far_too_slowly_does_not_keep_the_operator(simulated, paper, tmp_path, agree) -> None:
     """One sample a second: ten seconds of recording would have taken hours."""
     quick = replace(CAPTURE_SETTINGS, pace_window_s=2.0)

@@ -44,6 +44,7 @@ def test_capture_leads_from_pose_to_a_judged_complete_run(
     assert sum(captured.lost.values()) == sum(run.lost.values()) == 0
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_counts_over_every_link(paper: Rig, tmp_path: Path, bench, agree) -> None:
     swings: list[np.ndarray] = []
     for link in ("pty", "slcan", "tcp:0", "virtual:capture-test"):
@@ -176,6 +177,7 @@ def test_rig_file_is_stored_as_written(tmp_path: Path, bench, agree) -> None:
     assert load_run(captured.run_file, rig).rig_sha256 == rig.sha256
 
 
+@pytest.mark.slow
 def test_a_wrong_sample_clock_is_no_good_recording(paper: Rig, tmp_path: Path, bench, agree) -> None:
     with bench(clock="realtime", drift_ppm=50_000.0) as (device, _):
         captured = capture(device, paper, "X1", CaptureOptions(duration=3.0), tmp_path, confirm=agree)

@@ -27,7 +27,7 @@ def test_every_command_that_may_compile_listens() -> None:
         assert "with Listener()" in code or not re.search(r"from dpr_lab\.(workflows|transports)\S* import", code), path
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_the_first_start_is_told_and_the_second_is_not(tmp_path: Path, on_terminal) -> None:
     def shown(*words: str) -> str:

@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -15,18 +13,15 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.rig import PARAMETERS
 from dpr_lab.run import LOSS_CAUSES
 from dpr_lab.storage.reader import load_run
+from sim_device.assemble import hidden_plant
+from sim_device.options import Options
+from sim_device.trials.seal import truth
 
 RATIO_KEYS = {"value", "std", "interval90"}
 
 
 def plant_ratios(seed: int) -> dict[str, float]:
-    done = subprocess.run(
-        [sys.executable, "-m", "sim_device", "--plant", "paper", "--seed", str(seed), "--reveal"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return json.loads(done.stdout)["ratios"]
+    return truth(hidden_plant(Options(plant="paper", seed=seed)))["ratios"]
 
 
 def test_capture_says_what_it_recorded(runs: list[Path], cli) -> None:
@@ -63,6 +58,7 @@ def test_identify_json_carries_what_other_tools_rely_on(model: Path, runs: list[
     assert all(re.fullmatch("[0-9a-f]{64}", run["sha256"]) for run in found["runs"])
 
 
+@pytest.mark.slow
 def test_same_seed_same_answer_whatever_the_number_of_threads(
     runs: list[Path], model: Path, tmp_path: Path, cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -73,6 +69,7 @@ def test_same_seed_same_answer_whatever_the_number_of_threads(
     assert one["search"]["best"] == many["search"]["best"]
 
 
+@pytest.mark.slow
 def test_two_of_the_three_poses_are_enough(runs: list[Path], tmp_path: Path, cli) -> None:
     done = cli("identify", *runs[:2], "--rig", "paper", "--out", tmp_path / "two.json", "--json")
     assert done.code == 0, done.err
@@ -97,6 +94,7 @@ def test_compare_draws_the_papers_figures_and_a_page_without_a_network(
             assert run["segment_rms_rad"][axis] == pytest.approx(run["noise_rad"][axis], rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_run_the_model_never_saw_is_held_out_and_predicted(runs: list[Path], tmp_path: Path, cli) -> None:
     assert cli("identify", *runs[:2], "--rig", "paper", "--out", tmp_path / "m.json").code == 0
     done = cli("compare", runs[2], "--model", tmp_path / "m.json", "--out", tmp_path, "--json")
@@ -146,15 +144,11 @@ def test_one_more_release_with_a_known_added_mass_gives_absolute_values(runs: li
     heavy = done.json["runs"][0]["file"]
     done = cli("identify", *runs, heavy, "--rig", "paper", "--out", tmp_path / "m.json", "--json")
     assert done.code == 0, done.err
-    truth = json.loads(
-        subprocess.run(
-            [sys.executable, "-m", "sim_device", "--reveal"], capture_output=True, text=True, check=True
-        ).stdout
-    )["parameters"]
+    true = truth(hidden_plant(Options()))["parameters"]
     for name in ("c1", "c2"):
         found = done.json["parameters"][name]
         assert found["fixed_by"] == "data"
-        assert abs(found["value"] - truth[name]) < 4 * found["std"]
-        assert found["std"] < 0.01 * truth[name]
+        assert abs(found["value"] - true[name]) < 4 * found["std"]
+        assert found["std"] < 0.01 * true[name]
     assert {value["fixed_by"] for value in done.json["base"].values()} == {"data"}
     assert done.json["covariance"]["order"][-1] == "b"

@@ -51,6 +51,7 @@ def test_help_imports_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 def test_the_lab_never_loads_the_simulated_device() -> None:
     program = (
         "import sys\nimport dpr_lab.identification.identify, dpr_lab.acquisition.capture\n"
@@ -102,6 +103,7 @@ def test_an_exported_table_comes_back_as_the_same_run(runs: list[Path], tmp_path
     assert np.abs(np.diff(back.t) - np.diff(original.t)).max() < 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_capture_finalises_its_file(tmp_path: Path, cli, number: signal.Signals) -> None:
     words = ["capture", "--rig", "paper", "--link", "sim://?clock=realtime", "--pose", "X1", "--out", str(tmp_path)]
@@ -121,6 +123,7 @@ def test_an_interrupted_capture_finalises_its_file(tmp_path: Path, cli, number: 
     assert info["samples"] > 300
 
 
+@pytest.mark.slow
 def test_on_a_terminal_nothing_is_released_before_enter(tmp_path: Path) -> None:
     master, slave = pty.openpty()
     words = ["capture", "--rig", "paper", "--link", "sim://?clock=fast", "--pose", "X1", "--duration", "1"]

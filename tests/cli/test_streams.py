@@ -40,6 +40,7 @@ def run(*words: object, **options) -> subprocess.CompletedProcess[bytes]:
 TABLE = "t,theta1,theta2\n" + "".join(f"{i / 100},{3 + i / 1000},{3 - i / 1000}\n" for i in range(50))
 
 
+@pytest.mark.slow
 def test_names_from_files_reach_the_terminal_without_escapes(tmp_path: Path) -> None:
     table = tmp_path / f"swing{EVIL.replace('/', '')}.csv"
     table.write_text(TABLE.replace("theta2\n", f"theta2,{EVIL}\n").replace("\n", ",1\n").replace("evil,1", "evil", 1))
@@ -64,6 +65,7 @@ def test_a_rig_with_such_a_name_is_refused(tmp_path: Path) -> None:
     assert b"\x1b" not in done.stderr + done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coding", ["ascii", "latin-1"])
 def test_an_output_of_another_coding_is_no_traceback(coding: str, tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONIOENCODING": coding}
@@ -73,6 +75,7 @@ def test_an_output_of_another_coding_is_no_traceback(coding: str, tmp_path: Path
         assert done.returncode in (0, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("words", [("rig", "list"), ("rig", "list", "--json")])
 def test_a_full_output_is_a_sentence(words) -> None:
@@ -84,6 +87,7 @@ def test_a_full_output_is_a_sentence(words) -> None:
     )
 
 
+@pytest.mark.slow
 def test_closed_streams_are_no_traceback(tmp_path: Path) -> None:
     program = f"exec '{sys.executable}' -m dpr_lab rig list"
     for closed in (">&-", "2>&-", "<&- >&- 2>&-"):
@@ -101,12 +105,20 @@ MOMENTS_S = (0.0, 0.3, 1.0, 2.0, 8.0)
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("command", ["identify", "diagnose"])
+@pytest.mark.parametrize(
+    ("command", "moments_s"),
+    [
+        ("identify", MOMENTS_S[1::2]),
+        pytest.param("identify", MOMENTS_S, marks=pytest.mark.long),
+        pytest.param("diagnose", MOMENTS_S, marks=pytest.mark.long),
+    ],
+    ids=str,
+)
 def test_ctrl_c_is_one_line_and_one_object_at_any_moment(
-    command: str, runs: list[Path], after_work, tmp_path: Path
+    command: str, moments_s: tuple[float, ...], runs: list[Path], after_work, tmp_path: Path
 ) -> None:
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}  # so that there is something to compile
-    for number, moment_s in enumerate(MOMENTS_S):
+    for number, moment_s in enumerate(moments_s):
         words = [command, *map(str, runs), "--rig", "paper", "--json", "--out", str(tmp_path / f"out{number}")]
         program = [sys.executable, "-m", "dpr_lab", *words]
         with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
@@ -159,6 +171,7 @@ cli.main()
         assert json.loads(done.stdout) == {"error": "interrupted", "exit_code": 130}
 
 
+@pytest.mark.slow
 def test_a_progress_bar_on_a_terminal_ends_with_the_interrupt(
     runs: list[Path], tmp_path: Path, on_terminal, after_work
 ) -> None:

@@ -29,6 +29,7 @@ def said(found, group, settings=FEW):
     return changes(found, group, [f"day {g + 1}" for g in range(max(group) + 1)], settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plan", [{}, {"groups": 4, "repeats": 2}, {"repeats": 6, "poses": ("X1",)}], ids=str)
 def test_false_alarms_are_rare_and_three_standard_deviations_are_found(plan) -> None:
     rng = np.random.default_rng(4)
@@ -83,6 +84,7 @@ def test_days_sessions_and_labels() -> None:
         grouped(runs[:2], "day")
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(500)  # kernels may have to be compiled
 def test_sizes_of_named_effects_are_watched_too() -> None:
     rig = load_rig("paper")

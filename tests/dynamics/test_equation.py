@@ -78,6 +78,7 @@ def rod_parameters():
     return a, b, d, e1, d * G / L1, c1, c2
 
 
+@pytest.mark.slow
 def test_mass_matrix_is_that_of_the_kinetic_energy(lagrangian, states):
     for q, w in zip(states[:, :3], states[:, 3:], strict=True):
         expected, _, _ = lagrangian(q, w)
@@ -88,6 +89,7 @@ def test_mass_matrix_is_that_of_the_kinetic_energy(lagrangian, states):
         assert np.linalg.eigvalsh(expected)[0] > 0
 
 
+@pytest.mark.slow
 def test_free_arm_obeys_lagrange(lagrangian, states):
     for tau0, state in enumerate(states):
         q, w = state[:3], state[3:]

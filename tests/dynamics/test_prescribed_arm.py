@@ -75,6 +75,7 @@ def read(setup: Setup) -> np.ndarray:
     return predict(WHOLE, effect_params({}), CONSTANTS, laid_out, START[None])
 
 
+@pytest.mark.slow
 def test_the_rods_follow_a_prescribed_arm_as_lagrange_says():
     t = np.arange(0.0, 1.7, 1e-3)
     known = ArmMotion(t, moved(t, np.cos), 3.6 * np.sin(4 * t) + 1.8 * np.sin(9 * t))

@@ -13,6 +13,7 @@ from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params, param_index
 from dpr_lab.rig import load_rig
 from sim_device.plant.config import load_plant
 from sim_device.plant.plant import Plant, Swing
+from tests.thinned import thinned
 
 RIG = load_rig("paper")
 CONFIG = load_plant("paper")
@@ -97,7 +98,7 @@ def unit(effect):
     return {param_index(effect.name, p.name): p.typical for p in effect.amplitudes}
 
 
-@pytest.mark.parametrize("name", [name for name, effect in OF_FREE_SWINGS.items() if not effect.absorbed_by])
+@pytest.mark.parametrize("name", thinned([name for name, e in OF_FREE_SWINGS.items() if not e.absorbed_by], 3))
 def test_found_again_within_its_interval(name):
     effect = EFFECTS[name]
     values = {name: {p.name: p.typical for p in effect.amplitudes} | STEP_AT.get(name, {})}

@@ -21,6 +21,18 @@ print(repr(float(simulate(base, 0.4, 9.81, [1, 2, 0, 0], [0, 0.5], 1e-3, vector)
 """
 
 
+COMPILED = """
+from numba.core import event
+class Compiled(event.Listener):
+    def on_start(self, event):
+        if event.data["name"].startswith("translate_bytecode"):
+            print("compiled", event.data["qualname"])
+    def on_end(self, event):
+        pass
+event.register("numba:run_pass", Compiled())
+"""
+
+
 @pytest.fixture
 def copy(tmp_path):
     target = tmp_path / "tree" / "dpr_lab"
@@ -43,7 +55,7 @@ def test_hash_changes_with_any_source(copy, source):
     assert source_hash(copy) != before
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_edited_effect_changes_the_answer_of_a_cached_caller(copy, tmp_path):
     # Numba alone keeps the old machine code of `simulate` here, because only the file of a called function changed.
     def swing():
@@ -65,6 +77,14 @@ def test_an_edited_effect_changes_the_answer_of_a_cached_caller(copy, tmp_path):
     assert edited != written
     coulomb.write_text(edited)
     assert abs(swing() - first) > 1e-3
+
+
+@pytest.mark.slow
+def test_a_second_start_compiles_nothing():
+    # What holds the arm was compiled in every process, by functions that are written from the table and have no file.
+    for _ in range(2):
+        run = subprocess.run([sys.executable, "-c", COMPILED + SWING], capture_output=True, text=True, check=True)
+    assert "compiled" not in run.stdout
 
 
 def test_without_a_writable_folder_there_is_no_cache(tmp_path):
@@ -110,6 +130,7 @@ print(twice(21))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="limits the size of files")
 def test_a_disk_that_fills_up_costs_the_cache_and_not_the_answer(tmp_path):
     (tmp_path / "program.py").write_text(FULL_DISK)

@@ -100,6 +100,7 @@ def test_dropped_samples_and_gaps_are_bridged():
     assert (np.abs(errors[edge]) < 5 * claimed[edge]).all()
 
 
+@pytest.mark.slow
 def test_uneven_instants_agree_with_the_joint_gaussian():
     """The smoother against the posterior of all states at once, by dense linear algebra."""
     rng = np.random.default_rng(2)

@@ -109,6 +109,7 @@ def test_what_cannot_be_said_is_fitted_again_in_simpler_words(corrected: Model, 
     assert 1e-3 < friction[1] < 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "formats",
     [("python", "urdf"), pytest.param(("python", "mjcf", "sdf", "fmu", "fmu2"), marks=pytest.mark.slow)],

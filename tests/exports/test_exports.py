@@ -2,6 +2,7 @@
 
 import ast
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -47,9 +48,22 @@ HOSTILE = [
 ]
 
 
+def tags(source: str | bytes) -> list[str]:
+    return [element.tag for element in ElementTree.fromstring(source).iter()]
+
+
+@pytest.fixture(scope="module")
+def plain(paper: Rig) -> dict[Any, list[Any]]:
+    """What stands where in an export of a model that nobody tampered with: tags, and statements by effects."""
+    model, both = model_of(paper, {}), ("coulomb_joint1", "coulomb_joint2")
+    modules = {names: python_module(model_of(paper, {name: {} for name in names}), paper) for names in (both[:1], both)}
+    statements = {names: [type(node) for node in ast.parse(source).body] for names, source in modules.items()}
+    return {mjcf: tags(mjcf(model, paper)), **statements} | {made: tags(made(model, paper, {})) for made in (urdf, sdf)}
+
+
 @pytest.mark.parametrize("said", HOSTILE)
 @pytest.mark.parametrize("where", ["rig", "effect", "parameter"])
-def test_what_a_file_said_stays_data(said: str, where: str, paper: Rig, tmp_path: Path, monkeypatch):
+def test_what_a_file_said_stays_data(said: str, where: str, plain, paper: Rig, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     effects = {"coulomb_joint1": {"torque_Nm": 1e-3}}
     if where != "rig":
@@ -62,8 +76,7 @@ def test_what_a_file_said_stays_data(said: str, where: str, paper: Rig, tmp_path
     assert module["RIG"] == model.rig.name
     assert module["LEFT_OUT"] == [name for name in effects if name not in EFFECTS]
     assert module["EFFECTS"] == {name: values for name, values in effects.items() if name in EFFECTS}
-    plain = python_module(model_of(paper, {name: {} for name in module["EFFECTS"]}), paper)
-    assert [type(node) for node in ast.parse(source).body] == [type(node) for node in ast.parse(plain).body]
+    assert [type(node) for node in ast.parse(source).body] == plain[tuple(module["EFFECTS"])]
 
     text = mjcf(model, paper)
     root = ElementTree.fromstring(text.encode("utf-8"))
@@ -71,15 +84,10 @@ def test_what_a_file_said_stays_data(said: str, where: str, paper: Rig, tmp_path
     listed = root.find("custom/text").attrib["data"]
     assert in_xml(said) in listed if where == "effect" else "<" not in listed
     for other in (urdf, sdf):
-        tags = [
-            element.tag for element in ElementTree.fromstring(other(model, paper, {said: said}).encode("utf-8")).iter()
-        ]
-        plain = other(model_of(paper, {}), paper, {})
-        assert tags == [element.tag for element in ElementTree.fromstring(plain).iter()]
+        assert tags(other(model, paper, {said: said}).encode("utf-8")) == plain[other]
     run_source(passive(model, paper), tmp_path)
     assert not (tmp_path / "ran").exists()
-    plain_tree = ElementTree.fromstring(mjcf(model_of(paper, {}), paper))
-    assert [element.tag for element in root.iter()] == [element.tag for element in plain_tree.iter()]
+    assert [element.tag for element in root.iter()] == plain[mjcf]
 
 
 def test_every_format_is_written(paper: Rig, tmp_path: Path):

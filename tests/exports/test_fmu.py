@@ -36,6 +36,7 @@ def unit(paper: Rig, standard: str, tmp_path_factory) -> tuple[Path, dict]:
     return path, chosen
 
 
+@pytest.mark.slow
 def test_the_unit_says_what_goes_in_and_out(unit, standard: str):
     described = fmpy.read_model_description(str(unit[0]), validate=True)
     assert described.fmiVersion == standard
@@ -49,6 +50,7 @@ def start_values(x0):
     return dict(zip(("theta1_start", "theta2_start", "omega1_start", "omega2_start"), x0, strict=True))
 
 
+@pytest.mark.slow
 def test_the_unit_swings_and_reads_as_the_lab_does(unit, paper: Rig):
     path, chosen = unit
     found = simulate(
@@ -62,6 +64,7 @@ def test_the_unit_swings_and_reads_as_the_lab_does(unit, paper: Rig):
     assert np.column_stack([found["encoder1"], found["encoder2"]]) == pytest.approx(read, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_torques_go_in(unit, paper: Rig):
     path, chosen = unit
     signals = np.array([(0.0, 0.2, -0.1), (0.5, 0.2, -0.1)], dtype=[(n, float) for n in ("time", "torque1", "torque2")])

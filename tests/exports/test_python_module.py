@@ -11,16 +11,19 @@ from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.exports.python_module import python_module
 from dpr_lab.rig import Rig
 from tests.exports.models import SETS, X0, lab_readings, lab_states, model_of, run_source, typical
+from tests.thinned import thinned
 
 ALONE = [(name,) for name in OF_FREE_SWINGS]
 RODS = ("torque", "load", "arm")
+IN_THE_RODS = [effects for effects in (*SETS, *ALONE) if EFFECTS[effects[0]].stage in RODS]
+IN_ENCODERS = [effects for effects in (*SETS, *ALONE) if EFFECTS[effects[-1]].stage not in RODS]
 
 
 def names(effects) -> str:
     return "+".join(effects)
 
 
-@pytest.mark.parametrize("effects", [e for e in [*ALONE, *SETS] if EFFECTS[e[0]].stage in RODS], ids=names)
+@pytest.mark.parametrize("effects", thinned(IN_THE_RODS, 3), ids=names)
 def test_the_module_swings_as_the_lab_does(paper: Rig, tmp_path: Path, effects):
     chosen = {name: values for effect in effects for name, values in typical(effect).items()}
     module = run_source(python_module(model_of(paper, chosen), paper), tmp_path)
@@ -28,7 +31,7 @@ def test_the_module_swings_as_the_lab_does(paper: Rig, tmp_path: Path, effects):
     assert module["simulate"](X0, t) == pytest.approx(lab_states(paper, chosen, t), abs=1e-9)
 
 
-@pytest.mark.parametrize("effects", [e for e in [*ALONE, *SETS] if EFFECTS[e[-1]].stage not in RODS], ids=names)
+@pytest.mark.parametrize("effects", thinned(IN_ENCODERS, 2), ids=names)
 def test_the_module_s_encoders_read_what_the_lab_s_do(paper: Rig, tmp_path: Path, effects):
     chosen = {name: values for effect in effects for name, values in typical(effect).items()}
     module = run_source(python_module(model_of(paper, chosen), paper), tmp_path)

@@ -3,7 +3,6 @@
 With DPR_LAB_WRITE_DOCS=1 (and without -n) the rows of docs/reliability.md are written from what is seen here.
 """
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,8 @@ BOTH = (SERIAL, CAN)
 SHORT = ("--duration", "2")
 LONG = ("--duration", "60")
 """Long enough that the fault ends it."""
+IN_THE_SWING_S = "5"
+"""After the rest, before the end."""
 
 ALL = "every sample"
 COUNTED = "every sample but those lost, which are counted"
@@ -41,7 +42,7 @@ class Case:
 
     @property
     def slow(self) -> bool:
-        """Whether it takes more than a few seconds."""
+        """Whether it takes more than a second."""
         return self.words != SHORT or self.device.get("clock") == "realtime"
 
 
@@ -59,11 +60,11 @@ CASES = (
     Case("the link silent for 200 ms again and again", 0, ALL, ("stall_ms=200",), device={"clock": "realtime"}),
     Case("the board too late for 1 % of the samples", 6, COUNTED, ("overrun=0.01",)),
     Case("the device restarts before the release", 7, HELD, ("reset_after_s=0.2",)),
-    Case("the device restarts in the swing", 7, UNTIL, ("reset_after_s=20",), words=LONG),
+    Case("the device restarts in the swing", 7, UNTIL, (f"reset_after_s={IN_THE_SWING_S}",), words=LONG),
     Case("cable pulled before the release", 7, HELD, ("cut_after_s=0.2",)),
     Case("cable pulled at the release", 7, NO_RELEASE, ("cut_at_release=1",)),
-    Case("cable pulled in the swing", 7, UNTIL, ("cut_after_s=20",), words=LONG),
-    Case("bus-off in the swing", 7, UNTIL, ("bus_off_after_s=20",), (CAN, BUS), words=LONG),
+    Case("cable pulled in the swing", 7, UNTIL, (f"cut_after_s={IN_THE_SWING_S}",), words=LONG),
+    Case("bus-off in the swing", 7, UNTIL, (f"bus_off_after_s={IN_THE_SWING_S}",), (CAN, BUS), words=LONG),
     Case("bus-off before the release", 7, HELD, ("bus_off_after_s=0.2",), (CAN, BUS)),
     Case("another version of the protocol", 5, HELD, ("major=2",)),
     Case("the same version, another dpr.dbc", 5, HELD, ("schema=1",)),
@@ -84,17 +85,19 @@ CASES = (
 )
 
 
-EVERY_LINK = bool({"DPR_LAB_FULL", "DPR_LAB_WRITE_DOCS"} & os.environ.keys())
-"""Else what takes long is tried over one link, by turns."""
-
-
 def _parameters() -> list[Any]:
+    """Every fault over every link; `make test` tries each over one, by turns."""
     return [
-        pytest.param(case, link, id=f"{case.what}, {link}", marks=[pytest.mark.slow] if case.slow else [])
+        pytest.param(case, link, id=f"{case.what}, {link}", marks=_marks(case, turn != number % len(case.links)))
         for number, case in enumerate(CASES)
         for turn, link in enumerate(case.links)
-        if EVERY_LINK or not case.slow or turn == number % len(case.links)
     ]
+
+
+def _marks(case: Case, again: bool) -> list[pytest.MarkDecorator]:
+    if again:
+        return [pytest.mark.long]
+    return [pytest.mark.slow] if case.slow else []
 
 
 @pytest.mark.parametrize(("case", "link"), _parameters())

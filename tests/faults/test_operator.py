@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,15 @@ KILLS = 50 if FULL else 1
 LINKS = {"serial": "sim://?seed=5&clock={clock}", "CAN": "sim://?seed=5&clock={clock}&bus=can"}
 pytestmark = pytest.mark.slow
 UNTIL = "every sample until then, in a file marked as incomplete"
+
+
+def by_turns(*numbers: signal.Signals) -> list[Any]:
+    """Every signal over every link; `make test` sends the first over the first and the second over the second."""
+    return [
+        pytest.param(number, link, id=f"{number.name}, {link}", marks=[pytest.mark.long] if turn != place else [])
+        for turn, number in enumerate(numbers)
+        for place, link in enumerate(LINKS)
+    ]
 
 
 def start(
@@ -53,8 +63,7 @@ def last_line(process: subprocess.Popen[str]) -> str:
     return process.communicate(timeout=400)[1].strip().splitlines()[-1]
 
 
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+@pytest.mark.parametrize(("number", "link"), by_turns(signal.SIGINT, signal.SIGTERM))
 def test_a_stopped_capture_finishes_its_file(
     number: signal.Signals, link: str, tmp_path: Path, wrong_samples, matrix
 ) -> None:
@@ -71,7 +80,7 @@ def test_a_stopped_capture_finishes_its_file(
     matrix.show(f"{number.name} in the swing", link, said, process.returncode, UNTIL)
 
 
-@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("link", ["serial", pytest.param("CAN", marks=pytest.mark.long)])
 def test_a_host_stopped_for_300_ms_loses_nothing(link: str, tmp_path: Path, wrong_samples, matrix) -> None:
     for attempt in range(8):  # a loaded machine may leave it standing until the device no longer waits
         folder = tmp_path / str(attempt)
@@ -92,7 +101,7 @@ def test_a_host_stopped_for_300_ms_loses_nothing(link: str, tmp_path: Path, wron
     matrix.show("the host stopped for 300 ms, three times", link, said, 0, "every sample")
 
 
-@pytest.mark.parametrize("link", LINKS if FULL else ["serial"])
+@pytest.mark.parametrize("link", ["serial", pytest.param("CAN", marks=pytest.mark.long)])
 def test_a_disk_that_fills_up(link: str, tmp_path: Path, wrong_samples, matrix) -> None:
     process = start(tmp_path, link, "--duration", "20", preexec=small_disk)
     said = last_line(process)
@@ -119,8 +128,7 @@ def test_a_disk_without_room(operate, serve, matrix) -> None:
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT], ids=lambda number: number.name)
+@pytest.mark.parametrize(("number", "link"), by_turns(signal.SIGKILL, signal.SIGINT))
 @pytest.mark.parametrize("seed", range(KILLS))
 def test_stopped_at_any_instant(seed: int, number: signal.Signals, link: str, tmp_path: Path, wrong_samples) -> None:
     rng = np.random.default_rng([seed, number, len(link)])

@@ -13,7 +13,7 @@ from dpr_lab.storage.inspect import info, recover, verify
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.sidecar import sidecar_of
 
-RANDOM_CUTS = 2000 if os.environ.get("DPR_LAB_FULL") == "1" else 60
+RANDOM_CUTS = 2000 if os.environ.get("DPR_LAB_FULL") == "1" else 20
 
 
 def chunk_ends(path: Path) -> list[int]:

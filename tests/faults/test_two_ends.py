@@ -13,7 +13,11 @@ def plug(folder: Path, name: str, url: str) -> None:
     (folder / name).symlink_to(path)
 
 
-@pytest.mark.parametrize(("shown", "link", "prefix"), [("serial", "pty", "serial://"), ("CAN", "slcan", "can://slcan")])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("shown", "link", "prefix"),
+    [("serial", "pty", "serial://"), pytest.param("CAN", "slcan", "can://slcan", marks=pytest.mark.long)],
+)
 def test_a_device_is_found_again_on_another_port_by_its_uid(
     shown: str, link: str, prefix: str, serve, operate, wrong_samples, tmp_path, matrix
 ) -> None:
@@ -31,6 +35,7 @@ def test_a_device_is_found_again_on_another_port_by_its_uid(
     matrix.show("replugged on another port, link with `uid=`", shown, found.said, found.code, "every sample")
 
 
+@pytest.mark.slow
 def test_a_device_is_found_on_another_channel_of_a_backend(serve, operate, wrong_samples, tmp_path, matrix) -> None:
     serve(link="virtual:uid-here", uid=0xBEEF_0000_0041)
     serve(link="virtual:uid-there", uid=UID)

@@ -41,6 +41,7 @@ def build(*words: str, cwd: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_the_sketch_keeps_to_the_protocol(sketch: Path) -> None:
     master, slave = pty.openpty()

@@ -35,7 +35,7 @@ def sanitized(library: Path, *command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=170, check=False)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_nothing_is_read_or_written_out_of_bounds(make):
     library = make("sanitized", "cc") / "libdpr_sanitized.so"
     options = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", "not slow"]
@@ -45,7 +45,7 @@ def test_nothing_is_read_or_written_out_of_bounds(make):
     assert "skipped" not in done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_sanitizers_are_there_and_would_see_it(make):
     library = make("sanitized", "cc") / "libdpr_sanitized.so"
     code = """

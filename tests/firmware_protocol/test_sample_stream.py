@@ -33,6 +33,7 @@ def test_unwrap_finds_the_nearest(near: int, off: int, bits: int):
     assert unwrap((near + off) % (1 << bits), near, bits) == near + off
 
 
+@pytest.mark.slow
 def test_many_wraps_of_ticks_and_positions(rng: np.random.Generator):
     truth = walk(rng, 200_000, 3000)
     stream = SampleStream()

@@ -40,6 +40,7 @@ def copied(folder: Path, tmp_path: Path) -> Path:
     return shutil.copytree(folder, tmp_path / "copy") / "certificate.json"
 
 
+@pytest.mark.slow
 def test_it_holds_on_a_copied_folder(copied: Path):
     certified = load_certificate(copied)
     assert certified.claims["verdict"].value == "named"
@@ -95,6 +96,7 @@ def test_one_claim_that_was_changed_is_seen(copied: Path):
     assert failed == [("coulomb_joint1: torque_Nm", "was changed after it was certified")]
 
 
+@pytest.mark.slow
 def test_a_claim_that_does_not_come_out_is_named(copied: Path):
     """Also one whose seal was made again: the recordings themselves say otherwise."""
     from dpr_lab.gap.result.certificate import _seal
@@ -112,6 +114,7 @@ def test_what_is_no_certificate_is_a_sentence(said: str, tmp_path: Path):
         verify(tmp_path / "c.json")
 
 
+@pytest.mark.slow
 def test_reasons_to_fail(folder: Path):
     found = diagnose(request(folder)).diagnosis
     assert [sentence.split(":")[0] for sentence in failures(found, ["gap", "unexplained", "unsure"])] == ["gap"]

@@ -17,12 +17,12 @@ from clean_rigs import KINDS, drawn
 @pytest.mark.parametrize(
     ("kind", "seed"),
     [
-        pytest.param("odd rig", 3, id="rods of 7 and 4 cm at 200 Hz"),
-        pytest.param("odd rig", 35, id="65536 counts at 4 kHz"),
-        pytest.param("bad logger", 1, id="repeats and outliers at 200 Hz"),
-        pytest.param("bad logger", 5, id="late stamps, repeats, outliers and gaps"),
-        pytest.param("bad logger", 11, id="a segment that begins wrong"),
-        pytest.param("bad logger", 35, id="a gap in fast swings"),
+        pytest.param("odd rig", 3, id="rods of 7 and 4 cm at 200 Hz", marks=pytest.mark.long),
+        pytest.param("odd rig", 35, id="65536 counts at 4 kHz", marks=pytest.mark.long),
+        pytest.param("bad logger", 1, id="repeats and outliers at 200 Hz", marks=pytest.mark.long),
+        pytest.param("bad logger", 5, id="late stamps, repeats, outliers and gaps", marks=pytest.mark.slow),
+        pytest.param("bad logger", 11, id="a segment that begins wrong", marks=pytest.mark.long),
+        pytest.param("bad logger", 35, id="a gap in fast swings", marks=pytest.mark.slow),
     ],
 )
 def test_a_clean_rig_has_no_gap(kind: str, seed: int) -> None:
@@ -31,7 +31,8 @@ def test_a_clean_rig_has_no_gap(kind: str, seed: int) -> None:
     assert (said.verdict, said.effects) == ("no_gap", [])
 
 
-@pytest.mark.parametrize("seed", [pytest.param(2, id="100 Hz"), pytest.param(13, id="240 Hz")])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [pytest.param(2, id="100 Hz"), pytest.param(13, id="240 Hz", marks=pytest.mark.long)])
 def test_a_camera_whose_scale_is_unsure_has_no_gap(seed: int) -> None:
     rig, runs, logger = drawn("camera", seed)
     assert logger.shared > 0.7
@@ -46,6 +47,7 @@ def test_a_camera_whose_scale_is_unsure_has_no_gap(seed: int) -> None:
     assert len(again.names) == len(set(again.names))
 
 
+@pytest.mark.slow
 def test_a_wrong_length_that_its_uncertainty_does_not_allow_is_said() -> None:
     rig, runs, _ = drawn("camera", 2)
     sure = rig.model_copy(update={"rig": rig.rig.model_copy(update={"L1_std": 0.001})})

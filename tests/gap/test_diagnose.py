@@ -1,5 +1,4 @@
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.selection.hypothesis import free_parameters, hypothesis
 from dpr_lab.rig import Rig
 from sim_device.plant.config import load_plant
+from tests.thinned import thinned
 
 DRY = ("coulomb", "stribeck", "friction_curve", "hysteresis")
 NOT_SEEN = ("rotor_inertia_joint1",)
@@ -146,14 +146,11 @@ def test_what_would_show_at_no_size_has_none(recorded, bare, tested):
     assert detectable(blind, tested(problem, blind.fit, ()))["missed_counts"] == {"counts": None}
 
 
-EACH = 1 if os.environ.get("DPR_LAB_FULL") == "1" else 3
-"""Of the effects every so manieth is recorded alone."""
+SEEN = [name for name in OF_FREE_SWINGS if name not in (*NOT_SEEN, "missed_counts")]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [name for name in OF_FREE_SWINGS if name not in (*NOT_SEEN, "missed_counts")][EACH - 1 :: EACH]
-)
+@pytest.mark.parametrize("name", thinned(SEEN, 9))
 def test_every_effect_is_named_from_its_own_recording(recorded, paper: Rig, name: str):
     effect = EFFECTS[name]
     values = {p.name: (0.5 * p.typical if p.role == "amplitude" else p.default) for p in effect.parameters}

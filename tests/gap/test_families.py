@@ -27,6 +27,7 @@ def test_friction_alone_is_a_bearing_and_parts_of_two_joints_are_no_drive():
     assert not second.among((ROTOR,))
 
 
+@pytest.mark.slow
 def test_a_geared_drive_is_named_as_one(recorded: Callable[..., list[Run]], paper: Rig):
     runs = recorded({ROTOR: {"inertia_kgm2": 3e-4}, FRICTION: {"torque_Nm": 2e-3}})
     found = diagnose(runs, paper, library={name: EFFECTS[name] for name in (ROTOR, FRICTION, "coulomb_joint1")})
@@ -37,5 +38,6 @@ def test_a_geared_drive_is_named_as_one(recorded: Callable[..., list[Run]], pape
     assert "what a geared drive, joint 2 does [drive_joint2]" in found.sentence
 
 
+@pytest.mark.slow
 def test_two_causes_that_are_no_family_stay_two(two_found: Diagnosis):
     assert two_found.families == []

@@ -31,17 +31,19 @@ def share_beside(bare, tested):
     return share
 
 
+@pytest.mark.slow
 def test_dry_friction_only_makes_up_for_the_form_of_friction_by_load(bush, share_beside):
     assert share_beside(bush, "load_friction_joint2", "coulomb_joint2") < 0.1
 
 
+@pytest.mark.slow
 def test_an_effect_of_its_own_explains_what_no_other_form_of_the_first_does(recorded, two_effects, share_beside):
     first, second = two_effects
     assert share_beside(recorded(two_effects), first, second) > 0.5
     assert share_beside(recorded(two_effects), second, first) > 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_effect_in_another_form_is_named_alone_and_the_rest_admitted(bush, paper):
     found = diagnose(bush, paper)
     assert [effect.name for effect in found.effects] == ["load_friction_joint2"]

@@ -111,6 +111,7 @@ def test_a_check_is_of_one_diagnosis_and_of_one_kind(diagnosis: Diagnosis) -> No
         take_value(asked, asked.checks[0], 1.0, 0.1)
 
 
+@pytest.mark.slow
 def test_a_new_diagnosis_names_its_parent(diagnosis: Diagnosis, tmp_path: Path) -> None:
     file = tmp_path / "d.json"
     file.write_text(json.dumps(diagnosis.to_json()))

@@ -30,6 +30,7 @@ def test_one_release_says_that_it_was_not_tested_on_another(dry: list[Run], pape
     assert "from one release: not tested on another" in found.sentence
 
 
+@pytest.mark.slow
 def test_each_effect_says_what_it_closes_on_each_run_left_out(dry: list[Run], paper: Rig):
     found = diagnose(dry, paper, library=LIBRARY)
     assert (found.verdict, found.basis, found.withdrawn) == ("named", "releases left out", [])
@@ -40,6 +41,7 @@ def test_each_effect_says_what_it_closes_on_each_run_left_out(dry: list[Run], pa
         assert share.value > 0.9
 
 
+@pytest.mark.slow
 def test_a_name_that_does_not_carry_over_to_a_held_out_run_is_withdrawn(dry: list[Run], recorded, paper: Rig):
     found = diagnose(dry[:2], paper, held_out=recorded({})[2:], library=LIBRARY)
     assert (found.verdict, found.basis, found.withdrawn) == ("unexplained", "held-out runs", ["coulomb_joint2"])
@@ -47,6 +49,7 @@ def test_a_name_that_does_not_carry_over_to_a_held_out_run_is_withdrawn(dry: lis
     assert "and not the next" in found.sentence
 
 
+@pytest.mark.slow
 def test_the_headline_is_what_closes_on_the_runs_held_out(dry: list[Run], paper: Rig):
     found = diagnose(dry[:2], paper, held_out=dry[2:], library=LIBRARY)
     closed = found.gap.closed_held_out
@@ -67,6 +70,7 @@ def test_a_long_record_is_cut_into_pieces_that_are_fitted_and_held_out(recorded:
     assert found.gap.closed_held_out.estimate > 0.9
 
 
+@pytest.mark.slow
 def test_a_remainder_below_half_the_noise_is_no_gap(recorded: Recorded, bare, paper: Rig):
     runs = recorded({"coulomb_joint2": {"torque_Nm": 4e-5}})
     _, base = bare(runs)
@@ -90,6 +94,7 @@ def test_counts_are_missed_only_where_there_are_counts(dry: list[Run], paper: Ri
     assert not screen(off_grid, paper).on_grid.any()
 
 
+@pytest.mark.slow
 def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded: Recorded, paper: Rig):
     name = "encoder_eccentricity_joint1"
     library = {name: EFFECTS[name]}

@@ -20,6 +20,7 @@ def weighed(rig: Rig, mass: float, std: float) -> Rig:
     )
 
 
+@pytest.mark.slow
 def test_a_mass_weighed_badly_widens_what_follows_from_it(recorded, paper: Rig):
     mass = paper.parameters["m1"].nominal
     runs = recorded({"com_offset_link1": {"offset_m": 1e-3}})
@@ -37,6 +38,7 @@ def test_a_mass_weighed_badly_widens_what_follows_from_it(recorded, paper: Rig):
     )
 
 
+@pytest.mark.slow
 def test_steps_of_a_play_are_not_missed_counts(recorded, paper: Rig):
     runs = recorded({"backlash_joint2": {"play_rad": 0.012}}, duration=8.0)
     found = diagnose(runs, paper)
@@ -44,6 +46,7 @@ def test_steps_of_a_play_are_not_missed_counts(recorded, paper: Rig):
     assert not [finding for finding in found.sensor_findings if finding.name == "missed_counts"]
 
 
+@pytest.mark.slow
 def test_friction_that_follows_the_load_shows_the_scale(paper: Rig):
     plant, rig = weighed_rig(load_plant("paper", 3), paper)
     told = plant.model_copy(update={"effects": {"load_friction_joint2": {"friction_radius_m": 6e-4}}})

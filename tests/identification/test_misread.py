@@ -40,19 +40,20 @@ def test_friction_that_the_rods_alone_do_not_know_passes(recorded, paper: Rig) -
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("angles", "said"),
     [
         (lambda a, b: (a - PI, b - PI), "zero of the angles"),
-        pytest.param(lambda a, b: (2 * PI - a, b), "one rod's sign", marks=pytest.mark.slow),
-        pytest.param(lambda a, b: (a, 2 * PI - b), "one rod's sign", marks=pytest.mark.slow),
-        pytest.param(lambda a, b: (a, 2 * a - b), "sign of joint 2", marks=pytest.mark.slow),
-        pytest.param(lambda a, b: (b, a), "exchanged", marks=pytest.mark.slow),
-        pytest.param(lambda a, b: (a, b - a + PI), "--angles relative", marks=pytest.mark.slow),
-        pytest.param(lambda a, b: (a, b + a - PI), "--angles absolute", marks=pytest.mark.slow),
-        pytest.param(lambda a, b: (np.degrees(a), np.degrees(b)), "--unit deg", marks=pytest.mark.slow),
+        pytest.param(lambda a, b: (2 * PI - a, b), "one rod's sign", marks=pytest.mark.long),
+        pytest.param(lambda a, b: (a, 2 * PI - b), "one rod's sign", marks=pytest.mark.long),
+        pytest.param(lambda a, b: (a, 2 * a - b), "sign of joint 2", marks=pytest.mark.long),
+        (lambda a, b: (b, a), "exchanged"),
+        pytest.param(lambda a, b: (a, b - a + PI), "--angles relative", marks=pytest.mark.long),
+        pytest.param(lambda a, b: (a, b + a - PI), "--angles absolute", marks=pytest.mark.long),
+        (lambda a, b: (np.degrees(a), np.degrees(b)), "--unit deg"),
         pytest.param(
-            lambda a, b: (PI + np.radians(a - PI), PI + np.radians(b - PI)), "--unit rad", marks=pytest.mark.slow
+            lambda a, b: (PI + np.radians(a - PI), PI + np.radians(b - PI)), "--unit rad", marks=pytest.mark.long
         ),
     ],
 )
@@ -62,6 +63,7 @@ def test_a_wrong_reading_is_refused_with_its_cause(swings, paper: Rig, angles: C
         refuse_misread(read_as(swings, angles), paper)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_identify_says_it_before_it_searches(swings, paper: Rig) -> None:
     with pytest.raises(IdentificationError, match="wrong --zero"):

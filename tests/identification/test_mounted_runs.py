@@ -44,6 +44,7 @@ def fitted(paper: Rig, runs: dict[str, list[Run]]) -> Callable[..., tuple]:
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("both", "inner"), ("both", "clamped"), ("outer",)], ids="+".join)
 def test_runs_of_different_mountings_share_their_parameters(fitted, paper: Rig, names: tuple[str, ...]) -> None:
     found, sure = fitted(*names)
@@ -67,6 +68,7 @@ def test_the_inner_rod_alone_tells_its_own_two_ratios(fitted, paper: Rig) -> Non
     assert c1_fit / inertia == pytest.approx(c1 / (a - p), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_weighed_outer_rod_and_the_inner_one_alone_fix_the_scale(paper: Rig, runs: dict[str, list[Run]]) -> None:
     weighed = paper.parameters | {"m2": paper.parameters["m2"].model_copy(update={"measured": TRUE[3], "std": 1e-4})}
     rig = paper.model_copy(update={"parameters": weighed})

@@ -95,6 +95,7 @@ def test_gaps_cost_information_and_nothing_else(paper: Rig, rng: np.random.Gener
     assert np.all(np.abs(fit.ratios - true) < 4 * uncertainty(fit).std)
 
 
+@pytest.mark.slow
 def test_eliminating_start_states_gives_what_a_solver_of_all_unknowns_gives(
     paper: Rig, rng: np.random.Generator
 ) -> None:
@@ -122,6 +123,7 @@ def test_eliminating_start_states_gives_what_a_solver_of_all_unknowns_gives(
     assert fit.fit.chi2 == pytest.approx(2 * everything.cost, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_release_with_a_known_added_mass_makes_the_scale_visible(paper: Rig, rng: np.random.Generator) -> None:
     L1, g = paper.rig.L1, paper.rig.g
     clamped = AddedMass(rod="outer", mass=0.05, position=0.3)
@@ -168,7 +170,7 @@ def test_errors_over_their_standard_deviation_have_unit_variance(paper: Rig) -> 
     true = ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g))
     deviations = []
     for seed in range(30):
-        runs, states = record(paper, np.random.default_rng(seed), duration=5.0)
+        runs, states = record(paper, np.random.default_rng(seed), duration=2.5)
         fit = fitted(paper, true, runs, states, 0.5)
         deviations.append((fit.ratios - true) / uncertainty(fit).std)
     rms = np.sqrt(np.mean(np.square(deviations)))

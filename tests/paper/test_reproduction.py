@@ -50,7 +50,7 @@ def test_same_seed_same_answer_another_seed_another(paper: Rig, result: Reproduc
     assert not np.array_equal(run_search(SearchCase("sum", "on", 1), paper, SHORT).best, first.best)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_processes_change_nothing(paper: Rig, result: Reproduction):
     side_by_side = {
         found.case: found for found in run_searches(search_cases(1, tuple(READINGS)), paper, SHORT, workers=2)

@@ -20,7 +20,7 @@ from dpr_lab.rig import PARAMETERS
 NOISE_RAD = np.array([2e-4, 3e-4])
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def comparison() -> Callable[..., Comparison]:
     """Make a comparison of sine swings: a free run that drifts away, segments that leave white noise."""
 
@@ -49,7 +49,7 @@ def comparison() -> Callable[..., Comparison]:
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def model() -> Callable[..., Model]:
     """Make a model whose residual is `times_noise` times its noise floor."""
 

@@ -124,6 +124,7 @@ def test_measured_and_simulated_differ_in_grey():
     assert abs(luminance[0] - luminance[1]) > 0.25
 
 
+@pytest.mark.slow
 def test_one_run_becomes_three_valid_pictures(model, comparison, tmp_path):
     paths = save_figures(model(), [comparison()], tmp_path / "new" / "folder")
 
@@ -138,7 +139,7 @@ def test_one_run_becomes_three_valid_pictures(model, comparison, tmp_path):
         assert height > 300
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pictures_of_six_long_runs_stay_small(model, comparison, tmp_path):
     compared = [comparison(f"run {i}", samples=60_000, horizon_s=4.0) for i in range(6)]
 
@@ -147,6 +148,7 @@ def test_pictures_of_six_long_runs_stay_small(model, comparison, tmp_path):
     assert max(path.stat().st_size for path in paths.values()) < 400_000
 
 
+@pytest.mark.slow
 def test_a_run_may_have_any_name(model, comparison, tmp_path):
     names = ["costs $x_{$", "two\nlines", "実行", "bytes \udcff\x07", "long " * 60, ""]
 
@@ -159,6 +161,7 @@ def test_nothing_to_compare_gives_pictures_that_say_so(model, tmp_path):
     assert len(save_figures(model(), [], tmp_path)) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [0, 1])
 def test_a_run_of_almost_nothing_is_drawn(samples, model, comparison, tmp_path):
     made = comparison()
@@ -167,12 +170,14 @@ def test_a_run_of_almost_nothing_is_drawn(samples, model, comparison, tmp_path):
     save_figures(model(), [replace(made, **cut, free_run_rms_rad=np.full(2, np.nan))], tmp_path)
 
 
+@pytest.mark.slow
 def test_a_simulation_that_is_no_number_is_drawn(model, comparison, tmp_path):
     made = comparison()
 
     save_figures(model(), [replace(made, free_run=np.full_like(made.free_run, np.nan))], tmp_path)
 
 
+@pytest.mark.slow
 def test_the_users_matplotlib_settings_neither_matter_nor_change(model, comparison, tmp_path):
     with matplotlib.rc_context({"text.usetex": True, "figure.dpi": 10, "lines.linewidth": 20}):
         before = dict(matplotlib.rcParams)

@@ -43,7 +43,15 @@ def report(model, tmp_path):
     return write
 
 
-@pytest.mark.parametrize("runs", [1, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module")
+def one(model, comparison, tmp_path_factory):
+    """The report of one comparison: source, page, folder."""
+    folder = tmp_path_factory.mktemp("one")
+    source = write_report(model(), [comparison()], folder).read_text(encoding="utf-8")
+    return source, Page(source), folder
+
+
+@pytest.mark.parametrize("runs", [1, pytest.param(6, marks=pytest.mark.long)])
 def test_the_report_is_well_formed_and_complete(runs, report, comparison):
     source, page = report([comparison(f"run number {i}", held_out=i > 3) for i in range(runs)])
 
@@ -57,8 +65,9 @@ def test_the_report_is_well_formed_and_complete(runs, report, comparison):
     assert [tag for tag, _ in page.elements if tag in ("h1", "h2")] == ["h1"] + ["h2"] * 6
 
 
-def test_the_report_fetches_nothing(report, comparison):
-    source, page = report([comparison()])
+@pytest.mark.slow
+def test_the_report_fetches_nothing(one):
+    source, page, _ = one
 
     assert "http://" not in source
     assert "https://" not in source
@@ -70,15 +79,17 @@ def test_the_report_fetches_nothing(report, comparison):
     assert all(value.startswith("data:") for value in fetched)
 
 
-def test_pictures_are_inside_and_described(report, comparison, tmp_path):
-    _, page = report([comparison()])
+@pytest.mark.slow
+def test_pictures_are_inside_and_described(one):
+    _, page, folder = one
 
     pictures = page.all("img")
     inside = [base64.b64decode(picture["src"].removeprefix("data:image/png;base64,")) for picture in pictures]
-    assert inside == [(tmp_path / f"{name}.png").read_bytes() for name in ("response", "error", "evolution")]
+    assert inside == [(folder / f"{name}.png").read_bytes() for name in ("response", "error", "evolution")]
     assert all(len(picture["alt"]) > 40 for picture in pictures)
 
 
+@pytest.mark.slow
 def test_pictures_that_exist_are_not_drawn_again(model, comparison, tmp_path):
     drawn = save_figures(model(), [comparison()], tmp_path / "figures")
 
@@ -87,6 +98,7 @@ def test_pictures_that_exist_are_not_drawn_again(model, comparison, tmp_path):
     assert [path.name for path in (tmp_path / "report").iterdir()] == ["report.html"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("empty", ["runs", "warnings"])
 def test_a_report_without_comparisons_runs_or_warnings(empty, report):
     _, page = report([], **{empty: []})
@@ -96,6 +108,7 @@ def test_a_report_without_comparisons_runs_or_warnings(empty, report):
     assert ("Warnings" in page.text) == (empty != "warnings")
 
 
+@pytest.mark.slow
 def test_text_from_files_cannot_become_markup(report, model, comparison):
     bad = '<script>alert("1")</script> & $title \udcff'
     whole = model()

@@ -25,11 +25,13 @@ def until(name, objective, evaluations, *, box=BOX, seed=0, **changed):
     return next(g for g in generations if g.evaluations >= evaluations)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "evaluations"), [("cma_es", 10_000), ("multistart", 4_000)])
 def test_model_based_searches_follow_a_curved_valley_to_its_end(name, evaluations):
     assert until(name, rosenbrock, evaluations).best_cost < 1e-6
 
 
+@pytest.mark.slow
 def test_differential_evolution_is_as_good_as_scipys_own_loop():
     ours = [until("differential_evolution", rosenbrock, 5_000, seed=s).best_cost for s in range(5)]
     theirs = [
@@ -61,6 +63,7 @@ def test_differential_evolution_evaluates_only_its_trials():
     assert sizes == [12] * 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cma_es", "multistart", "differential_evolution"])
 def test_optimum_in_a_corner_is_reached(name):
     corner = np.where(np.arange(5) % 2, BOX[1], BOX[0])
@@ -68,6 +71,7 @@ def test_optimum_in_a_corner_is_reached(name):
     assert np.allclose((last.best - corner) / WIDTH, 0, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_cma_es_restarts_with_more_candidates_when_it_is_stuck():
     settings = ALGORITHMS["cma_es"].settings(population=6, restart_growth=2)
     flat = ALGORITHMS["cma_es"].run(lambda z: np.ones((len(z), 1)), BOX, settings, np.random.default_rng(0))

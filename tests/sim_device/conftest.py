@@ -3,6 +3,7 @@
 import socket
 import time
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import can
 import numpy as np
@@ -24,9 +25,31 @@ from firmware_protocol.messages import (
     Stop,
     Stream,
 )
+from sim_device.__main__ import main
 from sim_device.assemble import assemble
 from sim_device.options import Options
 from sim_device.plant.operator import HABITS
+
+
+class Ended(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def program(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ended]:
+    """`python -m sim_device` in this process; an exception that it would end with is raised."""
+
+    def run(*words: object) -> Ended:
+        capsys.readouterr()
+        try:
+            code = main(list(map(str, words)))
+        except SystemExit as end:
+            code = int(end.code or 0)
+        return Ended(code, *capsys.readouterr())
+
+    return run
 
 
 class SerialEnd:

@@ -30,6 +30,7 @@ from firmware_protocol.messages import (
 )
 from sim_device.assemble import assemble
 from sim_device.options import Options
+from tests.thinned import thinned
 
 STEP_S = 1 / 64
 """Exact in seconds and, times 32, in milliseconds, so that both firmwares see the same lease."""
@@ -67,6 +68,7 @@ def frame_of(happening, last: Frame) -> Frame:
     return happening if isinstance(happening, Frame) else encode(happening)
 
 
+@pytest.mark.slow
 @settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
 @given(st.booleans(), st.lists(happenings, max_size=25))
 def test_both_firmwares_say_the_same_at_every_step(begun: bool, sequence: list):
@@ -83,6 +85,7 @@ def test_both_firmwares_say_the_same_at_every_step(begun: bool, sequence: list):
         assert c.streams == python.streams
 
 
+@pytest.mark.slow
 def test_two_swings_are_the_same_frame_by_frame(bench):
     said = []
     for firmware in ("python", "c"):
@@ -125,7 +128,7 @@ def test_ticks_missed_and_samples_without_room_are_counted_the_same(bench):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bus", ["pty", "can"])
+@pytest.mark.parametrize("bus", thinned(["pty", "can"], 2))
 def test_a_capture_with_the_real_driver_gives_the_same_counts(bus, paper, tmp_path):
     swings = []
     for firmware in ("python", "c"):

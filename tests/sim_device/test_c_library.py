@@ -23,6 +23,7 @@ def fresh(tmp_path, monkeypatch):
     return c_library
 
 
+@pytest.mark.slow
 def test_without_a_compiler_it_says_what_to_install(tmp_path):
     code = f"""
 import pathlib
@@ -39,6 +40,7 @@ raise SystemExit(main(["--firmware", "c", "--link", "tcp:0"]))
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_it_is_compiled_once_and_again_when_the_sources_change(fresh, monkeypatch):
     first = fresh.library_path()
     written = first.stat().st_mtime_ns
@@ -48,6 +50,7 @@ def test_it_is_compiled_once_and_again_when_the_sources_change(fresh, monkeypatc
     assert fresh.library_path() != first
 
 
+@pytest.mark.slow
 def test_what_make_built_is_taken_until_a_source_is_newer(fresh, monkeypatch, tmp_path):
     built = tmp_path / "build" / "libdpr.so"
     fresh.compile_to(built)
@@ -57,6 +60,7 @@ def test_what_make_built_is_taken_until_a_source_is_newer(fresh, monkeypatch, tm
     assert fresh.library_path() != built
 
 
+@pytest.mark.slow
 def test_sources_that_do_not_compile_are_named(fresh, tmp_path):
     with pytest.raises(ConfigError, match="did not compile"):
         fresh.compile_to(tmp_path / "broken" / "lib.so", "-include", "no-such-header.h")

@@ -19,14 +19,18 @@ from sim_device.trials.noiseless import plant_gap
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
 from sim_device.trials.request import KINDS, LEVELS, EffectRequest, parse_request, with_kind
+from tests.thinned import thinned
 
 
 def drawn(wanted: EffectRequest, seed: int, rig):
     return draw_plant(wanted, load_plant("paper", seed), rig)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("name", ["coulomb_joint1", "latency_joint2", "missed_counts", "encoder_eccentricity_joint2"])
+@pytest.mark.parametrize(
+    "name", thinned(["coulomb_joint1", "latency_joint2", "missed_counts", "encoder_eccentricity_joint2"], 3)
+)
 def test_one_effect_opens_a_gap_of_its_level(paper, name, level):
     plant = drawn(EffectRequest("single", level, (name,)), 4, paper)
     lower, upper = LEVELS[level]
@@ -60,17 +64,20 @@ def test_what_a_swing_cannot_show_is_never_drawn():
     assert len(visible_effects()) >= len(OF_FREE_SWINGS) - 1
 
 
+@pytest.mark.slow
 def test_the_seed_alone_decides(paper):
     one, same, other = (drawn(EffectRequest("single"), seed, paper) for seed in (11, 11, 12))
     assert one == same
     assert one.parameters != other.parameters
 
 
+@pytest.mark.slow
 def test_a_drawn_plant_can_be_built_and_read_back(paper):
     plant = drawn(EffectRequest("form", effects=("power_drag_outer",)), 3, paper)
     assert type(plant).model_validate_json(plant.model_dump_json()) == plant
 
 
+@pytest.mark.slow
 def test_foreign_effects_are_drawn_from_the_half_asked_for(paper):
     for text, held_back in (("outside:clear:held_back", True), ("outside:clear:tuning", False)):
         (name,) = drawn(parse_request(text), 3, paper).foreign

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -27,14 +28,19 @@ from sim_device.trials.trial import sealed_trial
 WANTED = Options(draw_effects="single:clear:coulomb_joint1", seed=9)
 
 
-def child(*words: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "sim_device", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+@pytest.fixture(scope="module")
+def device(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("sealed") / "device"
 
 
-def test_the_seal_is_a_hash_that_anybody_can_check(tmp_path: Path) -> None:
-    told = sealed_trial(WANTED, tmp_path / "device")
-    kept = opened(tmp_path / "device")
+@pytest.fixture(scope="module")
+def told(device: Path) -> dict[str, Any]:
+    """What is told of a plant that is sealed in the folder `device`."""
+    return sealed_trial(WANTED, device)
+
+
+def test_the_seal_is_a_hash_that_anybody_can_check(told, device: Path) -> None:
+    kept = opened(device)
     text = kept["salt"] + json.dumps(kept["truth"], sort_keys=True, separators=(",", ":"))
     assert told["seal"] == hashlib.sha256(text.encode()).hexdigest() == seal(kept["truth"], kept["salt"])
     assert seal(kept["truth"] | {"effects": {}}, kept["salt"]) != told["seal"]
@@ -43,7 +49,8 @@ def test_the_seal_is_a_hash_that_anybody_can_check(tmp_path: Path) -> None:
 
 def test_who_knows_the_seed_cannot_tell_the_seal(tmp_path: Path) -> None:
     """The salt used to come from the seed, so that a handful of guesses opened every seal."""
-    seals = [sealed_trial(WANTED, tmp_path / str(number))["seal"] for number in range(3)]
+    wanted = Options(draw_effects="clean", seed=9)
+    seals = [sealed_trial(wanted, tmp_path / str(number))["seal"] for number in range(3)]
     assert len(set(seals)) == 3
     truths = [opened(tmp_path / str(number)) for number in range(3)]
     assert truths[0]["truth"] == truths[1]["truth"] == truths[2]["truth"]
@@ -58,6 +65,7 @@ def test_a_seed_that_nobody_gave_is_drawn_afresh(tmp_path: Path) -> None:
     assert one["parameters"] != other["parameters"]
 
 
+@pytest.mark.slow
 def test_what_is_public_does_not_lead_to_the_seed(tmp_path: Path) -> None:
     """Seeds had 32 bits, and masses of full precision in the rig file said which: five minutes on one core."""
     told = sealed_trial(Options(draw_effects="clean"), tmp_path / "device")
@@ -70,6 +78,7 @@ def test_what_is_public_does_not_lead_to_the_seed(tmp_path: Path) -> None:
         assert {name: rig.parameters[name].measured for name in MASSES} != public
 
 
+@pytest.mark.slow
 def test_a_plant_held_in_memory_is_told_when_asked_and_written_nowhere(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sim_device", "--draw-effects", "clean", "--seal", "-"]
     rig = json.dumps((BUILTIN / "rigs" / "paper.toml").read_text())
@@ -89,39 +98,36 @@ def test_a_plant_held_in_memory_is_told_when_asked_and_written_nowhere(tmp_path:
     assert not list(tmp_path.iterdir())
 
 
-def test_the_kept_plant_is_the_one_that_was_drawn(tmp_path: Path) -> None:
-    told = sealed_trial(WANTED, tmp_path / "device")
+def test_the_kept_plant_is_the_one_that_was_drawn(told, device: Path, tmp_path: Path) -> None:
     base, rig = weighed(load_plant("paper", 9), load_rig("paper"), SPREAD.scales_step)
     drawn = draw_plant(parse_request("single:clear:coulomb_joint1"), base, rig)
-    assert load_plant(tmp_path / "device" / "plant.toml") == drawn
-    assert opened(tmp_path / "device")["truth"]["effects"] == drawn.effects
+    assert load_plant(device / "plant.toml") == drawn
+    assert opened(device)["truth"]["effects"] == drawn.effects
     (tmp_path / "rig.toml").write_text(told["rig"])
     assert load_rig(tmp_path / "rig.toml").model_dump() == rig.model_dump()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="other systems have no mode bits")
-def test_the_folder_is_the_devices_alone(tmp_path: Path) -> None:
-    sealed_trial(WANTED, tmp_path / "device")
-    assert (tmp_path / "device").stat().st_mode & 0o077 == 0
+def test_the_folder_is_the_devices_alone(told, device: Path) -> None:
+    assert device.stat().st_mode & 0o077 == 0
 
 
-def test_a_sealed_plant_is_never_replaced(tmp_path: Path) -> None:
-    sealed_trial(WANTED, tmp_path / "device")
-    before = (tmp_path / "device" / "truth.json").read_bytes()
+def test_a_sealed_plant_is_never_replaced(told, device: Path) -> None:
+    before = (device / "truth.json").read_bytes()
     with pytest.raises(ConfigError, match="never replaced"):
-        sealed_trial(WANTED, tmp_path / "device")
-    assert (tmp_path / "device" / "truth.json").read_bytes() == before
+        sealed_trial(WANTED, device)
+    assert (device / "truth.json").read_bytes() == before
 
 
-def test_the_program_seals_and_unseals(tmp_path: Path) -> None:
-    sealed = child("--draw-effects", "clean", "--seal", tmp_path / "device", "--direct")
-    assert sealed.returncode == 0, sealed.stderr
-    told = json.loads(sealed.stdout)
-    kept = json.loads(child("--unseal", tmp_path / "device").stdout)
+def test_the_program_seals_and_unseals(program, tmp_path: Path) -> None:
+    sealed = program("--draw-effects", "clean", "--seal", tmp_path / "device", "--direct")
+    assert sealed.code == 0, sealed.err
+    told = json.loads(sealed.out)
+    kept = json.loads(program("--unseal", tmp_path / "device").out)
     assert seal(kept["truth"], kept["salt"]) == told["seal"]
     assert [run["pose"] for run in told["runs"]] == ["X1", "X2", "X3"]
     assert all(len(run["t"]) == len(run["counts"]) > 10_000 for run in told["runs"])
-    assert str(kept["truth"]["drawn"]["seed"]) not in sealed.stdout
+    assert str(kept["truth"]["drawn"]["seed"]) not in sealed.out
 
 
 @pytest.mark.parametrize(
@@ -132,13 +138,13 @@ def test_the_program_seals_and_unseals(tmp_path: Path) -> None:
         (("--draw-effects", "clean", "--seal", "a_file/device"), "cannot be kept there"),
     ],
 )
-def test_what_cannot_be_sealed_or_opened_is_said(words, said, tmp_path: Path, monkeypatch) -> None:
+def test_what_cannot_be_sealed_or_opened_is_said(program, words, said, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a_file").touch()
-    done = child(*words)
-    assert done.returncode == 3
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
+    done = program(*words)
+    assert done.code == 3
+    assert said in done.err
+    assert "Traceback" not in done.err
 
 
 KEYS = st.text(st.characters(codec="utf-8"), min_size=1)
@@ -151,6 +157,7 @@ VALUES = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(st.dictionaries(KEYS, st.one_of(VALUES, st.dictionaries(KEYS, st.dictionaries(KEYS, VALUES)))))
 def test_toml_comes_back_as_it_was(table) -> None:
     assert tomllib.loads(toml_text(table)) == table

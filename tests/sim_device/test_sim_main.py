@@ -13,12 +13,9 @@ import pytest
 
 from dpr_lab.rig import PARAMETERS
 from firmware_protocol.messages import Hold, Stream
+from tests.thinned import thinned
 
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
-
-
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "sim_device", *arguments], capture_output=True, text=True, timeout=400)
 
 
 @contextmanager
@@ -42,13 +39,14 @@ def cpu_s(process: subprocess.Popen[str]) -> float:
     return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
 
 
-def test_help_explains_itself():
-    done = run("--help")
-    assert done.returncode == 0
-    assert "python -m sim_device --rig paper --plant paper --link pty" in done.stdout
-    assert "cut_after_s" in done.stdout
+def test_help_explains_itself(program):
+    done = program("--help")
+    assert done.code == 0
+    assert "python -m sim_device --rig paper --plant paper --link pty" in done.out
+    assert "cut_after_s" in done.out
 
 
+@pytest.mark.slow
 def test_it_answers_before_what_moves_the_rods_is_compiled(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))  # as on a computer that never ran it
     with running() as process:
@@ -56,13 +54,13 @@ def test_it_answers_before_what_moves_the_rods_is_compiled(tmp_path, monkeypatch
         assert cpu_s(process) < 6.0
 
 
-def test_reveal_tells_the_truth_of_the_same_arguments():
-    first, again, other = (run("--reveal", "--draw", "--seed", seed).stdout for seed in ("5", "5", "6"))
+def test_reveal_tells_the_truth_of_the_same_arguments(program):
+    first, again, other = (program("--reveal", "--draw", "--seed", seed).out for seed in ("5", "5", "6"))
     assert first == again != other
     told = json.loads(first)
     assert tuple(told["parameters"]) == PARAMETERS
     assert set(told["ratios"]) == {"a/b", "d/b", "e1/b", "c1/b", "c2/b"}
-    assert json.loads(run("--reveal", "--plant", "dry").stdout)["effects"]["coulomb_joint1"]["torque_Nm"] > 0
+    assert json.loads(program("--reveal", "--plant", "dry").out)["effects"]["coulomb_joint1"]["torque_Nm"] > 0
 
 
 @pytest.mark.parametrize(
@@ -76,14 +74,15 @@ def test_reveal_tells_the_truth_of_the_same_arguments():
         (("--uid", "xyz"), 2, "not a hexadecimal number"),
     ],
 )
-def test_what_is_wrong_is_said_on_stderr(arguments, code, said):
-    done = run(*arguments)
-    assert done.returncode == code
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
-    assert done.stdout == ""
+def test_what_is_wrong_is_said_on_stderr(program, arguments, code, said):
+    done = program(*arguments)
+    assert done.code == code
+    assert said in done.err
+    assert "Traceback" not in done.err
+    assert done.out == ""
 
 
+@pytest.mark.slow
 def test_it_ends_with_its_parent():
     with running() as process:
         assert url_of(process).startswith("serial:///dev/")
@@ -92,7 +91,8 @@ def test_it_ends_with_its_parent():
         assert process.wait(5) == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.slow
+@pytest.mark.parametrize("number", thinned([signal.SIGTERM, signal.SIGINT], 2))
 def test_it_ends_on_a_signal(number):
     with running("--link", "tcp:0") as process:
         assert url_of(process).startswith("socket://127.0.0.1:")
@@ -100,6 +100,7 @@ def test_it_ends_on_a_signal(number):
         assert process.wait(5) == 0
 
 
+@pytest.mark.slow
 def test_uid_and_rates_are_told(bench):
     with running("--uid", "1a2b3c4d5e6f7788", "--clock", "fast") as process:
         host = bench.connect(url_of(process))

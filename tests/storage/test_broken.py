@@ -49,6 +49,7 @@ def assert_only_true_samples(path):
     return run
 
 
+@pytest.mark.slow
 def test_a_file_cut_anywhere_gives_true_samples_or_a_run_error(tmp_path, whole):
     content = whole.read_bytes()
     cuts = [0, 1, 7, 8, 9, len(content) - 1, *np.random.default_rng(2).integers(10, len(content) - 1, 60)]
@@ -77,6 +78,7 @@ def test_every_chunk_before_the_cut_is_kept(tmp_path, whole):
     assert all(n % 100 == 0 for n in kept)
 
 
+@pytest.mark.slow
 def test_a_flipped_byte_is_found_and_never_read_as_right(tmp_path, whole):
     content = whole.read_bytes()
     path = tmp_path / "flipped.mcap"

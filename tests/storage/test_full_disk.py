@@ -34,6 +34,7 @@ except RunError as error:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="limits the size of files")
 @pytest.mark.parametrize("suffix", EXPORTERS)
 def test_an_export_that_fails_leaves_nothing(tmp_path: Path, suffix: str) -> None:

@@ -46,7 +46,7 @@ def test_a_table_of_ten_megabytes_takes_a_few_times_its_numbers(tmp_path: Path) 
     assert grown_kb(tmp_path / "a.csv") < 20 * rows * 3 * 8 / 1024  # text in lists took 45 times as much as the numbers
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_file_of_tiny_messages_takes_no_memory_for_each(tmp_path: Path, paper) -> None:
     from dpr_lab.storage.metadata import RunMetadata, RunSummary
     from dpr_lab.storage.writer import RunWriter

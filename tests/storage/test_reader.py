@@ -86,6 +86,7 @@ def test_other_bounds_or_a_new_zero_are_the_same_rig(tmp_path):
     np.testing.assert_array_equal(load_run(path, rig).theta, load_run(path).theta)
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.text(), st.text()), st.text(), st.text())
 def test_a_sealed_record_opens_unchanged_and_only_unchanged(record, key, value):
     record.pop("digest", None)

@@ -197,6 +197,7 @@ def test_samples_reach_the_operating_system_within_a_quarter_second(tmp_path):
         writer.finish(RunSummary(0))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on file size")
 def test_memory_stays_flat_and_every_chunk_is_in_the_index(tmp_path):
     path, ticks, clock = tmp_path / "long.mcap", np.arange(3000), itertools.count()

@@ -14,6 +14,7 @@ from dpr_lab.transports.simulated import _arguments
 from dpr_lab.transports.transport import Transport
 from firmware_protocol.host_role import HostSession
 from firmware_protocol.identity import DeviceInfo
+from tests.thinned import thinned
 
 
 def greet(link: Transport) -> DeviceInfo:
@@ -41,7 +42,8 @@ def wait_for_end(pid: int) -> bool:
     return not is_running(pid)
 
 
-@pytest.mark.parametrize("bus", ["pty", "can", "tcp"])
+@pytest.mark.slow
+@pytest.mark.parametrize("bus", thinned(["can", "pty", "tcp"], 3))
 def test_simulated_device_starts_answers_and_ends_with_its_transport(bus: str) -> None:
     link = open_transport(f"sim://?plant=paper&seed=1&clock=fast&bus={bus}&uid=c0ffee")
     child = link._child.pid
@@ -54,6 +56,7 @@ def test_simulated_device_starts_answers_and_ends_with_its_transport(bus: str) -
     link.close()
 
 
+@pytest.mark.slow
 def test_child_that_dies_is_device_lost() -> None:
     with closing(open_transport("sim://?clock=fast")) as link:
         os.kill(link._child.pid, signal.SIGKILL)
@@ -77,11 +80,13 @@ def test_child_does_not_outlive_a_killed_parent() -> None:
     assert wait_for_end(child)
 
 
+@pytest.mark.slow
 def test_ctrl_c_at_the_terminal_does_not_reach_the_child() -> None:
     with closing(open_transport("sim://?clock=fast")) as link:
         assert os.getpgid(link._child.pid) != os.getpgid(os.getpid())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("query", "sentence"),
     [

@@ -131,6 +131,7 @@ def _die(case: dict[str, object]) -> dict[str, object]:
     os._exit(9)
 
 
+@pytest.mark.slow
 def test_without_a_scheduler_the_operator_reads_what_to_start() -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
     with pytest.raises(LinkError, match="is not the address of a scheduler"):
@@ -219,7 +220,7 @@ def members(group: int) -> list[int]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(400)
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see what a kill leaves running")
 def test_a_killed_campaign_leaves_no_process_and_goes_on_where_it_was(tmp_path: Path) -> None:
@@ -264,7 +265,7 @@ def dask(*words: str) -> Iterator[subprocess.Popen[str]]:
                 process.kill()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(400)
 def test_two_workers_of_a_scheduler_do_what_one_machine_does(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
@@ -291,9 +292,8 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(400)
-@pytest.mark.skipif(os.environ.get("DPR_LAB_FULL") != "1", reason="two workers of a scheduler are tried above")
 def test_a_local_cluster_does_it_too(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
     script = tmp_path / "local.py"

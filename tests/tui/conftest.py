@@ -9,7 +9,8 @@ import subprocess
 import sys
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, redirect_stderr
+from multiprocessing import forkserver, get_context
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import pytest
 from textual.app import App
 from textual.pilot import Pilot
 
+from dpr_lab import child_process
 from dpr_lab.identification.identify import identify
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -59,6 +61,23 @@ def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """State and keys of this test alone."""
     monkeypatch.setenv("DPR_LAB_STATE", str(tmp_path / "state"))
     monkeypatch.setenv("DPR_LAB_CONFIG", str(tmp_path / "config"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def loaded_processes() -> Iterator[None]:
+    """Recorders and jobs are forked from a process with the libraries loaded: only their start is another."""
+    context, spawned = get_context("forkserver"), child_process.spawn_context
+    context.set_forkserver_preload(["tests.loaded", "dpr_lab.tui.recorder.process", "dpr_lab.tui.jobs.jobs"])
+
+    def loaded() -> Any:
+        spawned()  # starts the tracker that both ways of starting need
+        with redirect_stderr(sys.__stderr__):
+            forkserver.ensure_running()
+        return context
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(child_process, "spawn_context", loaded)
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -139,6 +158,12 @@ def said() -> Callable[[DprApp], str]:
 def quick_countdown(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three short seconds before a release."""
     monkeypatch.setattr(Countdown, "SECOND_S", 0.05)
+
+
+@pytest.fixture
+def rig(simulated: Callable[..., Any]) -> Callable[..., str]:
+    """(fault=, ...) -> URL of a device in real time, served in this process: not for rods held before a screen."""
+    return lambda **options: simulated(**{"clock": "realtime", **options}).url
 
 
 class Cable:

@@ -60,7 +60,8 @@ def stepper(app: DprApp) -> str:
     return str(app.query_one(Stepper).render())
 
 
-@pytest.mark.parametrize("size", [(80, 24), (160, 48)], ids=str)
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(80, 24), pytest.param((160, 48), marks=pytest.mark.long)], ids=str)
 async def test_every_step_is_reached_by_number_and_by_next(tmp_path: Path, size: tuple[int, int]) -> None:
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=size) as pilot:
@@ -121,6 +122,7 @@ async def test_errors_become_notices_and_the_app_lives_on(tmp_path: Path, said) 
     assert "in on_faulty_asked" in log
 
 
+@pytest.mark.slow
 async def test_help_shows_the_step_and_its_keys(tmp_path: Path) -> None:
     app = faulty(tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
@@ -170,14 +172,16 @@ async def test_steps_are_in_the_command_palette(app: DprApp) -> None:
     assert "3 Capture" in titles
 
 
-@pytest.mark.parametrize("word", ["record", "release", "report", "export", "compare", "link", "degrees"])
-async def test_every_action_is_in_the_command_palette_with_its_key(tmp_path: Path, word: str) -> None:
+@pytest.mark.slow
+async def test_every_action_is_in_the_command_palette_with_its_key(tmp_path: Path) -> None:
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=(80, 24)):
-        commands = list(app.get_system_commands(app.screen))
-    assert any(word in command.title.lower() and command.help.startswith("key ") for command in commands)
+        keyed = [c.title.lower() for c in app.get_system_commands(app.screen) if c.help.startswith("key ")]
+    for word in ("record", "release", "report", "export", "compare", "link", "degrees"):
+        assert any(word in title for title in keyed), word
 
 
+@pytest.mark.slow
 async def test_the_palette_goes_to_the_step_and_acts_there(tmp_path: Path, said) -> None:
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
@@ -188,6 +192,7 @@ async def test_the_palette_goes_to_the_step_and_acts_there(tmp_path: Path, said)
         assert "press s to be guided to the pose first" in said(app)
 
 
+@pytest.mark.slow
 async def test_a_screenshot_is_saved_beside_the_work_or_says_why_not(tmp_path: Path, said) -> None:
     app = DprApp(Workspace(out=tmp_path / "bench"), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
@@ -200,6 +205,7 @@ async def test_a_screenshot_is_saved_beside_the_work_or_says_why_not(tmp_path: P
         assert "the screenshot cannot be saved" in said(app)
 
 
+@pytest.mark.slow
 async def test_a_screen_that_is_too_small_says_so_and_keeps_what_is_true_of_the_rig(tmp_path: Path, until) -> None:
     # At 60x20 the line with the latch was lost.
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
@@ -213,19 +219,22 @@ async def test_a_screen_that_is_too_small_says_so_and_keeps_what_is_true_of_the_
         await until(pilot, lambda: not app.query_one("#too-small").display)
 
 
-@pytest.mark.parametrize("width", [80, 100, 120, 160])
-async def test_the_stepper_keeps_its_two_rows(tmp_path: Path, width: int) -> None:
+@pytest.mark.slow
+async def test_the_stepper_keeps_its_two_rows(tmp_path: Path) -> None:
     # At 120 columns it wrapped behind step 4 and pushed out what is missing and what is next.
     data = Path(__file__).parent / "data"
     told = Workspace(out=tmp_path, model=data / "model.json", diagnosis=data / "diagnosis.json")
     app = DprApp(told, tmp_path / "state")
-    async with app.run_test(size=(width, 30)) as pilot:
+    async with app.run_test(size=(120, 30)) as pilot:
         await pilot.press("4", "6", "1")
-        rows = stepper(app).splitlines()
-        assert len(rows) == 2
-        assert "6 Diagnose" in rows[0]
-        assert len(rows[0]) <= width - 2
-        assert "next (n): 2 Rig" in rows[1]
+        for width in (120, 80, 100, 160):
+            await pilot.resize_terminal(width, 30)
+            await pilot.pause()
+            rows = stepper(app).splitlines()
+            assert len(rows) == 2
+            assert "6 Diagnose" in rows[0]
+            assert len(rows[0]) <= width - 2
+            assert "next (n): 2 Rig" in rows[1]
 
 
 async def test_the_same_message_is_not_stacked(tmp_path: Path, said) -> None:
@@ -265,6 +274,7 @@ async def test_the_report_is_opened_by_key(tmp_path: Path, said, monkeypatch, un
     assert opened == ([page.as_uri()] if desktop or sys.platform != "linux" else [])
 
 
+@pytest.mark.slow
 def test_nothing_that_computes_is_imported_before_it_is_needed(tmp_path: Path) -> None:
     script = """
 import asyncio, pathlib, sys
@@ -292,6 +302,7 @@ def test_without_a_terminal_the_command_says_what_else_there_is(tmp_path: Path) 
     assert "needs a terminal; without one use capture, identify, compare and diagnose" in done.stderr
 
 
+@pytest.mark.slow
 def test_wrong_keys_stop_the_command_with_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "keys.toml").write_text("[capture]\nrelease = 'k'\n")
     environment = os.environ | {"DPR_LAB_STATE": str(tmp_path), "DPR_LAB_CONFIG": str(tmp_path)}

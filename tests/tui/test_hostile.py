@@ -47,6 +47,7 @@ def hostile(paper, tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 async def test_names_notes_and_devices_cannot_steer_the_terminal(
     hostile: Path, tmp_path: Path, until, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -74,6 +75,7 @@ async def test_names_notes_and_devices_cannot_steer_the_terminal(
         assert "X1" in drawn(app)
 
 
+@pytest.mark.slow
 async def test_a_state_folder_that_cannot_be_written_is_a_sentence(tmp_path: Path, said) -> None:
     (tmp_path / "file").write_text("")
     state = tmp_path / "file" / "state"

@@ -63,6 +63,7 @@ def test_two_actions_may_swap_their_keys(tmp_path: Path) -> None:
     assert swapped == {"capture.keep": "a", "capture.again": "k"}
 
 
+@pytest.mark.slow
 async def test_a_new_key_works_and_the_old_one_does_not(tmp_path: Path) -> None:
     changed = keymap(tmp_path, "[capture]\nrepeats = 'f6'\n[app]\nnext = 'y,ctrl+right'")
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state", changed)
@@ -88,6 +89,7 @@ def test_a_key_means_one_thing_on_all_screens() -> None:
     assert {key: what for key, what in meanings.items() if len(what) > 1} == {}
 
 
+@pytest.mark.slow
 async def test_every_text_names_the_key_as_it_is(tmp_path: Path) -> None:
     # A remapped release key left "Press r to RELEASE" on the screen, and r did nothing.
     changed = keymap(tmp_path, "[capture]\nrelease = 'f7'\nstart = 'f8'\nconnect = 'f9'\n[connect]\nexercise = 'f6'")

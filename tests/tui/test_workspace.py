@@ -51,6 +51,7 @@ def test_the_state_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.Monk
     assert state_folder().name == "dpr-lab"
 
 
+@pytest.mark.slow
 async def test_step_and_theme_are_resumed(app: DprApp) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("2", "t")

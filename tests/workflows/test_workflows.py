@@ -70,6 +70,7 @@ def test_unknown_poses_are_refused_before_anything_is_opened(tmp_path: Path) -> 
         capture(request, lambda: True)
 
 
+@pytest.mark.slow
 def test_identification_tells_runs_generations_and_the_local_fit_and_stops_when_told(recorded, tmp_path: Path) -> None:
     heard, asked = Heard(), []
 

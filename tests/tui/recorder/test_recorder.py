@@ -32,7 +32,6 @@ from dpr_lab.tui.recorder.process import _IdleWatch
 from dpr_lab.tui.recorder.recorder import Recorder
 from firmware_protocol.messages import Position, State
 
-FAST = "sim://?seed=1&clock=fast"
 PATIENCE_S = 60.0
 CHUNK_S = 0.25
 
@@ -78,8 +77,8 @@ def state_of(url: str) -> tuple[State, bool]:
         return device.status.state, device.status.latched
 
 
-def test_only_a_fresh_go_ahead_for_this_very_attempt_releases(recorder, tmp_path: Path) -> None:
-    process = recorder(FAST)
+def test_only_a_fresh_go_ahead_for_this_very_attempt_releases(recorder, tmp_path: Path, rig) -> None:
+    process = recorder(rig(clock="fast"))
     await_report(process, Connected)
     process.tell(CaptureAttempt(1, "X1", CaptureOptions(duration=0.5)))
     process.tell(GoAhead(1, "X1", time.monotonic()))  # before it was asked for
@@ -118,8 +117,9 @@ def test_rods_that_rest_are_told_of_twice_a_second_and_their_noise_is_not(paper)
     assert (told[-1].at, told[-1].latched) == (0.99, True)
 
 
-def test_a_cancelled_recording_is_kept_as_incomplete(recorder, tmp_path: Path) -> None:
-    process = recorder("sim://?seed=1")
+@pytest.mark.slow
+def test_a_cancelled_recording_is_kept_as_incomplete(recorder, tmp_path: Path, rig) -> None:
+    process = recorder(rig())
     asked(process, CaptureOptions(duration=60.0))
     process.tell(GoAhead(1, "X1", time.monotonic()))
     seen = await_report(process, AttemptSeen, lambda report: isinstance(report.progress, SwingReading)).progress.samples
@@ -133,8 +133,8 @@ def test_a_cancelled_recording_is_kept_as_incomplete(recorder, tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_a_screen_that_does_not_read_costs_no_sample(recorder) -> None:
-    process = recorder("sim://?seed=1")
+def test_a_screen_that_does_not_read_costs_no_sample(recorder, rig) -> None:
+    process = recorder(rig())
     asked(process, CaptureOptions(duration=4.0))
     process.tell(GoAhead(1, "X1", time.monotonic()))
     time.sleep(5)  # the screen hangs; more comes than the pipe holds
@@ -144,13 +144,14 @@ def test_a_screen_that_does_not_read_costs_no_sample(recorder) -> None:
     assert captured.quality.ok
 
 
-def test_without_a_screen_nothing_is_released(recorder, cable, tmp_path: Path) -> None:
-    port = cable()
-    process = recorder(port.url)
+@pytest.mark.slow
+def test_without_a_screen_nothing_is_released(recorder, rig, tmp_path: Path) -> None:
+    url = rig()
+    process = recorder(url)
     asked(process, CaptureOptions(duration=1.0))
     process.tell(GoAhead(1, "X1", time.monotonic() - 60))
     process.close()
-    assert state_of(port.url) == (State.HOLDING, True)
+    assert state_of(url) == (State.HOLDING, True)
     assert list((tmp_path / "runs").glob("*.mcap")) == []
 
 
@@ -251,7 +252,7 @@ def test_a_killed_screen_leaves_a_finished_file_and_a_free_port(bench, tmp_path:
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads /proc")
-@pytest.mark.slow
+@pytest.mark.long
 def test_screen_and_recorder_killed_together_cost_one_chunk_at_most(bench, tmp_path: Path) -> None:
     process, pid, runs = bench
     shown = recorded_until(process, 1.0)

@@ -84,7 +84,7 @@ async def test_three_releases_are_kept_one_for_each_pose(app: DprApp, until) -> 
     assert all(verify(file).ok for file in app.workspace.runs)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM)
@@ -102,6 +102,7 @@ async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, un
     assert verify(first.parent / "aside" / first.name).ok
 
 
+@pytest.mark.slow
 async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM + "&fault=drop=0.02")
@@ -112,6 +113,7 @@ async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
         await until(pilot, lambda: app.workspace.runs)
 
 
+@pytest.mark.slow
 async def test_what_no_check_fails_by_is_said_too(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM, replace(SECOND, until_rest=True, max_duration=1.0))
@@ -138,6 +140,7 @@ async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, sai
     assert recorded(app) == []
 
 
+@pytest.mark.slow
 async def test_any_other_key_stops_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
     async with app.run_test(size=(80, 24)) as pilot:
@@ -159,6 +162,7 @@ async def test_any_other_key_stops_the_countdown(app: DprApp, until, said, monke
     assert recorded(app) == []
 
 
+@pytest.mark.slow
 async def test_quitting_during_the_countdown_releases_nothing(app: DprApp, until, cable) -> None:
     port = cable()
     async with app.run_test(size=(80, 24)) as pilot:
@@ -171,6 +175,7 @@ async def test_quitting_during_the_countdown_releases_nothing(app: DprApp, until
     assert state_of(port.url) == (State.HOLDING, True)
 
 
+@pytest.mark.slow
 async def test_rods_that_move_stop_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
     async with app.run_test(size=(80, 24)) as pilot:
@@ -186,7 +191,7 @@ async def test_rods_that_move_stop_the_countdown(app: DprApp, until, said, monke
     assert recorded(app) == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_cable_pulled_while_recording_costs_the_rest_of_the_swing_only(app: DprApp, until, said, cable) -> None:
     port = cable()
     async with app.run_test(size=(80, 24)) as pilot:
@@ -246,6 +251,7 @@ def test_the_limit_that_failed_is_named(paper) -> None:
     assert "shaking" not in str(rest_text(drifting, paper, UNITS["radians"]))
 
 
+@pytest.mark.slow
 async def test_quitting_before_a_swing_is_kept_asks_and_the_next_start_offers_it(app: DprApp, until, tmp_path) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM)

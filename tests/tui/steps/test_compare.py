@@ -73,7 +73,7 @@ async def test_runs_are_compared_as_the_command_does(lab, until, recorded: list[
 async def test_a_free_run_starts_where_the_slider_stands(
     lab, until, recorded: list[Path], modelled: Path, paper: Rig
 ) -> None:
-    async with lab(CompareStep, runs=recorded, model=modelled) as pilot:
+    async with lab(CompareStep, runs=recorded[:2], model=modelled) as pilot:
         await until(pilot, lambda: "saved in" in figures(pilot.app))
         from_release = series(pilot.app, "#angle")["free run"]
         await pilot.press("o", "right_square_bracket", "right_square_bracket", "right_square_bracket")
@@ -103,7 +103,7 @@ async def test_another_model_makes_a_comparison_stale_and_a_key_makes_it_anew(
         await until(pilot, lambda: "STALE" not in str(pilot.app.query_one(Stepper).render()))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_run_that_cannot_be_read_is_named_and_the_others_are_compared(
     lab, until, said, recorded: list[Path], modelled: Path, tmp_path: Path
 ) -> None:
@@ -158,6 +158,7 @@ async def test_without_a_model_it_says_where_to_get_one(lab) -> None:
         assert step(pilot.app).job is None
 
 
+@pytest.mark.slow
 async def test_axis_view_and_run_are_picked_by_keys(lab) -> None:
     async with lab(CompareStep) as pilot:
         step(pilot.app).show([swing("first", 3.2), swing("second", 9.0, held_out=True)])
@@ -176,6 +177,7 @@ async def test_axis_view_and_run_are_picked_by_keys(lab) -> None:
         assert pilot.app.query_one("#view", Select).value == "angle"
 
 
+@pytest.mark.slow
 async def test_the_error_of_a_free_run_is_shown_up_to_the_horizon(lab) -> None:
     async with lab(CompareStep) as pilot:
         shown = swing("first", 3.2)
@@ -190,6 +192,7 @@ async def test_the_error_of_a_free_run_is_shown_up_to_the_horizon(lab) -> None:
         assert error.series[0].y[-1] == pytest.approx(np.degrees((shown.measured - shown.free_run)[3200, 1]))
 
 
+@pytest.mark.slow
 async def test_the_unit_of_angles_is_one_key_away(lab) -> None:
     async with lab(CompareStep) as pilot:
         step(pilot.app).show([swing("first", 3.2)])
@@ -205,6 +208,7 @@ async def test_the_unit_of_angles_is_one_key_away(lab) -> None:
         assert "mrad" in pilot.app.query_one("#error", Chart)._content.y_label
 
 
+@pytest.mark.slow
 async def test_a_tall_screen_shows_angle_and_error(lab) -> None:
     async with lab(CompareStep, size=(160, 60)) as pilot:
         step(pilot.app).show([swing("first", 3.2)])
@@ -212,7 +216,11 @@ async def test_a_tall_screen_shows_angle_and_error(lab) -> None:
         assert all(chart.display for chart in pilot.app.query(Chart))
 
 
-@pytest.mark.parametrize(("theme", "views"), [("dpr-dark", ("angle", "free-run-error")), ("dpr-light", ("angle",))])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("theme", "views"),
+    [("dpr-dark", ("angle", "free-run-error")), pytest.param("dpr-light", ("angle",), marks=pytest.mark.long)],
+)
 async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...]) -> None:
     async with lab(CompareStep, theme=theme) as pilot:
         step(pilot.app).show([swing("first", 3.2), swing("second", 9.0, held_out=True)])
@@ -221,6 +229,7 @@ async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...]) -> N
             await pilot.press("v")
 
 
+@pytest.mark.slow
 async def test_two_runs_stand_in_one_plot(lab) -> None:
     async with lab(CompareStep) as pilot:
         first, second = swing("first", 3.2), swing("second", 9.0, held_out=True)
@@ -241,6 +250,7 @@ async def test_two_runs_stand_in_one_plot(lab) -> None:
         assert "beside" not in figures(pilot.app)
 
 
+@pytest.mark.slow
 async def test_the_same_run_by_two_models_stands_in_one_plot(lab) -> None:
     async with lab(CompareStep) as pilot:
         shown, by_other = swing("first", 3.2), swing("first", 4.0)
@@ -254,7 +264,7 @@ async def test_the_same_run_by_two_models_stands_in_one_plot(lab) -> None:
         assert np.allclose(series(pilot.app, "#angle")["2nd model"], np.degrees(by_other.free_run[:, 1]))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_another_models_file_is_simulated_beside(
     lab, until, recorded: list[Path], modelled: Path, tmp_path: Path
 ) -> None:
@@ -296,6 +306,7 @@ async def test_what_was_compared_before_is_shown_without_simulating(lab, fixed_m
         assert not step(pilot.app)._kept.load()
 
 
+@pytest.mark.slow
 async def test_two_cursors_read_off_values_and_differences(lab, settled) -> None:
     async with lab(CompareStep, size=(120, 40)) as pilot:
         shown = swing("first", 3.2)

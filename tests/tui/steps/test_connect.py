@@ -9,8 +9,6 @@ from textual.widgets import Input, OptionList, Static
 from dpr_lab.tui.app import DprApp
 from dpr_lab.tui.widgets.dialogs import Question
 
-FAST = "sim://?seed=1&clock=fast"
-
 
 def shown(app: DprApp, selector: str) -> str:
     return str(app.query_one(selector, Static).render())
@@ -22,6 +20,7 @@ async def connect(pilot: Pilot[None], url: str) -> None:
     await pilot.press("c")
 
 
+@pytest.mark.slow
 async def test_links_are_listed_and_the_one_under_the_cursor_is_connected(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         await until(pilot, lambda: app.query_one("#links", OptionList).option_count)
@@ -39,9 +38,10 @@ async def test_links_are_listed_and_the_one_under_the_cursor_is_connected(app: D
     assert app.workspace.link.startswith("sim://")
 
 
-async def test_link_test_counts_samples_and_fits_the_clock(app: DprApp, until) -> None:
+@pytest.mark.slow
+async def test_link_test_counts_samples_and_fits_the_clock(app: DprApp, until, rig) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        await connect(pilot, "sim://?seed=1")
+        await connect(pilot, rig())
         await until(pilot, lambda: app.device.connected)
         await pilot.press("l")
         await until(pilot, lambda: "clock " in shown(app, "#device"))
@@ -51,15 +51,17 @@ async def test_link_test_counts_samples_and_fits_the_clock(app: DprApp, until) -
     assert "shortest" in said
 
 
-async def test_simulated_time_has_no_clock_fit(app: DprApp, until) -> None:
+@pytest.mark.slow
+async def test_simulated_time_has_no_clock_fit(app: DprApp, until, rig) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        await connect(pilot, FAST)
+        await connect(pilot, rig(clock="fast"))
         await until(pilot, lambda: app.device.connected)
         await pilot.press("l")
         await until(pilot, lambda: "clock " in shown(app, "#device"))
         assert "this device's time is simulated" in shown(app, "#device")
 
 
+@pytest.mark.slow
 async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, until, said) -> None:
     ours, theirs = os.openpty()  # nobody answers
     async with app.run_test(size=(80, 24)) as pilot:
@@ -73,6 +75,7 @@ async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, 
     os.close(theirs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("url", "remedy"),
     [
@@ -89,13 +92,15 @@ async def test_a_wrong_link_says_what_to_do(app: DprApp, until, said, url: str, 
         assert app.steps[0].outcome() == ""
 
 
-async def test_a_wrong_baud_rate_says_so(app: DprApp, until, cable: Callable) -> None:
-    url = cable().url.replace("921600", "115200")
+@pytest.mark.slow
+async def test_a_wrong_baud_rate_says_so(app: DprApp, until, rig) -> None:
+    url = rig().replace("921600", "115200")
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, url)
         await until(pilot, lambda: "115200 baud is probably wrong" in shown(app, "#device"))
 
 
+@pytest.mark.slow
 async def test_a_device_that_goes_away_while_idle_is_noticed(app: DprApp, until, said, cable: Callable) -> None:
     port = cable()
     async with app.run_test(size=(80, 24)) as pilot:
@@ -110,12 +115,13 @@ async def test_a_device_that_goes_away_while_idle_is_noticed(app: DprApp, until,
         await until(pilot, lambda: app.device.connected)
 
 
-async def test_another_rig_greets_the_device_again(app: DprApp, until, tmp_path: Path) -> None:
+@pytest.mark.slow
+async def test_another_rig_greets_the_device_again(app: DprApp, until, tmp_path: Path, rig) -> None:
     other = tmp_path / "other.toml"
     text = (Path(__file__).parents[3] / "configs/rigs/paper.toml").read_text()
     other.write_text(text.replace("[16384, 16384, 16384]", "[4096, 4096, 4096]"))
     async with app.run_test(size=(80, 24)) as pilot:
-        await connect(pilot, FAST + "&rig=paper")
+        await connect(pilot, rig(clock="fast"))
         await until(pilot, lambda: app.device.connected)
         await pilot.press("2")
         app.query_one("#rig_file", Input).value = str(other)
@@ -124,19 +130,20 @@ async def test_another_rig_greets_the_device_again(app: DprApp, until, tmp_path:
         assert "choose the device that belongs to it" in app.device.connected.problem
 
 
-async def test_the_simulator_takes_the_place_of_a_rig_only_on_a_yes(app: DprApp, until, cable) -> None:
+@pytest.mark.slow
+async def test_the_simulator_takes_the_place_of_a_rig_only_on_a_yes(app: DprApp, until, rig) -> None:
     # One key dropped a real link, and at 80 columns nothing said that what followed was simulated.
-    port = cable()
+    url = rig()
     async with app.run_test(size=(80, 24)) as pilot:
-        await connect(pilot, port.url)
+        await connect(pilot, url)
         await until(pilot, lambda: app.device.connected)
         assert "SIMULATED" not in shown(app, "#status")
         await pilot.press("m")
         await until(pilot, lambda: isinstance(app.screen, Question))
-        assert port.url in str(app.screen.query_one(Static).render())
+        assert url in str(app.screen.query_one(Static).render())
         await pilot.press("n")
         await pilot.pause()
-        assert app.device.connected.url == port.url
+        assert app.device.connected.url == url
         await pilot.press("m", "y")
         await until(pilot, lambda: app.device.connected is not None and app.device.connected.simulated)
         for key in "123456":

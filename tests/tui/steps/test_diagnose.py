@@ -104,6 +104,7 @@ async def test_every_rival_says_what_tells_it_apart(lab, fixed_diagnosis: Path, 
         assert "2. The rest has another cause" in said
 
 
+@pytest.mark.slow
 async def test_a_map_ends_where_the_recordings_end(lab, settled, fixed_diagnosis: Path, tmp_path: Path) -> None:
     told = json.loads(fixed_diagnosis.read_text())
     told["where"][0]["std"][-1] = 1.7e305
@@ -117,6 +118,7 @@ async def test_a_map_ends_where_the_recordings_end(lab, settled, fixed_diagnosis
         assert np.abs(chart.view[1]).max() < 10
 
 
+@pytest.mark.slow
 async def test_a_result_that_no_longer_fits_is_marked_stale_and_stays_readable(
     lab, fixed_diagnosis: Path, recorded
 ) -> None:
@@ -166,6 +168,7 @@ def test_where_nothing_is_left_there_is_no_bar() -> None:
     assert drawn[1].count("█") == drawn[2].count("█") == 0
 
 
+@pytest.mark.slow
 async def test_the_map_of_every_place_is_one_key_away(lab, settled, fixed_diagnosis: Path) -> None:
     found = load_diagnosis(fixed_diagnosis)
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
@@ -180,6 +183,7 @@ async def test_the_map_of_every_place_is_one_key_away(lab, settled, fixed_diagno
             assert (place.coordinate == "time") == ("time" in drawn.x_label)
 
 
+@pytest.mark.slow
 async def test_sizes_and_maps_follow_the_unit_of_angles(lab, settled, fixed_diagnosis: Path) -> None:
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
         chart = pilot.app.query_one("#place-map", Chart)
@@ -192,6 +196,7 @@ async def test_sizes_and_maps_follow_the_unit_of_angles(lab, settled, fixed_diag
         assert "Gap left (mrad rms" in text(pilot.app, "#far-text")
 
 
+@pytest.mark.slow
 async def test_several_runs_are_held_out(lab, until, recorded: list[Path]) -> None:
     async with lab(DiagnoseStep, runs=recorded) as pilot:
         assert "none" in text(pilot.app, "#held-out")
@@ -242,16 +247,21 @@ async def test_a_recording_cannot_be_held_out_from_itself(lab, until, recorded: 
         assert f"{copy}: the same recording as {recorded[0]}" in notice.message
 
 
-@pytest.mark.parametrize(("field", "value"), [("max-effects", "9"), ("max-effects", ""), ("seed", "-3")])
-async def test_numbers_out_of_range_are_refused(lab, field: str, value: str) -> None:
+@pytest.mark.slow
+async def test_numbers_out_of_range_are_refused(lab) -> None:
     async with lab(DiagnoseStep, runs=[Path("X1.mcap")]) as pilot:
-        pilot.app.query_one(f"#{field}", Input).value = value
-        await pilot.press("s")
-        assert step(pilot.app).job is None
-        (notice,) = pilot.app._notifications
-        assert f"{field} = {value!r}" in notice.message
+        for field, value in (("max-effects", "9"), ("max-effects", ""), ("seed", "-3")):
+            entry = pilot.app.query_one(f"#{field}", Input)
+            before, entry.value = entry.value, value
+            await pilot.press("s")
+            assert step(pilot.app).job is None
+            (notice,) = pilot.app._notifications
+            assert f"{field} = {value!r}" in notice.message
+            pilot.app.clear_notifications()
+            entry.value = before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("content", "said"),
     [("{", "is not a diagnosis"), ("[1]", "is not a diagnosis"), ('{"verdict": "named"}', "sentence: Field required")],
@@ -265,7 +275,11 @@ async def test_a_damaged_diagnosis_is_told_and_the_step_lives_on(lab, tmp_path: 
         assert step(pilot.app).outcome() == ""
 
 
-@pytest.mark.parametrize(("theme", "views"), [("dpr-dark", ("which", "where", "far")), ("dpr-light", ("which",))])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("theme", "views"),
+    [("dpr-dark", ("which", "where", "far")), pytest.param("dpr-light", ("which",), marks=pytest.mark.long)],
+)
 async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...], fixed_diagnosis: Path) -> None:
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis, theme=theme) as pilot:
         for view in views:

@@ -82,15 +82,15 @@ async def test_a_model_that_is_found_meanwhile_is_told_and_taken_up(lab, until, 
 
 
 @pytest.mark.slow
-async def test_cancelling_keeps_the_model_from_before(lab, until, recorded: list[Path], modelled: Path) -> None:
-    async with lab(IdentifyStep, runs=recorded, model=modelled) as pilot:
+async def test_cancelling_keeps_the_model_from_before(lab, until, recorded: list[Path], fixed_model: Path) -> None:
+    async with lab(IdentifyStep, runs=recorded, model=fixed_model) as pilot:
         pilot.app.query_one("#objective", Select).value = "paper"
         await pilot.press("s")
         await until(pilot, lambda: len(step(pilot.app)._history) >= 1)
         await pilot.press("X")
         await until(pilot, lambda: step(pilot.app).job is None)
         assert "cancelled" in text(pilot.app, "#state")
-        assert pilot.app.workspace.model == modelled
+        assert pilot.app.workspace.model == fixed_model
         assert not (pilot.app.workspace.out / "model.json").exists()
 
 
@@ -135,6 +135,7 @@ async def test_a_seed_that_is_none_is_refused(lab) -> None:
         assert "seed = '-1'" in notice.message
 
 
+@pytest.mark.slow
 async def test_the_bench_is_resumed_with_its_model(lab, fixed_model: Path) -> None:
     async with lab(IdentifyStep, runs=[Path("X1.mcap")], model=fixed_model) as pilot:
         assert step(pilot.app).outcome() == "model of 3 runs"
@@ -164,8 +165,13 @@ def test_time_left_follows_the_usual_pace(instants, generations, expected) -> No
     assert time_left(instants, generations) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("theme", "views"), [("dpr-dark", ("convergence", "ratios", "nine")), ("dpr-light", ("convergence",))]
+    ("theme", "views"),
+    [
+        ("dpr-dark", ("convergence", "ratios", "nine")),
+        pytest.param("dpr-light", ("convergence",), marks=pytest.mark.long),
+    ],
 )
 async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...], fixed_model: Path) -> None:
     async with lab(IdentifyStep, model=fixed_model, theme=theme) as pilot:

@@ -115,7 +115,8 @@ def looks(app: DprApp, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], DprAp
     return themed
 
 
-@pytest.mark.parametrize("theme", ["dpr-dark", "dpr-light"])
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", ["dpr-dark", pytest.param("dpr-light", marks=pytest.mark.long)])
 @pytest.mark.parametrize("scene", SCENES)
 async def test_scene(looks, until, snapshot, scene: str, theme: str) -> None:
     app = looks(theme)
@@ -124,6 +125,7 @@ async def test_scene(looks, until, snapshot, scene: str, theme: str) -> None:
         await snapshot(pilot, f"{scene}-{theme.removeprefix('dpr-')}")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scene", ["connect-done", "capture-ready", "capture-recording"])
 async def test_scene_on_a_large_terminal(looks, until, snapshot, scene: str) -> None:
     app = looks("dpr-dark")
@@ -132,6 +134,7 @@ async def test_scene_on_a_large_terminal(looks, until, snapshot, scene: str) -> 
         await snapshot(pilot, f"{scene}-large")
 
 
+@pytest.mark.slow
 async def test_high_contrast(looks, until, snapshot) -> None:
     app = looks("dpr-contrast")
     async with app.run_test(size=(80, 24)) as pilot:

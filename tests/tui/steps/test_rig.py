@@ -18,6 +18,7 @@ def verdict(app) -> str:
     return str(app.screen.query_one("#verdict", Static).content)
 
 
+@pytest.mark.slow
 async def test_a_rig_is_made_from_a_built_in_one_and_checked_before_it_is_saved(
     lab, until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.thinned import thinned
 from tests.tui.terminal_emulator import PATIENCE_S, VirtualScreen
 
 
@@ -53,7 +54,7 @@ class Browser(VirtualScreen):
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("allowed", [False, True], ids=["read-only", "--allow-release"])
+@pytest.mark.parametrize("allowed", thinned([False, True], 2), ids=["read-only", "--allow-release"])
 def test_a_browser_releases_only_where_that_was_allowed(tmp_path: Path, allowed: bool, monkeypatch) -> None:
     monkeypatch.setenv("TEXTUAL_DRIVER", "textual.drivers.web_driver:WebDriver")
     monkeypatch.setenv("TERM", "xterm-256color")

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from dpr_lab.storage.inspect import info
+from tests.thinned import thinned
 from tests.tui.terminal_emulator import to_ready
 
 SIM = "sim://?seed=1"
@@ -26,7 +27,9 @@ def load() -> Iterator[None]:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT], ids=lambda number: number.name)
+@pytest.mark.parametrize(
+    "number", thinned((signal.SIGTERM, signal.SIGHUP, signal.SIGINT), 3), ids=lambda number: number.name
+)
 def test_a_signal_while_recording_closes_the_file_and_restores_the_terminal(on_terminal, tmp_path, number) -> None:
     terminal = on_terminal(SIM)
     to_ready(terminal)
@@ -41,7 +44,7 @@ def test_a_signal_while_recording_closes_the_file_and_restores_the_terminal(on_t
     assert not info(run).complete
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_sigterm_ends_the_screen_though_its_terminal_no_longer_takes_anything(on_terminal) -> None:
     # The main thread waited without end for Textual's writer, which waited for the terminal.
@@ -54,7 +57,7 @@ def test_sigterm_ends_the_screen_though_its_terminal_no_longer_takes_anything(on
     assert terminal.restored
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_terminal_that_hangs_up_ends_the_screen(on_terminal) -> None:
     terminal = on_terminal(SIM)

@@ -9,6 +9,7 @@ import pytest
 from tests.tui.terminal_emulator import Terminal, to_ready
 
 CLAIMS = ("the rods are held", "the rods are free", "inside", "latch OPEN", "latch CLOSED")
+SIM = "sim://?seed=1"
 
 
 def drawn_cells(terminal: Terminal) -> int:
@@ -21,7 +22,7 @@ def nothing_is_stated_that_is_not_known(terminal: Terminal) -> None:
     assert "last seen" in terminal.text()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_device_killed_in_a_swing_leaves_the_latch_unknown_and_the_trace_in_sight(on_terminal, cable) -> None:
     port = cable()
@@ -60,7 +61,7 @@ def test_a_device_killed_in_the_countdown_releases_nothing_and_claims_nothing(on
 @pytest.mark.timeout(900)
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads /proc")
 def test_a_recorder_that_is_stopped_makes_everything_old(on_terminal) -> None:
-    terminal = on_terminal("sim://?seed=1")
+    terminal = on_terminal(SIM)
     to_ready(terminal)
     recorder = next(pid for pid in children(terminal.process.pid) if b"spawn_main" in command(pid))
     os.kill(recorder, signal.SIGSTOP)

@@ -55,6 +55,7 @@ async def opened(pilot, until, folder: Path, selected: list[Path]) -> Answer:
     return answer
 
 
+@pytest.mark.slow
 async def test_every_run_is_listed_with_what_it_says(lab, until, folder: Path) -> None:
     async with lab(Nothing, size=(120, 30)) as pilot:
         await opened(pilot, until, folder, [folder / "second.mcap"])
@@ -74,6 +75,7 @@ async def test_chosen_runs_are_handed_back_in_the_order_of_the_list(lab, until, 
         assert answer.given == [folder / "first.mcap", folder / "third.mcap"]
 
 
+@pytest.mark.slow
 async def test_enter_takes_the_run_under_the_cursor_where_none_was_chosen(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         answer = await opened(pilot, until, folder, [])
@@ -81,6 +83,7 @@ async def test_enter_takes_the_run_under_the_cursor_where_none_was_chosen(lab, u
         assert answer.given == [folder / "second.mcap"]
 
 
+@pytest.mark.slow
 async def test_a_cut_run_is_recovered_by_key(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         await opened(pilot, until, folder, [])
@@ -89,6 +92,7 @@ async def test_a_cut_run_is_recovered_by_key(lab, until, folder: Path) -> None:
     assert (folder / "torn-recovered.mcap").is_file()
 
 
+@pytest.mark.slow
 async def test_leaving_changes_nothing(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         answer = await opened(pilot, until, folder, [folder / "third.mcap"])
@@ -97,6 +101,7 @@ async def test_leaving_changes_nothing(lab, until, folder: Path) -> None:
         assert answer.given is None
 
 
+@pytest.mark.slow
 async def test_the_filter_narrows_what_is_shown_and_chosen(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         answer = await opened(pilot, until, folder, [folder / "first.mcap"])
@@ -109,6 +114,7 @@ async def test_the_filter_narrows_what_is_shown_and_chosen(lab, until, folder: P
         assert answer.given == [folder / f"{name}.mcap" for name in ("first", "second", "third")]
 
 
+@pytest.mark.slow
 async def test_all_shown_and_then_none(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         answer = await opened(pilot, until, folder, [])
@@ -116,6 +122,7 @@ async def test_all_shown_and_then_none(lab, until, folder: Path) -> None:
         assert answer.given == []
 
 
+@pytest.mark.slow
 async def test_a_run_from_elsewhere_stays_chosen(lab, until, folder: Path, recorded: list[Path]) -> None:
     async with lab(Nothing) as pilot:
         answer = await opened(pilot, until, folder, [recorded[0]])
@@ -123,6 +130,7 @@ async def test_a_run_from_elsewhere_stays_chosen(lab, until, folder: Path, recor
         assert answer.given == [recorded[0]]
 
 
+@pytest.mark.slow
 async def test_verify_tells_sound_from_torn(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         await opened(pilot, until, folder, [])
@@ -134,6 +142,7 @@ async def test_verify_tells_sound_from_torn(lab, until, folder: Path) -> None:
         assert "no torn.mcap.sha256" in said(pilot.app, "#result")
 
 
+@pytest.mark.slow
 async def test_export_writes_the_format_that_was_picked(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         await opened(pilot, until, folder, [])
@@ -147,6 +156,7 @@ async def test_export_writes_the_format_that_was_picked(lab, until, folder: Path
         assert "exists already" in notice.message
 
 
+@pytest.mark.slow
 async def test_help_tells_of_the_browser(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         answer = await opened(pilot, until, folder, [])
@@ -168,6 +178,7 @@ async def test_an_empty_folder_says_what_to_do(lab, until, tmp_path: Path) -> No
         await pilot.press("space", "asterisk", "q", "e")
 
 
+@pytest.mark.slow
 async def test_a_note_is_edited_and_kept_beside_the_run(lab, until, folder: Path) -> None:
     before = (folder / "first.mcap").read_bytes()
     async with lab(Nothing, size=(120, 30)) as pilot:
@@ -185,6 +196,7 @@ async def test_a_note_is_edited_and_kept_beside_the_run(lab, until, folder: Path
         assert (folder / "first.mcap.note").read_text() == "bearing oiled"
 
 
+@pytest.mark.slow
 async def test_runs_of_another_folder_are_listed_beside_what_was_chosen(
     lab, until, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,6 +12,7 @@ from dpr_lab.tui.widgets.status_line import RecordingNow, StatusLine
 from dpr_lab.tui.workspace import Workspace
 
 
+@pytest.mark.slow
 async def test_every_step_shows_that_a_recording_runs_and_how_long_work_takes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, until
 ) -> None:
