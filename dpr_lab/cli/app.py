@@ -16,6 +16,7 @@ from dpr_lab.cli.export import export
 from dpr_lab.cli.identifiability import identifiability
 from dpr_lab.cli.identify import identify
 from dpr_lab.cli.import_table import import_app
+from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.paper import paper
 from dpr_lab.cli.tui import tui
 from dpr_lab.version import __version__
@@ -38,7 +39,7 @@ Exit codes:
   4 device not found or busy  130 interrupted (file finalised)
 """
 
-app = typer.Typer(help=HELP, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
+app = typer.Typer(help=HELP, cls=Listing, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
 
 
 def _version(show: bool) -> None:

@@ -9,11 +9,14 @@ import typer
 
 from dpr_lab.cli.checks import Elbow, RigName, Rods, names_in, positive
 from dpr_lab.cli.console import emit, json_mode, line, say, table
+from dpr_lab.cli.listing import Listing
 
 if TYPE_CHECKING:
     from dpr_lab.storage.preview import Preview
 
-import_app = typer.Typer(help="Turn foreign recordings into runs.", no_args_is_help=True, rich_markup_mode=None)
+import_app = typer.Typer(
+    help="Turn foreign recordings into runs.", cls=Listing, no_args_is_help=True, rich_markup_mode=None
+)
 
 AXES = ("theta0", "theta1", "theta2")
 

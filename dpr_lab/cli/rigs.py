@@ -9,12 +9,14 @@ import typer
 
 from dpr_lab.cli.checks import built_in_rigs, complete_rig
 from dpr_lab.cli.console import emit, json_mode, line, table, text
+from dpr_lab.cli.listing import Listing
 
 if TYPE_CHECKING:
     from dpr_lab.rig_file import Measure
 
 app = typer.Typer(
     help="Rig files: built in, new, checked (docs/rig-file.md says every key).",
+    cls=Listing,
     no_args_is_help=True,
     rich_markup_mode=None,
 )

@@ -8,9 +8,12 @@ from typing import Annotated, Any
 import typer
 
 from dpr_lab.cli.console import emit, json_mode, line, say, table
+from dpr_lab.cli.listing import Listing
 from dpr_lab.errors import RunError
 
-app = typer.Typer(help="Look at, check, repair and export run files.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(
+    help="Look at, check, repair and export run files.", cls=Listing, no_args_is_help=True, rich_markup_mode=None
+)
 
 RunFile = Annotated[Path, typer.Argument(help="A run file (.mcap).")]
 RunFiles = Annotated[list[Path], typer.Argument(help="Run files (.mcap).")]

@@ -8,6 +8,7 @@ import typer
 
 from dpr_lab.cli.checks import complete_rig
 from dpr_lab.cli.console import emit, json_mode, line, say, table
+from dpr_lab.cli.listing import Listing
 from dpr_lab.trials.sealing import DRAWN, Kind, Level
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ Example:
   dpr-lab trials open trial
 """
 
-app = typer.Typer(help=HELP, no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(help=HELP, cls=Listing, no_args_is_help=True, rich_markup_mode=None)
 
 HIDDEN = (
     "one effect of the library, two (pair) or three (triple); none (clean); one of the library in another form; one"
