@@ -19,7 +19,7 @@ from sim_device.random_streams import RandomStream
 FULL_SCALE = 0x7FFF
 """Largest torque that the wire carries, units."""
 
-COLUMNS = ("t", "tau1_Nm", "tau2_Nm")
+COLUMNS = ("t_s", "tau1_Nm", "tau2_Nm")
 
 SLACK_S = 1e-9
 """By which a row may come after its tick and still be of it."""

@@ -28,7 +28,7 @@ TAU = np.column_stack([0.15 * np.sin(5.6 * T) + 0.1 * np.sign(np.sin(2.3 * T)), 
 @pytest.fixture
 def table(tmp_path: Path) -> Path:
     file = tmp_path / "torques.csv"
-    np.savetxt(file, np.column_stack([T, TAU]), fmt="%.4f", delimiter=",", header="t,tau1_Nm,tau2_Nm", comments="")
+    np.savetxt(file, np.column_stack([T, TAU]), fmt="%.4f", delimiter=",", header="t_s,tau1_Nm,tau2_Nm", comments="")
     return file
 
 

@@ -22,7 +22,7 @@ ROWS = "0.0,0.1,0.02\n0.0105,-0.2,0.02\n0.5,0.0,0.0\n"
 @pytest.fixture
 def table(tmp_path: Path) -> Path:
     file = tmp_path / "torques.csv"
-    file.write_text(f"t,tau1_Nm,tau2_Nm\n{ROWS}")
+    file.write_text(f"t_s,tau1_Nm,tau2_Nm\n{ROWS}")
     return file
 
 
@@ -41,12 +41,12 @@ def test_a_torque_holds_from_its_tick_on_and_what_is_told_is_what_acts(table: Pa
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("t,tau1_Nm\n0,1\n1,1\n", "needs a line with the names t, tau1_Nm, tau2_Nm"),
+        ("t_s,tau1_Nm\n0,1\n1,1\n", "needs a line with the names t_s, tau1_Nm, tau2_Nm"),
         ("x,tau1_Nm,tau2_Nm\n0,1,1\n1,1,1\n", "needs a line with the names"),
-        ("t,tau1_Nm,tau2_Nm\n0,1,1\n1,1\n", "a number of each in every line"),
+        ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n1,1\n", "a number of each in every line"),
         ("", "needs a line with the names"),
-        ("t,tau1_Nm,tau2_Nm\n0,1,1\n0,1,1\n", "a time that grows"),
-        ("t,tau1_Nm,tau2_Nm\n0,1,1\n1,4,1\n", "4 N m is more than the wire carries in units of 100 uN m"),
+        ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n0,1,1\n", "a time that grows"),
+        ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n1,4,1\n", "4 N m is more than the wire carries in units of 100 uN m"),
     ],
 )
 def test_what_cannot_be_replayed_is_refused(tmp_path: Path, text: str, said: str) -> None:
