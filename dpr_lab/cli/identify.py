@@ -65,14 +65,16 @@ def identify(
 
 def show(model: "Model") -> None:
     """The model as tables on stdout."""
-    from dpr_lab.report.tables import PARAMETER_COLUMNS, RATIO_COLUMNS, parameter_rows, ratio_rows, summary
+    from dpr_lab.report import tables
 
-    line(summary(model))
-    table("Five ratios: all that a free swing fixes", RATIO_COLUMNS, ratio_rows(model))
+    line(tables.summary(model))
+    table("Five ratios: all that a free swing fixes", tables.RATIO_COLUMNS, tables.ratio_rows(model))
+    if absolute := tables.base_rows(model):
+        table("Base parameters: these runs show their scale too", tables.BASE_COLUMNS, absolute)
     profiled = [(name, e.profile90) for name, e in model.ratios.items() if e.profile90 is not None]
     if profiled:
         rows = [(name, *("none" if end is None else f"{end:.7g}" for end in ends)) for name, ends in profiled]
         table("90 % intervals by profile likelihood", ("ratio", "from", "to"), rows)
-    table("Nine parameters, and what fixed each", PARAMETER_COLUMNS, parameter_rows(model))
+    table("Nine parameters, and what fixed each", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
     for warning in model.warnings:
         say(f"warning: {warning}")

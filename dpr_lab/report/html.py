@@ -60,7 +60,7 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
         warnings=_warnings([*model.failures, *model.warnings]),
         L1=f"{model.rig.L1:g}",
         g=f"{model.rig.g:g}",
-        ratios=table_html(tables.RATIO_COLUMNS, tables.ratio_rows(model)),
+        ratios=table_html(tables.RATIO_COLUMNS, tables.ratio_rows(model)) + _scaled(model),
         parameters=table_html(tables.PARAMETER_COLUMNS, tables.parameter_rows(model)),
         comparisons=_comparisons(comparisons, drawn),
         search=table_html(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose"),
@@ -69,6 +69,15 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
         rig=escaped(model.rig.name),
         rig_sha256=escaped(model.rig.sha256 or "not known"),
         version=escaped(model.version),
+    )
+
+
+def _scaled(model: Model) -> str:
+    rows = tables.base_rows(model)
+    return (
+        "<p>These runs show the scale of the base parameters too.</p>" + table_html(tables.BASE_COLUMNS, rows)
+        if rows
+        else ""
     )
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
 PARAMETER_COLUMNS = ("parameter", "value ± std", "unit", "fixed by", "what it is")
+BASE_COLUMNS = ("base parameter", "value ± std", "unit", "what it is")
 COMPARISON_COLUMNS = (
     "run",
     "role",
@@ -37,6 +38,14 @@ COMPARISON_NOTE = (
 RUN_COLUMNS = ("file", "pose", "samples", "duration (s)", "segments", "χ² per dof", "SHA-256")
 SEARCH_COLUMNS = ("what", "value")
 
+BASE_UNITS = {
+    "a": ("kg m²", "inertia about joint 1, the outer mass at joint 2"),
+    "b": ("kg m²", "inertia of the outer rod about joint 2"),
+    "d": ("kg m²", "coupling of the rods"),
+    "e1": ("N m", "gravity on joint 1"),
+    "c1": ("N m s/rad", "viscous friction of joint 1"),
+    "c2": ("N m s/rad", "viscous friction of joint 2"),
+}
 RATIO_UNITS = {"a/b": "1", "d/b": "1", "e1/b": "1/s²", "c1/b": "1/s", "c2/b": "1/s"}
 PARAMETER_UNITS = {
     "l1": ("m", "inner rod, pivot to centroid"),
@@ -88,6 +97,16 @@ def ratio_rows(model: "Model") -> list[list[str]]:
             RATIO_UNITS.get(name, ""),
         ]
         for name, ratio in model.ratios.items()
+    ]
+
+
+def base_rows(model: "Model") -> list[list[str]]:
+    """The six base parameters in the columns `BASE_COLUMNS`; none where nothing in the runs showed their scale."""
+    if model.base["b"].fixed_by != "data":
+        return []
+    return [
+        [name, plus_minus(model.base[name].value, model.base[name].std), unit, meaning]
+        for name, (unit, meaning) in BASE_UNITS.items()
     ]
 
 

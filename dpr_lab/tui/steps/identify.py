@@ -177,17 +177,21 @@ bench's folder.
 
     def show_model(self, model: "Model", news: str = "") -> None:
         """Draw a model: what it says, behind any news, its convergence, its numbers and what fixed each."""
-        from dpr_lab.report.tables import PARAMETER_COLUMNS, RATIO_COLUMNS, parameter_rows, ratio_rows, summary
+        from dpr_lab.report import tables
 
         self.model = model
         self._unit = self.workspace.unit
-        self.say(news + summary(model, angles=self._unit) + self._doubt(model))
+        self.say(news + tables.summary(model, angles=self._unit) + self._doubt(model))
         self._history = _history(model)
         self._draw_convergence()
         warnings = sentences("Warnings", [*model.failures, *model.warnings], mark="!")
-        ratios = table("Five ratios: all that a free swing fixes", RATIO_COLUMNS, ratio_rows(model))
-        nine = table("Nine parameters, and what fixed each", PARAMETER_COLUMNS, parameter_rows(model))
-        self.query_one("#ratios-text", Static).update(Group(ratios, warnings))
+        ratios = table("Five ratios: all that a free swing fixes", tables.RATIO_COLUMNS, tables.ratio_rows(model))
+        absolute = tables.base_rows(model)
+        base = [table("Base parameters: these runs show their scale too", tables.BASE_COLUMNS, absolute)] * bool(
+            absolute
+        )
+        nine = table("Nine parameters, and what fixed each", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
+        self.query_one("#ratios-text", Static).update(Group(ratios, *base, warnings))
         self.query_one("#nine-text", Static).update(nine)
         self.query_one("#seen-text", Static).update(_seen(model))
 
