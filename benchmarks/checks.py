@@ -72,7 +72,8 @@ def played(
         if check.release is not None:
             found = take_runs(found, check, [released(plant, rig, check.release)], rig)
         else:
-            parameter = EFFECTS[check.measures].amplitudes[0]
+            amplitude = check.quantity.split(",")[0]
+            parameter = next(p for p in EFFECTS[check.measures].amplitudes if p.name == amplitude)
             true = truth.sizes(rig, found.scale_b).get(check.measures, {}).get(parameter.name, 0.0)
             std = READ * parameter.typical
             found = take_value(found, check, true + std * rng.standard_normal(), std)

@@ -55,7 +55,10 @@ def test_a_measured_value_decides(diagnosis: Diagnosis, measured: str, value: fl
     assert done.after[other] < 0.2 < done.before[other]
     assert sum(done.after.values()) == pytest.approx(sum(done.before.values()))
     assert check.id not in [left.id for left in found.checks]
-    assert sum(candidates(found, diagnosis.effects[0].name).values()) == pytest.approx(sum(done.before.values()))
+    assert candidates(found, diagnosis.effects[0].name) == done.after
+    if cause != diagnosis.effects[0].name:
+        assert found.effects[0].probability < 0.2
+        assert found.rivals[0].name == cause
     assert ("diagnose again" in found.sentence) == (cause != diagnosis.effects[0].name)
     assert found.gap == diagnosis.gap
 

@@ -114,6 +114,9 @@ def take_runs(diagnosis: Diagnosis, check: AdvisedCheck, runs: Sequence[Run], ri
 
 def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
     """Probability of each member of a named effect's class and of each effect that could stand in its place."""
+    done = [item.after for item in diagnosis.checks_done if item.check.about == about]
+    if done:
+        return dict(done[-1])
     named = _named(diagnosis, about)
     found = dict.fromkeys(named.members, named.probability / len(named.members))
     return found | {item.name: item.probability for item in diagnosis.rivals if item.instead_of == about}
@@ -196,7 +199,8 @@ def _standing(
     """Named effects and rivals; members of the class that a check split off are rivals from then on."""
     named = _named(diagnosis, about)
     whole = sum(after[name] for name in named.members)
-    kept = [name for name in named.members if name == about or after[name] > SETTINGS.dropped * whole]
+    kept = [name for name in named.members if after[name] > SETTINGS.dropped * whole]
+    kept = kept if about in kept else [about]
     split = [name for name in named.members if name not in kept]
     standing = named.model_copy(update={"members": kept, "probability": sum(after[name] for name in kept)})
     effects = [standing if effect.name == about else effect for effect in diagnosis.effects]
