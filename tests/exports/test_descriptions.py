@@ -74,20 +74,20 @@ def test_sdf_has_the_elements_of_its_specification(paper: Rig, bent: dict):
 @pytest.mark.parametrize("told", ["tilted", "bent and wound"])
 def test_sdf_swings_as_the_lab_does_in_drake(paper: Rig, told: str):
     """Drake reads SDFormat with the format's own library; gravity of the world and dry friction it leaves to others."""
-    pytest.importorskip("pydrake", reason="Drake has no wheel for this computer")
-    from pydrake.multibody.parsing import Parser
-    from pydrake.multibody.plant import MultibodyPlant
-    from pydrake.systems.analysis import Simulator
-
+    # Imported by name, or the type checker would read all of Drake's stubs.
+    parsing, plants, analysis = (
+        pytest.importorskip(f"pydrake.{module}", reason="Drake has no wheel for this computer")
+        for module in ("multibody.parsing", "multibody.plant", "systems.analysis")
+    )
     wound = {"spring_joint2": {"stiffness_Nm_per_rad": 2e-3, "constant_Nm": 1e-3}}
     effects = typical("base_tilt") if told == "tilted" else typical("com_offset_link2") | wound
     file, t = sdf(model_of(paper, effects), paper, {}), np.linspace(0, 2.0, 41)
-    plant = MultibodyPlant(0.0)
-    Parser(plant).AddModelsFromString(file, "sdf")
+    plant = plants.MultibodyPlant(0.0)
+    parsing.Parser(plant).AddModelsFromString(file, "sdf")
     pull = ElementTree.fromstring(file).findtext("world/gravity")
     plant.mutable_gravity_field().set_gravity_vector([float(part) for part in pull.split()])
     plant.Finalize()
-    engine = Simulator(plant)
+    engine = analysis.Simulator(plant)
     engine.get_mutable_integrator().set_target_accuracy(1e-9)
     context = plant.GetMyContextFromRoot(engine.get_mutable_context())
     plant.SetPositions(context, [X0[0], X0[1] - X0[0]])
