@@ -25,7 +25,7 @@ class SerialSettings:
     """Identifier, eight data bytes, CRC, COBS overhead and delimiter, each byte with start and stop bit."""
     read_slice_s: float = 0.05
     """pyserial's timeout stays fixed: changing it reconfigures the port and can corrupt data."""
-    write_timeout_s: float = 1.0
+    write_timeout_s: float = 3.0
     """When a port that takes no more bytes counts as gone."""
 
 
