@@ -14,7 +14,6 @@ import numpy as np
 from _bars import Bar, at_least, at_most, options, show
 from _trial_cases import Case, hidden, opened
 
-from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease, Diagnosis
 from dpr_lab.gap.result.take_back import candidates, take_runs, take_value
@@ -72,10 +71,8 @@ def played(
         if check.release is not None:
             found = take_runs(found, check, [released(plant, rig, check.release)], rig)
         else:
-            amplitude = check.quantity.split(",")[0]
-            parameter = next(p for p in EFFECTS[check.measures].amplitudes if p.name == amplitude)
-            true = truth.sizes(rig, found.scale_b).get(check.measures, {}).get(parameter.name, 0.0)
-            std = READ * parameter.typical
+            true = truth.sizes(rig, found.scale_b).get(check.measures, {}).get(check.amplitude.name, 0.0)
+            std = READ * check.amplitude.typical
             found = take_value(found, check, true + std * rng.standard_normal(), std)
     return found, count
 

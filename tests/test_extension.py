@@ -33,7 +33,8 @@ class Copy:
         text = path.read_text(encoding="utf-8")
         tree = ast.parse(text)
         rows = table_of(tree, table)
-        assert rows.end_lineno is not None and rows.end_col_offset is not None  # noqa: PT018
+        assert rows.end_lineno is not None
+        assert rows.end_col_offset is not None
         lines = text.splitlines(keepends=True)
         end = sum(map(len, lines[: rows.end_lineno - 1])) + rows.end_col_offset - 1
         before = text[:end].rstrip()

@@ -11,12 +11,12 @@ import runpy
 import sys
 import threading
 import traceback
+from importlib import import_module
 
 
 def main() -> None:
     """Fork for every line."""
-    import tests.loaded  # noqa: F401
-
+    import_module("tests.loaded")
     for line in sys.stdin:
         asked, child = json.loads(line), os.fork()
         if child == 0:

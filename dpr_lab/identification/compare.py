@@ -192,7 +192,7 @@ def compare_followed(followed: Followed) -> Comparison:
         segments=followed.bare.segments,
         segment_rms_rad=_rms(measured - followed.tracked),
         free_run_rms_rad=_rms((measured - freely.theta)[predictable]),
-        torque_kind=run.torque_kind if run.torques is not None else "",
+        torque_kind=run.torque_kind,
     )
 
 

@@ -236,7 +236,7 @@ def _used(index: int, item: PreprocessedRun, found: RatioFit) -> RunUsed:
         / ((1 if run.setup.alone else 2) * len(run.t) - run.setup.starts * len(mine)),
         segments=len(mine),
         horizon_s=predictable_until(found, int(mine[0]), run.t),
-        torque_kind=run.torque_kind if run.torques is not None else "",
+        torque_kind=run.torque_kind,
     )
 
 

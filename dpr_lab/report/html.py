@@ -74,11 +74,9 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
 
 def _scaled(model: Model) -> str:
     rows = tables.base_rows(model)
-    return (
-        "<p>These runs show the scale of the base parameters too.</p>" + table_html(tables.BASE_COLUMNS, rows)
-        if rows
-        else ""
-    )
+    if not rows:
+        return ""
+    return "<p>These runs show the scale of the base parameters too.</p>" + table_html(tables.BASE_COLUMNS, rows)
 
 
 def _comparisons(comparisons: Sequence[Comparison], drawn: Mapping[str, str]) -> str:

@@ -162,9 +162,7 @@ def import_csv(file: Path | str, rig: Rig, options: ImportOptions | None = None,
     if out is None:
         return run
     with whole_run(out, _metadata(path, rig, swing)) as writer:
-        writer.table(
-            swing.t, swing.theta, swing.counts, swing.torques if swing.torques is None else swing.torques[None]
-        )
+        writer.table(swing.t, swing.theta, swing.counts, swing.torques)
         writer.finish(RunSummary(release_tick=0, notes=swing.notes))
     return load_run(out)
 

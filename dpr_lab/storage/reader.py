@@ -56,7 +56,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         counts=samples.counts,
         torques=torques,
         commanded=commanded,
-        torque_kind=found.metadata.extra.get("torque_kind", ""),
+        torque_kind="" if torques is None else found.metadata.extra.get("torque_kind", ""),
         input_delay_s=_delay(found),
         arm=prescribed_arm(t, theta[:, 0], own, str(path)) if found.metadata.extra.get("arm") == "prescribed" else None,
         pose=found.metadata.pose,

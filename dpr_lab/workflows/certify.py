@@ -14,17 +14,13 @@ if TYPE_CHECKING:
 def certify(request: DiagnoseRequest, to: Path, on_event: OnEvent = ignore) -> "Certificate":
     """Diagnose, and write a certificate that others can check; events and errors as of `diagnose`."""
     from dpr_lab.gap.result.certificate import certificate
-    from dpr_lab.storage.reader import load_run
     from dpr_lab.whole_file import write_text
 
     refuse_folder(to)
     found = diagnose(request, on_event).diagnosis
     settings = {name: getattr(request, name) for name in _SETTINGS}
-    recordings = [
-        *((load_run(path), False) for path in request.runs),
-        *((load_run(path), True) for path in request.held_out),
-    ]
-    made = certificate(found, recordings, request.rig, settings, to.parent)
+    recordings = [*((path, False) for path in request.runs), *((path, True) for path in request.held_out)]
+    made = certificate(found, recordings, request.rig, settings, to.parent, _readings)
     write_text(to, made.model_dump_json(indent=1, by_alias=True) + "\n")
     return made
 

@@ -131,6 +131,6 @@ def test_a_writer_takes_torques_of_its_rows_only(paper: Rig, tmp_path: Path) -> 
     theta = np.zeros((len(T), 3))
     with RunWriter(tmp_path / "b.mcap", RunMetadata(paper, None, 100.0, "import", "table")) as writer:
         with pytest.raises(ValueError, match="2 finite torques"):
-            writer.table(T, theta, None, TAU[None, :-1])
-        writer.table(T, theta, None, TAU[None])
+            writer.table(T, theta, None, TAU[:-1])
+        writer.table(T, theta, None, TAU)
     assert load_run(tmp_path / "b.mcap").torques == pytest.approx(TAU)

@@ -74,6 +74,25 @@ class NextStep:
     """Their ids are not given yet."""
 
 
+@dataclass(frozen=True, slots=True)
+class Foretold:
+    """What the readings of a release would show of some effects."""
+
+    choice: PossibleRelease
+    known: Array
+    """(n, k) whitened changes by what is fitted anyway."""
+    changes: dict[str, Array]
+    """Effect -> (n, p) whitened changes by its parameters."""
+    sizes: dict[str, Array]
+    """Effect -> (p,) those parameters as fitted; typical where it is not there."""
+
+    def apart(self, name: str, other: str) -> float:
+        """Standard deviations by which the readings differ from the nearest that the other effect can do."""
+        signal = self.changes[name] @ self.sizes[name]
+        explained = ColumnSpace.of(np.hstack([self.known, self.changes[other]]), signal).gain()
+        return float(np.sqrt(max(signal @ signal - explained, 0.0)))
+
+
 def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[NextStep]:
     """Recordings and bench checks for what is not told apart and for alternatives; empty when nothing is open."""
     worth = {
@@ -94,18 +113,17 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
     return said
 
 
-def _for_class(foretold: "Sequence[Foretold]", chosen: Hypothesis, item: EffectPosterior) -> list[NextStep]:
+def _for_class(foretold: Sequence[Foretold], chosen: Hypothesis, item: EffectPosterior) -> list[NextStep]:
     """Recordings that tell members of a class apart, if there are such, and what the bench tells."""
     if len(item.members) == 1:
         return []
     share = item.probability / len(item.members)
     steps = []
-    for other in item.members:
+    for other in (name for name in item.members if name != item.name):
         # The wider of two forms may be there in a size that the narrower has none of.
-        strength, best = _most(
-            foretold, lambda there, o=other: max(there.apart(item.name, o), there.apart(o, item.name))
-        )
-        if other != item.name and strength >= TOLD_APART:
+        pairs = (item.name, other), (other, item.name)
+        strength, best = _most(foretold, lambda there, pairs=pairs: max(there.apart(*pair) for pair in pairs))
+        if strength >= TOLD_APART:
             steps.append(_recording(chosen, item.name, other, [share, share], strength, best))
     measured = [_measurement(item.name, name, item.members, [share] * len(item.members)) for name in item.members]
     checks = dict.fromkeys(EFFECTS[name].bench_check for name in item.members[:2])
@@ -114,9 +132,7 @@ def _for_class(foretold: "Sequence[Foretold]", chosen: Hypothesis, item: EffectP
     return steps
 
 
-def _for_rival(
-    foretold: "Sequence[Foretold]", chosen: Hypothesis, item: EffectPosterior, rival: Alternative
-) -> NextStep:
+def _for_rival(foretold: Sequence[Foretold], chosen: Hypothesis, item: EffectPosterior, rival: Alternative) -> NextStep:
     name, other, likely = item.name, rival.name, [item.probability, rival.probability]
     strength, best = _most(foretold, lambda there: there.apart(name, other))
     if strength < TOLD_APART:
@@ -125,7 +141,7 @@ def _for_rival(
     return _recording(chosen, name, other, likely, strength, best)
 
 
-def _most(foretold: "Sequence[Foretold]", strength: "Callable[[Foretold], float]") -> tuple[float, PossibleRelease]:
+def _most(foretold: Sequence[Foretold], strength: Callable[[Foretold], float]) -> tuple[float, PossibleRelease]:
     return max(((strength(there), there.choice) for there in foretold), key=lambda pair: pair[0])
 
 
@@ -191,25 +207,6 @@ def told_bits(likely: Sequence[float], apart: float) -> float:
 def _entropy(p: Array) -> Array:
     p = np.clip(p, 1e-12, 1 - 1e-12)
     return -(p * np.log2(p) + (1 - p) * np.log2(1 - p))
-
-
-@dataclass(frozen=True, slots=True)
-class Foretold:
-    """What the readings of a release would show of some effects."""
-
-    choice: PossibleRelease
-    known: Array
-    """(n, k) whitened changes by what is fitted anyway."""
-    changes: dict[str, Array]
-    """Effect -> (n, p) whitened changes by its parameters."""
-    sizes: dict[str, Array]
-    """Effect -> (p,) those parameters as fitted; typical where it is not there."""
-
-    def apart(self, name: str, other: str) -> float:
-        """Standard deviations by which the readings differ from the nearest that the other effect can do."""
-        signal = self.changes[name] @ self.sizes[name]
-        explained = ColumnSpace.of(np.hstack([self.known, self.changes[other]]), signal).gain()
-        return float(np.sqrt(max(signal @ signal - explained, 0.0)))
 
 
 def _foretold(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease, names: Sequence[str]) -> Foretold:

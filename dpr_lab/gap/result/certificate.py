@@ -21,7 +21,6 @@ from dpr_lab.errors import RunError
 from dpr_lab.gap.result.diagnosis import Diagnosis, Interval
 from dpr_lab.kernel_cache import source_hash
 from dpr_lab.rig import load_rig
-from dpr_lab.run import Run
 from dpr_lab.version import __version__
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -89,25 +88,28 @@ class Verified:
 
 
 def certificate(
-    found: Diagnosis, recordings: Sequence[tuple[Run, bool]], rig: str, settings: Mapping[str, Any], beside: Path
+    found: Diagnosis,
+    recordings: Sequence[tuple[Path, bool]],
+    rig: str,
+    settings: Mapping[str, Any],
+    beside: Path,
+    readings: Callable[[Path], str],
 ) -> Certificate:
     """Certify a diagnosis.
 
     Args:
         found: the diagnosis
-        recordings: runs read from files, and whether each was held out
+        recordings: run files, and whether each was held out
         rig: the rig file, or the name of a built-in one
         settings: of the diagnosis
         beside: folder of the certificate, to which the files are told relatively
+        readings: `Run.readings_sha256` of a file
     """
     return Certificate(
         schema=1,
         recordings=[
-            CertifiedFile(
-                file=_place(run.file, beside), sha256=run.sha256, readings=run.readings_sha256, held_out=held_out
-            )
-            for run, held_out in recordings
-            if run.file is not None
+            CertifiedFile(file=_place(path, beside), sha256=sha256_of(path), readings=readings(path), held_out=held_out)
+            for path, held_out in recordings
         ],
         rig=CertifiedFile(file=_place(Path(rig), beside) if Path(rig).is_file() else rig, sha256=load_rig(rig).sha256),
         settings=dict(settings),

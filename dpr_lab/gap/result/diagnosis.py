@@ -2,13 +2,14 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.trust import Trust
@@ -143,6 +144,21 @@ class AdvisedCheck(_Record):
     """That amplitude, with its unit."""
     release: AdvisedRelease | None = None
     """What a recording is of."""
+
+    @property
+    def amplitude(self) -> EffectParameter:
+        """What a measurement measures."""
+        return _amplitudes(self.measures)[self.quantity.split(",")[0]]
+
+    @model_validator(mode="after")
+    def _measures_what_is_there(self) -> Self:
+        if self.measures in EFFECTS and self.quantity.split(",")[0] not in _amplitudes(self.measures):
+            raise ValueError(f"{self.measures} has no amplitude {self.quantity!r}")
+        return self
+
+
+def _amplitudes(effect: str) -> dict[str, EffectParameter]:
+    return {parameter.name: parameter for parameter in EFFECTS[effect].amplitudes}
 
 
 class CheckDone(_Record):

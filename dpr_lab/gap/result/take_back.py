@@ -6,9 +6,8 @@ stand in its place. With L_c how likely the result is under candidate c,
     p_c after  =  p_c before * L_c / (sum of the same over all candidates) * (sum of p_c before),
 
 so that nothing else of the diagnosis moves, and nothing is fitted again but new recordings. A measured amplitude is
-normal about the fitted one where the candidate has it, and about zero elsewhere; a recording has
-the predictive cost of each candidate beside the other named effects, tempered as in
-`dpr_lab.gap.inference.posterior`.
+normal about the fitted one where the candidate has it, and about zero elsewhere; a recording has the predictive cost of
+each candidate beside the other named effects, tempered as in `dpr_lab.gap.inference.posterior`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -77,8 +76,8 @@ def take_value(diagnosis: Diagnosis, check: AdvisedCheck, value: float, std: flo
     """
     if check.kind != "measurement":
         raise RunError(f"check {check.id} is a recording ({check.text}): give its run files, not a value")
-    amplitude = check.quantity.split(",")[0]
-    size, spread = _amplitude(diagnosis, check.measures, amplitude)
+    amplitude = check.amplitude.name
+    size, spread = _expected(diagnosis, check)
     before = candidates(diagnosis, check.about)
     likely = {}
     for name in before:
@@ -131,11 +130,11 @@ def _told(diagnosis: Diagnosis, check: AdvisedCheck) -> set[str]:
     return {check.about, *check.splits, *(item.name for item in diagnosis.rivals if item.instead_of == check.about)}
 
 
-def _amplitude(diagnosis: Diagnosis, name: str, amplitude: str) -> tuple[float, float]:
-    """Amplitude that a check is expected to find where an effect is there, and its standard deviation."""
-    parameter = next(p for p in EFFECTS[name].amplitudes if p.name == amplitude)
+def _expected(diagnosis: Diagnosis, check: AdvisedCheck) -> tuple[float, float]:
+    """Amplitude that a check is expected to find where its effect is there, and its standard deviation."""
+    parameter = check.amplitude
     for effect in diagnosis.effects:
-        if effect.name == name and parameter.name in effect.parameters:
+        if effect.name == check.measures and parameter.name in effect.parameters:
             found = effect.parameters[parameter.name]
             low, high = found.interval90
             fitted = (high - low) / 2 / NORMAL_Q90
