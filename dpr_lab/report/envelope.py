@@ -1,4 +1,4 @@
-"""Fewer points for the same picture: the extremes of a long record, and no line across a gap."""
+"""What of a curve is drawn: the extremes of a long record, no line across a gap, and not all of a wide interval."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,3 +50,25 @@ def _gaps(t: NDArray[np.float64], gap_steps: float) -> NDArray[np.intp]:
         return np.empty(0, dtype=np.intp)
     steps = np.diff(t)
     return np.flatnonzero(steps > gap_steps * np.median(steps))
+
+
+def signal_scale(value: NDArray[np.float64], reach: NDArray[np.float64]) -> tuple[tuple[float, float], bool]:
+    """The range of a curve and of its interval where that is as wide as it mostly is, and whether more is clipped.
+
+    The curve itself takes a quarter of the range at least.
+
+    Args:
+        value: (n,) the curve
+        reach: (n,) half of its interval, which opens where little was recorded
+    """
+    finite = np.isfinite(value) & np.isfinite(reach)
+    value, reach = value[finite], reach[finite]
+    if not len(value):
+        return (-1.0, 1.0), False
+    known = reach <= 3 * np.median(reach)
+    low, high = min(float((value - reach)[known].min()), 0.0), max(float((value + reach)[known].max()), 0.0)
+    least, most = min(float(value.min()), 0.0), max(float(value.max()), 0.0)
+    wide = 1.5 * (most - least) or np.inf
+    low, high = max(low, least - wide), min(high, most + wide)
+    room = 0.05 * (high - low) or 1.0
+    return (low - room, high + room), bool(((value - reach < low) | (value + reach > high)).any())

@@ -18,11 +18,14 @@ from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.inspect import recover, verify
+from dpr_lab.storage.layout import LIMITS
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.messages import Event, EventKind, Fault, Message, State, Status
 
 SHORT = CaptureOptions(duration=2.0, pose_timeout=3.0, rest_timeout=3.0)
+LARGEST_CHUNK = LIMITS.chunk_bytes // 5
+"""On disk: samples compress sevenfold."""
 
 
 @pytest.mark.parametrize(
@@ -42,7 +45,7 @@ def test_what_the_device_reports_ends_the_capture(message: Message, error: type[
 def test_pulled_cable_leaves_a_partial_run_that_can_be_recovered(paper: Rig, tmp_path: Path, bench, agree) -> None:
     with bench(fault=("cut_after_s=20",)) as (device, _):
         with pytest.raises(DeviceLost) as caught:
-            capture(device, paper, "X1", CaptureOptions(duration=60), tmp_path, confirm=agree)
+            capture(device, paper, "X1", CaptureOptions(duration=200), tmp_path, confirm=agree)
     (path,) = sorted(tmp_path.glob("*.mcap"))
     assert str(path) in str(caught.value)
     run = load_run(path, paper)
@@ -58,7 +61,7 @@ def test_pulled_cable_leaves_a_partial_run_that_can_be_recovered(paper: Rig, tmp
 def test_device_that_restarts_is_lost(paper: Rig, tmp_path: Path, bench, agree) -> None:
     with bench(fault=("reset_after_s=20",)) as (device, _):
         with pytest.raises(DeviceLost, match="may have restarted"):
-            capture(device, paper, "X1", CaptureOptions(duration=60), tmp_path, confirm=agree)
+            capture(device, paper, "X1", CaptureOptions(duration=200), tmp_path, confirm=agree)
     assert not load_run(sorted(tmp_path.glob("*.mcap"))[0]).complete
 
 
@@ -109,12 +112,13 @@ def test_full_disk_is_a_run_error_and_stops_the_device(paper: Rig, tmp_path: Pat
 
     def fill_disk(progress: Progress) -> None:
         if isinstance(progress, Released):
-            resource.setrlimit(resource.RLIMIT_FSIZE, (120_000, hard))
+            recorded = sum(path.stat().st_size for path in tmp_path.iterdir())
+            resource.setrlimit(resource.RLIMIT_FSIZE, (recorded + 2 * LARGEST_CHUNK, hard))
 
     with bench(clock="fast") as (device, _):
         try:
             with pytest.raises(RunError, match=r"cannot be written: (File too large|No space left).* the file is kept"):
-                capture(device, paper, "X1", CaptureOptions(duration=60), tmp_path, fill_disk, agree)
+                capture(device, paper, "X1", CaptureOptions(duration=200), tmp_path, fill_disk, agree)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         assert settled(device).state is State.IDLE

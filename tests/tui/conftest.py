@@ -37,7 +37,7 @@ from sim_device.trials.offline_recorder import record
 
 DATA = Path(__file__).parent / "data"
 SNAPSHOTS = Path(__file__).parent / "snapshots"
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 DRAWN_S = 30.0
 """What a loaded machine may need until the last chart is drawn."""
 

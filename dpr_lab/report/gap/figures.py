@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from dpr_lab.gap.result.diagnosis import Diagnosis, Where
 from dpr_lab.report import style
+from dpr_lab.report.envelope import signal_scale
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure, save_each
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.tables import coordinate, place_map, quantity, steps
@@ -42,6 +43,10 @@ def _draw_place(axes: Axes, place: Where) -> None:
     axes.fill_between(knots, values - reach, values + reach, alpha=0.25, color=style.RESIDUAL["color"], linewidth=0)
     axes.plot(knots, values, marker="o", markersize=3, color=style.RESIDUAL["color"])
     axes.axhline(0.0, color="#555555", linewidth=0.8)
+    scale, clipped = signal_scale(values, reach)
+    axes.set_ylim(*scale)
+    if clipped:
+        axes.annotate("the interval leaves the picture", (0.01, 0.02), xycoords="axes fraction", fontsize="small")
     axes.set_title(f"{in_words(place.site)} by {place.coordinate}: {place.share:.0%} of the excess")
     axes.set_xlabel(coordinate(place)[0])
     axes.set_ylabel(quantity(place)[0])

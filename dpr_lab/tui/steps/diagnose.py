@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 from textual import on
@@ -238,6 +237,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             self._draw_place(self._found.where[event.value])
 
     def _draw_place(self, place: "Where") -> None:
+        from dpr_lab.report.envelope import signal_scale
         from dpr_lab.report.gap.tables import coordinate, place_map, quantity
         from dpr_lab.report.words import in_words
 
@@ -248,7 +248,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         ]
         zero = Series("", at, np.zeros(len(at)), "foreground")
         scale, clipped = signal_scale(value, reach)
-        note = " The interval leaves the picture where hardly anything was recorded." if clipped else ""
+        note = " The interval leaves the picture in places." if clipped else ""
         self.query_one("#place-text", Static).update(in_words(place.sentence) + note)
         self.query_one("#place-map", Chart).show(
             [zero, *edges, Series("estimate", at, value)],
@@ -256,23 +256,6 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             y_label=quantity(place, unit)[0],
             y_range=scale,
         )
-
-
-def signal_scale(value: NDArray[np.float64], reach: NDArray[np.float64]) -> tuple[tuple[float, float], bool]:
-    """The range of a curve and of its interval where that is as wide as it mostly is, and whether more is clipped.
-
-    Args:
-        value: (n,) the curve
-        reach: (n,) half of its interval, which opens where little was recorded
-    """
-    finite = np.isfinite(value) & np.isfinite(reach)
-    value, reach = value[finite], reach[finite]
-    if not len(value):
-        return (-1.0, 1.0), False
-    known = reach <= 3 * np.median(reach)
-    low, high = min(float((value - reach)[known].min()), 0.0), max(float((value + reach)[known].max()), 0.0)
-    room = 0.05 * (high - low) or 1.0
-    return (low - room, high + room), bool(((value - reach < low) | (value + reach > high)).any())
 
 
 def _progress(number: int, of: int) -> str:

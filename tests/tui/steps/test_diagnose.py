@@ -12,10 +12,11 @@ from textual.app import App
 from textual.widgets import DataTable, Input, Static, TabbedContent
 
 from dpr_lab.gap.result.diagnosis import load_diagnosis
+from dpr_lab.report.envelope import signal_scale
 from dpr_lab.report.gap.tables import next_steps, sentence
 from dpr_lab.report.tables import run_name
 from dpr_lab.report.words import in_words, named
-from dpr_lab.tui.steps.diagnose import DiagnoseStep, signal_scale
+from dpr_lab.tui.steps.diagnose import DiagnoseStep
 from dpr_lab.tui.texts import Bars
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.stepper import Stepper
@@ -156,6 +157,9 @@ def test_an_interval_that_opens_at_the_edges_does_not_flatten_the_curve() -> Non
     assert 1.1 < high < 1.5
     assert clipped
     assert not signal_scale(value, np.full(5, 0.1))[1]
+    (low, high), clipped = signal_scale(value, np.full(5, 300.0))  # wide everywhere
+    assert clipped
+    assert np.ptp(value) > 0.2 * (high - low)
 
 
 def test_where_nothing_is_left_there_is_no_bar() -> None:
