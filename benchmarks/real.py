@@ -252,10 +252,12 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="of the recordings: multiarm, dfki_design_a")
     parser.add_argument("--write", action="store_true", help="write the page of the documentation too")
     args = parser.parse_args()
-    page = "\n".join([HEAD, *(section(case) for case in cases(args.folder)), OPEN])
-    print(page)
+    told = []
+    for case in cases(args.folder):
+        told.append(section(case))
+        print(told[-1], flush=True)
     if args.write:
-        PAGE.write_text(page, encoding="utf-8")
+        PAGE.write_text("\n".join([HEAD, *told, OPEN]), encoding="utf-8")
 
 
 if __name__ == "__main__":
