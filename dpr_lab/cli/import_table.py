@@ -54,7 +54,7 @@ def import_table(
     offset: Annotated[str | None, typer.Option(help="Then add, in their unit: 90, or theta1=90.")] = None,
     torque: Annotated[
         Literal["measured", "commanded", "none"] | None,
-        typer.Option(help="Which torques drove the joints, of a table that holds both; none: take it as a free swing."),
+        typer.Option(help="Keep only these torques, of a table that holds both; none: take it as a free swing."),
     ] = None,
     input_delay_s: Annotated[
         float, typer.Option(min=-1, max=1, help="How much later than logged the torques act, if known.")

@@ -13,9 +13,11 @@ from dpr_lab.storage.table import Table
 AXES = ("theta0", "theta1", "theta2")
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 UNITS = ("rad", "deg", "counts")
-_TORQUE_NAME = re.compile(r"(?:tau|torque|trq|effort)([12])(measured|meas|commanded|command|cmd|des|desired)?(?:nm)?")
-_TORQUE_KINDS = {"measured": "measured", "meas": "measured"} | dict.fromkeys(
-    ("commanded", "command", "cmd", "des", "desired"), "commanded"
+KINDS = ("measured", "commanded")
+_TORQUE_KINDS = {"meas": "measured"} | dict.fromkeys(("command", "cmd", "desired", "des"), "commanded")
+_TORQUE_KINDS |= dict(zip(KINDS, KINDS, strict=True))
+_TORQUE_NAME = re.compile(
+    "(?:tau|torque|trq|effort){kind}([12]){kind}(?:nm)?".format(kind=f"({'|'.join(_TORQUE_KINDS)})?")
 )
 NO_ROD = "joint 2, without a rod"
 """Name of a column that stands in."""
@@ -85,37 +87,37 @@ def find_columns(
     return Columns(found, unit, time_unit, notes)
 
 
-def find_torques(names: Sequence[str], source: str | None, path: object) -> tuple[str, ...]:
-    """Columns of the torques of joint 1 and 2; none of a free swing.
+def find_torques(names: Sequence[str], source: str | None, path: object) -> dict[str, tuple[str, str]]:
+    """Columns of the torques of joint 1 and 2 by their kind, `measured` first; none of a free swing.
+
+    The kind is empty where no column says one. Beside columns of one kind, those that say none are of the other.
 
     Args:
         names: of the table's columns
-        source: `measured` or `commanded`, where there are both; `none` for none; None for what there is
+        source: `measured` or `commanded`, where only that kind is wanted; `none` for none; None for what there is
         path: of the table
 
     Raises:
-        RunError: both kinds without a choice, or one joint's only.
+        RunError: one joint's only, two columns of one torque, or none of the kind that is wanted.
     """
-    matches = [(name, _TORQUE_NAME.fullmatch(_bare(name))) for name in names]
-    found = {(match[2] or "", match[1]): name for name, match in matches if match}
-    kinds = sorted({_TORQUE_KINDS.get(kind, "") for kind, _ in found})
-    if source == "none" or not found:
-        if source in _TORQUE_KINDS.values():
-            raise RunError(f"{path}: has no column of {source} torques; it has: {', '.join(names)}")
-        return ()
-    if source is None and len(kinds) > 1:
-        raise RunError(f"{path}: holds torques {' and '.join(kinds)}: say --torque measured or --torque commanded")
-    wanted = source or kinds[0]
-    chosen = {joint: name for (kind, joint), name in found.items() if _TORQUE_KINDS.get(kind, "") in (wanted, "")}
-    if set(chosen) != {"1", "2"}:
-        raise RunError(f"{path}: torques are needed of both joints; there are: {', '.join(chosen.values()) or 'none'}")
-    return chosen["1"], chosen["2"]
-
-
-def torque_kind(name: str) -> str:
-    """`measured` or `commanded`, as the name of a column of torques says; nothing where it does not."""
-    match = _TORQUE_NAME.fullmatch(_bare(name))
-    return _TORQUE_KINDS.get(match[2] or "", "") if match else ""
+    matches = {name: match for name in names if (match := _TORQUE_NAME.fullmatch(_bare(name)))}
+    said = {name: _TORQUE_KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
+    others = [kind for kind in KINDS if kind not in said.values()]
+    unsaid = (source if len(others) == 2 else others[0] if others else None) or ""
+    found: dict[str, dict[str, str]] = {kind: {} for kind in ("", *KINDS)}
+    for name, match in matches.items() if source != "none" else ():
+        of_kind = found[said[name] or unsaid]
+        if match[2] in of_kind:
+            raise RunError(f"{path}: {of_kind[match[2]]} and {name} are the same torque: leave one out of the table")
+        of_kind[match[2]] = name
+    wanted = (source,) if source in KINDS else KINDS if found["measured"] or found["commanded"] else ("",)
+    chosen = {kind: found[kind] for kind in wanted if found[kind]}
+    if source in KINDS and not chosen:
+        raise RunError(f"{path}: has no column of {source} torques; it has: {', '.join(names)}")
+    for pair in chosen.values():
+        if len(pair) < 2:
+            raise RunError(f"{path}: torques are needed of both joints; there are: {', '.join(pair.values())}")
+    return {kind: (pair["1"], pair["2"]) for kind, pair in chosen.items()}
 
 
 def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, dict[str, str]]:

@@ -19,7 +19,7 @@ from dpr_lab.estimation.arm_motion import prescribed_arm
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_mounted
 from dpr_lab.setup import ArmMotion
-from dpr_lab.storage.columns import AXES, TO_SECONDS, find_columns, find_torques, torque_kind, with_still_joint2
+from dpr_lab.storage.columns import AXES, TO_SECONDS, find_columns, find_torques, with_still_joint2
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import full_turns, load_run
 from dpr_lab.storage.readers import read_any
@@ -30,6 +30,8 @@ Angles = Literal["absolute", "relative"]
 Zero = Literal["upright", "hanging"]
 Unit = Literal["rad", "deg", "counts"]
 TimeUnit = Literal["s", "ms", "us"]
+TorqueChoice = Literal["measured", "commanded", "none"]
+ArmKind = Literal["clamped", "prescribed"]
 TO_RADIANS = {"rad": 1.0, "deg": np.pi / 180}
 
 
@@ -94,11 +96,12 @@ class ImportOptions:
     pose: str | None = None
     """Pose of the rig that was released from, where it is known."""
     note: str = ""
-    torque: Literal["measured", "commanded", "none"] | None = None
-    """Which known torques drove the joints, where the table holds both; `none`: none that it holds."""
+    torque: TorqueChoice | None = None
+    """The only kind of torques to keep, or that torques which do not say it are of; `none`: none that it holds. None:
+    all there are, of two kinds both."""
     input_delay_s: float = 0.0
     """How much later than they were logged they act, where that is known."""
-    arm: Literal["clamped", "prescribed"] = "clamped"
+    arm: ArmKind = "clamped"
     """Whether the arm was held, or moved as its encoder says."""
 
     def __post_init__(self) -> None:
@@ -129,9 +132,10 @@ class Understood:
     options: ImportOptions
     """With the units that were found."""
     kind: str
-    torques: NDArray[np.float64] | None = None
-    torque_kind: str = ""
-    """`measured` or `commanded`, as their columns say."""
+    torques: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    """(n, 2) by kind, `measured` first; of no kind where their columns do not say it; none of a free swing."""
+    torque_columns: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """Of each kind, the columns of joint 1 and 2."""
 
     @property
     def rate_hz(self) -> float:
@@ -162,7 +166,7 @@ def import_csv(file: Path | str, rig: Rig, options: ImportOptions | None = None,
     if out is None:
         return run
     with whole_run(out, _metadata(path, rig, swing)) as writer:
-        writer.table(swing.t, swing.theta, swing.counts, swing.torques)
+        writer.table(swing.t, swing.theta, swing.counts, list(swing.torques.values()) or None)
         writer.finish(RunSummary(release_tick=0, notes=swing.notes))
     return load_run(out)
 
@@ -184,23 +188,23 @@ def understand(file: Path | str, rig: Rig, options: ImportOptions | None = None)
     readings, unrecorded = _recorded(table, found)
     _check_forwards(table, t)
     outliers = _drop_outliers(readings, rig, options)
-    driving = _torques(table, options)
-    kept, notes = _rows_to_keep(path, t, {**readings, **driving}, options)
+    driving = find_torques([*table.names, *table.other_lengths], options.torque, path)
+    known = {name: _torque(table, name) for pair in driving.values() for name in pair}
+    kept, notes = _rows_to_keep(path, t, {**readings, **known}, options)
     values = {axis: _scaled(column[kept], axis, options) for axis, column in readings.items()}
     time = t[kept] - t[kept][0]
     _check_spacing(path, time)
     counts = _counts(path, values, rig) if options.unit == "counts" else None
     theta, unwrapped = (rig.theta(counts), []) if counts is not None else _theta(values, options)
     notes += outliers + unrecorded + unwrapped + _early_notes(t[kept]) + _gap_notes(time) + _odd_notes(time, theta)
-    torques = np.stack([column[kept] for column in driving.values()], axis=1) if driving else None
-    if torques is not None and not torques.any():
-        torques, notes = None, [*notes, "its torques are zero throughout: a free swing"]
-    elif torques is not None:
-        notes += [f"driven by {' and '.join(driving)}, N m, each held until the next row"]
+    if driving and not any(column[kept].any() for column in known.values()):
+        driving, notes = {}, [*notes, "its torques are zero throughout: a free swing"]
+    torques = {kind: np.stack([known[name][kept] for name in pair], axis=1) for kind, pair in driving.items()}
+    if torques:
+        notes += [f"driven by {' and '.join(torques) or 'known'} torques, each held until the next row"]
     notes = (*table.notes, *columns.notes, *notes)
-    driven_by = torque_kind(next(iter(driving), ""))
     first = float(t[kept][0])
-    return Understood(time, theta, counts, first, columns.names, notes, options, table.kind, torques, driven_by)
+    return Understood(time, theta, counts, first, columns.names, notes, options, table.kind, torques, driving)
 
 
 def _refuse_conventions(table: Table, options: ImportOptions) -> None:
@@ -211,16 +215,13 @@ def _refuse_conventions(table: Table, options: ImportOptions) -> None:
         )
 
 
-def _torques(table: Table, options: ImportOptions) -> dict[str, NDArray[np.float64]]:
-    """The columns of known torques by their names, joint 1 first."""
-    names = find_torques([*table.names, *table.other_lengths], options.torque, table.path)
-    for name in names:
-        if name in table.other_lengths:
-            raise RunError(
-                f"{table.path}: torques of another length: {table.other_lengths[name]:,} values of {name!r} for"
-                f" {len(table.lines):,} rows"
-            )
-    return {name: table.column(name) for name in names}
+def _torque(table: Table, name: str) -> NDArray[np.float64]:
+    if name in table.other_lengths:
+        raise RunError(
+            f"{table.path}: torques of another length: {table.other_lengths[name]:,} values of {name!r} for"
+            f" {len(table.lines):,} rows"
+        )
+    return table.column(name)
 
 
 def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> NDArray[np.float64]:
@@ -411,7 +412,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
             "file_sha256": sha256_of(path) if path.is_file() else "",
             "t_offset_s": repr(swing.t_offset_s),
             "columns": json.dumps(dict(swing.columns)),
-            "torque_kind": swing.torque_kind,
+            "torque_kind": next(iter(swing.torques), ""),
             "input_delay_s": repr(swing.options.input_delay_s),
             "arm": options.arm,
             "options": json.dumps(asdict(options) | {name: dict(getattr(options, name)) for name in as_dicts}),
@@ -421,7 +422,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
 
 def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
     """The run that a table is understood as."""
-    options = swing.options
+    options, (kind, torques), (_, commanded) = swing.options, *[*swing.torques.items(), ("", None), ("", None)][:2]
     turns = full_turns(rig, options.pose, swing.t, swing.theta)
     return Run(
         name=path.stem,
@@ -429,8 +430,9 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
         theta=as_mounted(swing.theta - turns, rig.rods.mounting, str(path)),
         mounting=rig.rods.mounting,
         counts=swing.counts,
-        torques=swing.torques,
-        torque_kind=swing.torque_kind,
+        torques=torques,
+        torque_kind=kind,
+        commanded=commanded,
         input_delay_s=options.input_delay_s,
         arm=_arm(path, rig, swing) if options.arm == "prescribed" else None,
         pose=options.pose,

@@ -32,6 +32,10 @@ class Preview:
     gaps: int
     """Steps that are longer than they should be."""
     notes: tuple[str, ...]
+    torques: dict[str, tuple[str, str]]
+    """Of each kind of known torques, `measured` first, the columns of joint 1 and 2; of no kind where none is said."""
+    largest_Nm: float
+    """Of all known torques, by size."""
     t: NDArray[np.float64]
     """(n,) s"""
     theta: NDArray[np.float64]
@@ -43,6 +47,8 @@ class Preview:
         reading = f"{self.unit}, by the rig's encoders" if by_rig else f"{self.unit}, {self.angles}, {self.zero} is 0"
         axes = ", ".join(f"{axis} = {name}" for axis, name in self.columns.items())
         gaps = f"; {self.gaps} gaps" if self.gaps else "; no gaps"
+        kinds = [f"{kind} {' and '.join(pair)}".strip() for kind, pair in self.torques.items()]
+        driven = {"torques": f"{'; '.join(kinds)}; up to {self.largest_Nm:.4g} N m, held until the next row"}
         return {
             "file": self.kind,
             "columns": axes,
@@ -50,6 +56,7 @@ class Preview:
             "time": f"{self.samples:,} rows in {self.duration_s:.6g} s, unit {self.time_unit}",
             "rate": f"{self.rate_hz:.6g} Hz, steps {self.steps_s[0]:.4g} to {self.steps_s[1]:.4g} s{gaps}",
             "rods": "; ".join(f"theta{k} {_range(self.theta[:, k])}" for k in (1, 2)),
+            **(driven if kinds else {}),
         }
 
     def first_rows(self, rows: int = 5) -> list[tuple[float, ...]]:
@@ -65,6 +72,7 @@ class Preview:
             **said,
             "steps_s": list(self.steps_s),
             "notes": list(self.notes),
+            "torques": [{"kind": kind, "columns": list(pair)} for kind, pair in self.torques.items()],
             "first_rows": [dict(zip(("t", *AXES), row, strict=True)) for row in self.first_rows()],
         }
 
@@ -91,6 +99,8 @@ def preview(file: Path, rig: Rig, options: ImportOptions) -> Preview:
         steps_s=(float(steps.min()), float(steps.max())),
         gaps=int(np.count_nonzero(steps > PLAUSIBLE.gap_steps * np.median(steps))),
         notes=swing.notes,
+        torques=dict(swing.torque_columns),
+        largest_Nm=max((float(np.abs(torque).max()) for torque in swing.torques.values()), default=0.0),
         t=swing.t,
         theta=swing.theta,
     )

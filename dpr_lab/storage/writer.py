@@ -114,7 +114,7 @@ class RunWriter:
             t: (n,) time since the table's first row, s, not negative
             theta: (n, 3) absolute angles, rad
             counts: (n, 3) position counters, where the table holds them
-            torques: (n, 2) known torques of joint 1 and 2, N m, where the joints were driven
+            torques: (kinds, n, 2) known torques of joint 1 and 2, N m, where the joints were driven; as of `samples`
 
         Raises:
             ValueError: wrong shapes, a value that is not finite, or a run whose time comes from ticks.
@@ -123,8 +123,7 @@ class RunWriter:
         rows = np.asarray(t, dtype=np.float64)
         tick = self._last_tick + 1 + np.arange(len(rows))
         count = None if counts is None else np.asarray(counts, dtype=np.int64)
-        driven = None if torques is None else np.asarray(torques)[None]
-        self._append(tick, rows, np.asarray(theta, dtype=np.float64), count, _by_kind(driven))
+        self._append(tick, rows, np.asarray(theta, dtype=np.float64), count, _by_kind(torques))
 
     def raw(self, host_time_ns: int, data: bytes) -> None:
         """Append bytes exactly as the link delivered them."""

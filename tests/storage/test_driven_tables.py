@@ -11,8 +11,10 @@ from dpr_lab.rig import Rig, RigGeometry
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.export import export
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
+from dpr_lab.storage.preview import preview
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter
+from dpr_lab.tui.steps.table_import import options_of
 from dpr_lab.workflows.events import RunRead
 from dpr_lab.workflows.reading import read_runs
 
@@ -38,15 +40,38 @@ def test_torques_are_read_and_kept(paper: Rig, tmp_path: Path, header: str) -> N
     assert run.setup.torques is not None
 
 
-def test_of_measured_and_commanded_torques_one_is_chosen(paper: Rig, tmp_path: Path) -> None:
-    header = "tau1_measured_Nm,tau2_measured_Nm,tau1_commanded_Nm,tau2_commanded_Nm"
-    file = table(tmp_path, header, TAU, 2 * TAU)
-    with pytest.raises(RunError, match="commanded and measured: say --torque measured or --torque commanded"):
-        import_csv(file, paper)
+MEASURED, COMMANDED = ("tau1_measured_Nm", "tau2_measured_Nm"), ("tau1_commanded_Nm", "tau2_commanded_Nm")
+
+
+@pytest.mark.parametrize("first", [MEASURED, ("tau1_Nm", "tau2_Nm"), ("tau_meas1", "tau_meas2")])
+def test_of_measured_and_commanded_torques_both_are_kept(paper: Rig, tmp_path: Path, first: tuple[str, str]) -> None:
+    file = table(tmp_path, ",".join(COMMANDED + first), 2 * TAU, TAU)
+    shown = preview(file, paper, ImportOptions())
+    assert shown.to_json()["torques"] == [
+        {"kind": "measured", "columns": list(first)},
+        {"kind": "commanded", "columns": list(COMMANDED)},
+    ]
+    assert f"measured {' and '.join(first)}; commanded tau1_commanded_Nm" in shown.facts()["torques"]
+    made = import_csv(file, paper)
+    import_csv(file, paper, out=tmp_path / "a.mcap")
+    export(load_run(tmp_path / "a.mcap"), tmp_path / "a.csv")
+    for run in (made, load_run(tmp_path / "a.mcap"), import_csv(tmp_path / "a.csv", paper)):
+        assert run.torque_kind == "measured"
+        assert run.torques == pytest.approx(TAU)
+        assert run.commanded == pytest.approx(2 * TAU)
+        assert run.readings_sha256 == made.readings_sha256
+
+
+def test_of_measured_and_commanded_torques_one_can_be_kept_alone(paper: Rig, tmp_path: Path) -> None:
+    file = table(tmp_path, ",".join(MEASURED + COMMANDED), TAU, 2 * TAU)
     commanded = import_csv(file, paper, ImportOptions(torque="commanded"))
+    assert (commanded.torque_kind, commanded.commanded) == ("commanded", None)
     assert commanded.torques == pytest.approx(2 * TAU)
-    assert commanded.torque_kind == "commanded"
-    assert import_csv(file, paper, ImportOptions(torque="none")).torques is None
+    free = import_csv(file, paper, options_of("torque=none"))
+    assert free.torques is None
+    assert "torques" not in preview(file, paper, ImportOptions(torque="none")).facts()
+    with pytest.raises(RunError, match="tau1_commanded_Nm and tau_cmd1 are the same torque"):
+        import_csv(table(tmp_path, "tau1_commanded_Nm,tau_cmd1,tau_cmd2", TAU, TAU[:, :1]), paper)
 
 
 def test_a_run_file_keeps_which_torques_they_are_and_how_late_they_act(paper: Rig, tmp_path: Path) -> None:
@@ -131,6 +156,6 @@ def test_a_writer_takes_torques_of_its_rows_only(paper: Rig, tmp_path: Path) -> 
     theta = np.zeros((len(T), 3))
     with RunWriter(tmp_path / "b.mcap", RunMetadata(paper, None, 100.0, "import", "table")) as writer:
         with pytest.raises(ValueError, match="2 finite torques"):
-            writer.table(T, theta, None, TAU[:-1])
-        writer.table(T, theta, None, TAU)
+            writer.table(T, theta, None, [TAU[:-1]])
+        writer.table(T, theta, None, [TAU])
     assert load_run(tmp_path / "b.mcap").torques == pytest.approx(TAU)

@@ -14,14 +14,18 @@ from textual.widgets import Footer, Input, Static
 from dpr_lab.errors import DprError, RunError
 from dpr_lab.report.text_plot import text_plot
 from dpr_lab.storage.columns import AXES
-from dpr_lab.storage.csv_import import Angles, ImportOptions, TimeUnit, Unit, Zero
+from dpr_lab.storage.csv_import import Angles, ArmKind, ImportOptions, TimeUnit, TorqueChoice, Unit, Zero
 from dpr_lab.storage.preview import Preview
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.workflows.import_table import ImportRequest, import_table, preview_table
 
 WORDS = {"angles": Angles, "zero": Zero, "unit": Unit, "time_unit": TimeUnit}
+NAMED = {"torque": TorqueChoice, "arm": ArmKind}
 NUMBERS = ("rate_hz", "wrap", "start_s", "duration_s")
-HINT = "relative hanging deg ms t=COLUMN theta1=COLUMN theta2=COLUMN take=NAME rate_hz=200 wrap=360 pose=X1"
+HINT = (
+    "relative hanging deg ms t=COLUMN theta1=COLUMN theta2=COLUMN take=NAME rate_hz=200 wrap=360 pose=X1"
+    " torque=measured arm=prescribed"
+)
 
 
 class TableImport(Guarded, ModalScreen[Path | None]):
@@ -101,6 +105,8 @@ def options_of(said: str) -> ImportOptions:
             columns[name] = value
         elif value and name in NUMBERS:
             options[name] = _number(word, value)
+        elif name in NAMED and value in get_args(NAMED[name]):
+            options[name] = value
         elif value and name in ("take", "pose"):
             options[name] = tuple(value.split(",")) if name == "take" else value
         else:
