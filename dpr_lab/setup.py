@@ -56,7 +56,8 @@ class Setup:
     added: AddedMass | None = None
     """The known mass that was clamped on."""
     elbow: float = 0.0
-    """Angle theta2 - theta1 of a clamped elbow, to a tenth of a radian."""
+    """Angle theta2 - theta1 of a clamped elbow, to a tenth of a radian: elbows that differ by less show nothing
+    new of the ratios. What swings takes it from its own initial state."""
     torques: Torques | None = None
     """What drove the joints; None for a free swing."""
     arm: ArmMotion | None = None

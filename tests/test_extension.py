@@ -89,7 +89,8 @@ def test_a_transport_is_a_file_and_a_row(copy: Copy) -> None:
 
         class Loopback:
             def __init__(self, url):
-                self.url, self.errors, self.capacities, self._frames = url, {}, (), []
+                self.url, self.capacities, self._frames = url, (), []
+                self.errors = {"crc": 0, "framing": 0}
 
             def send(self, frame):
                 self._frames.append(frame)
@@ -287,7 +288,7 @@ def test_an_effect_with_memory_or_a_continuous_shape_is_a_file_and_a_row(copy: C
             internal=(InternalState("stretch", "rad", after=stretched),),
             dissipative=True,
             bench_check="Take the cable off.",
-            source="Prandtl (1928).",
+            source="Prandtl (1928), Z. angew. Math. Mech. 8, 85-106.",
         )
         ''',
     )

@@ -1,4 +1,6 @@
-"""The quality gate: what a recording must show before anything is fitted to it.
+"""The quality gate: what a finished recording must show before anything is fitted to it.
+
+What must hold before a release is in `holding`.
 
 A run that fails a check is kept and marked, never thrown away: `degraded`, with the reasons.
 """

@@ -75,7 +75,22 @@ def shape(
     whole: bool = False,
     continuous: bool = False,
 ) -> EffectParameter:
-    """A shape parameter, positive, whose typical size is its default."""
+    """A shape parameter, positive, whose typical size is its default.
+
+    Args:
+        name: with its unit
+        unit: in words of SI
+        default: where it stands while it is not fitted
+        scan: values to try first; of a continuous one in equal ratios, which is where its fit begins
+        draw: between which values a blind trial draws it
+        whole: a number of things
+        continuous: fitted after the scan
+
+    Raises:
+        ValueError: a continuous shape without at least two values to begin at.
+    """
+    if continuous and len(scan) < 2:
+        raise ValueError(f"{name}: a continuous shape needs two values or more in `scan`")
     return EffectParameter(
         name,
         unit,
@@ -141,7 +156,7 @@ class Effect:
     words: str
     """What it is to a person who reads it: `dry friction, joint 1`."""
     equation: str
-    """What it adds, in the words of `physics.md`: torques on theta1, theta2, or changes of what is read."""
+    """What it adds, in the symbols of docs/theory.md: torques on theta1, theta2, or changes of what is read."""
     parameters: tuple[EffectParameter, ...]
     site: Site
     stage: Stage

@@ -73,25 +73,27 @@ def diagnose(
     places = locate(problem, bare)
     begin("which")
     setups = problem.segments.setups
-    driven, carried = any(setup.torques for setup in setups), any(setup.arm for setup in setups)
+    driven, arm_known = any(setup.torques for setup in setups), any(setup.arm for setup in setups)
     library = {
         name: effect
         for name, effect in library.items()
         if name not in problem.always
         and (driven or not effect.driven)
-        and not (carried and effect.stage == "arm")  # it moves as it is known to
+        and not (arm_known and effect.stage == "arm")  # it moves as it is known to
     }
     selection = select(recordings, problem, bare, library, max_effects=max_effects, on_progress=on_progress)
     begin("classes")
     posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
     begin("how far")
-    carried = transfer(recordings, unseen, problem, selection, np.random.default_rng(seed))
-    posteriors = carried.judged(posteriors)
-    size = gap(recordings, unseen, problem, selection, carried)
+    transferred = transfer(recordings, unseen, problem, selection, np.random.default_rng(seed))
+    posteriors = transferred.judged(posteriors)
+    size = gap(recordings, unseen, problem, selection, transferred)
     begin("advice")
     advice = advise(recordings, selection.chosen, posteriors)
     spread = covariance(problem, selection.chosen, rig)
-    findings = Findings(recordings, problem, selection, posteriors, carried, places, size, tuple(advice), spread, cut)
+    findings = Findings(
+        recordings, problem, selection, posteriors, transferred, places, size, tuple(advice), spread, cut
+    )
     begin("evidence")
-    rests_on = evidence(recordings, unseen, problem, selection, carried)
+    rests_on = evidence(recordings, unseen, problem, selection, transferred)
     return conclude(findings, rests_on, seconds=time.perf_counter() - began)

@@ -14,7 +14,7 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW
 from dpr_lab.identification.identifiability import identifiability, summary
 from dpr_lab.identification.merging import merge_segments
-from dpr_lab.identification.misread import refuse_impossible, refuse_misread, short_fit
+from dpr_lab.identification.misread import refuse_impossible, refuse_misread
 from dpr_lab.identification.model import (
     Covariance,
     EstimatedValue,
@@ -30,7 +30,7 @@ from dpr_lab.identification.objectives import OBJECTIVES
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.prior_update import prior_ratio_std, update_prior
 from dpr_lab.identification.profile import profile90
-from dpr_lab.identification.ratio_fit import RatioFit, predictable_until
+from dpr_lab.identification.ratio_fit import RatioFit, predictable_until, short_fit
 from dpr_lab.identification.uncertainty import RatioUncertainty, uncertainty
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run

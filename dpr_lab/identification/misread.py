@@ -10,11 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.base import RATIOS, whole_parameters
+from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.errors import IdentificationError
-from dpr_lab.fitting.estimate import unknown_ratios
-from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
-from dpr_lab.identification.ratio_fit import RatioFit, fit_ratios, rods_estimate, segmented
+from dpr_lab.identification.preprocess import preprocess
+from dpr_lab.identification.ratio_fit import RatioFit, short_fit
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -25,10 +24,6 @@ Array = NDArray[np.float64]
 class MisreadSettings:
     """When a reading is doubted."""
 
-    first_segment_s: float = 0.25
-    """Converges from any start inside bounds 20 % wide."""
-    working_segment_s: float = 0.5
-    """Fitted next: long enough that a wrong reading cannot be followed."""
     looked_at_s: float = 10.0
     """Of each run; a wrong reading is wrong from the start."""
     suspicious: float = 0.02
@@ -78,15 +73,6 @@ MISREADINGS = (
         lambda a, b: (np.pi + np.degrees(a - np.pi), np.pi + np.degrees(b - np.pi)),
     ),
 )
-
-
-def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
-    """The ratios from (9,) parameters to start from: over segments of a quarter of a second, then of half a second."""
-    start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
-    problem, initial = segmented(runs, rig, SETTINGS.first_segment_s)
-    first = fit_ratios(problem, rods_estimate(start, initial))
-    problem, initial = segmented(runs, rig, SETTINGS.working_segment_s)
-    return fit_ratios(problem, rods_estimate(first.fit.estimate.ratios, initial))
 
 
 def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:

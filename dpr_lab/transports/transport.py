@@ -71,7 +71,7 @@ class Transport(Protocol):
 
     @property
     def errors(self) -> dict[str, int]:
-        """Damaged frames so far, by cause: `crc`, `framing`."""
+        """Damaged frames so far, by cause: both `crc` and `framing`, zero where the link has none of them."""
         ...
 
     @property

@@ -35,6 +35,8 @@ class Calibration:
     """Share of the gap left at which the cause is as likely outside the library as in it."""
     steepness: float = 2.0
     """Power with which that probability rises with the share left."""
+    sure: float = 0.98
+    """Probability of what was found, where there is either no gap or nothing that explains it."""
     outside_when_closed: float = 0.02
     """Probability of a cause outside the library when nothing but noise is left."""
     least_left: float = 1e-6
@@ -163,7 +165,7 @@ def probabilities(
 ) -> Mapping[str, float]:
     """Of no gap, of a cause outside the library, and of each class in the place it would take."""
     if no_gap or not selection.chosen.effects:
-        nothing = 0.98 if no_gap else 0.02
+        nothing = CALIBRATION.sure if no_gap else 1 - CALIBRATION.sure
         return {"no_gap": nothing, "unexplained": 1 - nothing}
     found = {"no_gap": 0.0, "unexplained": outside(selection)}
     for item in posteriors:

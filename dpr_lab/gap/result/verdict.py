@@ -22,7 +22,7 @@ class VerdictRules:
     partly_share: float = 0.5
     """Of the excess, below which nothing is said to be explained."""
     sure: float = 0.6
-    """Probability below which a class is not named."""
+    """Probability that the surest class of a named set has at least; the sentence gives that of the least sure."""
     closes: float = 0.5
     """Share of the gap that must close on recordings that took no part, for a set to be the cause."""
     gap_from: float = 0.5

@@ -70,7 +70,7 @@ def select(
     grown = leanest(search, grow(search, begun, max_effects))
     chosen = _simplify(search, _enrich(search, _prune(search, grown)))
     chosen = _prune(search, _exchange(search, chosen))
-    chosen = search.converged(_with_own_part(search, _withdraw(search, chosen)))
+    chosen = search.converged(_with_own_part(search, _drop_harmful(search, chosen)))
     found = _selection(search, chosen)
     for _ in range(REVISIONS):
         better = _overtaken(search, chosen)
@@ -155,14 +155,14 @@ def _exchange(search: ModelSearch, current: Hypothesis) -> Hypothesis:
     return _exchange(search, best)
 
 
-def _withdraw(search: ModelSearch, chosen: Hypothesis) -> Hypothesis:
+def _drop_harmful(search: ModelSearch, chosen: Hypothesis) -> Hypothesis:
     """Without effects that make a run harder to predict from the others than it was without them."""
     tolerance = THRESHOLDS.chance * chosen.residuals.inflation
     for name in chosen.effects:
         less = search.without(chosen, name)
         followed = excess(less) <= excess(search.bare)  # or its fit got lost, and foretells nothing
         if followed and (chosen.predictive_loss - less.predictive_loss > tolerance).any():
-            return _withdraw(search, less)
+            return _drop_harmful(search, less)
     return chosen
 
 
