@@ -1,7 +1,7 @@
 """A run: one release recorded, or one table imported."""
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -141,6 +141,11 @@ class Run(Shown):
         return replace(
             self, t=self.t[keep], theta=self.theta[keep], counts=counts, torques=torques, commanded=commanded
         )
+
+
+def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
+    """The kinds of known torques that drove these runs, where it is said of them."""
+    return tuple(sorted({run.torque_kind for run in runs if run.torques is not None} - {""}))
 
 
 def _flat(parts: tuple[Any, ...]) -> Iterator[Any]:

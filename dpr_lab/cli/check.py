@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from dpr_lab.cli.checks import complete_rig, positive
+from dpr_lab.cli.checks import TorqueKind, complete_rig, positive
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 
@@ -19,6 +19,7 @@ def check(
         str | None,
         typer.Option(help="Rig file; the one stored with the run when left out.", autocompletion=complete_rig),
     ] = None,
+    torque: TorqueKind = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the new diagnosis.json and its page.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The new diagnosis as JSON on stdout.")] = False,
 ) -> None:
@@ -35,7 +36,8 @@ def check(
     from dpr_lab.workflows.check import CheckRequest, take_check
 
     with Listener() as listener:
-        found = take_check(CheckRequest(diagnosis, check_id, tuple(runs or ()), value, std, rig, out), listener)
+        request = CheckRequest(diagnosis, check_id, tuple(runs or ()), value, std, rig, out, torque)
+        found = take_check(request, listener)
     if as_json:
         emit(found.to_json())
         return

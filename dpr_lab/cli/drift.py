@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from dpr_lab.cli.checks import AnyClock, RigName
+from dpr_lab.cli.checks import AnyClock, RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 
@@ -27,6 +27,7 @@ def drift(
     fail_on_drift: Annotated[bool, typer.Option("--fail-on-drift", help="End with 1 when something moved.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of control charts and page.")] = None,
     any_clock: AnyClock = False,
+    torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Say which parameters of a rig moved between groups of runs, by how much and after which group.
@@ -38,14 +39,14 @@ def drift(
     from dpr_lab.workflows.drift import DriftRequest, watch_drift
 
     with Listener() as listener:
-        found = watch_drift(DriftRequest(tuple(runs), rig, by, diagnosis, model, out, any_clock), listener)
+        found = watch_drift(DriftRequest(tuple(runs), rig, by, diagnosis, model, out, any_clock, torque), listener)
     if as_json:
         emit(found.to_json())
     else:
         from dpr_lab.report.drift import COLUMNS, basis_sentence, rows, sentence
 
         line(sentence(found.drift))
-        table("What moved", COLUMNS, rows(found.drift), note=basis_sentence(found.drift))
+        table("What moved", COLUMNS, rows(found.drift), note=basis_sentence(found.drift, found.torques))
         if "report" in found.files:
             line(f"report: {found.files['report']}")
     if fail_on_drift and found.drift.moved:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import EXPORT_NAMES, RigName, names_in
+from dpr_lab.cli.checks import EXPORT_NAMES, RigName, TorqueKind, names_in
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def export(
         list[Path] | None,
         typer.Option(help="Run to replay there, and to fit again where something cannot be said; may be given again."),
     ] = None,
+    torque: TorqueKind = None,
     out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("export"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -41,7 +42,7 @@ def export(
 
     formats = tuple(dict.fromkeys(names_in(to) or ()))
     with Listener() as listener:
-        done = export_model(ExportRequest(model, rig, formats, out, tuple(check or ())), listener)
+        done = export_model(ExportRequest(model, rig, formats, out, tuple(check or ()), torque), listener)
     if as_json:
         emit(done.to_json())
     else:
@@ -60,7 +61,8 @@ def _show(done: "ExportResult") -> None:
         ]
         rows.append(["bare model", f"{1e3 * done.bare_rad:.3g}", "0 %"])
         runs = ", ".join(done.lab.by_run)
-        table(f"Replayed: {runs}", ["where", "off by, mrad", "gap closed"], rows)
+        driven = "".join(f", {kind} torques" for kind in done.torques)
+        table(f"Replayed: {runs}{driven}", ["where", "off by, mrad", "gap closed"], rows)
     for name, reasons in done.lost.items():
         for effect, reason in reasons.items():
             line(f"{name}: without {in_words(effect)}: {reason}")

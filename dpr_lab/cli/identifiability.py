@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import RigName
+from dpr_lab.cli.checks import RigName, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ def identifiability(
     runs: Annotated[
         list[Path] | None, typer.Argument(help="Run files (.mcap); none: releases simulated from the rig's poses.")
     ] = None,
+    torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Say what free swings can and cannot tell about a rig, and which bench measurement tells the rest.
@@ -31,10 +32,13 @@ def identifiability(
     from dpr_lab.workflows.identifiability import identifiability as judge
 
     with Listener() as listener:
-        result = judge(IdentifiabilityRequest(rig, tuple(runs or ())), listener)
+        result = judge(IdentifiabilityRequest(rig, tuple(runs or ()), torque), listener)
     if as_json:
-        emit(result.found.to_json() | {"rig": result.rig, "runs": [str(path) for path in runs or []]})
+        told = {"rig": result.rig, "runs": [str(path) for path in runs or []], "torques": list(result.torques)}
+        emit(result.found.to_json() | told)
     else:
+        if result.torques:
+            _print(f"Runs driven by their {' and '.join(result.torques)} torques.")
         show(result.found)
 
 

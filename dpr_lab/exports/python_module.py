@@ -166,12 +166,15 @@ def simulate(x0, t, max_step=1e-3, torques=lambda t, state: (0.0, 0.0), kind=Swi
     return states
 
 
-def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=Swing):
-    """(n, 2) what the encoders of joints 1 and 2 read at device times t, rad; the swing is at x0 at `start`, s."""
+def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=Swing, torques=lambda t, state: (0.0, 0.0)):
+    """(n, 2) what the encoders of joints 1 and 2 read at device times t, rad; the swing is at x0 at `start`, s.
+
+    torques(t, state): torques of joints 1 and 2, N m, held through each step.
+    """
     swing, read = kind(x0, start, run), np.full((len(t), 2), np.nan)
     for i, instant in enumerate(np.asarray(t, dtype=float).tolist()):
         while not swing.steps or swing.t < max(read_at(instant, MODEL)):
-            swing.step(float(max_step))
+            swing.step(float(max_step), *torques(swing.t, swing.state()))
         if not np.isfinite(swing.state()).all():
             break
         read[i] = swing.read(instant)

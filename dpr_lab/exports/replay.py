@@ -34,6 +34,8 @@ class ReplaySettings:
     """At most; less where the swing cannot be predicted so far."""
     rate_hz: float = 200.0
     """At which readings are compared."""
+    step_s: float = 1e-3
+    """Of the programs, through which torques are held."""
 
 
 REPLAY = ReplaySettings()
@@ -56,11 +58,17 @@ class Replay:
     """(4,) the state there."""
     noise_rad: Array
     """(2,) noise floor."""
+    torques: Array
+    """(m, 2) mean known torques of joints 1 and 2 through each step from the start on, N m; zero without drives."""
 
     @property
     def lab(self) -> float:
         """Mean square of what the lab's simulation is off, rad^2."""
         return float(np.mean((self.measured - self.simulated) ** 2))
+
+    def driven(self, t: float, state: object) -> list[float]:
+        """Torques of joints 1 and 2 through the step that begins then, N m."""
+        return self.torques[min(round((t - self.start) / REPLAY.step_s), len(self.torques) - 1)].tolist()
 
     def off(self, theta: Array) -> float:
         """The same of another simulation."""
@@ -75,14 +83,19 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None, settin
     end = min(freely.horizon_s, first + settings.length_s) if until is None else until
     apart = max(1, round(followed.preprocessed.run.rate_hz / settings.rate_hz))
     some = np.flatnonzero(freely.t <= end)[::apart]
+    start = segment_start(first) if model.effects else first
+    steps = start + settings.step_s * np.arange(np.ceil((end - start) / settings.step_s) + 2)
+    drives = followed.preprocessed.run.setup.torques
+    pushed = np.zeros((len(steps), 2)) if drives is None else drives.mean_before(steps)
     return Replay(
         run.name,
         freely.t[some],
         followed.preprocessed.run.theta[some, 1:],
         freely.theta[some],
-        segment_start(first) if model.effects else first,
+        start,
         followed.estimate.initial[0],
         np.sqrt(np.diag(followed.preprocessed.noise.covariance)),
+        np.stack([pushed.sum(axis=1), pushed[:, 1]], axis=1)[1:],
     )
 
 
@@ -106,7 +119,7 @@ Program = Callable[[Path, Model, Rig], Callable[[Replay], Array]]
 
 def _python(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
     readings = runpy.run_path(str(file))["readings"]
-    return lambda item: readings(item.x0, item.t, start=item.start)
+    return lambda item: readings(item.x0, item.t, start=item.start, torques=item.driven)
 
 
 def _mujoco(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
@@ -135,17 +148,18 @@ def _engine(file: Path, other: Mapping[str, Any]) -> Callable[[Replay], Array]:
     kind, readings = names["EngineSwing"], names["readings"]
     kind.file = str(file)
     readings.__globals__.update(other)
-    return lambda item: readings(item.x0, item.t, start=item.start, kind=kind)
+    return lambda item: readings(item.x0, item.t, start=item.start, kind=kind, torques=item.driven)
 
 
 _FMU = """
 import json, os, sys
 import fmpy, numpy as np
 swing = json.load(sys.stdin)
+drives = np.array(list(map(tuple, swing["drives"])), [(name, float) for name in ("time", "torque1", "torque2")])
 starts, encoders = ("theta1_start", "theta2_start", "omega1_start", "omega2_start"), ("encoder1", "encoder2")
 done = fmpy.simulate_fmu(
     swing["file"], start_time=swing["start"], stop_time=swing["t"][-1] + 1e-3, step_size=1e-3, output_interval=1e-3,
-    output=encoders, start_values=dict(zip(starts, swing["x0"])),
+    output=encoders, input=drives, start_values=dict(zip(starts, swing["x0"])),
 )
 print(json.dumps([np.interp(swing["t"], done["time"], done[name]).tolist() for name in encoders]), flush=True)
 os._exit(0)  # a unit that embeds Python is not unloaded cleanly from a Python process
@@ -154,7 +168,9 @@ os._exit(0)  # a unit that embeds Python is not unloaded cleanly from a Python p
 
 def _fmu(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
     def read(item: Replay) -> Array:
+        steps = item.start + REPLAY.step_s * np.arange(len(item.torques))
         swing = {"file": str(file), "start": item.start, "t": item.t.tolist(), "x0": item.x0.tolist()}
+        swing["drives"] = np.column_stack([steps, item.torques]).tolist()
         done = subprocess.run(
             [sys.executable, "-c", _FMU], input=json.dumps(swing), capture_output=True, text=True, cwd=file.parent
         )

@@ -70,16 +70,19 @@ def group_rows(drift: Drift) -> list[list[str]]:
     ]
 
 
-def basis_sentence(drift: Drift) -> str:
+def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
     """What the intervals rest on."""
+    driven = f"Runs driven by their {' and '.join(torques)} torques. " if torques else ""
     return (
-        f"Scatter: {BASES[drift.basis]}. All intervals hold together in {1 - drift.false_alarms:.1%} of cases; a"
-        f" parameter is said to have moved where one of its intervals leaves out zero."
+        f"{driven}Scatter: {BASES[drift.basis]}. All intervals hold together in {1 - drift.false_alarms:.1%} of cases;"
+        f" a parameter is said to have moved where one of its intervals leaves out zero."
     )
 
 
-def save_drift(drift: Drift, found: Estimates, group: Sequence[int], rig: str, out: Path) -> dict[str, str]:
-    """Write charts and page; their paths by name.
+def save_drift(
+    drift: Drift, found: Estimates, group: Sequence[int], rig: str, out: Path, torques: Sequence[str] = ()
+) -> dict[str, str]:
+    """Write charts and page, which says what kinds of torques drove the runs; their paths by name.
 
     Raises:
         DprError: the folder or a file cannot be written.
@@ -87,7 +90,7 @@ def save_drift(drift: Drift, found: Estimates, group: Sequence[int], rig: str, o
     figures = save_each({"control_chart": chart(drift, found, group)}, out)
     drawn = figures_html(figures, {"control_chart": CHART})
     sections = [
-        section_html("What moved", table_html(COLUMNS, rows(drift)), paragraph_html(basis_sentence(drift))),
+        section_html("What moved", table_html(COLUMNS, rows(drift)), paragraph_html(basis_sentence(drift, torques))),
         section_html("Run by run", drawn["control_chart"]),
         section_html("Each group less the first", table_html(GROUP_COLUMNS, group_rows(drift))),
     ]

@@ -142,7 +142,7 @@ def run_rows(model: "Model") -> list[list[str]]:
     return [
         [
             run.file,
-            run.pose or NONE,
+            (run.pose or NONE) + (f", {run.torque_kind} torques" if run.torque_kind else ""),
             str(run.samples),
             f"{run.duration_s:.4g}",
             str(run.segments),

@@ -2,12 +2,14 @@
 
 import json
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from dpr_lab.errors import RunError
+from dpr_lab.storage.layout import SAMPLES, TORQUE_KEYS
 from dpr_lab.storage.metadata import RunSummary
 from dpr_lab.storage.reader import lost_by_gaps
 from dpr_lab.storage.scan import Samples, Scan, scan, stored_messages
@@ -118,6 +120,16 @@ def info(path: Path | str) -> RunInfo:
         notes=summary.notes,
         extra=meta.extra,
     )
+
+
+def holds_both_torques(path: Path) -> bool:
+    """Whether a run holds measured and commanded torques, by its first sample; not of what cannot be read."""
+    try:
+        with closing(stored_messages(path)) as messages:
+            first = next((message.data for message in messages if message.topic == SAMPLES), b"")
+    except RunError:
+        return False
+    return f'"{TORQUE_KEYS[1]}"'.encode() in first
 
 
 def verify(path: Path | str) -> Verification:

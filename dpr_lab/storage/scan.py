@@ -10,7 +10,7 @@ import json
 import mmap
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -285,7 +285,7 @@ def scan(path: Path) -> Scan:
     )
 
 
-def stored_messages(path: Path) -> Iterator[Stored]:
+def stored_messages(path: Path) -> Generator[Stored]:
     """The messages of a run file in file order, chunk by chunk, up to its end or first damage."""
     topics: dict[int, str] = {}
     with mapped(path) as file:

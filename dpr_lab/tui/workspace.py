@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import platformdirs
@@ -40,6 +41,8 @@ class Workspace:
     """Rig files used before, the last one first."""
     recent_folders: list[Path] = field(default_factory=list)
     """Folders whose runs were looked at, the last one first."""
+    torque: str = ""
+    """`commanded`: these drove the joints of runs that hold both kinds; empty: the measured ones did."""
     held_out: list[Path] = field(default_factory=list)
     """Run files that only measure how far a diagnosis closes the gap."""
     undecided: Path | None = None
@@ -61,6 +64,16 @@ class Workspace:
         """The unit in which angles are shown."""
         return UNITS.get(self.angles, UNITS["degrees"])
 
+    @property
+    def both_torques(self) -> bool:
+        """Whether a run that is selected holds measured and commanded torques."""
+        return any(map(_holds_both, (*self.runs, *self.held_out)))
+
+    @property
+    def driven_by(self) -> str | None:
+        """`commanded` where these are to be taken, and some run leaves the choice; else None."""
+        return (self.torque or None) if self.both_torques else None
+
     def basis(self) -> dict[str, str]:
         """What a result made now would rest on, by kind."""
         return {
@@ -68,6 +81,7 @@ class Workspace:
             "the runs": " ".join(sorted(map(str, self.runs))),
             "the held-out runs": " ".join(sorted(map(str, self.held_out))),
             "the model": _stamp(self.model) if self.model is not None else "",
+            "the torques": self.driven_by or "",
         }
 
     def used(self, rig: str) -> None:
@@ -95,6 +109,13 @@ class Workspace:
 
 def _stamp(path: Path) -> str:
     return f"{path} {path.stat().st_mtime_ns}" if path.is_file() else str(path)
+
+
+@cache
+def _holds_both(run: Path) -> bool:
+    from dpr_lab.storage.inspect import holds_both_torques
+
+    return holds_both_torques(run)  # a finished run is never changed
 
 
 _WORKSPACE = TypeAdapter(Workspace)

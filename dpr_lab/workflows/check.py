@@ -29,6 +29,8 @@ class CheckRequest:
     """Rig file, or the name of a built-in one; None: as stored with the first run."""
     out: Path | None = None
     """Folder of `diagnosis.json` and its page; None: none are written."""
+    torque: str | None = None
+    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
 
 
 def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis":
@@ -55,7 +57,7 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
         found = take_value(diagnosis, check, request.value, request.std)
     elif request.runs:
         rig = load_rig(request.rig) if request.rig else stored_rig(request.runs[0])
-        found = take_runs(diagnosis, check, read_runs(request.runs, rig, on_event), rig)
+        found = take_runs(diagnosis, check, read_runs(request.runs, rig, on_event, torque=request.torque), rig)
     else:
         raise RunError(f"check {check.id} is a {check.kind} ({check.text}): give its result")
     found = found.model_copy(update={"parent": sha256_of(request.diagnosis)})

@@ -36,6 +36,8 @@ class DriftRequest:
     out: Path | None = None
     """Folder of the report; None: none is written."""
     any_clock: bool = False
+    torque: str | None = None
+    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,8 @@ class DriftResult:
     group: tuple[int, ...]
     """Of each run in that order."""
     files: dict[str, str]
+    torques: tuple[str, ...] = ()
+    """Kinds of the known torques that drove the runs."""
 
     def to_json(self) -> dict[str, Any]:
         """What `drift --json` prints."""
@@ -59,6 +63,7 @@ class DriftResult:
                 {"name": name, "group": self.drift.groups[g], **dict(zip(self.estimates.names, values, strict=True))}
                 for name, g, values in runs
             ],
+            "torques": list(self.torques),
             "files": self.files,
         }
 
@@ -79,20 +84,22 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
     from dpr_lab.identification.model import load_model
     from dpr_lab.report.drift import save_drift
     from dpr_lab.rig import load_rig
+    from dpr_lab.run import torque_kinds
 
     if request.out:
         refuse_file(request.out)
     rig = load_rig(request.rig)
     effects = _effects(request.diagnosis) if request.diagnosis else None
     start = load_model(request.model).starting_point(rig) if request.model else None
-    runs = read_runs(request.runs, rig, on_event, request.any_clock)
+    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
     groups = grouped([_recorded(file) for file in request.runs], request.by)
     on_event(StageBegan(1, len(STAGES), STAGES[0]))
     found = estimate_each([runs[i] for i in groups.order], rig, effects, start)
     on_event(StageBegan(2, len(STAGES), STAGES[1]))
     drift = changes(found, groups.group, groups.names)
-    files = save_drift(drift, found, groups.group, rig.name, request.out) if request.out else {}
-    return DriftResult(drift, found, groups.group, files)
+    kinds = torque_kinds(runs)
+    files = save_drift(drift, found, groups.group, rig.name, request.out, kinds) if request.out else {}
+    return DriftResult(drift, found, groups.group, files, kinds)
 
 
 def _recorded(file: Path) -> "Occasion":

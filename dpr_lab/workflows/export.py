@@ -1,11 +1,11 @@
 """A model in, files for other programs out, each tried where it runs."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError
+from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import OnEvent, StageBegan, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
@@ -29,6 +29,8 @@ class ExportRequest:
     out: Path
     check: tuple[Path, ...] = ()
     """Runs to replay in each program; what cannot be said there is fitted again to them."""
+    torque: str | None = None
+    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,8 @@ class ExportResult:
     bare_rad: float | None = None
     lab: Replayed | None = None
     tried: dict[str, Replayed] = field(default_factory=dict)
+    torques: tuple[str, ...] = ()
+    """Kinds of the known torques that drove the runs."""
 
     def to_json(self) -> dict[str, Any]:
         """What `dpr-lab export --json` prints."""
@@ -92,6 +96,7 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     from dpr_lab.identification.model import load_model
     from dpr_lab.report.saving import write_export
     from dpr_lab.rig import load_rig
+    from dpr_lab.run import torque_kinds
 
     if unknown := [name for name in request.formats if name not in FORMATS]:
         raise ConfigError(f"no format named {', '.join(unknown)}; there are: {', '.join(FORMATS)}")
@@ -99,7 +104,10 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     rig = load_rig(request.rig)
     model = load_model(request.model / "model.json" if request.model.is_dir() else request.model)
     model.starting_point(rig)
-    runs = read_runs(request.check, rig, on_event)
+    runs = read_runs(request.check, rig, on_event, torque=request.torque)
+    for run in runs:
+        if run.arm is not None:
+            raise RunError(f"{run.name}: its arm moves, which no program here replays: check another run")
     lost = {name: FORMATS[name].lost(model, rig) for name in request.formats}
     models = fitted_for(request.formats, model, runs, rig) if runs else dict.fromkeys(request.formats, model)
     for name in request.formats if not runs else ():
@@ -114,7 +122,7 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
             files[name] = write_export(FORMATS[name], models[name], rig, request.out, lost[name], check)
     instead = {name: moving(found) for name, found in models.items() if found is not model}
     told = {name: reasons for name, reasons in lost.items() if reasons}
-    return ExportResult(files, told, instead, result.refused, result.bare_rad, result.lab, result.tried)
+    return replace(result, files=files, lost=told, instead=instead, torques=torque_kinds(runs))
 
 
 def _checked(

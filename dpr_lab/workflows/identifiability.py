@@ -12,6 +12,7 @@ from dpr_lab.workflows.reading import read_runs
 if TYPE_CHECKING:
     from dpr_lab.identification.identifiability import Identifiability
     from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +23,8 @@ class IdentifiabilityRequest:
     """Rig file, or the name of a built-in one."""
     runs: tuple[Path, ...] = ()
     """None: releases simulated from the rig's poses, at the rig file's values."""
+    torque: str | None = None
+    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +34,8 @@ class IdentifiabilityResult:
     rig: str
     """Its name."""
     found: "Identifiability"
+    torques: tuple[str, ...] = ()
+    """Kinds of the known torques that drove the runs."""
 
 
 def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore) -> IdentifiabilityResult:
@@ -43,10 +48,12 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
         RunError: a run that cannot be used.
     """
     from dpr_lab.rig import load_rig
+    from dpr_lab.run import torque_kinds
 
     rig = load_rig(request.rig)
-    found = _of_runs(request.runs, rig, on_event) if request.runs else _of_poses(rig, on_event)
-    return IdentifiabilityResult(rig.name, found)
+    runs = read_runs(request.runs, rig, on_event, torque=request.torque)
+    found = _of_runs(runs, rig, on_event) if runs else _of_poses(rig, on_event)
+    return IdentifiabilityResult(rig.name, found, torque_kinds(runs))
 
 
 def _of_poses(rig: "Rig", on_event: OnEvent) -> "Identifiability":
@@ -59,7 +66,7 @@ def _of_poses(rig: "Rig", on_event: OnEvent) -> "Identifiability":
     return judge(expected_information(rig.nominal, rig), rig)
 
 
-def _of_runs(files: Sequence[Path], rig: "Rig", on_event: OnEvent) -> "Identifiability":
+def _of_runs(runs: "Sequence[Run]", rig: "Rig", on_event: OnEvent) -> "Identifiability":
     import numpy as np
 
     from dpr_lab.identification.identifiability import identifiability as judge
@@ -68,7 +75,7 @@ def _of_runs(files: Sequence[Path], rig: "Rig", on_event: OnEvent) -> "Identifia
     from dpr_lab.identification.prior_update import update_prior
     from dpr_lab.identification.uncertainty import uncertainty
 
-    found = polish(rig.nominal, [preprocess(run, rig) for run in read_runs(files, rig, on_event)], rig)
+    found = polish(rig.nominal, [preprocess(run, rig) for run in runs], rig)
     if not found.fit.converged:
         on_event(
             Warned(

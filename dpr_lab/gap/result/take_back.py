@@ -29,7 +29,7 @@ from dpr_lab.gap.selection.hypothesis import Hypothesis, free_parameters, hypoth
 from dpr_lab.gap.selection.score import score_test
 from dpr_lab.gap.selection.steps import recorded
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, torque_kinds
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,8 @@ def take_runs(diagnosis: Diagnosis, check: AdvisedCheck, runs: Sequence[Run], ri
     likely = {name: -(item.cost - best.cost) / scale for name, item in fitted.items()}
     # Members that this does not split are no more told apart by it than by what was recorded before.
     likely |= {name: likely[check.about] for name in before if name not in likely}
-    return _updated(diagnosis, check, before, likely, f"recorded: {', '.join(run.name for run in runs)}")
+    driven = "".join(f", driven by {kind} torques" for kind in torque_kinds(runs))
+    return _updated(diagnosis, check, before, likely, f"recorded: {', '.join(run.name for run in runs)}{driven}")
 
 
 def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:

@@ -114,7 +114,8 @@ class Beside(Guarded, Horizontal):
         self._model = {}
         if name := event.value.strip():
             model = Path(name).expanduser()
-            request = CompareRequest(tuple(self._services.workspace.runs), model, None, leave_out=True)
+            runs, torque = tuple(self._services.workspace.runs), self._services.workspace.driven_by
+            request = CompareRequest(runs, model, None, leave_out=True, torque=torque)
             self._job = start_job(self, jobs.compare, request=request)
             self.post_message(self.Offered(f"simulating by {model}"))
 

@@ -21,7 +21,7 @@ from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.beside import Beside
-from dpr_lab.tui.steps.job_step import JobStep
+from dpr_lab.tui.steps.job_step import JobStep, torque_key
 from dpr_lab.tui.texts import counted_runs
 from dpr_lab.tui.widgets.chart import Band, Chart, Mark, Series
 from dpr_lab.tui.widgets.slider import Slider
@@ -56,7 +56,7 @@ class CompareStep(JobStep):
     NAME = "Compare"
     PURPOSE = "simulates the runs with the model"
     WORK = ""
-    RESTS_ON = ("the runs", "the model")
+    RESTS_ON = ("the runs", "the model", "the torques")
     HELP = f"""
 Simulates every selected run with the model. A **free run** starts from the state fitted at one instant and goes on by
 itself; the slider moves that instant. It can be predicted up to the horizon (bar on the slider, line in the chart):
@@ -83,6 +83,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         Binding("j", "cycle('axis')", "Joint", id="compare.axis", tooltip="the other joint"),
         Binding("left_square_bracket", "start_at(-1)", "Start earlier", id="compare.earlier", show=False),
         Binding("right_square_bracket", "start_at(1)", "Start later", id="compare.later", show=False),
+        torque_key("compare"),
     ]
     DEFAULT_CSS = """
     CompareStep #pickers { height: 1; }
@@ -93,7 +94,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
 
     def __init__(self, services: Services, *, id: str | None = None) -> None:
         super().__init__(services, id=id)
-        self._of: tuple[Path, float, tuple[Path, ...]] | None = None
+        self._of: tuple[Path, float, tuple[Path, ...], str | None] | None = None
         self._comparisons: list[Comparison] = []
         self._free_runs: dict[FreeRunStart, FreeRun] = {}
         self._left_out = 0
@@ -151,11 +152,11 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         """Model or runs are not those compared last."""
         if not self._comparisons or not self._saved or self.missing() or self._of == self._subject():
             return ""
-        return self.worded("STALE, model or runs changed; {compare.start}: run again")
+        return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Its job stays to answer, so it can always be started anew."""
-        return True
+        return action != "torque" or super().check_action(action, parameters)
 
     def start_work(self) -> None:
         """Compare the selected runs with the model."""
@@ -166,7 +167,8 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         self._comparisons, self._free_runs, self._left_out, self._saved = [], {}, 0, False
         self.say("simulating; a first start compiles for some seconds")
         out = self.workspace.out / "report"
-        request = CompareRequest(tuple(self.workspace.runs), model, out, leave_out=True, record=out / "comparison.json")
+        runs, record = tuple(self.workspace.runs), out / "comparison.json"
+        request = CompareRequest(runs, model, out, leave_out=True, record=record, torque=self.workspace.driven_by)
         self.begin(jobs.compare, request=request, keep=self._kept)
 
     def progressed(self, value: Any) -> None:
@@ -257,9 +259,9 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         run = self.query_one("#run", Select).value
         return self._comparisons[run] if isinstance(run, int) and run < len(self._comparisons) else None
 
-    def _subject(self) -> tuple[Path, float, tuple[Path, ...]]:
+    def _subject(self) -> tuple[Path, float, tuple[Path, ...], str | None]:
         model = self.workspace.model or Path()
-        return model, model.stat().st_mtime, tuple(self.workspace.runs)
+        return model, model.stat().st_mtime, tuple(self.workspace.runs), self.workspace.driven_by
 
     @property
     def _kept(self) -> KeptComparison:

@@ -39,12 +39,13 @@ class DiagnoseStep(JobStep):
     NAME = "Diagnose"
     PURPOSE = "says where the simulation differs from the rig, which effect causes it, and how sure that is"
     WORK = "the diagnosis that is running"
-    RESTS_ON = ("the rig", "the runs", "the held-out runs", "the model")
+    RESTS_ON = ("the rig", "the runs", "the held-out runs", "the model", "the torques")
     HELP = """
 Says where the simulation still differs from the rig, which unmodelled effect causes it, how sure that is, what else it
 could be, how much of the gap closes on data not used for the fit, and what to record or measure next.
 
 - **held out** (`{diagnose.hold_out}`): runs that take no part in the fit: what is named must carry over to them.
+- **torques** (`{diagnose.torque}`): where runs hold measured and commanded ones, which of them drove the joints.
 - *Where* shows the torque or encoder error that would explain the gap, with its 90 % interval.
 - Effects that these recordings cannot tell apart are one class and share its probability.
 
@@ -52,7 +53,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 `dpr-lab diagnose --out` writes them.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
-        *(key for key in job_keys("diagnose") if key.action in ("start", "cancel")),
+        *(key for key in job_keys("diagnose") if key.action in ("start", "cancel", "torque")),
         Binding("h", "hold_out", "Hold out", id="diagnose.hold_out", tooltip="hold out runs"),
         Binding("v", "view", "View", id="diagnose.view"),
         Binding("o", "place", "Other", id="diagnose.place", tooltip="the other place of the gap"),
@@ -125,6 +126,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             model=self.workspace.model,
             max_effects=self.whole_number("max-effects", 1, 8),
             seed=self.whole_number("seed"),
+            torque=self.workspace.driven_by,
             out=self._record.parent,
         )
         self._stage = None

@@ -35,7 +35,7 @@ class IdentifyStep(JobStep):
     NAME = "Identify"
     PURPOSE = "finds the parameters of the rig from these runs, inside the bounds of its file"
     WORK = "the identification that is running"
-    RESTS_ON = ("the rig", "the runs")
+    RESTS_ON = ("the rig", "the runs", "the torques")
     CAN_PAUSE = True
     HELP = """
 Finds the kinetic parameters from the selected runs: a global search inside the rig file's bounds, then a local fit that
@@ -44,6 +44,7 @@ goes to the noise floor.
 - **objective** `segments` starts anew every quarter second, so that chaos cannot spoil the search; `paper` is the
   paper's E(Z), one free run over the whole record.
 - **search** is the algorithm, **seed** makes it repeatable.
+- **torques** (`{identify.torque}`): where runs hold measured and commanded ones, which of them drove the joints.
 - A search that is stopped early keeps its best individual and finishes from there; a cancelled one keeps nothing.
 
 A free swing fixes five ratios. Which of the nine parameters are fixed too, and by what, stands under *Nine
@@ -120,6 +121,7 @@ bench's folder.
             objective=str(self.query_one("#objective", Select).value),
             search=str(self.query_one("#search", Select).value),
             seed=self.whole_number("seed"),
+            torque=self.workspace.driven_by,
         )
         self._history, self._instants = [], []
         self._draw_convergence()

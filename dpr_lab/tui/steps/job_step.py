@@ -24,7 +24,13 @@ def job_keys(place: str) -> list[Binding]:
         Binding("w", "pause", "Wait/go on", id=f"{place}.pause"),
         Binding("x", "stop", "End", id=f"{place}.stop"),
         Binding("X", "cancel", "Cancel", id=f"{place}.cancel"),
+        torque_key(place),
     ]
+
+
+def torque_key(place: str) -> Binding:
+    """The key that chooses between measured and commanded torques, shown where runs hold both."""
+    return Binding("T", "torque", "Torques", id=f"{place}.torque", tooltip="measured or commanded torques")
 
 
 READING = "reading the runs; the first start on a computer compiles for a minute or two"
@@ -143,7 +149,21 @@ class JobStep(Step):
         """Show the keys that do something now."""
         working = self.job is not None
         pausing = working and self.CAN_PAUSE
-        return {"start": not working, "pause": pausing, "stop": pausing, "cancel": working}.get(action, True)
+        shown = {
+            "start": not working,
+            "pause": pausing,
+            "stop": pausing,
+            "cancel": working,
+            "torque": self.workspace.both_torques,
+        }
+        return shown.get(action, True)
+
+    def action_torque(self) -> None:
+        """Measured or commanded torques, in every step."""
+        self.workspace.torque = "" if self.workspace.torque else "commanded"
+        chosen = f"taken: the {self.workspace.torque or 'measured'} torques of runs that hold both kinds"
+        self.say(self.worded(f"{chosen}; {{{self.NAME.lower()}.start}}: run again"))
+        self.post_message(self.Done())
 
     def action_start(self) -> None:
         """Begin, or say what must come first."""

@@ -96,7 +96,7 @@ async def test_another_model_makes_a_comparison_stale_and_a_key_makes_it_anew(
         pilot.app.workspace.model = other
         pilot.app.action_go(1)
         await pilot.pause()
-        assert "STALE, model or runs changed; s: run again" in str(pilot.app.query_one(Stepper).render())
+        assert "STALE, model, runs or torques changed; s: run again" in str(pilot.app.query_one(Stepper).render())
         assert "used" in figures(pilot.app)  # what was compared stays readable
         await pilot.press("s")
         await until(pilot, lambda: figures(pilot.app).startswith("held out"))

@@ -4,12 +4,16 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 from textual.app import App
 from textual.widgets import Input, Select, Static, TabbedContent
 
 from dpr_lab.identification.model import load_model
+from dpr_lab.rig import Rig
+from dpr_lab.storage.metadata import RunMetadata, RunSummary
+from dpr_lab.storage.writer import RunWriter
 from dpr_lab.tui.steps.compare import CompareStep
 from dpr_lab.tui.steps.identify import IdentifyStep, time_left
 
@@ -178,3 +182,22 @@ async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...], fixe
         for view in views:
             await snapshot(pilot, f"identify-{view}-{theme}")
             await pilot.press("v")
+
+
+async def test_torques_are_chosen_where_runs_hold_both_kinds(
+    lab, recorded: list[Path], paper: Rig, tmp_path: Path
+) -> None:
+    with RunWriter(
+        tmp_path / "both.mcap", RunMetadata(paper, None, 100.0, extra={"torque_kind": "measured"})
+    ) as writer:
+        writer.samples(np.arange(9), np.full((9, 3), 8192), np.ones((2, 9, 2)))
+        writer.finish(RunSummary(release_tick=0))
+    async with lab(IdentifyStep, runs=[tmp_path / "both.mcap"]) as pilot:
+        await pilot.press("T")
+        assert "taken: the commanded torques of runs that hold both kinds; s: run again" in text(pilot.app, "#state")
+        bench = pilot.app.workspace
+        assert (bench.driven_by, bench.basis()["the torques"]) == ("commanded", "commanded")
+        assert json.loads((pilot.app.folder / "bench.json").read_text())["torque"] == "commanded"
+        bench.runs = recorded[:1]
+        assert bench.driven_by is None
+        assert not step(pilot.app).check_action("torque", ())
