@@ -10,6 +10,9 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.data.pieces import whole
 from dpr_lab.gap.data.screen import screen
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.inference.out_of_sample import GapReduction
+from dpr_lab.gap.inference.transfer import Transfer
+from dpr_lab.gap.result.verdict import how_far
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -47,6 +50,11 @@ def test_a_name_that_does_not_carry_over_to_a_held_out_run_is_withdrawn(dry: lis
     assert (found.verdict, found.basis, found.withdrawn) == ("unexplained", "held-out runs", ["coulomb_joint2"])
     assert found.probabilities["coulomb_joint2"] <= 0.5
     assert "and not the next" in found.sentence
+
+
+def test_a_gap_that_grows_is_not_said_to_close() -> None:
+    grown = Transfer("held-out runs", GapReduction(-0.51, (-0.74, -0.22)), (), {}, {}, {}, (), ())
+    assert how_far(grown) == "the gap does not close on held-out runs (-51%, 90 % interval -74% to -22%)"
 
 
 @pytest.mark.slow
@@ -102,4 +110,5 @@ def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded
     assert small.verdict == "named"
     assert large.verdict == "partly_explained"
     assert large.effects[0].probability <= 0.5
+    assert f"{name} ({large.effects[0].probability:.0%} likely to be the cause)" in large.sentence
     assert "larger than on any rig: something else has that shape" in large.sentence

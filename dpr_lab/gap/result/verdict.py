@@ -23,6 +23,8 @@ class VerdictRules:
     """Of the excess, below which nothing is said to be explained."""
     sure: float = 0.6
     """Probability that the surest class of a named set has at least; the sentence gives that of the least sure."""
+    rather: float = 0.5
+    """Probability below which the sentence says how unlikely it is that an effect is the cause."""
     closes: float = 0.5
     """Share of the gap that must close on recordings that took no part, for a set to be the cause."""
     gap_from: float = 0.5
@@ -67,11 +69,12 @@ def sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPos
         sure = min(item.probability for item in posteriors)
         return (
             f"The gap is explained by {names} (probability {sure:.0%}): nothing above the noise floor is left;"
-            f" {_closes(carried)}."
+            f" {how_far(carried)}."
         )
     if kind == "partly_explained":
+        likely = _listed([_class(item) + _unsure(item) for item in posteriors if item.name not in carried.withdrawn])
         return (
-            f"Partly explained by {names}: {_closes(carried)}. Of the excess in the fitted recordings {share:.1%} is"
+            f"Partly explained by {likely}: {how_far(carried)}. Of the excess in the fitted recordings {share:.1%} is"
             f" explained; a remainder of {left:.2g} times the noise has another cause or another form.{doubts}"
         )
     if not posteriors:
@@ -80,7 +83,7 @@ def sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPos
     if share >= RULES.partly_share:
         return (
             f"Unexplained: {closest} would explain {share:.0%} of the excess in these recordings, and not the next:"
-            f" {_closes(carried)}."
+            f" {how_far(carried)}."
         )
     return f"Unexplained: closest {closest}, which would explain only {share:.0%} of the excess."
 
@@ -94,12 +97,13 @@ def _no_gap(base: Hypothesis) -> str:
     )
 
 
-def _closes(carried: Transfer) -> str:
+def how_far(carried: Transfer) -> str:
     """The number that transfers, and what it was tested on."""
-    low, high = carried.closed.interval90
-    closed = (
-        f"{max(carried.closed.estimate, 0.0):.0%} of the gap closes on {{}} (90 % interval {low:.0%} to {high:.0%})"
-    )
+    estimate, (low, high) = carried.closed.estimate, carried.closed.interval90
+    if estimate > 0:
+        closed = f"{estimate:.0%} of the gap closes on {{}} (90 % interval {low:.0%} to {high:.0%})"
+    else:
+        closed = f"the gap does not close on {{}} ({estimate:.0%}, 90 % interval {low:.0%} to {high:.0%})"
     if carried.basis == "one release":
         return closed.format("quarters left out") + ", from one release: not tested on another"
     return closed.format(carried.basis)
@@ -111,6 +115,11 @@ def _doubts(carried: Transfer) -> str:
     if carried.oversized:
         told += f" {_listed(carried.oversized)} would be larger than on any rig: something else has that shape."
     return told
+
+
+def _unsure(item: EffectPosterior) -> str:
+    """How likely an effect is that is rather not the cause, though it stands for a part of the gap."""
+    return "" if item.probability >= RULES.rather else f" ({item.probability:.0%} likely to be the cause)"
 
 
 def _class(item: EffectPosterior) -> str:
