@@ -12,7 +12,7 @@ from dpr_lab.cli.console import emit, json_mode, line, say, table
 from dpr_lab.cli.listing import Listing
 
 if TYPE_CHECKING:
-    from dpr_lab.storage.preview import Preview
+    from dpr_lab.storage.tables.preview import Preview
 
 import_app = typer.Typer(
     help="Turn foreign recordings into runs.", cls=Listing, no_args_is_help=True, rich_markup_mode=None

@@ -19,11 +19,20 @@ from dpr_lab.estimation.arm_motion import prescribed_arm
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_mounted
 from dpr_lab.setup import ArmMotion
-from dpr_lab.storage.columns import AXES, TO_SECONDS, find_columns, find_torques, with_still_joint2
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import full_turns, load_run
 from dpr_lab.storage.readers import read_any
-from dpr_lab.storage.table import Table
+from dpr_lab.storage.tables.columns import AXES, TO_SECONDS, find_columns, find_torques, with_still_joint2
+from dpr_lab.storage.tables.plausible import (
+    PLAUSIBLE,
+    check_spacing,
+    early_notes,
+    gap_notes,
+    odd_notes,
+    outliers,
+    unwrapped,
+)
+from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.writer import whole_run
 
 Angles = Literal["absolute", "relative"]
@@ -33,35 +42,6 @@ TimeUnit = Literal["s", "ms", "us"]
 TorqueChoice = Literal["measured", "commanded", "none"]
 ArmKind = Literal["clamped", "prescribed"]
 TO_RADIANS = {"rad": 1.0, "deg": np.pi / 180}
-
-
-@dataclass(frozen=True, slots=True)
-class Plausible:
-    """What a table of a swing is taken for; beyond it a unit is wrong or the file is no recording."""
-
-    nan_share: float = 0.1
-    """Rows without a value, at most."""
-    step_s: float = 10.0
-    """Median time between rows, at most."""
-    duration_s: float = 1e6
-    """From the first row to the last, at most."""
-    input_delay_s: float = 1.0
-    """By which torques act later than logged, or earlier, at most."""
-    angle: float = 1e4
-    """rad; a rod that turned further would have turned for hours."""
-    jump: float = 1.5 * np.pi
-    """Between two rows, rad; less than a wrapped turn, and more than a rod turns."""
-    outlier_rows: int = 3
-    """Rows in a row that leap away and back and are then no angles of the rod, at most."""
-    window_slack: float = 0.2
-    """How much wider than a turn the angles of a logger that wraps may lie, rad."""
-    gap_steps: float = 1.5
-    """Steps longer than this many median steps are reported as gaps."""
-    speed: float = 100.0
-    """Of the faster rod, rad/s, exceeded in nine of ten rows: sixteen turns a second; degrees taken for radians are."""
-
-
-PLAUSIBLE = Plausible()
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,10 +173,10 @@ def understand(file: Path | str, rig: Rig, options: ImportOptions | None = None)
     kept, notes = _rows_to_keep(path, t, {**readings, **known}, options)
     values = {axis: _scaled(column[kept], axis, options) for axis, column in readings.items()}
     time = t[kept] - t[kept][0]
-    _check_spacing(path, time)
+    check_spacing(path, time)
     counts = _counts(path, values, rig) if options.unit == "counts" else None
     theta, unwrapped = (rig.theta(counts), []) if counts is not None else _theta(values, options)
-    notes += outliers + unrecorded + unwrapped + _early_notes(t[kept]) + _gap_notes(time) + _odd_notes(time, theta)
+    notes += outliers + unrecorded + unwrapped + early_notes(t[kept]) + gap_notes(time) + odd_notes(time, theta)
     if driving and not any(column[kept].any() for column in known.values()):
         driving, notes = {}, [*notes, "its torques are zero throughout: a free swing"]
     torques = {kind: np.stack([known[name][kept] for name in pair], axis=1) for kind, pair in driving.items()}
@@ -265,14 +245,6 @@ def _line(table: Table, row: int) -> str:
     return f"{'line' if table.heading or table.kind == 'text table' else 'row'} {table.lines[row]}"
 
 
-def _check_spacing(path: Path, t: NDArray[np.float64]) -> None:
-    apart = float(np.median(np.diff(t)))
-    if apart > PLAUSIBLE.step_s:
-        raise RunError(f"{path}: rows are {apart:g} s apart, too far to follow a swing: is the unit of time right?")
-    if t[-1] > PLAUSIBLE.duration_s:
-        raise RunError(f"{path}: the table lasts {t[-1]:g} s, too long for a swing: is the unit of time right?")
-
-
 def _rows_to_keep(
     path: Path, t: NDArray[np.float64], readings: Mapping[str, NDArray[np.float64]], options: ImportOptions
 ) -> tuple[NDArray[np.intp], list[str]]:
@@ -315,19 +287,12 @@ def _counts(path: Path, values: Mapping[str, NDArray[np.float64]], rig: Rig) -> 
 def _theta(values: Mapping[str, NDArray[np.float64]], options: ImportOptions) -> tuple[NDArray[np.float64], list[str]]:
     assert options.unit is not None
     scaled = {axis: column * TO_RADIANS[options.unit] for axis, column in values.items()}
-    smooth = scaled if options.wrap else {axis: _unwrapped(column) for axis, column in scaled.items()}
+    smooth = scaled if options.wrap else {axis: unwrapped(column) for axis, column in scaled.items()}
     notes = [f"{axis}: wrapped by the logger, unwrapped" for axis in smooth if np.any(smooth[axis] != scaled[axis])]
     zero = np.pi if options.zero == "hanging" else 0.0
     theta1 = smooth["theta1"] + zero
     theta2 = smooth["theta2"] + (theta1 if options.angles == "relative" else zero)
     return np.column_stack([smooth.get("theta0", np.zeros_like(theta1)), theta1, theta2]), notes
-
-
-def _unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The angles of a logger that wraps, turns counted: all within one turn, with jumps of nearly that; others stay."""
-    if np.ptp(angles) > 2 * np.pi + PLAUSIBLE.window_slack:
-        return angles
-    return np.unwrap(angles, discont=PLAUSIBLE.jump)
 
 
 def _drop_outliers(readings: dict[str, NDArray[np.float64]], rig: Rig, options: ImportOptions) -> list[str]:
@@ -338,64 +303,11 @@ def _drop_outliers(readings: dict[str, NDArray[np.float64]], rig: Rig, options: 
         scale = (counted or TO_RADIANS[options.unit or "rad"]) * abs(options.scale.get(axis, 1.0))
         known = np.flatnonzero(np.isfinite(column))
         turned = column[known] if options.wrap is None else np.unwrap(column[known], period=options.wrap)
-        wild = known[_outliers(turned * scale)]
+        wild = known[outliers(turned * scale)]
         if len(wild):
             column[wild] = np.nan
             notes.append(f"{axis}: outliers left out: {len(wild)}")
     return notes
-
-
-def _outliers(angles: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(n,) which angles lie beyond all turns, or leap away and back within a few rows without a wrap."""
-    wild = np.abs(angles) > PLAUSIBLE.angle
-    for rows in range(1, PLAUSIBLE.outlier_rows + 1):
-        kept = np.flatnonzero(~wild)
-        if len(kept) < rows + 2:
-            return wild
-        wild[kept[_leaps(angles[kept], rows)]] = True
-    return wild
-
-
-def _leaps(angles: NDArray[np.float64], rows: int) -> NDArray[np.bool_]:
-    """(n,) which angles are in as many rows that leap away and back, unless a logger wrapped just these."""
-    # Beyond either end lies what lies next to the leap, so that the first row and the last can be one.
-    x = np.concatenate([angles[rows : rows + 1], angles, angles[-rows - 1 : -rows]])
-    into, back = x[1:-rows] - x[: -rows - 1], x[rows + 1 :] - x[rows:-1]
-    away = (np.abs(into) > PLAUSIBLE.jump) & (np.abs(back) > PLAUSIBLE.jump) & (into * back < 0)
-    away &= np.abs(x[rows + 1 :] - x[: -rows - 1]) < PLAUSIBLE.jump
-    leaping = np.zeros(len(angles), dtype=np.bool_)
-    for first in np.flatnonzero(away):
-        leaping[first : first + rows] = True
-    others = angles[~leaping]
-    if not leaping.any() or not len(others):
-        return leaping
-    top, bottom = others.max(), others.min()
-    turn = 2 * np.pi + PLAUSIBLE.window_slack
-    wrapped = (angles >= top - turn) & (angles <= bottom + turn)
-    return leaping & ~(wrapped & (top - bottom <= turn))
-
-
-def _gap_notes(t: NDArray[np.float64]) -> list[str]:
-    steps = np.diff(t)
-    gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
-    return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
-
-
-def _early_notes(t: NDArray[np.float64]) -> list[str]:
-    early = (
-        f"the first row, at t = {t[0]:g} s, was taken for the release: if that is t = 0, import with"
-        f" start_s {-t[0]:g} (--start-s)"
-    )
-    return [early] if t[0] < 0 < t[-1] else []
-
-
-def _odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64]) -> list[str]:
-    above = np.median(np.cos(theta[:, 1:]), axis=0) > 0
-    speed = float(np.quantile(np.abs(np.diff(theta[:, 1:], axis=0)).max(axis=1) / np.diff(t), 0.1))
-    notes = [f"the rods turn at more than {speed:.3g} rad/s nearly always: are the units right?"]
-    notes = notes if speed > PLAUSIBLE.speed else []
-    said = "both rods point upwards most of the time: if the table's zero is hanging, import it with zero hanging"
-    return notes + ([said] if above.all() else [])
 
 
 def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:

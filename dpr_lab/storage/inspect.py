@@ -12,7 +12,8 @@ from dpr_lab.errors import RunError
 from dpr_lab.storage.layout import SAMPLES, TORQUE_KEYS
 from dpr_lab.storage.metadata import RunSummary
 from dpr_lab.storage.reader import lost_by_gaps
-from dpr_lab.storage.scan import Samples, Scan, scan, stored_messages
+from dpr_lab.storage.samples import Samples
+from dpr_lab.storage.scan import Scan, scan, stored_messages
 from dpr_lab.storage.sidecar import read_note, read_sidecar, sidecar_of
 from dpr_lab.storage.writer import whole_run
 

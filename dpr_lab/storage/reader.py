@@ -10,7 +10,8 @@ from dpr_lab.estimation.arm_motion import prescribed_arm
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_mounted
 from dpr_lab.storage.metadata import numbers
-from dpr_lab.storage.scan import Samples, Scan, scan
+from dpr_lab.storage.samples import Samples
+from dpr_lab.storage.scan import Scan, scan
 from dpr_lab.storage.sidecar import read_sidecar
 
 # A run keeps the zero of its own day, and the noise is an estimate: neither makes it a run of another rig.

@@ -10,7 +10,7 @@ from dpr_lab.workflows.checks import with_rods
 if TYPE_CHECKING:
     from dpr_lab.storage.csv_import import ImportOptions
     from dpr_lab.storage.inspect import RunInfo
-    from dpr_lab.storage.preview import Preview
+    from dpr_lab.storage.tables.preview import Preview
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ def preview_table(request: ImportRequest) -> "Preview":
         RunError: the table cannot be read as one of such angles.
     """
     from dpr_lab.rig import load_rig
-    from dpr_lab.storage.preview import preview
+    from dpr_lab.storage.tables.preview import preview
 
     return preview(request.table, with_rods(load_rig(request.rig), request.rods, request.elbow), request.options)
 

@@ -11,8 +11,8 @@ from dpr_lab.rig import Rig, RigGeometry
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.export import export
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
-from dpr_lab.storage.preview import preview
 from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.writer import RunWriter
 from dpr_lab.tui.steps.table_import import options_of
 from dpr_lab.workflows.events import RunRead

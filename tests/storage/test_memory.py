@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.storage import table as table_module
-from dpr_lab.storage.table import TableLimits, read_table
+from dpr_lab.storage.tables import table as table_module
+from dpr_lab.storage.tables.table import TableLimits, read_table
 
 CHILD = """
 import resource, sys

@@ -15,11 +15,11 @@ from scipy.io import savemat
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rods, load_rig
 from dpr_lab.run import Run
-from dpr_lab.storage import table as table_module
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.export import JOINT_STATE, JOINT_STATE_DEFINITION, export
-from dpr_lab.storage.preview import preview
-from dpr_lab.storage.table import TableLimits
+from dpr_lab.storage.tables import table as table_module
+from dpr_lab.storage.tables.preview import preview
+from dpr_lab.storage.tables.table import TableLimits
 
 RIG = load_rig("paper")
 N = 200

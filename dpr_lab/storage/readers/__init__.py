@@ -20,7 +20,7 @@ from dpr_lab.storage.readers.matlab import read_matlab
 from dpr_lab.storage.readers.npz import read_numpy
 from dpr_lab.storage.readers.parquet import read_parquet
 from dpr_lab.storage.readers.points import read_text
-from dpr_lab.storage.table import Table
+from dpr_lab.storage.tables.table import Table
 
 
 @dataclass(frozen=True, slots=True)

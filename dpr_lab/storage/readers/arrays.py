@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError, printable
-from dpr_lab.storage import table as text_table
-from dpr_lab.storage.columns import is_time
-from dpr_lab.storage.table import Table
+from dpr_lab.storage.tables import table as text_table
+from dpr_lab.storage.tables.columns import is_time
+from dpr_lab.storage.tables.table import Table
 
 BROKEN = (
     ArithmeticError,

@@ -11,7 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.storage.export import extra
 from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
 from dpr_lab.storage.readers.matlab import object_sentence
-from dpr_lab.storage.table import Table
+from dpr_lab.storage.tables.table import Table
 
 KIND = "HDF5 file"
 

@@ -21,7 +21,7 @@ from dpr_lab.storage.export import JOINT_STATE, JOINT_STATE_DEFINITION, extra
 from dpr_lab.storage.layout import NANOSECONDS, PROVENANCE
 from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large
 from dpr_lab.storage.scan import mapped
-from dpr_lab.storage.table import Table
+from dpr_lab.storage.tables.table import Table
 
 KIND = "ROS 2 bag"
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.storage import table as text_table
 from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
-from dpr_lab.storage.table import Table
+from dpr_lab.storage.tables import table as text_table
+from dpr_lab.storage.tables.table import Table
 
 KIND = "MATLAB file"
 HEADER, TAG, COMPRESSED = 128, 8, 15

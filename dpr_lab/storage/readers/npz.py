@@ -9,7 +9,7 @@ import numpy as np
 
 from dpr_lab.errors import RunError
 from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
-from dpr_lab.storage.table import Table
+from dpr_lab.storage.tables.table import Table
 
 KIND = "NumPy file"
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dpr_lab.storage.export import extra
 from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
-from dpr_lab.storage.table import Table
+from dpr_lab.storage.tables.table import Table
 
 KIND = "Parquet file"
 

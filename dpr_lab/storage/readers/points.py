@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.storage.columns import is_time
-from dpr_lab.storage.table import Table, read_table
+from dpr_lab.storage.tables.columns import is_time
+from dpr_lab.storage.tables.table import Table, read_table
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ def read_text(path: Path, take: Sequence[str]) -> Table:
     """Read a text table; one of points becomes one of angles.
 
     Raises:
-        RunError: as `dpr_lab.storage.table.read_table`, or points that are not the ends of two rods.
+        RunError: as `dpr_lab.storage.tables.table.read_table`, or points that are not the ends of two rods.
     """
     table = read_table(path)
     kind, points = _points(table)

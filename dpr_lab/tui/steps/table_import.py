@@ -13,9 +13,9 @@ from textual.widgets import Footer, Input, Static
 
 from dpr_lab.errors import DprError, RunError
 from dpr_lab.report.text_plot import text_plot
-from dpr_lab.storage.columns import AXES
 from dpr_lab.storage.csv_import import Angles, ArmKind, ImportOptions, TimeUnit, TorqueChoice, Unit, Zero
-from dpr_lab.storage.preview import Preview
+from dpr_lab.storage.tables.columns import AXES
+from dpr_lab.storage.tables.preview import Preview
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.workflows.import_table import ImportRequest, import_table, preview_table
 

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.rig import Rig
-from dpr_lab.storage.columns import AXES
-from dpr_lab.storage.csv_import import PLAUSIBLE, ImportOptions, understand
+from dpr_lab.storage.csv_import import ImportOptions, understand
+from dpr_lab.storage.tables.columns import AXES
+from dpr_lab.storage.tables.plausible import PLAUSIBLE
 
 
 @dataclass(frozen=True, slots=True)

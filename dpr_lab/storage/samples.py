@@ -1,0 +1,135 @@
+"""The messages of a run file as numbers, gathered chunk by chunk; nothing in them is trusted."""
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import JOINTS
+from dpr_lab.storage.layout import CLOCK, EVENTS, LIMITS, RELEASED, SAMPLES, TORQUE_KEYS, Stored
+
+STRANGE = (ValueError, KeyError, TypeError, OverflowError, RecursionError, AttributeError)
+"""What JSON raises that holds something else than it should."""
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """The `/samples` channel as arrays."""
+
+    ticks: NDArray[np.int64]
+    """(n,)"""
+    t: NDArray[np.float64]
+    """(n,) s since tick 0"""
+    theta: NDArray[np.float64]
+    """(n, 3) rad, as computed when recorded"""
+    counts: NDArray[np.int64] | None
+    """(n, 3)"""
+    torques: tuple[NDArray[np.float64], ...] = ()
+    """(n, 2) N m, in the order of `TORQUE_KEYS`."""
+
+    @property
+    def missing(self) -> int:
+        """Ticks between the first and the last that have no sample."""
+        return int(self.ticks[-1] - self.ticks[0]) + 1 - len(self.ticks) if len(self.ticks) else 0
+
+
+def _decoded(rows: list[dict[str, Any]]) -> Samples:
+    counted = bool(rows) and "counts" in rows[0]
+    return Samples(
+        ticks=_whole([row["tick"] for row in rows], (len(rows),)),
+        t=_finite([row["t"] for row in rows], (len(rows),)),
+        theta=_finite([row["theta"] for row in rows], (len(rows), JOINTS)),
+        counts=_whole([row["counts"] for row in rows], (len(rows), JOINTS)) if counted else None,
+        torques=tuple(
+            _finite([row[key] for row in rows], (len(rows), 2)) for key in TORQUE_KEYS if rows and key in rows[0]
+        ),
+    )
+
+
+def json_object(data: bytes) -> dict[str, Any]:
+    """What a message holds.
+
+    Raises:
+        STRANGE: no JSON, or no object.
+    """
+    read = json.loads(data)
+    if not isinstance(read, dict):
+        raise TypeError("no JSON object")
+    return read
+
+
+@dataclass(slots=True)
+class Gathered:
+    """What of a file's messages is kept: numbers, so that memory follows the samples and not the text."""
+
+    release_tick: int | None = None
+    """Of the first release that can be one."""
+    clock: bytes = b""
+    """The last clock fit, JSON."""
+    strange_event: str = ""
+    strange_sample: str = ""
+    _parts: list[Samples] = field(default_factory=list)
+
+    def take(self, messages: list[Stored]) -> None:
+        """The messages of one chunk."""
+        try:
+            rows = [message.data for message in messages if message.topic == SAMPLES]
+            if rows and not self.strange_sample:
+                self._parts.append(_decoded(json.loads(b"[" + b",".join(rows) + b"]")))
+        except STRANGE as error:
+            self.strange_sample = str(error) or type(error).__name__
+        try:
+            for message in messages:
+                if message.topic == EVENTS:
+                    self._event(json_object(message.data))
+                elif message.topic == CLOCK:
+                    self.clock = message.data
+        except STRANGE as error:
+            self.strange_event = str(error) or type(error).__name__
+
+    @property
+    def samples(self) -> Samples:
+        """All of them, in the order of the file.
+
+        Raises:
+            RunError: some have counts and others not.
+        """
+        parts = self._parts or [_decoded([])]
+        with_counts = [part.counts for part in parts if part.counts is not None]
+        if len(with_counts) not in (0, len(parts)):
+            raise RunError("some of its samples have counts and others not")
+        with_torques = [part.torques for part in parts]
+        if len(set(map(len, with_torques))) > 1:
+            raise RunError("some of its samples have torques and others not")
+        self._parts = [
+            Samples(
+                np.concatenate([part.ticks for part in parts]),
+                np.concatenate([part.t for part in parts]),
+                np.concatenate([part.theta for part in parts]),
+                np.concatenate(with_counts) if with_counts else None,
+                tuple(map(np.concatenate, zip(*with_torques, strict=True))),
+            )
+        ]
+        return self._parts[0]
+
+    def _event(self, event: dict[str, Any]) -> None:
+        tick = event.get("tick")
+        if self.release_tick is None and event.get("kind") == RELEASED and isinstance(tick, int):
+            self.release_tick = tick if 0 <= tick < LIMITS.ticks else None
+
+
+def _whole(values: list[Any], shape: tuple[int, ...]) -> NDArray[np.int64]:
+    read = np.array(values if values else np.zeros(shape, dtype=np.int64))
+    if read.shape != shape or read.dtype != np.int64:
+        raise ValueError(f"a value that is not a whole number of 64 bits, or not {shape[1:] or 'one'} of them")
+    return read
+
+
+def _finite(values: list[Any], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    read = np.array(values if values else np.zeros(shape), dtype=np.float64)
+    if read.shape != shape or not np.isfinite(read).all():
+        raise ValueError(f"a value that is not a finite number, or not {shape[1:] or 'one'} of them")
+    return read

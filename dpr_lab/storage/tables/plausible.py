@@ -1,0 +1,114 @@
+"""What a table of a swing can hold: spacing and length, wraps of a logger, outliers, speeds; and what is odd of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+
+
+@dataclass(frozen=True, slots=True)
+class Plausible:
+    """What a table of a swing is taken for; beyond it a unit is wrong or the file is no recording."""
+
+    nan_share: float = 0.1
+    """Rows without a value, at most."""
+    step_s: float = 10.0
+    """Median time between rows, at most."""
+    duration_s: float = 1e6
+    """From the first row to the last, at most."""
+    input_delay_s: float = 1.0
+    """By which torques act later than logged, or earlier, at most."""
+    angle: float = 1e4
+    """rad; a rod that turned further would have turned for hours."""
+    jump: float = 1.5 * np.pi
+    """Between two rows, rad; less than a wrapped turn, and more than a rod turns."""
+    outlier_rows: int = 3
+    """Rows in a row that leap away and back and are then no angles of the rod, at most."""
+    window_slack: float = 0.2
+    """How much wider than a turn the angles of a logger that wraps may lie, rad."""
+    gap_steps: float = 1.5
+    """Steps longer than this many median steps are reported as gaps."""
+    speed: float = 100.0
+    """Of the faster rod, rad/s, exceeded in nine of ten rows: sixteen turns a second; degrees taken for radians are."""
+
+
+PLAUSIBLE = Plausible()
+
+
+def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
+    """Refuse rows too far apart, or a table too long, for (n,) times in seconds.
+
+    Raises:
+        RunError: the unit of time is probably another one.
+    """
+    apart = float(np.median(np.diff(t)))
+    if apart > PLAUSIBLE.step_s:
+        raise RunError(f"{path}: rows are {apart:g} s apart, too far to follow a swing: is the unit of time right?")
+    if t[-1] > PLAUSIBLE.duration_s:
+        raise RunError(f"{path}: the table lasts {t[-1]:g} s, too long for a swing: is the unit of time right?")
+
+
+def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The angles of a logger that wraps, turns counted: all within one turn, with jumps of nearly that; others stay."""
+    if np.ptp(angles) > 2 * np.pi + PLAUSIBLE.window_slack:
+        return angles
+    return np.unwrap(angles, discont=PLAUSIBLE.jump)
+
+
+def outliers(angles: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(n,) which angles lie beyond all turns, or leap away and back within a few rows without a wrap."""
+    wild = np.abs(angles) > PLAUSIBLE.angle
+    for rows in range(1, PLAUSIBLE.outlier_rows + 1):
+        kept = np.flatnonzero(~wild)
+        if len(kept) < rows + 2:
+            return wild
+        wild[kept[_leaps(angles[kept], rows)]] = True
+    return wild
+
+
+def _leaps(angles: NDArray[np.float64], rows: int) -> NDArray[np.bool_]:
+    """(n,) which angles are in as many rows that leap away and back, unless a logger wrapped just these."""
+    # Beyond either end lies what lies next to the leap, so that the first row and the last can be one.
+    x = np.concatenate([angles[rows : rows + 1], angles, angles[-rows - 1 : -rows]])
+    into, back = x[1:-rows] - x[: -rows - 1], x[rows + 1 :] - x[rows:-1]
+    away = (np.abs(into) > PLAUSIBLE.jump) & (np.abs(back) > PLAUSIBLE.jump) & (into * back < 0)
+    away &= np.abs(x[rows + 1 :] - x[: -rows - 1]) < PLAUSIBLE.jump
+    leaping = np.zeros(len(angles), dtype=np.bool_)
+    for first in np.flatnonzero(away):
+        leaping[first : first + rows] = True
+    others = angles[~leaping]
+    if not leaping.any() or not len(others):
+        return leaping
+    top, bottom = others.max(), others.min()
+    turn = 2 * np.pi + PLAUSIBLE.window_slack
+    wrapped = (angles >= top - turn) & (angles <= bottom + turn)
+    return leaping & ~(wrapped & (top - bottom <= turn))
+
+
+def gap_notes(t: NDArray[np.float64]) -> list[str]:
+    """A note on gaps between (n,) times, s, if there are any."""
+    steps = np.diff(t)
+    gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
+    return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
+
+
+def early_notes(t: NDArray[np.float64]) -> list[str]:
+    """A note where (n,) times, s, begin before zero."""
+    early = (
+        f"the first row, at t = {t[0]:g} s, was taken for the release: if that is t = 0, import with"
+        f" start_s {-t[0]:g} (--start-s)"
+    )
+    return [early] if t[0] < 0 < t[-1] else []
+
+
+def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64]) -> list[str]:
+    """Notes on (n, 3) angles, rad, that no rods turn by, or that point upwards most of the time."""
+    above = np.median(np.cos(theta[:, 1:]), axis=0) > 0
+    speed = float(np.quantile(np.abs(np.diff(theta[:, 1:], axis=0)).max(axis=1) / np.diff(t), 0.1))
+    notes = [f"the rods turn at more than {speed:.3g} rad/s nearly always: are the units right?"]
+    notes = notes if speed > PLAUSIBLE.speed else []
+    said = "both rods point upwards most of the time: if the table's zero is hanging, import it with zero hanging"
+    return notes + ([said] if above.all() else [])
