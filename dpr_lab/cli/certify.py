@@ -1,12 +1,15 @@
 """`dpr-lab certify` and `dpr-lab verify`: a diagnosis that others can check."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from dpr_lab.cli.checks import HeldOut, Library, RigName, names_in
 from dpr_lab.cli.console import emit, json_mode, line, table
+
+if TYPE_CHECKING:
+    from dpr_lab.gap.result.certificate import Verified
 
 
 def certify(
@@ -61,12 +64,16 @@ def verify(
     if as_json:
         emit({"schema": 1, "holds": holds, "claims": [asdict(item) for item in lines]})
     else:
-        rows = [[i.claim, _said(i.certified), _said(i.found), "holds" if i.holds else i.reason] for i in lines]
+        rows = [[i.claim, _said(i.certified), _said(i.found), _held(i)] for i in lines]
         table("Verified", ["claim", "certified", "now", ""], rows)
         broken = [item.claim for item in lines if not item.holds]
         line("Every claim holds." if holds else f"Does not hold: {', '.join(broken)}.")
     if not holds:
         raise typer.Exit(1)
+
+
+def _held(item: "Verified") -> str:
+    return ": ".join(filter(None, ("holds" if item.holds else "", item.reason)))
 
 
 def _said(value: Any) -> str:

@@ -64,11 +64,11 @@ class Listener:
             case events.TrialSealed():
                 say(f"sealed as {event.seal}")
             case events.TrustTrialDone():
-                left = (event.of - event.done) * event.seconds
+                left = f"about {math.ceil(event.left_s / 60)} min" if event.done else ""
                 if event.done == 1:
-                    say(f"a blind trial takes {event.seconds:.0f} s: about {math.ceil(left / 60)} min for the others")
-                text = f"{event.done} of {event.of}, {event.seconds:.0f} s each, about {math.ceil(left / 60)} min left"
-                self._at("trust", event.done, event.of, text if event.done else "the first one tells how long")
+                    say(f"the first blind trial took {event.elapsed_s:.0f} s: {left} for the others")
+                text = f"{event.done} of {event.of}, {left} left" if event.done else "the first one tells how long"
+                self._at("trust", event.done, event.of, text)
             case events.TrialDone():
                 self._trial(event)
             case events.DeviceGreeted():

@@ -53,7 +53,7 @@ def _gaps(t: NDArray[np.float64], gap_steps: float) -> NDArray[np.intp]:
 
 
 def signal_scale(value: NDArray[np.float64], reach: NDArray[np.float64]) -> tuple[tuple[float, float], bool]:
-    """The range of a curve and of its interval where that is as wide as it mostly is, and whether more is clipped.
+    """The range of a curve and of its interval where that is as wide as it mostly is; whether part lies outside.
 
     The curve itself takes a quarter of the range at least.
 

@@ -7,17 +7,21 @@ that the lab did not write are `dpr-lab trials`.
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.child_process import worker_pool
 from dpr_lab.dynamics.prediction import predict, segment_start
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import STEP, segments
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.errors import DprError
 from dpr_lab.fitting.estimate import Estimate, whole_of
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
@@ -69,7 +73,8 @@ def trust(
     library: Mapping[str, Effect] = EFFECTS,
     max_effects: int = 4,
     seed: int = 0,
-    on_trial: Callable[[int, float], None] = lambda done, seconds: None,
+    processes: int = 1,
+    on_trial: Callable[[int], None] = lambda done: None,
 ) -> Trust:
     """Try a diagnosis on plants of which the truth is known.
 
@@ -81,23 +86,65 @@ def trust(
         library: the effects that it chooses from
         max_effects: at most so many at once
         seed: same seed, same plants and noise
-        on_trial: told before the first and after each: how many are done, and the seconds that the last one took
+        processes: trials side by side; with one they are made in this process
+        on_trial: told before the first and after each how many are done
+
+    Raises:
+        DprError: a process was killed.
     """
-    effects = {n: values for n, values in found.model_effects.items() if n in {item.name for item in found.effects}}
     at = Estimate(found.unknowns, effect_params(found.model_effects), np.zeros((0, 4)))
-    originals = [_original(run, rig, at) for run in runs]
-    trials: list[TrustTrial] = []
-    on_trial(0, 0.0)
-    for number in range(count):
-        rng, began = np.random.default_rng([seed, number]), time.perf_counter()
+    originals = tuple(_original(run, rig, at) for run in runs)
+    plan = _Plan(found, originals, rig, tuple(library), max_effects, seed)
+    trials: dict[int, TrustTrial] = {}
+    on_trial(0)
+    for number, trial in _made(plan, count, min(processes, count)):
+        trials[number] = trial
+        on_trial(len(trials))
+    return _summed([trials[number] for number in range(count)], seed)
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What every trial is made from; called with its number, in whichever process."""
+
+    found: Diagnosis
+    originals: tuple[_Original, ...]
+    rig: Rig
+    library: tuple[str, ...]
+    """Names: compiled kernels stay in their process."""
+    max_effects: int
+    seed: int
+
+    def __call__(self, number: int) -> TrustTrial:
+        found, rig = self.found, self.rig
+        rng, began = np.random.default_rng([self.seed, number]), time.perf_counter()
+        library = {name: EFFECTS[name] for name in self.library}
         kind = OWN_RIG.kinds[number % len(OWN_RIG.kinds)]
-        truth = {"as found": effects, "clean": {}}.get(kind)
+        truth = {"as found": _as_found(found), "clean": {}}.get(kind)
         truth = _another(found, library, rng) if truth is None else truth
-        again = [_recorded_again(item, rig, at.ratios, effect_params(truth), rng) for item in originals]
-        said = diagnose(again, rig, library=library, max_effects=max_effects, start=found.unknowns, seed=seed)
-        trials.append(_judged(kind if truth else "clean", truth, said, time.perf_counter() - began))
-        on_trial(number + 1, trials[-1].seconds)
-    return _summed(trials, seed)
+        params = effect_params(truth)
+        again = [_recorded_again(item, rig, found.unknowns, params, rng) for item in self.originals]
+        said = diagnose(again, rig, library=library, max_effects=self.max_effects, start=found.unknowns, seed=self.seed)
+        return _judged(kind if truth else "clean", truth, said, time.perf_counter() - began)
+
+
+def _made(trial: Callable[[int], TrustTrial], count: int, processes: int) -> Iterator[tuple[int, TrustTrial]]:
+    """Each trial with its number as it is done, here or in processes of their own."""
+    if processes < 2:
+        yield from ((number, trial(number)) for number in range(count))
+        return
+    try:
+        with worker_pool(processes) as pool:
+            numbers = {pool.submit(trial, number): number for number in range(count)}
+            for done in as_completed(numbers):
+                yield numbers[done], done.result()
+    except BrokenProcessPool as error:
+        raise DprError("a process of --trust was killed (out of memory?); with --out the diagnosis is kept") from error
+
+
+def _as_found(found: Diagnosis) -> Effects:
+    named = {item.name for item in found.effects}
+    return {name: values for name, values in found.model_effects.items() if name in named}
 
 
 def _original(run: Run, rig: Rig, at: Estimate) -> _Original:

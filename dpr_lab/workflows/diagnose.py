@@ -1,5 +1,7 @@
 """Runs in, a diagnosis out: why simulation and rig differ."""
 
+import os
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -46,6 +48,8 @@ class DiagnoseRequest:
     """Whether to take runs of a device whose clock is further off than a crystal's."""
     trust: int = 0
     """How many blind trials on plants like this rig to add; each takes as long as the diagnosis."""
+    processes: int = 0
+    """How many of those trials side by side; 0: as many as there are processors."""
     torque: str | None = None
     """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
 
@@ -102,6 +106,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     if request.trust:
         from dpr_lab.trials.own_rig import trust
 
+        began = time.perf_counter()
         tried = trust(
             found,
             runs,
@@ -110,7 +115,8 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
             library=library,
             max_effects=request.max_effects,
             seed=request.seed,
-            on_trial=lambda done, seconds: on_event(TrustTrialDone(done, request.trust, seconds)),
+            processes=request.processes or os.cpu_count() or 1,
+            on_trial=lambda done: on_event(TrustTrialDone(done, request.trust, time.perf_counter() - began)),
         )
         found = found.model_copy(update={"trust": tried})
         result = _kept(DiagnoseResult(found, {}), request.out)

@@ -1,5 +1,6 @@
 """What a job tells while it works: everything that a shell shows of it, as frozen values."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -141,8 +142,13 @@ class TrustTrialDone:
 
     done: int
     of: int
-    seconds: float
-    """That the last one took, s; 0 before the first."""
+    elapsed_s: float
+    """Since the first began, s."""
+
+    @property
+    def left_s(self) -> float:
+        """About how long the others take, s; nan before one is done."""
+        return self.elapsed_s * (self.of - self.done) / self.done if self.done else math.nan
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.gap.result.certificate import load_certificate
+from dpr_lab.gap.result.certificate import _seal, _whole, _within, load_certificate
+from dpr_lab.gap.result.diagnosis import Interval
 from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.workflows.certify import certify, verify
@@ -69,9 +70,9 @@ def test_another_import_of_the_same_table_holds(copied: Path, paper: Rig):
     table, run = copied.parent / "X2.csv", copied.parent / "X2.mcap"
     certified = load_certificate(copied)
     own = certified.recordings[1]
-    other = certified.model_copy(
-        update={"recordings": [certified.recordings[0], own.model_copy(update={"sha256": "0" * 64})]}
-    )
+    recordings = [certified.recordings[0], own.model_copy(update={"sha256": "0" * 64})]
+    other = certified.model_copy(update={"recordings": recordings})
+    other = other.model_copy(update={"sealed": _seal(_whole(other))})
     copied.write_text(other.model_dump_json(by_alias=True), encoding="utf-8")
     run.unlink()
     import_csv(table, paper, out=run)
@@ -90,19 +91,37 @@ def altered(path: Path, change: Callable[[dict], None]) -> None:
     path.write_text(json.dumps(told), encoding="utf-8")
 
 
-def test_one_claim_that_was_changed_is_seen(copied: Path):
-    altered(copied, lambda told: told["claims"]["coulomb_joint1: torque_Nm"].update(value=4.0001e-3))
+@pytest.mark.parametrize("change", [{"value": 4.0001e-3}, {"within": 1e-3}], ids=lambda change: next(iter(change)))
+def test_one_claim_that_was_changed_is_seen(copied: Path, change: dict[str, float]):
+    altered(copied, lambda told: told["claims"]["coulomb_joint1: torque_Nm"].update(change))
     failed = [(item.claim, item.reason) for item in verify(copied) if not item.holds]
     assert failed == [("coulomb_joint1: torque_Nm", "was changed after it was certified")]
 
 
+@pytest.mark.parametrize(
+    "change",
+    [lambda told: told["claims"].pop("share of the gap closed"), lambda told: told["settings"].update(seed=4)],
+    ids=["a claim taken out", "another seed"],
+)
+def test_a_certificate_that_was_changed_elsewhere_is_seen(copied: Path, change: Callable[[dict], None]):
+    altered(copied, change)
+    assert [item.claim for item in verify(copied) if not item.holds] == ["the certificate"]
+
+
+def test_a_number_at_a_bound_may_come_out_a_trifle_off(copied: Path):
+    certified = load_certificate(copied)
+    at_bound = Interval(value=0.0, interval90=(0.0, 0.0))
+    assert _within(at_bound, 5e-3) == (0.0, pytest.approx(5e-6))
+    assert all(claim.within > 0 for claim in certified.claims.values() if not isinstance(claim.value, str))
+
+
 @pytest.mark.slow
 def test_a_claim_that_does_not_come_out_is_named(copied: Path):
-    """Also one whose seal was made again: the recordings themselves say otherwise."""
-    from dpr_lab.gap.result.certificate import _seal
-
+    """Also one whose seals were made again: the recordings themselves say otherwise."""
     name = "coulomb_joint1: torque_Nm"
-    altered(copied, lambda told: told["claims"][name].update(value=5e-3, sealed=_seal(name, 5e-3)))
+    within = load_certificate(copied).claims[name].within
+    altered(copied, lambda told: told["claims"][name].update(value=5e-3, sealed=_seal([name, 5e-3, within])))
+    altered(copied, lambda told: told.update(sealed=_seal(_whole(load_certificate(copied)))))
     failed = [(item.claim, item.reason) for item in verify(copied) if not item.holds]
     assert failed == [(name, "does not come out so")]
 

@@ -145,6 +145,16 @@ def test_the_page_says_verdict_first_and_whole(diagnosis, tmp_path, verdict):
     assert "$" not in page
 
 
+def test_a_fault_that_comes_again_and_again_is_one_line(diagnosis):
+    def found(name: str, at: float) -> dict:
+        return {"name": name, "run": "first", "axis": "joint1", "at_s": at, "evidence": "It is off."}
+
+    few, many = [found("repeated_sample", 0.1 * i) for i in range(3)], [found("outlier", 1.0 + i) for i in range(40)]
+    rows = gap_tables.finding_rows(diagnosis(sensor_findings=[*few, *many]))
+    assert [row[3:] for row in rows[:3]] == [("0.000", "It is off."), ("0.100", "It is off."), ("0.200", "It is off.")]
+    assert [row[3:] for row in rows[3:]] == [("1.000", "It is off; 40 times, first here")]
+
+
 def test_knots_that_no_recording_reaches_are_not_drawn(diagnosis):
     place = {"site": "encoder1", "coordinate": "angle", "share": 0.5, "sentence": "There.", "unit": "rad"}
     knots = {"knots": [-1.0, 0.0, 1.0], "values": [0.0, 0.01, 0.02], "std": [1.7e305, 1e-3, 2e-3]}

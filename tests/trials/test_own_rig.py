@@ -20,8 +20,10 @@ def test_a_diagnosis_is_tried_on_plants_like_its_own_rig(recorded: Callable[...,
     found = diagnose(runs, paper, library=LIBRARY)
     told: list[int] = []
 
-    tried = trust(found, runs, paper, 4, library=LIBRARY, on_trial=lambda done, seconds: told.append(done))
+    tried = trust(found, runs, paper, 4, library=LIBRARY, processes=2, on_trial=told.append)
+    (here,) = trust(found, runs, paper, 1, library=LIBRARY).trials
 
+    assert here == tried.trials[0].model_copy(update={"seconds": here.seconds}), "the same in whichever process"
     assert told == [0, 1, 2, 3, 4]
     assert [item.kind for item in tried.trials] == ["as found", "another", "another", "clean"]
     assert [set(item.truth) for item in tried.trials] == [

@@ -1,7 +1,8 @@
 """A diagnosis that others can check: what was recorded, what with, and every claim with a tolerance of its own.
 
 Names and verdicts must come out the same; probabilities within 0.02, shares within 0.02, and a size or ratio within a
-tenth of its 90 % interval: the tolerances at which the answers of this program are compared between its versions.
+tenth of its 90 % interval: the tolerances at which the answers of this program are compared between its versions. A
+number that lies at a bound has no interval; it must stay within a thousandth of the size met on a laboratory rig.
 """
 
 import hashlib
@@ -17,7 +18,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from dpr_lab.configs import sha256_of
+from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
+from dpr_lab.fitting.estimate import DIFFERENCE_STEPS
 from dpr_lab.gap.result.diagnosis import Diagnosis, Interval
 from dpr_lab.kernel_cache import source_hash
 from dpr_lab.rig import load_rig
@@ -34,6 +37,8 @@ class Tolerances:
     """Of a probability or a share of the gap."""
     of_interval: Number = 0.1
     """Of the width of a number's 90 % interval."""
+    of_typical: Number = 1e-3
+    """At least so much of a number's usual size."""
 
 
 TOLERANCES = Tolerances()
@@ -59,7 +64,7 @@ class CertifiedClaim(_Part):
     value: str | Number
     within: Number = 0.0
     sealed: str
-    """Hash of the claim, so that one that was changed afterwards is seen."""
+    """Hash of name, value and tolerance, so that a claim that was changed afterwards is seen."""
 
 
 class Certificate(_Part):
@@ -73,6 +78,8 @@ class Certificate(_Part):
     made_with: dict[str, str]
     """Hash of the code; versions of the program, Python, NumPy, SciPy and Numba; the machine's kind."""
     claims: dict[str, CertifiedClaim]
+    sealed: str = ""
+    """Hash of all the rest, so that a claim that was taken out, or a setting that was changed, is seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +112,7 @@ def certificate(
         beside: folder of the certificate, to which the files are told relatively
         readings: `Run.readings_sha256` of a file
     """
-    return Certificate(
+    made = Certificate(
         schema=1,
         recordings=[
             CertifiedFile(file=_place(path, beside), sha256=sha256_of(path), readings=readings(path), held_out=held_out)
@@ -116,6 +123,7 @@ def certificate(
         made_with=made_with(),
         claims=claims(found),
     )
+    return made.model_copy(update={"sealed": _seal(_whole(made))})
 
 
 def claims(found: Diagnosis) -> dict[str, CertifiedClaim]:
@@ -127,9 +135,13 @@ def claims(found: Diagnosis) -> dict[str, CertifiedClaim]:
     }
     for item in found.effects:
         said[f"{item.name}: probability"] = (item.probability, TOLERANCES.share)
-        said |= {f"{item.name}: {name}": _within(size) for name, size in item.parameters.items()}
-    said |= {name: _within(ratio) for name, ratio in found.ratios.items()}
-    return {name: CertifiedClaim(value=v, within=within, sealed=_seal(name, v)) for name, (v, within) in said.items()}
+        usual = {parameter.name: parameter.typical for parameter in EFFECTS[item.name].parameters}
+        said |= {f"{item.name}: {name}": _within(size, usual[name]) for name, size in item.parameters.items()}
+    said |= {name: _within(ratio, DIFFERENCE_STEPS.least_ratio) for name, ratio in found.ratios.items()}
+    return {
+        name: CertifiedClaim(value=v, within=within, sealed=_seal([name, v, within]))
+        for name, (v, within) in said.items()
+    }
 
 
 def altered(certified: Certificate, beside: Path, readings: Callable[[Path], str]) -> list[Verified]:
@@ -147,9 +159,17 @@ def altered(certified: Certificate, beside: Path, readings: Callable[[Path], str
     rig = load_rig(rig_of(certified, beside)).sha256
     lines.append(_line(certified.rig, rig, rig == certified.rig.sha256))
     for name, claim in certified.claims.items():
-        if claim.sealed != _seal(name, claim.value):
+        if claim.sealed != _seal([name, claim.value, claim.within]):
             lines.append(Verified(name, claim.value, None, False, "was changed after it was certified"))
+    if all(item.holds for item in lines) and certified.sealed != _seal(_whole(certified)):
+        reason = "its settings or its list of claims were changed after it was certified"
+        lines.append(Verified("the certificate", certified.sealed, None, False, reason))
     return lines
+
+
+def _whole(certified: Certificate) -> Any:
+    """All of a certificate but its seal."""
+    return certified.model_dump(mode="json", by_alias=True, exclude={"sealed"})
 
 
 def _unaltered(item: CertifiedFile, path: Path, readings: Callable[[Path], str]) -> Verified:
@@ -220,10 +240,10 @@ def _place(path: Path, beside: Path) -> str:
     return Path(os.path.relpath(path.resolve(), beside.resolve())).as_posix()
 
 
-def _within(number: Interval) -> tuple[float, float]:
+def _within(number: Interval, usual: float) -> tuple[float, float]:
     low, high = number.interval90
-    return number.value, TOLERANCES.of_interval * abs(high - low)
+    return number.value, max(TOLERANCES.of_interval * abs(high - low), TOLERANCES.of_typical * usual)
 
 
-def _seal(name: str, value: str | float) -> str:
-    return hashlib.sha256(json.dumps([name, value]).encode()).hexdigest()[:16]
+def _seal(said: Any) -> str:
+    return hashlib.sha256(json.dumps(said).encode()).hexdigest()[:16]

@@ -46,7 +46,7 @@ def _draw_place(axes: Axes, place: Where) -> None:
     scale, clipped = signal_scale(values, reach)
     axes.set_ylim(*scale)
     if clipped:
-        axes.annotate("the interval leaves the picture", (0.01, 0.02), xycoords="axes fraction", fontsize="small")
+        axes.annotate("part of it lies outside", (0.01, 0.02), xycoords="axes fraction", fontsize="small")
     axes.set_title(f"{in_words(place.site)} by {place.coordinate}: {place.share:.0%} of the excess")
     axes.set_xlabel(coordinate(place)[0])
     axes.set_ylabel(quantity(place)[0])

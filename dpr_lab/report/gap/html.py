@@ -41,6 +41,10 @@ _WHERE = (
     " wrong looks like a torque there, and several places can make up for one cause: a place is a hint, and what is"
     " named above is the finding."
 )
+_LEFT_OUT = (
+    "What was found of the readings before any physics. Outliers and repeated samples took no part in any fit; all of"
+    " them stand in diagnosis.json."
+)
 _NONE_NAMED = paragraph_html("No effect is named.")
 
 
@@ -77,7 +81,8 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
             _folded("The maps in numbers", tables.MAP_COLUMNS, tables.map_rows(diagnosis)),
         ),
         section_html(
-            "Sensors", _rows(tables.FINDING_COLUMNS, tables.finding_rows(diagnosis)) or "<p>No fault was found.</p>"
+            "Sensors",
+            _rows(tables.FINDING_COLUMNS, tables.finding_rows(diagnosis), _LEFT_OUT) or "<p>No fault was found.</p>",
         ),
         *(page for name, page in told.items() if name not in (*first, CLOSING.name)),
         section_html(

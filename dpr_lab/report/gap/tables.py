@@ -32,8 +32,8 @@ EFFECT_NOTE = (
     " so these shares need not add up to 100 %. Effects that cannot be told apart share one probability."
 )
 STEP_NOTE = (
-    "Gap: rms above the noise, both joints, segments of 0.5 s. Effects are added one at a time, the most telling first,"
-    " so these shares do add up; the last is that of all effects together."
+    "Gap: rms above the noise, both joints together (root of the sum of squares), segments of 0.5 s. Effects are added"
+    " one at a time, the most telling first, so these shares do add up; the last is that of all effects together."
 )
 STANDING_NOTE = (
     "The probabilities of one place add up to 100 %. Likeness: cosine of what the two do to these readings, 1 is alike."
@@ -277,15 +277,16 @@ def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[t
     ]
 
 
-def finding_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Sensor faults."""
-    return [
-        (
-            named(item.name),
-            item.run,
-            in_words(item.axis or NONE),
-            NONE if item.at_s is None else f"{item.at_s:.3f}",
-            item.evidence,
-        )
-        for item in diagnosis.sensor_findings
-    ]
+def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
+    """Sensor faults; of those that say the same of an axis but for the instant the first alone, beyond so many."""
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for item in diagnosis.sensor_findings:
+        kind = (named(item.name), item.run, in_words(item.axis or NONE), item.evidence)
+        alike.setdefault(kind, []).append(NONE if item.at_s is None else f"{item.at_s:.3f}")
+    rows: list[tuple[str, ...]] = []
+    for (*where, evidence), at in alike.items():
+        if len(at) > most:
+            rows.append((*where, at[0], f"{evidence.rstrip('.')}; {len(at)} times, first here"))
+        else:
+            rows += [(*where, instant, evidence) for instant in at]
+    return rows

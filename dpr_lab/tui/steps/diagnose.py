@@ -250,7 +250,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         ]
         zero = Series("", at, np.zeros(len(at)), "foreground")
         scale, clipped = signal_scale(value, reach)
-        note = " The interval leaves the picture in places." if clipped else ""
+        note = " Part of it lies outside the picture." if clipped else ""
         self.query_one("#place-text", Static).update(in_words(place.sentence) + note)
         self.query_one("#place-map", Chart).show(
             [zero, *edges, Series("estimate", at, value)],

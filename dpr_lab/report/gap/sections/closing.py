@@ -27,9 +27,9 @@ def closing_figure(diagnosis: Diagnosis) -> Figure:
         axes.barh(rows[[0, -1]], left[[0, -1]], height=0.6, label="gap", **_bar(style.SIMULATED))
         falls = left[:-1] - left[1:]
         bars = axes.barh(rows[1:-1], falls, left=left[1:], height=0.6, label="closed", **_bar(style.MEASURED))
-        axes.bar_label(bars, [f"{fall:.3g}" for fall in falls], padding=4)
+        axes.bar_label(bars, [three(fall) for fall in falls], padding=4)
         for row, at in zip((0, len(rows) - 1), left[[0, -1]].tolist(), strict=True):
-            axes.annotate(f"{at:.3g}", (at, row), (4, 0), textcoords="offset points", va="center")
+            axes.annotate(three(at), (at, row), (4, 0), textcoords="offset points", va="center")
         for row, (_, after) in enumerate(pairwise(left.tolist())):
             axes.plot([after, after], [row + 0.7, row + 2.3], color="#555555", linewidth=0.8)
         floor = 1e3 * _floor(diagnosis)
@@ -82,8 +82,8 @@ CLOSING = EvidenceSection(
     words=closing_words,
     figure=closing_figure,
     alternative="Waterfall of the gap: the bare model, what each named effect closes, what is left.",
-    caption="The gap as named effects are added one at a time, the most telling first, on data that took no part in the"
-    " fit: rms of a reading above the noise, segments of 0.5 s with free start states.",
+    caption="The gap as named effects are added one at a time, in the order in which they were found, on data that took"
+    " no part in the fit: rms of a reading above the noise, segments of 0.5 s with free start states.",
     tables=(FoldedTable("The same in numbers", ("model", "gap left (mrad)", "closed so far"), closing_rows),),
     symbols="Gap: √((χ² − level · dof) / dof) · σ. Closed: 1 − gap after / gap before.",
 )

@@ -112,8 +112,8 @@ DOMAIN = EvidenceSection(
     words=domain_words,
     figure=domain_figure,
     alternative="Maps of the time that each rod spent at each angle and speed.",
-    caption="Time that each rod spent at each angle and speed in the fitted recordings, cells of 15 degrees; the darker"
-    " the longer. The outline holds what was held out. Blank: not seen.",
+    caption="Time that each rod spent at each angle and speed in the fitted recordings, cells of 15 degrees, by"
+    " the scale beside it. The outline holds what was held out. Blank: not seen.",
     tables=(
         FoldedTable(
             "The map in numbers",
