@@ -1,11 +1,12 @@
 """Results as files: the same figures, page and JSON whether a command or the bench screen asks for them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from dpr_lab.exports import FORMATS, ExportFormat
+from dpr_lab.exports.cost import Replayed, yardstick
 from dpr_lab.exports.refit import fitted_for
 from dpr_lab.gap.result.corrected import corrected_model
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -16,6 +17,7 @@ from dpr_lab.report.files import write_json as write_json
 from dpr_lab.report.gap.figures import save_gap_figures
 from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.html import write_report
+from dpr_lab.report.words import named
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.whole_file import write_whole
@@ -41,7 +43,9 @@ def save_comparison(model: Model, comparisons: Sequence[Comparison], out: Path) 
     }
 
 
-def save_diagnosis(found: Diagnosis, runs: Sequence[Run], rig: Rig, out: Path) -> dict[str, str]:
+def save_diagnosis(
+    found: Diagnosis, runs: Sequence[Run], rig: Rig, out: Path, on_loss: Callable[[str], None] = lambda sentence: None
+) -> dict[str, str]:
     """Write report, figures, corrected model and its exports; their paths by name.
 
     Args:
@@ -49,6 +53,7 @@ def save_diagnosis(found: Diagnosis, runs: Sequence[Run], rig: Rig, out: Path) -
         runs: what was diagnosed, without what was held out
         rig: the rig
         out: the folder
+        on_loss: told what a program cannot say, and what that costs
 
     Raises:
         DprError: the folder or a file cannot be written.
@@ -57,13 +62,41 @@ def save_diagnosis(found: Diagnosis, runs: Sequence[Run], rig: Rig, out: Path) -
     report = write_gap_report(found, f"Double pendulum “{rig.name}”: why simulation and rig differ", out, figures)
     corrected = corrected_model(found, runs, rig)
     corrected.save(out / "model.json")
+    exports = save_exports(corrected, runs, rig, out, on_loss)
+    return {"report": str(report), "model": str(out / "model.json"), "module": exports["python"], **exports}
+
+
+def save_exports(
+    corrected: Model, runs: Sequence[Run], rig: Rig, out: Path, on_loss: Callable[[str], None]
+) -> dict[str, str]:
+    """Write the corrected model for other programs: simpler where one cannot say it, but not worse than the bare model.
+
+    Arguments and errors as of `save_diagnosis`.
+    """
     formats = [name for name in FORMATS if name not in BINARY]
     models = fitted_for(formats, corrected, runs, rig)
-    exports = {
-        name: write_export(FORMATS[name], models[name], rig, out, FORMATS[name].lost(corrected, rig))
-        for name in formats
-    }
-    return {"report": str(report), "model": str(out / "model.json"), "module": exports["python"], **exports}
+    beside = yardstick(corrected, runs, rig) if any(item is not corrected for item in models.values()) else None
+    exports: dict[str, str] = {}
+    for name in formats:
+        model, lost, check = models[name], FORMATS[name].lost(corrected, rig), None
+        if beside is not None and model is not corrected:
+            model, swings = beside.held_against(model)
+            tried = beside.replayed(swings)
+            check = check_of(tried, beside.bare_rad)
+            off, own, bare = (
+                1e3 * each for each in (tried.off_rad, beside.replayed(beside.own).off_rad, beside.bare_rad)
+            )
+            on_loss(
+                f"{name}: without {', '.join(map(named, lost))}; off by {off:.3g} mrad on these runs, the corrected"
+                f" model by {own:.3g}, the bare model by {bare:.3g}"
+            )
+        exports[name] = write_export(FORMATS[name], model, rig, out, lost, check)
+    return exports
+
+
+def check_of(tried: Replayed, bare_rad: float) -> dict[str, float]:
+    """What an export says beside its losses of how it does."""
+    return {"off_rad": tried.off_rad, "closed": tried.closed, "bare_rad": bare_rad}
 
 
 def write_export(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, TrustTrialDone, ignore
+from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, TrustTrialDone, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class DiagnoseResult:
 def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseResult:
     """Say where simulation and rig differ, which effect causes it, how sure that is and how much of it closes.
 
-    Tells `RunRead`, `StageBegan`, `FitBegan`, `ScoreTestBegan`, `TrustTrialDone`.
+    Tells `RunRead`, `StageBegan`, `FitBegan`, `ScoreTestBegan`, `TrustTrialDone`, `Warned`.
 
     Raises:
         ConfigError: the rig is not valid, no such effect, or none left to choose from.
@@ -122,7 +122,8 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         result = _kept(DiagnoseResult(found, {}), request.out)
     if request.out:
         on_event(StageBegan(stages, stages, "report"))
-        result = _kept(DiagnoseResult(found, save_diagnosis(found, runs, rig, request.out)), request.out)
+        files = save_diagnosis(found, runs, rig, request.out, lambda sentence: on_event(Warned(sentence)))
+        result = _kept(DiagnoseResult(found, files), request.out)
     return result
 
 

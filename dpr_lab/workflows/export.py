@@ -11,7 +11,7 @@ from dpr_lab.workflows.events import OnEvent, StageBegan, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
-    from dpr_lab.exports.replay import Replay
+    from dpr_lab.exports.cost import Replayed
     from dpr_lab.identification.model import Model
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
@@ -34,31 +34,6 @@ class ExportRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class ReplayRule:
-    """What is replayed, and what is refused."""
-
-    most: int = 3
-    """Releases that are replayed: a program may take as long as the swing itself."""
-    worse: float = 1.02
-    """Times the bare model's error from which an export is refused: it is worse, beyond what a start state tells."""
-
-
-REPLAY_RULE = ReplayRule()
-
-
-@dataclass(frozen=True, slots=True)
-class Replayed:
-    """A model replayed in one program."""
-
-    off_rad: float
-    """Root mean square of what both rods are off."""
-    closed: float
-    """Share of the gap above the noise floor that closes there."""
-    by_run: dict[str, float]
-    """Run -> what it is off, rad."""
-
-
-@dataclass(frozen=True, slots=True)
 class ExportResult:
     """What was written, and how it does."""
 
@@ -71,8 +46,8 @@ class ExportResult:
     refused: dict[str, str]
     """Format -> why it was not written."""
     bare_rad: float | None = None
-    lab: Replayed | None = None
-    tried: dict[str, Replayed] = field(default_factory=dict)
+    lab: "Replayed | None" = None
+    tried: "dict[str, Replayed]" = field(default_factory=dict)
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""
 
@@ -94,7 +69,7 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     from dpr_lab.exports import FORMATS
     from dpr_lab.exports.refit import fitted_for, moving, moving_losses
     from dpr_lab.identification.model import load_model
-    from dpr_lab.report.saving import write_export
+    from dpr_lab.report.saving import check_of, write_export
     from dpr_lab.rig import load_rig
     from dpr_lab.run import torque_kinds
 
@@ -118,7 +93,7 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     for name in request.formats:
         if name not in result.refused:
             tried = result.tried.get(name)
-            check = {"off_rad": tried.off_rad, "closed": tried.closed, "bare_rad": result.bare_rad} if tried else None
+            check = check_of(tried, result.bare_rad) if tried and result.bare_rad is not None else None
             files[name] = write_export(FORMATS[name], models[name], rig, request.out, lost[name], check)
     instead = {name: moving(found) for name, found in models.items() if found is not model}
     told = {name: reasons for name, reasons in lost.items() if reasons}
@@ -135,49 +110,22 @@ def _checked(
 ) -> ExportResult:
     """How the model does in each program, beside the lab's own simulation and the bare model."""
     from dpr_lab.exports import FORMATS
-    from dpr_lab.exports.refit import bare_model
-    from dpr_lab.exports.replay import release, replayed
-    from dpr_lab.gap.data.pieces import in_pieces
+    from dpr_lab.exports.cost import REPLAY_RULE, yardstick
+    from dpr_lab.exports.replay import replayed
 
     stages = len(request.formats) + 1
     on_event(StageBegan(1, stages, "the lab's own simulation"))
-    pieces, held_out, _ = in_pieces(runs, [])
-    seen = (held_out or pieces)[: REPLAY_RULE.most]
-    own = [release(run, rig, model) for run in seen]
-    until = [float(item.t[-1]) for item in own]
-    bare = bare_model(model, runs, rig)
-    before = [release(run, rig, bare, end) for run, end in zip(seen, until, strict=True)]
-    bare_rad, lab = _rms([item.lab for item in before]), _tried(own, before, [item.lab for item in own])
+    beside = yardstick(model, runs, rig)
     tried, refused = {}, {}
     for number, name in enumerate(request.formats, 2):
         on_event(StageBegan(number, stages, FORMATS[name].program))
-        starts = own
-        if models[name] is not model:
-            starts = [release(run, rig, models[name], end) for run, end in zip(seen, until, strict=True)]
-            if _rms([item.lab for item in starts]) > bare_rad:  # better over half a second, worse over the whole swing
-                models[name], starts = bare, before
-        angles = replayed(name, models[name], rig, starts)
-        squares = [item.off(theta) for item, theta in zip(starts, angles, strict=True)]
-        tried[name] = _tried(starts, before, squares)
-        if not tried[name].off_rad <= REPLAY_RULE.worse * bare_rad:
+        models[name], swings = beside.held_against(models[name])
+        angles = replayed(name, models[name], rig, swings)
+        tried[name] = beside.replayed(swings, [item.off(theta) for item, theta in zip(swings, angles, strict=True)])
+        if not tried[name].off_rad <= REPLAY_RULE.worse * beside.bare_rad:
             refused[name] = (
                 f"{name} was not written: there the corrected model is off by {1e3 * tried[name].off_rad:.3g} mrad on"
-                f" these runs, the bare model by {1e3 * bare_rad:.3g} mrad; diagnose more recordings, or use another"
-                " format"
+                f" these runs, the bare model by {1e3 * beside.bare_rad:.3g} mrad; diagnose more recordings, or use"
+                " another format"
             )
-    return ExportResult({}, {}, {}, refused, bare_rad, lab, tried)
-
-
-def _rms(squares: "Sequence[float]") -> float:
-    return (sum(squares) / len(squares)) ** 0.5
-
-
-def _tried(releases: "Sequence[Replay]", before: "Sequence[Replay]", squares: "Sequence[float]") -> Replayed:
-    import numpy as np
-
-    from dpr_lab.gap.inference.out_of_sample import share
-
-    floor = np.array([float(np.mean(item.noise_rad**2)) for item in releases])
-    closed = share(np.array([[item.lab for item in before], squares]) - floor)
-    by_run = {item.run: square**0.5 for item, square in zip(releases, squares, strict=True)}
-    return Replayed(_rms(squares), closed, by_run)
+    return ExportResult({}, {}, {}, refused, beside.bare_rad, beside.replayed(beside.own), tried)

@@ -25,6 +25,7 @@ from dpr_lab.identification.model import (
     SearchRecord,
     load_model,
 )
+from dpr_lab.report.saving import save_exports
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
@@ -137,6 +138,17 @@ def test_an_export_is_replayed_where_it_runs(saved, formats, tmp_path: Path):
             "bare_rad": done.bare_rad,
         }
     json.dumps(done.to_json())
+
+
+@pytest.mark.slow
+def test_what_a_diagnosis_writes_says_what_it_costs(corrected: Model, runs, paper: Rig, tmp_path: Path):
+    said: list[str] = []
+    files = save_exports(corrected, runs, paper, tmp_path, said.append)
+    assert [sentence.split(":")[0] for sentence in said] == ["urdf", "sdf"]
+    assert "friction of any form, joint 1" in said[0]
+    assert "the bare model by" in said[0]
+    lost = json.loads(Path(f"{files['urdf']}.lost.json").read_text(encoding="utf-8"))
+    assert 0 < lost["check"]["off_rad"] <= lost["check"]["bare_rad"]
 
 
 def test_an_export_worse_than_the_bare_model_is_refused(saved, tmp_path: Path):

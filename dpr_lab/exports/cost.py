@@ -1,0 +1,108 @@
+"""What it costs to say a model elsewhere: recordings replayed beside the corrected and the bare model."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.exports.refit import bare_model
+from dpr_lab.exports.replay import Replay, release
+from dpr_lab.gap.data.pieces import in_pieces
+from dpr_lab.gap.inference.out_of_sample import share
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayRule:
+    """What is replayed, and what is refused."""
+
+    most: int = 3
+    """Releases that are replayed: a program may take as long as the swing itself."""
+    worse: float = 1.02
+    """Times the bare model's error from which an export is refused: it is worse, beyond what a start state tells."""
+
+
+REPLAY_RULE = ReplayRule()
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """A model replayed in one program."""
+
+    off_rad: float
+    """Root mean square of what both rods are off."""
+    closed: float
+    """Share of the gap above the noise floor that closes there."""
+    by_run: dict[str, float]
+    """Run -> what it is off, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Yardstick:
+    """Swings of the corrected and of the bare model in recordings: what an export is held against."""
+
+    rig: Rig
+    runs: tuple[Run, ...]
+    model: Model
+    bare: Model
+    own: tuple[Replay, ...]
+    """Of the corrected model, as far as the swing can be predicted."""
+    before: tuple[Replay, ...]
+    """Of the bare model, as far."""
+
+    @property
+    def bare_rad(self) -> float:
+        """Root mean square of what the bare model is off, rad."""
+        return _rms([item.lab for item in self.before])
+
+    def held_against(self, model: Model) -> tuple[Model, tuple[Replay, ...]]:
+        """The model to write, and its swings: the bare one in place of one that is worse over the whole swing.
+
+        What was fitted again over half a second may still be that.
+        """
+        if model is self.model:
+            return model, self.own
+        swings = tuple(
+            release(run, self.rig, model, float(own.t[-1])) for run, own in zip(self.runs, self.own, strict=True)
+        )
+        if _rms([item.lab for item in swings]) > self.bare_rad:
+            return self.bare, self.before
+        return model, swings
+
+    def replayed(self, swings: Sequence[Replay], squares: Sequence[float] | None = None) -> Replayed:
+        """What came of swings.
+
+        Args:
+            swings: by the lab
+            squares: mean square of what each is off in a program, rad^2; by the lab where left out
+        """
+        squares = [item.lab for item in swings] if squares is None else squares
+        floor = np.array([float(np.mean(item.noise_rad**2)) for item in swings])
+        closed = share(np.array([[item.lab for item in self.before], squares]) - floor)
+        by_run = {item.run: square**0.5 for item, square in zip(swings, squares, strict=True)}
+        return Replayed(_rms(squares), closed, by_run)
+
+
+def yardstick(model: Model, runs: Sequence[Run], rig: Rig) -> Yardstick:
+    """Replay runs with a corrected model and without its effects.
+
+    Args:
+        model: the corrected model
+        runs: what was recorded; a long record is cut, and only what a diagnosis does not fit of it is replayed
+        rig: the rig
+
+    Raises:
+        RunError: a run too short to fit, or one that no initial state comes near.
+    """
+    pieces, held_out, _ = in_pieces(runs, [])
+    seen = tuple((held_out or pieces)[: REPLAY_RULE.most])
+    own = tuple(release(run, rig, model) for run in seen)
+    bare = bare_model(model, runs, rig)
+    before = tuple(release(run, rig, bare, float(item.t[-1])) for run, item in zip(seen, own, strict=True))
+    return Yardstick(rig, seen, model, bare, own, before)
+
+
+def _rms(squares: Sequence[float]) -> float:
+    return (sum(squares) / len(squares)) ** 0.5
