@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dpr_lab.errors import RunError
 from dpr_lab.exports.refit import bare_model
 from dpr_lab.exports.replay import Replay, release
 from dpr_lab.gap.data.pieces import in_pieces
@@ -94,8 +95,10 @@ def yardstick(model: Model, runs: Sequence[Run], rig: Rig) -> Yardstick:
         rig: the rig
 
     Raises:
-        RunError: a run too short to fit, or one that no initial state comes near.
+        RunError: no run, one too short to fit, or one that no initial state comes near.
     """
+    if not runs:
+        raise RunError("no run that can be replayed")
     pieces, held_out, _ = in_pieces(runs, [])
     seen = tuple((held_out or pieces)[: REPLAY_RULE.most])
     own = tuple(release(run, rig, model) for run in seen)

@@ -5,8 +5,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from dpr_lab.errors import DprError
 from dpr_lab.exports import FORMATS, ExportFormat
-from dpr_lab.exports.cost import Replayed, yardstick
+from dpr_lab.exports.cost import Replayed, Yardstick, yardstick
 from dpr_lab.exports.refit import fitted_for
 from dpr_lab.gap.result.corrected import corrected_model
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -75,7 +76,9 @@ def save_exports(
     """
     formats = [name for name in FORMATS if name not in BINARY]
     models = fitted_for(formats, corrected, runs, rig)
-    beside = yardstick(corrected, runs, rig) if any(item is not corrected for item in models.values()) else None
+    beside = None
+    if any(item is not corrected for item in models.values()):
+        beside = _yardstick(corrected, [run for run in runs if run.arm is None], rig, on_loss)
     exports: dict[str, str] = {}
     for name in formats:
         model, lost, check = models[name], FORMATS[name].lost(corrected, rig), None
@@ -92,6 +95,15 @@ def save_exports(
             )
         exports[name] = write_export(FORMATS[name], model, rig, out, lost, check)
     return exports
+
+
+def _yardstick(corrected: Model, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]) -> Yardstick | None:
+    """None, and a sentence, where no run can be replayed: an arm that moves, a swing that no start state comes near."""
+    try:
+        return yardstick(corrected, runs, rig)
+    except DprError as error:
+        on_loss(f"what URDF and SDFormat cannot say was fitted again, what that costs is not known: {error}")
+        return None
 
 
 def check_of(tried: Replayed, bare_rad: float) -> dict[str, float]:

@@ -25,7 +25,7 @@ from dpr_lab.identification.model import (
     SearchRecord,
     load_model,
 )
-from dpr_lab.report.saving import save_exports
+from dpr_lab.report.saving import _yardstick, save_exports
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
@@ -149,6 +149,8 @@ def test_what_a_diagnosis_writes_says_what_it_costs(corrected: Model, runs, pape
     assert "the bare model by" in said[0]
     lost = json.loads(Path(f"{files['urdf']}.lost.json").read_text(encoding="utf-8"))
     assert 0 < lost["check"]["off_rad"] <= lost["check"]["bare_rad"]
+    assert _yardstick(corrected, [], paper, said.append) is None
+    assert "not known: no run that can be replayed" in said[-1]
 
 
 def test_an_export_worse_than_the_bare_model_is_refused(saved, tmp_path: Path):
