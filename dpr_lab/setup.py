@@ -47,6 +47,13 @@ class ArmMotion:
     omega: NDArray[np.float64]
     """(n,) its speed, rad/s."""
 
+    def mean_before(self, at: ArrayLike) -> NDArray[np.float64]:
+        """(m, 2) mean acceleration and squared speed between each of (m,) instants and the one before, rad, s."""
+        at = np.asarray(at, dtype=np.float64)
+        v = np.interp(at, self.t, self.omega)
+        u, passed = np.append(v[:1], v[:-1]), np.diff(at, prepend=at[0] - 1.0)
+        return np.stack([(v - u) / passed, (u * u + u * v + v * v) / 3.0], axis=1)
+
 
 @dataclass(frozen=True, slots=True)
 class Setup:
@@ -72,6 +79,11 @@ class Setup:
     def weighs(self) -> bool:
         """Whether a known mass or torque makes the scale of all torques visible."""
         return self.added is not None or self.torques is not None
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing known drives the rods: no torque, and no arm that moves."""
+        return self.torques is None and self.arm is None
 
     @property
     def held(self) -> bool:

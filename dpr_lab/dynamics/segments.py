@@ -45,12 +45,17 @@ class Segments:
 
     @property
     def pushes(self) -> NDArray[np.float64]:
-        """(samples, 2) mean known torques on theta1, theta2 since the sample before, N m; zero in free swings."""
-        found = np.zeros((len(self.t), 2))
-        for s, run in enumerate(self.run):
-            if (torques := self.setups[run].torques) is not None:
-                mine = slice(*self.offsets[s : s + 2])
-                found[mine] = torques.mean_before(self.t[mine])
+        """(samples, 4) means since the sample before of known torques on theta1, theta2, and of an arm's motion.
+
+        N m, then acceleration and squared speed of an arm that moves as prescribed, rad and s; zero in free swings.
+        """
+        found = np.zeros((len(self.t), 4))
+        for s, setup in enumerate(self.setups[run] for run in self.run):
+            mine = slice(*self.offsets[s : s + 2])
+            if setup.torques is not None:
+                found[mine, :2] = setup.torques.mean_before(self.t[mine])
+            if setup.arm is not None:
+                found[mine, 2:] = setup.arm.mean_before(self.t[mine])
         return found
 
     def turning_as_one(self, initial: NDArray[np.float64]) -> NDArray[np.float64]:

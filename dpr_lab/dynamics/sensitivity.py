@@ -18,6 +18,7 @@ from dpr_lab.dynamics.rollout import GUARD, turned
 from dpr_lab.dynamics.schedule import MAX_STEP, sample_steps
 from dpr_lab.dynamics.segments import Segments, initial_states
 from dpr_lab.dynamics.segments import segments as cut
+from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import njit
 
 STATES = 4
@@ -78,14 +79,13 @@ def sensitivities(
 
 
 def driven(
-    values: NDArray[np.float64], L1: float, g: float, segments: Segments, initial: ArrayLike, of: int
+    values: NDArray[np.float64], rig: RigConstants, segments: Segments, initial: ArrayLike, of: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Segments under the torques of their runs; arguments as of `sensitivities`, which leaves them out.
+    """Segments under the torques of their runs, on arms that move; arguments as of `sensitivities`, which has neither.
 
     Args:
         values: (S, 6) the ratios of each segment, and 1 / b, by which torques count
-        L1: length of the inner rod, m
-        g: gravity, m/s^2
+        rig: lengths and gravity
         segments: when there are samples
         initial: (S, 4)
         of: derivatives of how many of the four states are wanted
@@ -94,9 +94,12 @@ def driven(
         states and derivatives as of `sensitivities`, and (samples, `of`) derivatives by 1 / b
     """
     step, count = sample_steps(segments.t, segments.offsets, segments.step)
-    starts = initial_states(initial, segments)
+    starts, pushes = initial_states(initial, segments), segments.pushes
+    if any(setup.arm is not None for setup in segments.setups):
+        pushes[:, 2] *= rig.L0 / rig.g  # (54)
+    gravity = rig.g / rig.L1
     return _integrate(
-        np.ascontiguousarray(values), g / L1, starts, segments.held, segments.pushes, segments.offsets, step, count, of
+        np.ascontiguousarray(values), gravity, starts, segments.held, pushes, segments.offsets, step, count, of
     )
 
 
@@ -114,7 +117,7 @@ def _followed(
     free = np.zeros((len(segments), RATIOS + 1))
     free[:, :RATIOS] = values
     step, count = sample_steps(segments.t, segments.offsets, segments.step)
-    starts, still = initial_states(initial, segments), np.zeros((len(segments.t), 2))
+    starts, still = initial_states(initial, segments), np.zeros((len(segments.t), 4))
     return _integrate(free, g / L1, starts, segments.held, still, segments.offsets, step, count, of)[:2]
 
 
@@ -166,7 +169,7 @@ def _runge_kutta(
     sum1, sum2, speed1, speed2 = 0.0, 0.0, 0.0, 0.0
     start1, start2 = (math.sin(theta1), math.cos(theta1)), (math.sin(theta2), math.cos(theta2))
     sines1, sines2 = start1, start2
-    derived = len(rows) > 0
+    derived, carried = len(rows) > 0, push[2] != 0.0 or push[3] != 0.0
     for j in range(STATES * WIDTH if derived else 0):
         rows[AT + j] = rows[S + j]
         rows[TOTAL + j] = 0.0
@@ -175,6 +178,10 @@ def _runge_kutta(
         ahead = h if stage == 2 else 0.5 * h
         coupling, torque1, torque2 = coupled(*sines1, *sines2, u1, u2, ratios[1], ratios[2], e2, ratios[3], ratios[4])
         torque1, torque2 = torque1 + push1, torque2 + push2
+        if carried:
+            (sin1, cos1), (sin2, cos2) = sines1, sines2
+            torque1 += (push[3] * (ratios[0] * sin1 + ratios[1] * sin2) - push[2] * ratios[2]) * cos1
+            torque2 += (push[3] * (sin2 + ratios[1] * sin1) - push[2] * e2) * cos2
         alpha1, alpha2 = solved(ratios[0], 1.0, coupling, torque1, torque2)
         if held:
             alpha1 = alpha2 = (torque1 + torque2) / (ratios[0] + 1.0 + 2.0 * coupling)
@@ -235,12 +242,22 @@ def _differentiate(
     rows[F_P + 3], rows[F_P + 4] = -omega1, -slide
     rows[F_P + WIDTH + 1], rows[F_P + WIDTH + 4] = sin12 * omega1 * omega1 + gravity * sin2 - cos12 * alpha1, slide
     rows[F_P + COLUMNS], rows[F_P + WIDTH + COLUMNS] = push[0], push[1]
+    cross = 0.0
+    if push[2] != 0.0 or push[3] != 0.0:  # an arm that moves, docs/theory.md (54)
+        pull, whirl = push[2], push[3]
+        lift1 += whirl * (a * (cos1 * cos1 - sin1 * sin1) - d * sin1 * sin2) + pull * e1 * sin1
+        lift2 += whirl * (cos2 * cos2 - sin2 * sin2 - d * sin1 * sin2) + pull * e2 * sin2
+        cross = whirl * d * cos1 * cos2
+        rows[F_P] += whirl * sin1 * cos1
+        rows[F_P + 1] += whirl * sin2 * cos1
+        rows[F_P + 2] -= pull * cos1
+        rows[F_P + WIDTH + 1] += (whirl * sin1 - pull * gravity) * cos2
     scale = 1.0 / (a - coupling * coupling)
     for j in range(WIDTH):
         t1, t2, w1, w2 = rows[AT + j], rows[AT + WIDTH + j], rows[AT + 2 * WIDTH + j], rows[AT + 3 * WIDTH + j]
         drag = c2 * (w1 - w2)
-        r1 = twist1 * (t1 - t2) + lift1 * t1 + whirl1 * w2 - c1 * w1 - drag + rows[F_P + j]
-        r2 = twist2 * (t1 - t2) + lift2 * t2 + whirl2 * w1 + drag + rows[F_P + WIDTH + j]
+        r1 = twist1 * (t1 - t2) + lift1 * t1 + cross * t2 + whirl1 * w2 - c1 * w1 - drag + rows[F_P + j]
+        r2 = twist2 * (t1 - t2) + lift2 * t2 + cross * t1 + whirl2 * w1 + drag + rows[F_P + WIDTH + j]
         dalpha1, dalpha2 = (r1 - coupling * r2) * scale, (a * r2 - coupling * r1) * scale
         if held:
             dalpha1 = dalpha2 = (r1 + r2) / (a + 1.0 + 2.0 * coupling)

@@ -26,7 +26,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods import followed as follow
 from dpr_lab.kernels import njit
-from dpr_lab.setup import Setup, Torques
+from dpr_lab.setup import Setup
 
 Array = NDArray[np.float64]
 
@@ -125,22 +125,23 @@ class Trajectory:
 
 def trajectory(problem: Problem, at: Estimate) -> Trajectory:
     """Follow the swings of an estimate, with its ratios and initial states; its effects are small and left out."""
-    L1, g, samples = problem.model.constants.L1, problem.model.constants.g, problem.segments.offsets
+    rig, samples = problem.model.constants, problem.segments.offsets
     spans = [(segment_start(float(problem.t[i])), float(problem.t[j - 1])) for i, j in pairwise(samples)]
     instants = [_grid(first, last) for first, last in spans]
     setups = problem.segments.setups
     laid_out = segments(instants, problem.segments.run, setups, step=GRID_S)
-    followed = replace(laid_out, setups=tuple(_pushed_by_arm(problem, at, i) for i in range(len(setups))))
-    bases = np.array([base_of_run(at.whole, setup, L1, g) for setup in setups])
-    states, slopes = follow(at.ratios, followed, at.initial, L1, g, of=4)
+    bases = np.array([base_of_run(at.whole, setup, rig.L1, rig.g) for setup in setups])
+    states, slopes = follow(at.ratios, laid_out, at.initial, rig, of=4)
     phi = slopes[:, :, len(RATIOS) :]
     lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < WILDEST).all(axis=1))
     phi[lost], states[lost] = np.eye(4), 0.0
     lost |= np.abs(np.linalg.det(phi)) < SINGULAR
-    owner = np.repeat(np.arange(len(followed)), np.diff(followed.offsets))
-    inverse, alpha = _accelerations(bases[followed.run][owner], followed.held[owner], L1, g, states, followed.pushes)
+    owner = np.repeat(np.arange(len(laid_out)), np.diff(laid_out.offsets))
+    own, pushes = bases[laid_out.run][owner], laid_out.pushes
+    drive = pushes[:, :2] + (_carried(own, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0)
+    inverse, alpha = _accelerations(own, laid_out.held[owner], rig.L1, rig.g, states, drive)
     phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be followed answers to nothing
-    edges = followed.offsets
+    edges = laid_out.offsets
     place = np.concatenate(
         [
             edges[s] + np.interp(problem.t[i:j], instants[s], np.arange(len(instants[s])))
@@ -153,8 +154,8 @@ def trajectory(problem: Problem, at: Estimate) -> Trajectory:
     out[:, 1] -= problem.model.constants.relative2 * out[:, 0]
     torque_only = np.concatenate([np.zeros_like(inverse), inverse], axis=1)
     return Trajectory(
-        t=followed.t,
-        run=np.repeat(followed.run, np.diff(edges)),
+        t=laid_out.t,
+        run=np.repeat(laid_out.run, np.diff(edges)),
         theta=states[:, :2],
         omega=states[:, 2:],
         alpha=alpha,
@@ -169,29 +170,17 @@ def trajectory(problem: Problem, at: Estimate) -> Trajectory:
     )
 
 
-def _pushed_by_arm(problem: Problem, at: Estimate, run: int) -> Setup:
-    """The setup of a run; of one with a prescribed arm that arm's push along the readings, as torques (54)."""
-    setup, constants = problem.segments.setups[run], problem.model.constants
-    mine = np.isin(problem.owner, np.flatnonzero(problem.segments.run == run))
-    if setup.arm is None or not mine.any():
-        return setup
-    t, read = problem.t[mine], np.nan_to_num(problem.measured[mine])
-    theta = np.stack([read[:, 0], read[:, 1] + constants.relative2 * read[:, 0]])
-    sines, cosines = np.sin(theta), np.cos(theta)
-    a, b, d, e1, *_ = base_of_run(at.whole, setup, constants.L1, constants.g)
-    omega = np.interp(t, setup.arm.t, setup.arm.omega)
-    alpha = np.gradient(omega, t)
-    levers = (np.array([[a, d], [d, b]]) @ sines) * cosines
-    reach = constants.L0 / constants.g * np.array([[e1], [d * constants.g / constants.L1]])
-    push = omega**2 * levers - reach * cosines * alpha
-    tau1, tau2 = 0.5 * (push + np.append(push[:, 1:], push[:, -1:], axis=1))  # held until the next
-    known = np.zeros((len(t), 2)) if setup.torques is None else setup.torques.mean_before(t)
-    known[:, 0] += known[:, 1]  # of the joints again
-    return replace(setup, torques=Torques(t, known + np.stack([tau1 + tau2, tau2], axis=1)))
-
-
 def _grid(first: float, last: float) -> Array:
     return np.linspace(first, last, 2 * max(1, int(np.ceil((last - first) / GRID_S / 2))) + 1)
+
+
+def _carried(bases: Array, rig: RigConstants, states: Array, arm: Array) -> Array:
+    """(n, 2) torques on theta1, theta2 of an arm's acceleration and squared speed, (n, 2); docs/theory.md (54)."""
+    (a, b, d, e1, *_), (alpha0, whirl) = bases.T, arm.T
+    (sin1, sin2), (cos1, cos2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T)
+    pull = rig.L0 / rig.g * alpha0
+    tau1 = (whirl * (a * sin1 + d * sin2) - pull * e1) * cos1
+    return np.stack([tau1, (whirl * (b * sin2 + d * sin1) - pull * d * rig.g / rig.L1) * cos2], axis=1)
 
 
 def _accelerations(

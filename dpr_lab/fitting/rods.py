@@ -28,7 +28,7 @@ _OTHERS = [i for i in range(len(BASE)) if i != _B]
 
 @dataclass(frozen=True, slots=True)
 class RodsAlone:
-    """Two rods without effects, on a clamped arm."""
+    """Two rods without effects, on an arm that is clamped or moves as is known."""
 
     constants: RigConstants
 
@@ -40,14 +40,14 @@ class RodsAlone:
         """(samples, 2) encoder readings, rad."""
         values, _ = self._ratios(segments, at)
         begins = segments.turning_as_one(at.initial)
-        states, _, _ = driven(values, self.constants.L1, self.constants.g, segments, begins, 0)
+        states, _, _ = driven(values, self.constants, segments, begins, 0)
         return JointAngles(self.constants.relative2 == 1.0).of_rods(states[:, :2])
 
     def slopes(self, segments: Segments, at: Estimate, free: Sequence[FreeParameter]) -> Array:
         """(samples, 2, free + 4); the free parameters are ratios, b and p/b."""
         values, chains = self._ratios(segments, at)
         begins = segments.turning_as_one(at.initial)
-        _, seen, by_push = driven(values, self.constants.L1, self.constants.g, segments, begins, 2)
+        _, seen, by_push = driven(values, self.constants, segments, begins, 2)
         seen[:, 1] -= self.constants.relative2 * seen[:, 0]
         by_push[:, 1] -= self.constants.relative2 * by_push[:, 0]
         columns = [parameter.index for parameter in free]
@@ -106,10 +106,8 @@ def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array,
     return np.append(values, push), np.vstack([slopes, by_unknown])
 
 
-def followed(
-    ratios: Array, laid_out: Segments, initial: Array, L1: float, g: float, of: int = 0
-) -> tuple[Array, Array]:
+def followed(ratios: Array, laid_out: Segments, initial: Array, rig: RigConstants, of: int = 0) -> tuple[Array, Array]:
     """(N, 4) states of segments by (7,) unknown ratios, and (N, `of`, 9) their derivatives, as of `sensitivities`."""
-    values = np.array([pushed_by(ratios, setup, L1, g)[0] for setup in laid_out.setups])[laid_out.run]
-    states, slopes, _ = driven(values, L1, g, laid_out, laid_out.turning_as_one(initial), of)
+    values = np.array([pushed_by(ratios, setup, rig.L1, rig.g)[0] for setup in laid_out.setups])[laid_out.run]
+    states, slopes, _ = driven(values, rig, laid_out, laid_out.turning_as_one(initial), of)
     return states, slopes

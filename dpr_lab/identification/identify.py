@@ -100,11 +100,11 @@ def identify(
     refuse_misread(runs, rig)
     prepared = [preprocess(run, rig) for run in runs]
     settings = settings or _suited(chosen.settings, search)
-    if all(run.torques is not None for run in runs):  # the search knows free swings only; the rig file is the start
+    if not any(run.setup.free for run in runs):  # the search knows free swings only; the rig file is the start
         settings = settings.model_copy(update={"generations": 1})
     began = time.perf_counter()
     history: list[Generation] = []
-    searched = [item for item in prepared if item.run.torques is None] or prepared
+    searched = [item for item in prepared if item.run.setup.free] or prepared
     for generation in algorithm.run(chosen.build(searched, rig), rig.bounds, settings, np.random.default_rng(seed)):
         history.append(generation)
         if on_generation:
@@ -144,7 +144,7 @@ def polish(Z: NDArray[np.float64], runs: Sequence[PreprocessedRun], rig: Rig) ->
         IdentificationError: what was found can be no rig's.
     """
     setups = [item.run.setup for item in runs]
-    searched = any(not setup.held and setup.torques is None for setup in setups)
+    searched = any(not setup.held and setup.free for setup in setups)
     found = merge_segments(short_fit(Z if searched else rig.nominal, runs, rig))
     if not all(setup.held for setup in setups):
         refuse_impossible(found.ratios, rig)

@@ -136,7 +136,7 @@ def _followed(found: RatioFit, index: int, near: float) -> int:
     """How many samples of the next segment a segment's free run follows."""
     begin, border, end = found.problem.segments.offsets[index : index + 3]
     laid_out = found.problem.segments
-    passed = border if laid_out.setups[laid_out.run[index]].torques else begin + 1  # torques are looked up by sample
+    passed = begin + 1 if laid_out.setups[laid_out.run[index]].free else border  # what drives is looked up by sample
     t = np.concatenate([found.problem.t[begin:passed], found.problem.t[border:end]])
     angles = _states(found, index, t, float(laid_out.step[index]))[passed - begin :, :2]
     off = np.abs(angles - found.problem.joints.to_rods(found.problem.measured[border:end]))
@@ -149,4 +149,4 @@ def _states(found: RatioFit, index: int, t: Array, step: float) -> Array:
     """(n, 4) the free run of a segment."""
     rig, laid_out, at = found.problem.model.constants, found.problem.segments, found.fit.estimate
     own = segments([t], setups=[laid_out.setups[laid_out.run[index]]], step=step)
-    return followed(at.ratios, own, at.initial[index : index + 1], rig.L1, rig.g)[0]
+    return followed(at.ratios, own, at.initial[index : index + 1], rig)[0]

@@ -16,7 +16,6 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.dynamics.segments import Segments, segments
 from dpr_lab.effects import effect_params
-from dpr_lab.errors import RunError
 from dpr_lab.fitting.cut import partition
 from dpr_lab.fitting.estimate import Estimate, ratio_parameters, unknown_ratios, visible_ratios
 from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, fit
@@ -108,16 +107,7 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
         rig: lengths, gravity, encoders
         length: wanted length of a segment, s
         step: longest Runge-Kutta step, s; over half a second one of 5 ms errs by less than a microradian
-
-    Raises:
-        RunError: a run whose arm moves as prescribed.
     """
-    for item in runs:
-        if item.run.arm is not None:
-            raise RunError(
-                f"{item.run.name}: its arm moves as prescribed, which a diagnosis takes; identify and compare know a"
-                " held arm only: leave the run out, or import its table with --arm clamped if that is what it was"
-            )
     cuts = [(i, stretch) for i, item in enumerate(runs) for stretch in partition(item.run, length)]
     joints = rig.encoders.joint_angles
     laid_out = segments(
@@ -189,7 +179,7 @@ def predictable_until(found: RatioFit, index: int, t: Array, error_rad: float = 
     rig, laid_out, at = found.problem.model.constants, found.problem.segments, found.fit.estimate
     setup = laid_out.setups[laid_out.run[index]]
     own = segments([t], setups=[setup], step=MAX_STEP)
-    _, slopes = followed(at.ratios, own, at.initial[index : index + 1], rig.L1, rig.g, of=2)
+    _, slopes = followed(at.ratios, own, at.initial[index : index + 1], rig, of=2)
     growth = by_start(slopes[:, :2, len(RATIOS) :], setup)
     variance = np.einsum("nij,jk,nik->ni", growth, found.initial_covariances[index], growth)
     lost = np.flatnonzero(~(variance.max(axis=1) * max(1.0, found.chi2_per_dof) < error_rad**2))

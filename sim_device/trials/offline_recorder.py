@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_mounted
 from sim_device.plant.config import PlantConfig
+from sim_device.plant.drives import JointDrives
 from sim_device.plant.hidden import plant_of
 from sim_device.plant.rods import SimulatedRods
 
@@ -13,7 +14,13 @@ REST = 0.5
 """How long the rods are recorded at rest before each release, s."""
 
 
-def record(config: PlantConfig, rig: Rig, duration: float = 10.0, rate_hz: int | None = None) -> list[Run]:
+def record(
+    config: PlantConfig,
+    rig: Rig,
+    duration: float = 10.0,
+    rate_hz: int | None = None,
+    drives: JointDrives | None = None,
+) -> list[Run]:
     """One run from each of the rig's poses, as the lab would have recorded them.
 
     The counts of the swings are those that the protocol would have carried; the rest before them is other noise of the
@@ -24,18 +31,21 @@ def record(config: PlantConfig, rig: Rig, duration: float = 10.0, rate_hz: int |
         rig: the rig it is mounted on
         duration: how long each swing is recorded, s
         rate_hz: samples a second; None: as the rig file says
+        drives: on its joints; none: free swings
 
     Raises:
         ConfigError: effects that the plant cannot have.
     """
-    rods = SimulatedRods(plant_of(config, rig), rig)
+    rods = SimulatedRods(plant_of(config, rig), rig, drives=drives)
     return [
-        _released(rods, rig, number, pose, duration, rate_hz or rig.link.rate_hz)
+        _released(rods, rig, number, pose, duration, rate_hz or rig.link.rate_hz, drives)
         for number, pose in enumerate(rig.poses, 1)
     ]
 
 
-def _released(rods: SimulatedRods, rig: Rig, number: int, pose: str, duration: float, rate_hz: int) -> Run:
+def _released(
+    rods: SimulatedRods, rig: Rig, number: int, pose: str, duration: float, rate_hz: int, drives: JointDrives | None
+) -> Run:
     rods.place(number, 0.0)
     before = np.arange(-round(REST * rate_hz), 0)
     rest = rods.held_counts(before / rate_hz, 0)
@@ -43,6 +53,12 @@ def _released(rods: SimulatedRods, rig: Rig, number: int, pose: str, duration: f
     count = round(duration * rate_hz) + 1
     sent = ~rods.missing(0, count)
     counts = np.concatenate([rest, rods.swing_counts(0, count)[sent]])
+    told = rods.torques(0, count)
+    torques = {}
+    for k, kind in enumerate(() if drives is None else drives.kinds):
+        assert drives is not None
+        given = np.array([row[k] for row in told])[sent] * drives.unit_Nm
+        torques[kind.name.lower()] = np.concatenate([np.zeros((len(rest), 2)), given])
     theta = _near(rig.theta(counts), rig.poses[pose].theta, len(rest))
     return Run(
         name=pose,
@@ -56,6 +72,9 @@ def _released(rods: SimulatedRods, rig: Rig, number: int, pose: str, duration: f
         rate_hz=rate_hz,
         added_mass=rig.added_mass,
         lost={"tick_gap": int(count - sent.sum())},
+        torque_kind=next(iter(torques), ""),
+        torques=next(iter(torques.values()), None),
+        commanded=torques.get("commanded") if len(torques) == 2 else None,
     )
 
 
