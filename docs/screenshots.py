@@ -13,7 +13,7 @@ import re
 import tempfile
 import time
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -29,6 +29,8 @@ from dpr_lab.tui.workspace import Workspace
 RIG = "sim://?plant=dry&seed=1"
 PATIENCE_S = 1800.0
 MID_SWING_S = 3.0
+RECORD_S = 30.0
+"""Long enough for a picture of each size while the rods swing."""
 SETTLING_S = 1.0
 """After a new size or theme, until everything is drawn."""
 RELEASES = 3
@@ -94,6 +96,8 @@ async def release(pilot: Pilot[None], step: CaptureStep, mid_swing: Callable[[],
     await pilot.press("r")
     await until(pilot, lambda: _recorded(step) >= MID_SWING_S)
     await mid_swing()
+    if step.recording is None:
+        raise TimeoutError("the swing ended before its pictures were taken: record for longer")
     await until(pilot, lambda: step.attempt is not None and step.attempt.phase is Phase.JUDGED)
     await pilot.press("k")
 
@@ -115,6 +119,7 @@ async def tour(app: DprApp, pictures: Pictures) -> None:
         await pictures.take(app, pilot)
         await pilot.press("3")
         step = app.query_one(CaptureStep)
+        step.options = replace(step.options, duration=RECORD_S)
         for number in range(max(RELEASES, len(pictures.themes))):
             themes = pictures.themes[number : number + 1]
             await release(pilot, step, partial(pictures.take, app, pilot, themes) if themes else pilot.pause)

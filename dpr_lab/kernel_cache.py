@@ -61,6 +61,13 @@ _ROOT = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("dpr-lab")) / 
 CACHE = open_cache(_ROOT, source_hash(Path(__file__).parent))
 """Folder of the machine code of this version; None on a read-only home: kernels are then compiled in every process."""
 
+COMPILING = (
+    "compiling the kernels, once on this computer: about a minute"
+    if CACHE is not None
+    else "compiling the kernels: about a minute, every time, for the folder of the cache cannot be written"
+)
+"""What whoever waits is told."""
+
 _SIMULATOR = "plant"
 _watching: list[Callable[[], None]] = []
 

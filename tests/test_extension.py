@@ -160,7 +160,7 @@ def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
     copy.row(
         "dpr_lab/search/__init__.py",
         "ALGORITHMS",
-        '"random_search": Algorithm(RandomSearchSettings, random_search)',
+        '"random_search": Algorithm(RandomSearchSettings, random_search, "random search")',
         "from dpr_lab.search.random_search import RandomSearchSettings, random_search",
     )
     (copy.folder / "settings.toml").write_text('algorithm = "random_search"\ngenerations = 20\n', encoding="utf-8")

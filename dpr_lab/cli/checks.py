@@ -29,6 +29,8 @@ class Choices:
 
     what: str
     names: Callable[[], Iterable[str]]
+    worded: Callable[[str], str] = str
+    """A name for people, with words before it."""
 
     def complete(self, incomplete: str) -> list[str]:
         """What the last name, after any comma, can become."""
@@ -58,7 +60,7 @@ class Choices:
         unknown = [name for name in map(str.strip, given) if name not in known]
         if unknown:
             named = ", ".join(name or "''" for name in unknown)
-            said = f"no {self.what} named {named}; there are: {', '.join(known)}"
+            said = f"no {self.what} named {named}; there are: {', '.join(map(self.worded, known))}"
             raise typer.BadParameter(folded(said, sys.stderr, len("Error: Invalid value for '--objective': ")))
 
 
@@ -77,6 +79,18 @@ def _objectives() -> Iterable[str]:
     from dpr_lab.identification.objectives import OBJECTIVES
 
     return OBJECTIVES
+
+
+def _search_words(name: str) -> str:
+    from dpr_lab.search import search_words
+
+    return search_words(name)
+
+
+def _objective_words(name: str) -> str:
+    from dpr_lab.identification.objectives import objective_words
+
+    return objective_words(name)
 
 
 def _effects() -> Iterable[str]:
@@ -110,8 +124,8 @@ def _reasons() -> Iterable[str]:
     return REASONS
 
 
-SEARCHES = Choices("search", _searches)
-OBJECTIVE_NAMES = Choices("objective", _objectives)
+SEARCHES = Choices("search", _searches, _search_words)
+OBJECTIVE_NAMES = Choices("objective", _objectives, _objective_words)
 EFFECT_NAMES = Choices("effect", _effects)
 EXPORT_NAMES = Choices("format", _exports)
 REASON_NAMES = Choices("reason", _reasons)

@@ -62,6 +62,8 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], 
     from rich.markup import escape
     from rich.table import Table
 
+    from dpr_lab.report.digits import NUMERIC
+
     cells = [[printable(str(cell)) for cell in row] for row in rows]
     down = list(zip(columns, *cells, strict=True))
     # A pipe or a file has no width to wrap at.
@@ -79,10 +81,6 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], 
         console.print(made)
     if note:
         console.print(escape(printable(note)), style="dim")
-
-
-NUMERIC = set("0123456789 .,;:()+-\N{EN DASH}\N{MINUS SIGN}\N{PLUS-MINUS SIGN}<>≤≥~%e")
-"""What numbers, intervals and times are written with: they read from the right, words from the left."""
 
 
 def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:

@@ -19,7 +19,7 @@ def identify(
     objective: Annotated[
         str,
         typer.Option(
-            help="segments: chaos-safe. paper: the published E(Z), over the whole runs.",
+            help="short segments, chaos-safe [segments], or published E(Z), whole runs [paper].",
             callback=OBJECTIVE_NAMES.check,
             autocompletion=OBJECTIVE_NAMES.complete,
         ),
@@ -27,7 +27,11 @@ def identify(
     search: Annotated[
         str,
         typer.Option(
-            help="Search algorithm: iga, plain_ga, differential_evolution, cma_es or multistart.",
+            help=(
+                "Search algorithm: improved genetic algorithm [iga], plain genetic algorithm [plain_ga], differential"
+                " evolution [differential_evolution], covariance matrix adaptation [cma_es] or local searches from many"
+                " starts [multistart]."
+            ),
             callback=SEARCHES.check,
             autocompletion=SEARCHES.complete,
         ),
@@ -68,7 +72,12 @@ def show(model: "Model") -> None:
     from dpr_lab.report import tables
 
     line(tables.summary(model))
-    table("Five ratios: all that a free swing fixes", tables.RATIO_COLUMNS, tables.ratio_rows(model))
+    table(
+        "Five ratios: all that a free swing fixes",
+        tables.RATIO_COLUMNS,
+        tables.ratio_rows(model),
+        note=tables.RATIO_NOTE,
+    )
     if absolute := tables.base_rows(model):
         table("Base parameters: these runs show their scale too", tables.BASE_COLUMNS, absolute)
     profiled = [(name, e.profile90) for name, e in model.ratios.items() if e.profile90 is not None]

@@ -7,15 +7,12 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from dpr_lab.cli.console import Bar, no_bar, progress, say
-from dpr_lab.kernel_cache import CACHE, watch_compiling
+from dpr_lab.kernel_cache import COMPILING, watch_compiling
 from dpr_lab.workflows import events
 
 if TYPE_CHECKING:
     from dpr_lab.acquisition.capture import Progress
     from dpr_lab.trials.score import TrialOutcome
-
-COMPILING = "compiling the kernels, once on this computer: about a minute"
-COMPILING_ALWAYS = "compiling the kernels: about a minute, every time, for the folder of the cache cannot be written"
 
 
 class Listener:
@@ -95,7 +92,7 @@ class Listener:
         """Say once why it takes so long, then show that it goes on."""
         self._kernels += 1
         if self._kernels == 1:
-            say(COMPILING if CACHE is not None else COMPILING_ALWAYS)
+            say(COMPILING)
         if not self._title:
             self._at("first start", 0.0, None)
         self._bar(None, f"compiling kernel {self._kernels}")

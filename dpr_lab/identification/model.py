@@ -14,6 +14,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError, printable
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
 from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.search import search_words
 from dpr_lab.shown import Row, Shown
 from dpr_lab.whole_file import write_text
 
@@ -177,7 +178,8 @@ class Model(Shown, _Record):
     def _heading(self) -> str:
         rms = " and ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
         doubts = f"; {len(self.failures)} checks failed" if self.failures else ""
-        return f"Model of rig {self.rig.name} from {len(self.runs)} runs, {self.search.algorithm}: {rms}{doubts}"
+        search = search_words(self.search.algorithm)
+        return f"Model of rig {self.rig.name} from {len(self.runs)} runs, {search}: {rms}{doubts}"
 
     def _rows(self) -> list[Row]:
         ratios = [(name, f"{item.value:.5g}", f"{item.std:.2g}", item.fixed_by) for name, item in self.ratios.items()]

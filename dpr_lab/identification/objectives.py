@@ -42,6 +42,8 @@ class ObjectiveChoice:
     build: "Callable[[Sequence[PreprocessedRun], Rig], Objective]"
     settings: str
     """Name of the built-in search file."""
+    words: str
+    """Its name for people."""
 
 
 def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
@@ -103,10 +105,15 @@ def paper_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
 
 
 OBJECTIVES = {
-    "segments": ObjectiveChoice(segment_objective, "segments"),
-    "paper": ObjectiveChoice(paper_objective, "paper"),
+    "segments": ObjectiveChoice(segment_objective, "segments", "short segments, chaos-safe"),
+    "paper": ObjectiveChoice(paper_objective, "paper", "published E(Z), whole runs"),
 }
 """Every objective by the name that `--objective` takes."""
+
+
+def objective_words(name: str) -> str:
+    """`short segments, chaos-safe [segments]` of `segments`; what is no objective stays."""
+    return f"{OBJECTIVES[name].words} [{name}]" if name in OBJECTIVES else name
 
 
 def _thinned(t: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -5,6 +5,9 @@ from collections.abc import Iterable
 
 NONE = "–"
 
+NUMERIC = frozenset("0123456789 .,;:()+-\N{EN DASH}\N{MINUS SIGN}\N{PLUS-MINUS SIGN}<>≤≥~%e")
+"""What numbers, intervals and times are written with: they read from the right, words from the left."""
+
 
 def plus_minus(value: float, std: float | None) -> str:
     """A value with its standard deviation, to two digits of the latter; three digits of a value that has none."""

@@ -24,6 +24,7 @@ from dpr_lab.report.digits import three
 from dpr_lab.report.envelope import trace
 from dpr_lab.report.tables import to_the_end
 from dpr_lab.run import Run
+from dpr_lab.search import search_words
 from dpr_lab.whole_file import write_whole
 
 AXES = ("inner rod θ₁", "outer rod θ₂")
@@ -105,7 +106,9 @@ def evolution_figure(model: Model) -> Figure:
             _note(axes, f"last: {values[-1]:.4g}" if values else "not recorded", side)
         if any(cost > 0 for cost in model.search.history.get("best_cost", [])):
             grid[0].set_yscale("log")
-        grid[0].set_title(f"{_one_line(model.search.algorithm)}, seed {model.search.seed}", parse_math=False)
+        grid[0].set_title(
+            f"{_one_line(search_words(model.search.algorithm))}, seed {model.search.seed}", parse_math=False
+        )
         grid[-1].xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         grid[-1].set_xlabel("generation")
         figure.align_ylabels(grid)

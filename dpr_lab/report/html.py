@@ -60,7 +60,7 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
         warnings=_warnings([*model.failures, *model.warnings]),
         L1=f"{model.rig.L1:g}",
         g=f"{model.rig.g:g}",
-        ratios=table_html(tables.RATIO_COLUMNS, tables.ratio_rows(model)) + _scaled(model),
+        ratios=_ratios(model) + _scaled(model),
         parameters=table_html(tables.PARAMETER_COLUMNS, tables.parameter_rows(model)),
         comparisons=_comparisons(comparisons, drawn),
         search=table_html(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose"),
@@ -70,6 +70,10 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
         rig_sha256=escaped(model.rig.sha256 or "not known"),
         version=escaped(model.version),
     )
+
+
+def _ratios(model: Model) -> str:
+    return table_html(tables.RATIO_COLUMNS, tables.ratio_rows(model)) + f"\n<p>{tables.RATIO_NOTE}</p>"
 
 
 def _scaled(model: Model) -> str:

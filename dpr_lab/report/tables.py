@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from dpr_lab.identification.model import Model
 
 RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
+RATIO_NOTE = (
+    "a: inertia about joint 1; d: coupling of the rods; e1: gravity on joint 1; c1, c2: viscous friction of the joints;"
+    " all over b, the inertia of the outer rod about joint 2."
+)
 PARAMETER_COLUMNS = ("parameter", "value ± std", "unit", "fixed by", "what it is")
 BASE_COLUMNS = ("base parameter", "value ± std", "unit", "what it is")
 COMPARISON_COLUMNS = (
@@ -55,8 +59,8 @@ PARAMETER_UNITS = {
     "mb": ("kg", "mass of the encoder at joint 2"),
     "c1": ("N m s/rad", "viscous friction of joint 1"),
     "c2": ("N m s/rad", "viscous friction of joint 2"),
-    "J1": ("kg m²", "inertia of the inner rod about its centroid"),
-    "J2": ("kg m²", "inertia of the outer rod about its centroid"),
+    "J1": ("kg m²", "inner rod, inertia at centroid"),
+    "J2": ("kg m²", "outer rod, inertia at centroid"),
 }
 
 
@@ -155,10 +159,14 @@ def run_rows(model: "Model") -> list[list[str]]:
 
 def search_rows(model: "Model") -> list[list[str]]:
     """How the model was found: enough to repeat the search, in the columns `SEARCH_COLUMNS`."""
+    from dpr_lab.identification.objectives import objective_words
+    from dpr_lab.search import search_words
+
     search, fit = model.search, model.fit
+    chosen = f"{search_words(search.algorithm)}, objective {objective_words(search.objective)}, seed {search.seed}"
     best = ", ".join(f"{name} = {value:.4g}" for name, value in search.best.items())
     return [
-        ["search", f"{search.algorithm}, objective {search.objective}, seed {search.seed}"],
+        ["search", chosen],
         ["generations", str(search.generations)],
         ["evaluations", str(search.evaluations)],
         ["time", f"{three(search.seconds)} s"],
@@ -186,10 +194,15 @@ def recorded(run: Path) -> str:
     return when if len(parts) > 2 and when != parts[0] else ""
 
 
+def run_pose(run: Path) -> str:
+    """The pose of a run, from a file name `<utc>_<pose>_<uid8>`; others by their name."""
+    return "_".join(run.stem.split("_")[1:-1]) if recorded(run) else run.stem
+
+
 def run_name(run: Path) -> str:
     """A run by its pose and when it was recorded, from a file name `<utc>_<pose>_<uid8>`; others by their name."""
     when = recorded(run)
-    return f"{'_'.join(run.stem.split('_')[1:-1])} ({when})" if when else run.stem
+    return f"{run_pose(run)} ({when})" if when else run.stem
 
 
 def compared_name(comparison: "Comparison") -> str:

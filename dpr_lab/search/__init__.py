@@ -16,13 +16,20 @@ from dpr_lab.search.problem import Algorithm
 from dpr_lab.search.settings import IgaSettings, SearchSettings
 
 ALGORITHMS: dict[str, Algorithm[Any]] = {
-    "iga": Algorithm(IgaSettings, iga),
-    "plain_ga": Algorithm(PlainGaSettings, plain_ga),
-    "differential_evolution": Algorithm(DifferentialEvolutionSettings, differential_evolution),
-    "cma_es": Algorithm(CmaEsSettings, cma_es),
-    "multistart": Algorithm(MultistartSettings, multistart),
+    "iga": Algorithm(IgaSettings, iga, "improved genetic algorithm"),
+    "plain_ga": Algorithm(PlainGaSettings, plain_ga, "plain genetic algorithm"),
+    "differential_evolution": Algorithm(
+        DifferentialEvolutionSettings, differential_evolution, "differential evolution"
+    ),
+    "cma_es": Algorithm(CmaEsSettings, cma_es, "covariance matrix adaptation"),
+    "multistart": Algorithm(MultistartSettings, multistart, "local searches from many starts"),
 }
 """Name that `algorithm` has in a search file -> algorithm; a new one is one file and one line here."""
+
+
+def search_words(name: str) -> str:
+    """`improved genetic algorithm [iga]` of `iga`; what is no algorithm stays."""
+    return f"{ALGORITHMS[name].words} [{name}]" if name in ALGORITHMS else name
 
 
 class _Choice(BaseModel):

@@ -50,6 +50,8 @@ class Algorithm(Generic[Settings]):
 
     settings: type[Settings]
     run: Callable[[Objective, Bounds, Settings, np.random.Generator], Iterator[Generation]]
+    words: str
+    """Its name for people."""
 
 
 @dataclass(slots=True)

@@ -197,10 +197,11 @@ class DprApp(Guarded, App[None]):
 
     def redraw(self) -> None:
         """Draw the stepper as things stand now."""
-        status = [
-            StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == self.workspace.step, s.stale()) for s in self.steps
-        ]
-        self.query_one(Stepper).show(status, self.services.keys.of("app.next"))
+        keys, here = self.services.keys, self.workspace.step
+        status = [StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == here, s.stale()) for s in self.steps]
+        page = self.current.report()
+        report = keys.of("app.report") if page is not None and page.is_file() else ""
+        self.query_one(Stepper).show(status, keys.of("app.next"), report)
 
     @on(Step.Done)
     def save(self) -> None:

@@ -9,7 +9,8 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderR
 from rich.table import Table
 from rich.text import Text
 
-from dpr_lab.report.tables import run_name
+from dpr_lab.report.digits import NUMERIC
+from dpr_lab.report.tables import recorded, run_name, run_pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,13 +31,14 @@ class NoticeTimes:
 NOTICES = NoticeTimes()
 
 
-def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, prose: bool = False) -> RenderableType:
-    """A table as wide as its cells need; `prose` for columns of text, which read from the left."""
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> RenderableType:
+    """A table as wide as its cells need: words read from the left, numbers from the right and in one line."""
     made = Table(
         title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
     )
     for index, column in enumerate(columns):
-        made.add_column(column, justify="left" if prose or index == 0 else "right", overflow="fold")
+        numbers = index > 0 and all(set(row[index].replace(" to ", "")) <= NUMERIC for row in rows)
+        made.add_column(column, justify="right" if numbers else "left", no_wrap=numbers, overflow="fold")
     for row in rows:
         made.add_row(*(Text(cell) for cell in row))
     return made
@@ -64,8 +66,15 @@ def shorter(names: Sequence[str], most: int = 6) -> str:
 
 
 def named_runs(runs: Sequence[Path]) -> str:
-    """How many, and which: `2 runs: X1, X2`; empty for none."""
-    return f"{counted_runs(len(runs))}: {shorter([run_name(run) for run in runs], most=3)}" if runs else ""
+    """How many, and which: `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`; empty for none."""
+    names = [run_name(run) for run in runs]
+    poses, times = {run_pose(run) for run in runs}, sorted(filter(None, map(recorded, runs)))
+    if len(runs) > 1 and len(times) == len(poses) == len(runs) and times[0][:10] == times[-1][:10]:
+        first, last = times[0], times[-1]
+        names = [run_pose(run) for run in runs]
+        when = first if first == last else f"{first[:16]} to {last[11:]}"
+        return f"{counted_runs(len(runs))}: {shorter(names)} ({when})"
+    return f"{counted_runs(len(runs))}: {shorter(names, most=3)}" if runs else ""
 
 
 @dataclass(frozen=True, slots=True)

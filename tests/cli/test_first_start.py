@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from dpr_lab.cli.listener import COMPILING, Listener
-from dpr_lab.kernel_cache import compiling
+from dpr_lab.cli.listener import Listener
+from dpr_lab.kernel_cache import COMPILING, compiling
 
 CLI = Path(__file__).parents[2] / "dpr_lab" / "cli"
 CAPTURE = ("capture", "--rig", "paper", "--pose", "X1", "--duration", "1", "--link", "sim://?clock=fast&seed=3")

@@ -10,8 +10,9 @@ import pytest
 from dpr_lab.cli.checks import EFFECT_NAMES, OBJECTIVE_NAMES, SEARCHES, built_in_rigs, complete_rig
 from dpr_lab.configs import BUILTIN
 from dpr_lab.effects import EFFECTS
+from dpr_lab.identification.objectives import OBJECTIVES, objective_words
 from dpr_lab.rig import AddedMass, Encoders, LinkSettings, Parameter, Pose, RigGeometry, load_rig
-from dpr_lab.search import ALGORITHMS
+from dpr_lab.search import ALGORITHMS, search_words
 
 ROOT = Path(__file__).parents[2]
 
@@ -34,8 +35,8 @@ def test_a_rate_that_cannot_be_is_refused_before_anyone_moves(cli, tmp_path: Pat
 @pytest.mark.parametrize(
     ("words", "known"),
     [
-        (("identify", "x", "--rig", "paper", "--search", "luck"), "cma_es"),
-        (("identify", "x", "--rig", "paper", "--objective", "luck"), "segments"),
+        (("identify", "x", "--rig", "paper", "--search", "luck"), "covariance matrix adaptation [cma_es]"),
+        (("identify", "x", "--rig", "paper", "--objective", "luck"), "short segments, chaos-safe [segments]"),
         (("diagnose", "x", "--rig", "paper", "--library", "luck"), "coulomb_joint1"),
         (("diagnose", "x", "--rig", "paper", "--without", "luck"), "coulomb_joint1"),
         (("diagnose", "x", "--rig", "paper", "--fail-on", "luck"), "unexplained"),
@@ -60,7 +61,9 @@ def test_choices_are_completed() -> None:
 def test_help_names_every_search(cli) -> None:
     said = " ".join(cli("identify", "--help").out.split())
     for name in ALGORITHMS:
-        assert name in said
+        assert search_words(name) in said
+    for name in OBJECTIVES:
+        assert objective_words(name) in said
 
 
 def test_built_in_rigs_are_listed_and_shown(cli, on_terminal, tmp_path: Path) -> None:

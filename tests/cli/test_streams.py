@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from dpr_lab.cli.listener import COMPILING
 from dpr_lab.errors import DprError, printable
+from dpr_lab.kernel_cache import COMPILING
 
 CLI = Path(__file__).parents[2] / "dpr_lab" / "cli"
 STEERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")

@@ -59,6 +59,8 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
 @pytest.fixture(autouse=True)
 def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """State and keys of this test alone."""
+    monkeypatch.setenv("TZ", "UTC")  # pictures hold local times
+    time.tzset()
     monkeypatch.setenv("DPR_LAB_STATE", str(tmp_path / "state"))
     monkeypatch.setenv("DPR_LAB_CONFIG", str(tmp_path / "config"))
 

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from dpr_lab.report.tables import run_name
+from dpr_lab.report.tables import recorded, run_name
 from dpr_lab.tui.app import DprApp
 from dpr_lab.tui.path_suggester import PathSuggester
+from dpr_lab.tui.texts import named_runs
 from dpr_lab.tui.workspace import Workspace, load, state_folder
 
 
@@ -88,3 +89,11 @@ def test_a_run_is_named_by_pose_and_local_time_with_its_zone(monkeypatch: pytest
     finally:
         monkeypatch.undo()
         time.tzset()
+
+
+def test_runs_of_one_day_are_named_by_their_poses_and_one_span_of_time() -> None:
+    runs = [Path(f"20261121T10{10 + n}00Z_X{n}_00000001.mcap") for n in range(1, 4)]
+    first, last = (recorded(run) for run in (runs[0], runs[-1]))
+    assert named_runs(runs) == f"3 runs: X1, X2, X3 ({first[:16]} to {last[11:]})"
+    assert named_runs(runs[:1]) == f"1 run: X1 ({first})"
+    assert named_runs([*runs, Path("mine.mcap")]).startswith(f"4 runs: X1 ({first}), ")

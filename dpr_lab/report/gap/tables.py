@@ -3,14 +3,17 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.data.pieces import whole
 from dpr_lab.gap.result.diagnosis import CheckDone, Diagnosis, RivalEffect, Where
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
+from dpr_lab.report.tables import run_name
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 
 EFFECT_COLUMNS = ("effect", "cannot be told from", "probability", "excess without it", "size, 90 % interval")
@@ -42,6 +45,9 @@ CLOSED_NOTE = (
     "Gap closed: by how much the rms falls, each release predicted from the others (a single one by quarters). Free"
     " run: 2.6 s from a start state that only the first 0.3 s fix."
 )
+
+ALONE = "no other"
+"""What an effect cannot be told from where it can be told from all."""
 
 SPLIT = "these recordings"
 
@@ -85,7 +91,7 @@ def effect_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple
     return [
         (
             named(item.name),
-            ", ".join(named(name) for name in item.members if name != item.name) or NONE,
+            ", ".join(named(name) for name in item.members if name != item.name) or ALONE,
             f"{item.probability:.0%}",
             f"{item.share:.1%}",
             "; ".join(
@@ -188,6 +194,11 @@ def closed_sentence(diagnosis: Diagnosis) -> str:
     )
 
 
+def run_words(name: str) -> str:
+    """A run, or a piece of it, by its pose and when it was recorded."""
+    return run_name(Path(f"{whole(name)}.mcap")) + name.removeprefix(whole(name))
+
+
 def next_steps(diagnosis: Diagnosis) -> list[str]:
     """What to record or to check next; what to do with a remainder that has no name."""
     left = {
@@ -252,8 +263,8 @@ def map_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
 def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
     """How far the gap closes, by run; runs held out by hand are marked."""
     gap, closed = diagnosis.gap, diagnosis.gap.closed_held_out
-    shares = {name: (name, share) for name, share in closed.per_run.items()}
-    shares |= {name: (f"{name} (held out)", share) for name, share in closed.held_out.items()}
+    shares = {name: (run_words(name), share) for name, share in closed.per_run.items()}
+    shares |= {name: (f"{run_words(name)} (held out)", share) for name, share in closed.held_out.items()}
     rows = []
     for name, (label, share) in shares.items():
         free = gap.free_run_rad.get(name, {})
@@ -281,7 +292,7 @@ def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
     """Sensor faults; of those that say the same of an axis but for the instant the first alone, beyond so many."""
     alike: dict[tuple[str, ...], list[str]] = {}
     for item in diagnosis.sensor_findings:
-        kind = (named(item.name), item.run, in_words(item.axis or NONE), item.evidence)
+        kind = (named(item.name), run_words(item.run), in_words(item.axis or NONE), item.evidence)
         alike.setdefault(kind, []).append(NONE if item.at_s is None else f"{item.at_s:.3f}")
     rows: list[tuple[str, ...]] = []
     for (*where, evidence), at in alike.items():

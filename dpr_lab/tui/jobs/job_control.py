@@ -11,7 +11,8 @@ from queue import SimpleQueue
 from typing import Any
 
 from dpr_lab.errors import DprError
-from dpr_lab.tui.jobs.job_events import JobEvent, JobFailed, JobFinished, JobProgress
+from dpr_lab.kernel_cache import watch_compiling
+from dpr_lab.tui.jobs.job_events import JobCompiling, JobEvent, JobFailed, JobFinished, JobProgress
 
 
 class JobControl:
@@ -19,6 +20,7 @@ class JobControl:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._sending = threading.Lock()
         self._going = threading.Event()
         self._going.set()
         self._stop = threading.Event()
@@ -26,7 +28,11 @@ class JobControl:
 
     def report(self, value: Any) -> None:
         """Tell how far it is; the value must be picklable."""
-        self._connection.send(JobProgress(value))
+        self._send(JobProgress(value))
+
+    def tell_compiling(self) -> None:
+        """Tell that it waits for the compiler; from any thread."""
+        self._send(JobCompiling())
 
     def proceed(self) -> bool:
         """Wait while paused; false once asked to stop and keep what there is."""
@@ -57,6 +63,14 @@ class JobControl:
                         self._asked.put(question)
         os._exit(1)
 
+    def end(self, event: JobEvent) -> None:
+        """Tell how it ended."""
+        self._send(event)
+
+    def _send(self, event: JobEvent) -> None:
+        with self._sending:
+            self._connection.send(event)
+
 
 def work(connection: Connection, function: Callable[..., Any], arguments: dict[str, Any]) -> None:
     """The process, from start to end: `function(control, **arguments)`, and how it ended."""
@@ -64,12 +78,13 @@ def work(connection: Connection, function: Callable[..., Any], arguments: dict[s
     control = JobControl(connection)
     threading.Thread(target=control.listen, daemon=True).start()
     try:
-        event: JobEvent = JobFinished(function(control, **arguments))
+        with watch_compiling(control.tell_compiling):
+            event: JobEvent = JobFinished(function(control, **arguments))
     except DprError as error:
         event = JobFailed(str(error))
     except Exception as error:  # whatever it is, it must reach the screen and not end with the process
         event = JobFailed(f"{type(error).__name__}: {error}", traceback.format_exc())
-    connection.send(event)
+    control.end(event)
 
 
 def _leave_the_terminal_alone() -> None:

@@ -14,6 +14,11 @@ class JobProgress:
 
 
 @dataclass(frozen=True, slots=True)
+class JobCompiling:
+    """The work waits for a kernel, or a further one, to be compiled."""
+
+
+@dataclass(frozen=True, slots=True)
 class JobFinished:
     """The work is done."""
 
@@ -44,4 +49,4 @@ class JobCancelled:
     """The work was ended on request; nothing of it is kept."""
 
 
-JobEvent: TypeAlias = JobProgress | JobFinished | JobFailed | JobCancelled
+JobEvent: TypeAlias = JobProgress | JobCompiling | JobFinished | JobFailed | JobCancelled

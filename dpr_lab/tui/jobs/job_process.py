@@ -10,7 +10,7 @@ from textual.message import Message
 
 from dpr_lab.child_process import ChildFunction
 from dpr_lab.tui.jobs.job_control import work
-from dpr_lab.tui.jobs.job_events import JobCancelled, JobEvent, JobFailed, JobProgress
+from dpr_lab.tui.jobs.job_events import JobCancelled, JobCompiling, JobEvent, JobFailed, JobProgress
 
 
 class JobProcess:
@@ -38,7 +38,7 @@ class JobProcess:
             patience_s: how long the process may take to be gone after that before it is ended
         """
         event: JobEvent = JobProgress(None)
-        while isinstance(event, JobProgress):
+        while isinstance(event, JobProgress | JobCompiling):
             try:
                 event = self._process.pipe.recv()
             except (EOFError, OSError):

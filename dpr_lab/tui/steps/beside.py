@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from textual import on
 from textual.app import ComposeResult
 from textual.containers import Horizontal
+from textual.content import Content
 from textual.message import Message
 from textual.widgets import Input, Select
 
@@ -55,7 +56,7 @@ class Beside(Guarded, Horizontal):
         self._shown = 0
         self._model: dict[str, Comparison] = {}
         self._job: JobProcess | None = None
-        self._offered: list[tuple[str, int]] = []
+        self._offered: list[tuple[Content, int]] = []
 
     def compose(self) -> ComposeResult:
         """List and field."""
@@ -66,10 +67,10 @@ class Beside(Guarded, Horizontal):
     def offer(self, runs: "Sequence[Comparison]", names: Sequence[str], shown: int) -> None:
         """Offer these runs but for the one that is shown."""
         self._runs, self._names, self._shown = runs, names, shown
-        options = [("beside: nothing", NOTHING)]
-        options += [(f"beside: {name}", i) for i, name in enumerate(names) if i != shown]
+        options = [(Content("beside: nothing"), NOTHING)]
+        options += [(Content(f"beside: {name}"), i) for i, name in enumerate(names) if i != shown]
         if self._model:
-            options.append((f"beside: the model {Path(self._field.value).name}", OTHER_MODEL))
+            options.append((Content(f"beside: the model {Path(self._field.value).name}"), OTHER_MODEL))
         if options != self._offered:
             picker, self._offered = self.query_one(Select), options
             here = picker.value

@@ -10,6 +10,7 @@ from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
+from textual.content import Content
 from textual.events import Resize
 from textual.widgets import Select, Static
 
@@ -79,7 +80,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         Binding("v", "cycle('view')", "View", id="compare.view", tooltip="angle, free-run error, segment residual"),
         Binding("o", "cycle('run')", "Other", id="compare.run", tooltip="the other run"),
         Binding("O", "beside", "Beside", id="compare.beside", tooltip="another run or model in the same plot"),
-        Binding("i", "edit", "Edit", id="compare.edit", show=False),
+        Binding("i", "edit", "Type in", id="compare.edit", show=False),
         Binding("j", "cycle('axis')", "Joint", id="compare.axis", tooltip="the other joint"),
         Binding("left_square_bracket", "start_at(-1)", "Start earlier", id="compare.earlier", show=False),
         Binding("right_square_bracket", "start_at(1)", "Start later", id="compare.later", show=False),
@@ -144,9 +145,10 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         """The simulation of all runs; its job stays to answer afterwards."""
         return "" if self._saved else super().work
 
-    def share_done(self) -> float:
+    def pace(self, now: float) -> str:
         """By runs."""
-        return len(self._comparisons) / self._runs
+        done, net = len(self._comparisons), now - self._begun - self._compiled_s
+        return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 
     def stale(self) -> str:
         """Model or runs are not those compared last."""
@@ -165,7 +167,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
             return
         self._of = self._subject()
         self._comparisons, self._free_runs, self._left_out, self._saved = [], {}, 0, False
-        self.say("simulating; a first start compiles for some seconds")
+        self.say("simulating")
         out = self.workspace.out / "report"
         runs, record = tuple(self.workspace.runs), out / "comparison.json"
         request = CompareRequest(runs, model, out, leave_out=True, record=record, torque=self.workspace.driven_by)
@@ -272,7 +274,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         picker = self.query_one("#run", Select)
         here = picker.value if isinstance(picker.value, int) else 0
         picker.prompt = "choose a run"
-        picker.set_options([(_label(comparison), i) for i, comparison in enumerate(self._comparisons)])
+        picker.set_options([(Content(_label(comparison)), i) for i, comparison in enumerate(self._comparisons)])
         picker.value = min(here, len(self._comparisons) - 1)
         self._offer_beside()
 

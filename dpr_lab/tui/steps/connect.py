@@ -2,6 +2,7 @@
 
 import time
 from contextlib import suppress
+from textwrap import wrap
 from typing import ClassVar
 
 from textual import on, work
@@ -13,6 +14,7 @@ from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
 from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.kernel_cache import simulator_compiled
 from dpr_lab.rig import load_rig
 from dpr_lab.transports import TRANSPORTS
 from dpr_lab.transports.discover import Links, SerialPortFound, discover
@@ -24,8 +26,12 @@ from dpr_lab.tui.texts import NOTICES
 from dpr_lab.tui.widgets.dialogs import Question
 from dpr_lab.tui.widgets.readout import BAD, GOOD, old_text
 
+WIDTH = 68
+"""Columns of what a row says: beside its name on a screen of 80."""
+
 SIMULATED = TRANSPORTS["sim"].example
-CONNECTING = "connecting: a first start can compile for half a minute ({connect.disconnect}: give up)"
+CONNECTING = "connecting ({connect.disconnect}: give up)"
+COMPILING = "compiling the simulated rig, once on this computer: about half a minute ({connect.disconnect}: give up)"
 OWN = "or the URL of another link ({connect.edit} writes it here); empty: the rig file's own"
 UNTESTED = "not done: press {connect.exercise} (closes the latch)"
 LINKS = "\n".join(f"- {kind.name}: `{kind.example}`" for kind in TRANSPORTS.values() if kind.example != SIMULATED)
@@ -51,7 +57,7 @@ follows this computer's. That closes the latch, and leaves it closed.
         Binding("l", "exercise", "Link test", id="connect.exercise"),
         Binding("u", "look", "Look again", id="connect.look"),
         Binding("z", "disconnect", "Disconnect", id="connect.disconnect", show=False),
-        Binding("i", "edit", "Edit", id="connect.edit", show=False),
+        Binding("i", "edit", "Type in", id="connect.edit", show=False),
     ]
 
     def __init__(self, services: Services, *, id: str | None = None) -> None:
@@ -209,7 +215,8 @@ follows this computer's. That closes the latch, and leaves it closed.
     def _lines(self) -> list[Content]:
         device, now = self.device, time.monotonic()
         if device.opening is not None:
-            return [Content(self.worded(CONNECTING))]
+            compiles = self.workspace.link.startswith("sim:") and not simulator_compiled()
+            return [Content(self.worded(COMPILING if compiles else CONNECTING))]
         if device.connected is not None:
             return [*_identity(device.connected), *self._rods(now), *self._clock()]
         lines = [Content.styled(f"{BAD} {device.message}", "$error") if device.message else Content("not connected")]
@@ -260,4 +267,5 @@ def _clock_fit(exercised: Exercised) -> str:
 
 
 def _row(name: str, value: str) -> Content:
-    return Content(f"{name:<10} {value}")
+    lines = wrap(value, WIDTH, break_long_words=False, break_on_hyphens=False)
+    return Content(f"{name:<10} " + f"\n{'':<10} ".join(lines))

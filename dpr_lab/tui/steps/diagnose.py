@@ -1,6 +1,7 @@
 """Why simulation and rig differ; the verdict first, then where, which, how far, and what to do next."""
 
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -11,12 +12,14 @@ from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
+from textual.content import Content
 from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.tui.jobs import jobs
+from dpr_lab.tui.jobs.stage_pace import StagePace
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.job_step import READING, JobStep, job_keys
 from dpr_lab.tui.texts import Bars, named_runs, sentences, table
@@ -29,6 +32,22 @@ if TYPE_CHECKING:
 
 TABS = {"which": "Which", "where": "Where", "far": "How far", "next": "What next"}
 
+STAGES_S: Mapping[str, float] = {
+    "reading": 0.8,
+    "screen": 0.03,
+    "bare model": 0.1,
+    "where": 0.03,
+    "which": 5.0,
+    "classes": 0.03,
+    "how far": 0.2,
+    "advice": 0.01,
+    "evidence": 0.1,
+    "report": 2.0,
+}
+"""How long a stage takes for each release of 10 s where one effect or two are named, s, measured on two cores."""
+
+STEADY = ("bare model", "how far", "evidence")
+"""Stages that take as long whatever is found."""
 
 NONE_LEFT = "every selected run is held out: hold out fewer ({diagnose.hold_out}), or select more ({app.browse})"
 
@@ -76,6 +95,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self._found: Diagnosis | None = None
         self._unit: AngleUnit | None = None
         self._stage: StageBegan | None = None
+        self._pace: StagePace | None = None
 
     def compose(self) -> ComposeResult:
         """The form, the verdict, and the rest in tabs."""
@@ -130,18 +150,28 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             out=self._record.parent,
         )
         self._stage = None
+        self._pace = StagePace({name: s * self._runs for name, s in STAGES_S.items()}, STEADY, time.monotonic())
         self.say(READING)
         self.begin(jobs.diagnose, request=request)
 
-    def share_done(self) -> float:
+    def pace(self, now: float) -> str:
         """By stages."""
-        return (self._stage.number - 1) / self._stage.of if self._stage is not None else 0.0
+        left = self._pace.left(now) if self._pace is not None else None
+        return f"about {left:.0f} s left" if left is not None else ""
+
+    def compiling(self, now: float) -> None:
+        """It takes a stage longer, once."""
+        super().compiling(now)
+        if self._pace is not None:
+            self._pace.compiling(now)
 
     def progressed(self, value: Any) -> None:
         """What is being done."""
         match value:
             case StageBegan(number, of, name):
                 self._stage = value
+                if self._pace is not None:
+                    self._pace.begin(name, time.monotonic())
                 self.say(f"{_progress(number, of)}: {name}")
             case FitBegan() | ScoreTestBegan() if self._stage is not None:
                 from dpr_lab.report.words import in_words
@@ -187,7 +217,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         picker = self.query_one("#place", Select)
         picker.set_options(
             [
-                (f"{in_words(p.site)} by {p.coordinate}: {p.share:.0%} of the excess", i)
+                (Content(f"{in_words(p.site)} by {p.coordinate}: {p.share:.0%} of the excess"), i)
                 for i, p in enumerate(found.where)
             ]
         )
@@ -274,21 +304,24 @@ def _which(found: "Diagnosis", unit: AngleUnit) -> Group:
     ]
     shown.append("  ".join(f"{name.replace('_', ' ')}: {p:.0%}" for name, p in others.items()))
     if rows := gap_tables.standing_rows(found):
-        shown += ["", table("How sure that is", gap_tables.STANDING_COLUMNS, rows, prose=True)]
+        shown += ["", table("How sure that is", gap_tables.STANDING_COLUMNS, rows)]
         shown.append(Text(gap_tables.STANDING_NOTE, "dim"))
     if found.sensor_findings:
         rows = gap_tables.finding_rows(found)
-        shown += ["", table("Sensor faults", gap_tables.FINDING_COLUMNS, rows, prose=True)]
+        shown += ["", table("Sensor faults", gap_tables.FINDING_COLUMNS, rows)]
     return Group(*shown)
 
 
 def _effect(row: Sequence[str]) -> Text:
     """A named effect: how sure, its twins, its size with 90 % intervals."""
+    from dpr_lab.report.gap import tables as gap_tables
+
     name, twins, probability, share, parameters = row
     text = Text(name, "bold").append(
         f": probability {probability}, {share} of the excess comes back without it\n", "not bold"
     )
-    text.append(f"    cannot be told from: {twins}\n", "not bold")
+    if twins != gap_tables.ALONE:
+        text.append(f"    cannot be told from: {twins}\n", "not bold")
     return text.append(f"    90 % interval: {parameters}\n", "not bold")
 
 
@@ -297,6 +330,7 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
     from dpr_lab.report.digits import three
     from dpr_lab.report.gap import tables as gap_tables
 
+    words = gap_tables.run_words
     gap, closed, per_rad = found.gap, found.gap.closed_held_out, unit.small_per_rad
     floor = per_rad * float(np.linalg.norm(list(gap.floor_rad.values())))
     steps = [
@@ -305,8 +339,11 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
             gap_tables.steps(found), gap_tables.step_rows(found, unit), strict=True
         )
     ]
-    shares = [("all runs", closed.estimate, closed.interval90), *((run, s, None) for run, s in closed.per_run.items())]
-    shares += [(f"{run} (held out)", share, None) for run, share in closed.held_out.items()]
+    shares = [
+        ("all runs", closed.estimate, closed.interval90),
+        *((words(run), s, None) for run, s in closed.per_run.items()),
+    ]
+    shares += [(f"{words(run)} (held out)", share, None) for run, share in closed.held_out.items()]
     low, high = closed.interval90
     return Group(
         f"Gap left ({unit.small} rms, both joints, segments of 0.5 s) and share of the excess explained, one effect"
@@ -333,7 +370,6 @@ def _next(found: "Diagnosis", unit: AngleUnit) -> Group:
             "What these recordings would show",
             gap_tables.DETECTABLE_COLUMNS,
             gap_tables.detectable_rows(found, unit),
-            prose=True,
         ),
         sentences("Assumptions", [in_words(text) for text in found.assumptions]),
     )

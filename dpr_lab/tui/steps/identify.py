@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from rich.console import Group
+from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
+from textual.content import Content
 from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
 
 from dpr_lab.errors import DprError
@@ -54,10 +56,10 @@ bench's folder.
     BINDINGS: ClassVar[list[BindingType]] = [*job_keys("identify"), Binding("v", "view", "View", id="identify.view")]
     DEFAULT_CSS = """
     IdentifyStep #runs { height: 1; text-wrap: nowrap; text-overflow: ellipsis; }
-    IdentifyStep #form { height: 1; }
-    IdentifyStep #form Label { padding: 0 1 0 0; }
-    IdentifyStep #form Select { width: 22; margin-right: 2; }
-    IdentifyStep #form Input { width: 8; }
+    IdentifyStep .form { height: 1; }
+    IdentifyStep .form Label { padding: 0 1 0 0; }
+    IdentifyStep .form Select { width: 48; margin-right: 2; }
+    IdentifyStep .form Input { width: 8; }
     IdentifyStep #state { height: auto; max-height: 4; }
     IdentifyStep TabbedContent { height: 1fr; }
     IdentifyStep TabPane { padding: 0; }
@@ -71,18 +73,20 @@ bench's folder.
         self._unit: AngleUnit | None = None
         self._history: list[GenerationDone] = []
         self._instants: list[float] = []
+        self._fitting = False
 
     def compose(self) -> ComposeResult:
         """The form, what is going on, and the results in tabs."""
-        from dpr_lab.identification.objectives import OBJECTIVES
-        from dpr_lab.search import ALGORITHMS
+        from dpr_lab.identification.objectives import OBJECTIVES, objective_words
+        from dpr_lab.search import ALGORITHMS, search_words
 
         yield Static(id="runs", markup=False)
-        with Horizontal(id="form"):
+        with Horizontal(classes="form"):
             yield Label("objective")
-            yield _choice("objective", list(OBJECTIVES))
-            yield Label("search")
-            yield _choice("search", list(ALGORITHMS))
+            yield _choice("objective", {name: objective_words(name) for name in OBJECTIVES})
+        with Horizontal(classes="form"):
+            yield Label("search   ")
+            yield _choice("search", {name: search_words(name) for name in ALGORITHMS})
             yield Label("seed")
             yield Input("0", id="seed", type="integer", compact=True, select_on_focus=False)
         yield Static(id="state", markup=False)
@@ -123,16 +127,18 @@ bench's folder.
             seed=self.whole_number("seed"),
             torque=self.workspace.driven_by,
         )
-        self._history, self._instants = [], []
+        self._history, self._instants, self._fitting = [], [], False
         self._draw_convergence()
         self.say(READING)
         self.query_one(TabbedContent).active = TABS[0]
         self.begin(jobs.identify, request=request)
 
-    def share_done(self) -> float:
-        """By generations; more than half of the time goes into them."""
-        last = self._history[-1] if self._history else None
-        return last.number / max(last.at_most, 1) if last is not None else 0.0
+    def pace(self, now: float) -> str:
+        """By generations: a search may end sooner, and the local fit comes after it."""
+        if self._fitting or not self._history:
+            return ""
+        left = time_left(self._instants, self._history[-1].at_most - self._history[-1].number)
+        return f"search at most {left:.0f} s more" if left is not None else ""
 
     def progressed(self, value: Any) -> None:
         """A run was read, a generation is done, or the search is."""
@@ -146,6 +152,7 @@ bench's folder.
                 self.say(self._standing(value))
                 self._draw_convergence()
             case LocalFitBegan():
+                self._fitting = True
                 self.say("search done; the local fit goes to the bottom of the basin")
 
     def finished(self, result: Any) -> None:
@@ -193,7 +200,7 @@ bench's folder.
             absolute
         )
         nine = table("Nine parameters, and what fixed each", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
-        self.query_one("#ratios-text", Static).update(Group(ratios, *base, warnings))
+        self.query_one("#ratios-text", Static).update(Group(ratios, Text(tables.RATIO_NOTE, "dim"), *base, warnings))
         self.query_one("#nine-text", Static).update(nine)
         self.query_one("#seen-text", Static).update(_seen(model))
 
@@ -209,8 +216,7 @@ bench's folder.
         )
         if self.job is not None and self.job.paused:
             return f"PAUSED. {text}"
-        left = time_left(self._instants, last.at_most - last.number)
-        return f"{text}, at most {left:.0f} s left" if left is not None else text
+        return text
 
     def _draw_convergence(self) -> None:
         shown = [item for item in self._history if item.best_cost > 0 and np.isfinite(item.best_cost)]
@@ -264,5 +270,6 @@ def _seen(model: "Model") -> Group:
     )
 
 
-def _choice(name: str, options: list[str]) -> Select[str]:
-    return Select([(option, option) for option in options], value=options[0], allow_blank=False, id=name, compact=True)
+def _choice(name: str, options: dict[str, str]) -> Select[str]:
+    worded = [(Content(words), option) for option, words in options.items()]
+    return Select(worded, value=next(iter(options)), allow_blank=False, id=name, compact=True)

@@ -11,7 +11,8 @@ from textual.message import Message
 from textual.widgets import Input, Static, TabbedContent, TabPane
 
 from dpr_lab.errors import ConfigError, DprError
-from dpr_lab.tui.jobs.job_events import JobCancelled, JobFailed, JobFinished, JobProgress
+from dpr_lab.kernel_cache import COMPILING
+from dpr_lab.tui.jobs.job_events import JobCancelled, JobCompiling, JobFailed, JobFinished, JobProgress
 from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.step import Step
@@ -33,7 +34,7 @@ def torque_key(place: str) -> Binding:
     return Binding("T", "torque", "Torques", id=f"{place}.torque", tooltip="measured or commanded torques")
 
 
-READING = "reading the runs; the first start on a computer compiles for a minute or two"
+READING = "reading the runs"
 
 
 class JobStep(Step):
@@ -64,6 +65,9 @@ class JobStep(Step):
         super().__init__(services, id=id)
         self.job: JobProcess | None = None
         self._begun = 0.0
+        self._kernels = 0
+        self._compiling: float | None = None
+        self._compiled_s = 0.0
         self._basis: dict[str, str] = {}
 
     def stale(self) -> str:
@@ -79,18 +83,22 @@ class JobStep(Step):
         """What runs, for how long, and about how long it will go on."""
         if self.job is None or self.job.paused:
             return "" if self.job is None else f"{self.NAME} PAUSED"
-        elapsed = time.monotonic() - self._begun
-        left = time_left(elapsed, self.share_done(), self.workspace.took.get(self.NAME, 0.0) * self._runs)
-        return f"{self.NAME} {elapsed:.0f} s" + ("" if left is None else f", about {left:.0f} s left")
+        now = time.monotonic()
+        text, last = f"{self.NAME} {now - self._begun:.0f} s", self.workspace.took.get(self.NAME, 0.0) * self._runs
+        if self._compiling is not None:
+            return f"{text}, compiling"
+        left = self._begun + self._compiled_s + last - now
+        pace = f"about {left:.0f} s left" if left > 0 else self.pace(now)
+        return f"{text}, {pace}" if pace else text
 
-    def share_done(self) -> float:
-        """How much of the work is done, from 0 to 1, as far as it tells."""
-        return 0.0
+    def pace(self, now: float) -> str:
+        """How long it will go on by what it told so far, where the last time says nothing; empty while that is open."""
+        return ""
 
     def made(self) -> None:
-        """Note what the result rests on that is there now, and how long it took."""
+        """Note what the result rests on that is there now, and how long it took without compiling."""
         self.workspace.made_from[self.NAME] = self._basis
-        self.workspace.took[self.NAME] = (time.monotonic() - self._begun) / self._runs
+        self.workspace.took[self.NAME] = (time.monotonic() - self._begun - self._compiled_s) / self._runs
 
     @property
     def _runs(self) -> int:
@@ -114,6 +122,12 @@ class JobStep(Step):
     def start_work(self) -> None:
         """Begin what the form says; called when nothing is missing and nothing runs."""
 
+    def compiling(self, now: float) -> None:
+        """The job waits for a kernel, or a further one, to be compiled."""
+        self._kernels += 1
+        self._compiling = self._compiling or now
+        self.say(f"{COMPILING} (kernel {self._kernels})")
+
     def progressed(self, value: Any) -> None:
         """The job reported something."""
 
@@ -131,6 +145,7 @@ class JobStep(Step):
         """Start a job in the place of the one that may run, of which nothing more is heard."""
         self._stop_job()
         self._begun, self._basis = time.monotonic(), self.workspace.basis()
+        self._kernels, self._compiling, self._compiled_s = 0, None, 0.0
         self.job = start_job(self, function, **arguments)
         if self.display:
             self.focus()  # what had it may be in a tab that is no longer shown, and no key would steer the work
@@ -217,6 +232,11 @@ class JobStep(Step):
     def _job_heard(self, message: JobHeard) -> None:
         if message.job is not self.job:
             return
+        if isinstance(message.event, JobCompiling):
+            self.compiling(time.monotonic())
+            return
+        if self._compiling is not None:
+            self._compiled_s, self._compiling = self._compiled_s + time.monotonic() - self._compiling, None
         if isinstance(message.event, JobProgress):
             self.progressed(message.event.value)
             return
@@ -233,16 +253,3 @@ class JobStep(Step):
                 raise failed.error
             case JobCancelled():
                 self.ended("cancelled")
-
-
-def time_left(elapsed: float, share: float, last: float) -> float | None:
-    """How long work will go on: as the last time, else at its own pace; None while there is neither.
-
-    Args:
-        elapsed: since it began, s
-        share: how much of it is done, from 0 to 1
-        last: how long it took the last time with as many runs, s; 0 where it never did
-    """
-    if last > elapsed:
-        return last - elapsed
-    return elapsed * (1 - share) / share if share > 0 else None

@@ -44,8 +44,8 @@ The path of a recording of another logger (a table, `.mat`, `.npz`, `.h5`, `.par
 rig file shows what is understood of it with the rig that is chosen; `ctrl+s` there makes a run of it.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("i", "edit", "Edit", id="rig.edit", tooltip="edit the path of the rig file"),
-        Binding("f3", "write", "Change file", id="rig.write", tooltip="change the rig file and save it"),
+        Binding("i", "edit", "Type in", id="rig.edit", tooltip="name another rig file"),
+        Binding("f3", "write", "Edit file", id="rig.write", tooltip="edit the rig file and save it"),
         Binding("u", "read", "Look again", id="rig.read"),
         Binding("pagedown", "page(1)", "More", id="rig.more", key_display="pgdn", priority=True),
         Binding("pageup", "page(-1)", "Back", id="rig.back", show=False, priority=True),

@@ -13,6 +13,7 @@ from dpr_lab.acquisition.capture import CaptureOptions
 from dpr_lab.acquisition.gate import QualityReport
 from dpr_lab.acquisition.rest import pose_error
 from dpr_lab.report.angles import AngleUnit
+from dpr_lab.report.tables import run_name
 from dpr_lab.rig import Pose, Rig
 from dpr_lab.tui.keys import KeyNames
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
@@ -24,6 +25,7 @@ from dpr_lab.tui.widgets.pendulum import Lengths, Pendulum
 from dpr_lab.tui.widgets.readout import BAD, GOOD, Placement
 
 BEGIN = "press {capture.start}: the latch closes and you are guided to the pose"
+ALL_DONE = "all poses are recorded: {app.next} goes on. {capture.start} records this one again"
 CHOICE = "{capture.keep}: keep it  {capture.again}: put it aside and repeat"
 TONES = {Phase.READY: "bold $success", Phase.RECORDING: "bold $primary"}
 
@@ -114,9 +116,8 @@ def headline(state: CaptureState) -> Content:
     if attempt is None and state.undecided:
         return Content.styled(f"{state.undecided}: not decided yet. {state.keys.fill(CHOICE)}", "bold $warning")
     if attempt is None:
-        text = state.obstacle or state.keys.fill(
-            "press {capture.start}: the latch closes and you are guided to the pose"
-        )
+        done = bool(state.done) and all(number >= state.repeats for number in state.done.values())
+        text = state.obstacle or state.keys.fill(ALL_DONE if done else BEGIN)
         return Content.styled(
             f"{state.pose}: {text}" if state.pose else text, "bold $warning" if state.obstacle else ""
         )
@@ -145,7 +146,7 @@ def _readout(state: CaptureState) -> Iterator[Content]:
     if attempt is not None and attempt.captured is not None:
         yield from _judgement(attempt.captured.quality)
         yield readout.lost_text(attempt.captured.lost, None)
-        yield Content(attempt.captured.run_file.name)
+        yield Content(f"run    {run_name(attempt.captured.run_file)}")
         return
     if not state.live:
         yield readout.old_text(state.seen, state.now, state.unit)

@@ -41,17 +41,18 @@ class Stepper(Static):
             super().__init__()
             self.number = number
 
-    def show(self, steps: Sequence[StepStatus], next_key: str) -> None:
+    def show(self, steps: Sequence[StepStatus], next_key: str, report_key: str = "") -> None:
         """Draw the steps as they stand, with as many of their outcomes as there is room for.
 
         Args:
             steps: all, in their order
             next_key: the key that leads on
+            report_key: the key that opens the page that the step wrote; empty where there is none
         """
         told = len(steps)
         while (row := _row(steps, told)).cell_len > max(self.app.size.width - 2, 1) and told > 0:
             told -= 1
-        self.update(Text("\n", no_wrap=True, overflow="ellipsis").join([row, _words(steps, next_key)]))
+        self.update(Text("\n", no_wrap=True, overflow="ellipsis").join([row, _words(steps, next_key, report_key)]))
 
     def action_choose(self, number: int) -> None:
         """A click on a step."""
@@ -70,10 +71,12 @@ def _row(steps: Sequence[StepStatus], told: int) -> Text:
     return row
 
 
-def _words(steps: Sequence[StepStatus], next_key: str) -> Text:
+def _words(steps: Sequence[StepStatus], next_key: str, report_key: str) -> Text:
     index = next((i for i, step in enumerate(steps) if step.here), 0)
     here = steps[index]
     words = here.missing or f"{here.name}: {here.outcome or 'to be done'}"
+    if here.outcome and report_key:
+        words += f" · {report_key}: report"
     if here.outcome and here.stale:
         return Text(f"{words} · {here.stale}", "bold italic", no_wrap=True, overflow="ellipsis")
     if not here.missing and index + 1 < len(steps):

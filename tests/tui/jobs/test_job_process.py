@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from dpr_lab.errors import RunError
+from dpr_lab.kernel_cache import compiling
 from dpr_lab.tui.jobs.job_control import JobControl
-from dpr_lab.tui.jobs.job_events import JobCancelled, JobEvent, JobFailed, JobFinished, JobProgress
+from dpr_lab.tui.jobs.job_events import JobCancelled, JobCompiling, JobEvent, JobFailed, JobFinished, JobProgress
 from dpr_lab.tui.jobs.job_process import JobProcess
 
 
@@ -46,6 +47,11 @@ def double(control: JobControl) -> None:
         control.report(2 * number)
 
 
+def compile_one(control: JobControl) -> str:
+    compiling()
+    return "compiled"
+
+
 def chatter(control: JobControl) -> str:
     os.write(1, b"noise on stdout")
     os.write(2, b"noise on stderr")
@@ -75,6 +81,10 @@ def test_progress_comes_in_order_and_the_result_last(begin) -> None:
     *reported, last = begin(count, to=5).events()
     assert numbers(reported) == [0, 1, 2, 3, 4]
     assert last == JobFinished(5)
+
+
+def test_work_that_waits_for_the_compiler_says_so(begin) -> None:
+    assert list(begin(compile_one).events()) == [JobCompiling(), JobFinished("compiled")]
 
 
 def test_stop_keeps_what_there_is(begin) -> None:

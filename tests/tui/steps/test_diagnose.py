@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -11,15 +12,23 @@ from rich.console import Console
 from textual.app import App
 from textual.widgets import DataTable, Input, Static, TabbedContent
 
+from dpr_lab.gap.diagnose import STAGES
 from dpr_lab.gap.result.diagnosis import load_diagnosis
+from dpr_lab.kernel_cache import COMPILING
+from dpr_lab.progress import StageBegan
 from dpr_lab.report.envelope import signal_scale
 from dpr_lab.report.gap.tables import next_steps, sentence
 from dpr_lab.report.tables import run_name
 from dpr_lab.report.words import in_words, named
-from dpr_lab.tui.steps.diagnose import DiagnoseStep
+from dpr_lab.tui.jobs.job_events import JobCompiling, JobProgress
+from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess
+from dpr_lab.tui.steps.diagnose import STAGES_S, STEADY, DiagnoseStep
 from dpr_lab.tui.texts import Bars
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.stepper import Stepper
+
+PATIENCE_S = 60.0
+"""What a loaded machine may need between two lines of a test."""
 
 
 def step(app: App[None]) -> DiagnoseStep:
@@ -88,6 +97,57 @@ async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis
         for number, advice in enumerate(next_steps(found), 1):
             assert f"{number}. {advice}" in " ".join(text(pilot.app, "#next-text").split())
         assert step(pilot.app).outcome() == "named"
+
+
+class Silent(JobProcess):
+    """A job that tells nothing by itself."""
+
+    def __init__(self) -> None:
+        self.paused = False
+
+    def cancel(self) -> None:
+        """Nothing runs."""
+
+
+async def test_the_first_start_says_that_it_compiles_and_then_how_long_it_goes_on(
+    lab, recorded: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dpr_lab.tui.steps.job_step.start_job", lambda *_, **__: Silent())
+    async with lab(DiagnoseStep, runs=recorded) as pilot:
+        shown = step(pilot.app)
+
+        async def heard(event: object) -> None:
+            shown.post_message(JobHeard(shown.job, event))
+            await pilot.pause()
+
+        await pilot.press("s")
+        await heard(JobCompiling())
+        await heard(JobCompiling())
+        assert " ".join(text(pilot.app, "#state").split()) == f"{COMPILING} (kernel 2)"
+        assert shown.work.endswith("s, compiling")
+        await heard(JobProgress(StageBegan(4, 9, "which")))
+        seconds = int(re.search(r", about (\d+) s left$", shown.work)[1])
+        typical = len(recorded) * (STAGES_S["which"] + STAGES_S["report"])
+        assert typical - PATIENCE_S < seconds < 1.2 * typical
+        assert "compiling" not in text(pilot.app, "#state")
+
+
+def test_every_stage_of_a_diagnosis_has_a_typical_time() -> None:
+    assert tuple(STAGES_S) == ("reading", *STAGES, "report")
+    assert set(STEADY) <= set(STAGES_S)
+
+
+async def test_runs_stand_by_pose_and_time_and_no_list_is_empty(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
+    told = json.loads(fixed_diagnosis.read_text())
+    shares = told["gap"]["closed_held_out"]
+    shares["per_run"] = {"20261121T101500Z_X1_00000001": shares["per_run"]["X1"]}
+    (tmp_path / "diagnosis.json").write_text(json.dumps(told))
+    async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
+        far, which = (text(pilot.app, name) for name in ("#far-text", "#which-text"))
+        assert "X1 (2026-11-21 " in far
+        assert "20261121T101500Z" not in far
+        assert "cannot be told from: –" not in which
+        assert which.count("cannot be told from") == sum(len(e.members) > 1 for e in step(pilot.app)._found.effects)
 
 
 async def test_every_rival_says_what_tells_it_apart(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:

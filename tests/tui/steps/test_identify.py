@@ -152,6 +152,13 @@ async def test_the_bench_is_resumed_with_its_model(lab, fixed_model: Path) -> No
         assert {"s", "v"} <= pilot.app.screen.active_bindings.keys()
 
 
+async def test_search_and_objective_stand_in_words_before_their_identifiers(lab, tmp_path: Path) -> None:
+    async with lab(IdentifyStep) as pilot:
+        shown = [str(pilot.app.query_one(f"#{name} Static#label", Static).render()) for name in ("objective", "search")]
+        assert shown == ["short segments, chaos-safe [segments]", "improved genetic algorithm [iga]"]
+        assert pilot.app.query_one("#search", Select).value == "iga"
+
+
 async def test_a_damaged_model_is_told_and_the_step_lives_on(lab, tmp_path: Path) -> None:
     broken = tmp_path / "model.json"
     broken.write_text("{}")

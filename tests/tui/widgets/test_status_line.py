@@ -7,7 +7,6 @@ from textual.widgets import ContentSwitcher
 
 from dpr_lab.tui.app import STEPS, DprApp
 from dpr_lab.tui.steps.capture import CaptureStep
-from dpr_lab.tui.steps.job_step import time_left
 from dpr_lab.tui.widgets.status_line import RecordingNow, StatusLine
 from dpr_lab.tui.workspace import Workspace
 
@@ -27,11 +26,3 @@ async def test_every_step_shows_that_a_recording_runs_and_how_long_work_takes(
             await until(pilot, lambda line=line: "● REC X1 3 of 10 s" in str(line.render()))
             assert "Diagnose 35 s, about 20 s left" in str(line.render())
             assert len("  ".join(str(line.render()).split("  ")[:2])) < 78
-
-
-@pytest.mark.parametrize(
-    ("elapsed", "share", "last", "left"),
-    [(10.0, 0.0, 0.0, None), (10.0, 0.25, 0.0, 30.0), (10.0, 0.25, 50.0, 40.0), (60.0, 0.5, 50.0, 60.0)],
-)
-def test_the_time_that_is_left_is_that_of_the_last_time_or_of_its_own_pace(elapsed, share, last, left) -> None:
-    assert time_left(elapsed, share, last) == left

@@ -8,6 +8,7 @@ from dpr_lab.report import style
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.tables import run_words
 
 
 def budget_figure(diagnosis: Diagnosis) -> Figure:
@@ -86,7 +87,7 @@ def run_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Error and uncertainty of every free run."""
     return [
         (
-            f"{run.run} (held out)" if run.held_out else run.run,
+            run_words(run.run) + (" (held out)" if run.held_out else ""),
             *(three(1e3 * value) for value in (run.error_before_rad, run.u_before_rad)),
             *(three(1e3 * value) for value in (run.error_after_rad, run.u_after_rad)),
             three(run.error_after_rad / run.u_after_rad) if run.u_after_rad > 0 else NONE,

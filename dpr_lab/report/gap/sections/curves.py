@@ -10,6 +10,7 @@ from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.tables import run_words
 
 RODS = ("inner rod", "outer rod")
 MODELS = ("measured", "before", "after")
@@ -28,7 +29,7 @@ def curves_figure(diagnosis: Diagnosis) -> Figure:
             for column in range(2):
                 _draw_run(grid[2 * row, column], grid[2 * row + 1, column], curves, column)
             held = ", held out" if curves.held_out else ""
-            grid[2 * row, 0].set_title(f"{curves.run}{held}", parse_math=False)
+            grid[2 * row, 0].set_title(f"{run_words(curves.run)}{held}", parse_math=False)
         for axes in grid[-1]:
             axes.set_xlabel("time since the first reading (s)")
         figure.align_ylabels(grid)
@@ -61,9 +62,8 @@ def curves_words(diagnosis: Diagnosis) -> list[str]:
         return ["No recording was simulated."]
     return [
         "Each simulation starts where 0.3 s of readings put it, and is not corrected after that. Where the two models"
-        " lie"
-        f" farthest apart, in {worst.run}, the bare model is off by {three(1e3 * worst.error_before_rad)} mrad rms"
-        f" and the"
+        f" lie farthest apart, in {run_words(worst.run)}, the bare model is off by"
+        f" {three(1e3 * worst.error_before_rad)} mrad rms and the"
         f" corrected one by {three(1e3 * worst.error_after_rad)} mrad."
     ]
 
@@ -71,7 +71,7 @@ def curves_words(diagnosis: Diagnosis) -> list[str]:
 def curves_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Every fifth point."""
     return [
-        (curves.run, f"{t:.2f}", *(f"{value[j]:.4f}" for j in range(2) for value in at))
+        (run_words(curves.run), f"{t:.2f}", *(f"{value[j]:.4f}" for j in range(2) for value in at))
         for curves in evidence_of(diagnosis).curves[: PAGE.most_runs]
         for t, *at in list(zip(curves.t_s, curves.measured_rad, curves.before_rad, curves.after_rad, strict=True))[
             :: PAGE.every

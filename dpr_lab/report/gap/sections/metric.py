@@ -10,6 +10,7 @@ from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.tables import run_words
 
 RODS = ("inner rod", "outer rod")
 
@@ -44,7 +45,7 @@ def _draw_quantiles(axes: Axes, curves: Curves, column: int) -> None:
         off = 1e3 * (sorted_of[name] - sorted_of["measured"])
         axes.fill_between(share, 0.0, off, color=look["color"], alpha=0.25, linewidth=0)
         axes.plot(share, off, label=name, **look)
-    axes.set(title=f"{RODS[column]}, {curves.run}", xlabel="share of the time below the angle")
+    axes.set(title=f"{RODS[column]}, {run_words(curves.run)}", xlabel="share of the time below the angle")
     axes.set_ylabel("quantile of the angle,\nsimulated − measured (mrad)")
     axes.margins(x=0.01)
 
@@ -80,7 +81,7 @@ def metric_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Areas and horizons of all free runs."""
     return [
         (
-            f"{run.run} (held out)" if run.held_out else run.run,
+            run_words(run.run) + (" (held out)" if run.held_out else ""),
             f"{'' if run.reaches_horizon else '≥ '}{run.until_s:.2f}",
             three(run.growth_per_s),
             *(three(1e3 * value) for value in (run.area_before_rad, run.area_after_rad, run.area_noise_rad)),

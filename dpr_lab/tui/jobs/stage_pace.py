@@ -1,0 +1,37 @@
+"""How long work goes on that is done in stages."""
+
+from collections.abc import Collection, Mapping
+
+
+class StagePace:
+    """Reckons with typical times of the stages, at the pace of those that are done.
+
+    Args:
+        typical: stage -> how long it takes, s; in their order
+        steady: those that take as long whatever is found: they tell the pace
+        began: when the first began, s
+    """
+
+    def __init__(self, typical: Mapping[str, float], steady: Collection[str], began: float) -> None:
+        self._typical, self._steady = typical, steady
+        self._stage, self._since, self._compiled = next(iter(typical)), began, False
+        self._took = self._expected = 0.0
+
+    def begin(self, stage: str, now: float) -> None:
+        """The next stage began."""
+        if self._stage in self._steady and not self._compiled:
+            self._took += now - self._since
+            self._expected += self._typical[self._stage]
+        self._stage, self._since, self._compiled = stage, now, False
+
+    def compiling(self, now: float) -> None:
+        """A kernel is being compiled: what that takes tells nothing."""
+        self._since, self._compiled = now, True
+
+    def left(self, now: float) -> float | None:
+        """How long it will go on, s; None where the stage takes longer than is typical."""
+        pace = self._took / self._expected if self._took > 0 else 1.0
+        names = list(self._typical)
+        here, *coming = (pace * self._typical[name] for name in names[names.index(self._stage) :])
+        rest = here - (now - self._since)
+        return rest + sum(coming) if rest >= 0 else None
