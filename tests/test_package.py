@@ -68,3 +68,12 @@ def test_the_source_archive_holds_what_builds_and_tests_it(built: Path) -> None:
 def test_one_version_everywhere() -> None:
     cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert re.search(r"^version: (.+)$", cited, flags=re.MULTILINE)[1] == __version__  # type: ignore[index]
+
+
+def test_what_an_index_shows_of_the_package_links_to_nothing_it_has_not(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        shown = archive.read(name).decode()
+    assert "dpr-lab tui" in shown
+    assert re.findall(r"\]\((?!https?:)", shown) == []
