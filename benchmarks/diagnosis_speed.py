@@ -87,7 +87,7 @@ def keep(folder: Path, runs: Sequence[Run], rig: Rig) -> Path:
     arrays = {f"{name}{i}": getattr(run, name) for i, run in enumerate(runs) for name in ("t", "theta", "counts")}
     np.savez(folder / "runs.npz", **arrays)
     about = [{"name": run.name, "pose": run.pose, "rate_hz": run.rate_hz} for run in runs]
-    text = json.dumps({"rig": rig.model_dump(mode="json"), "runs": about})
+    text = json.dumps({"rig": rig.model_dump(mode="json", exclude_defaults=True), "runs": about})
     (folder / "case.json").write_text(text, encoding="utf-8")
     return folder
 
