@@ -167,7 +167,7 @@ class Host:
         end = self.now() + seconds
         self.until(lambda: self.now() >= end, seconds + 1)
 
-    def do(self, command: Command, patience: int = 5) -> None:
+    def do(self, command: Command, patience: int = 100) -> None:
         self.end.write(self.session.command(command, self.now()))
         self.until(lambda: self.session.outcome is not None)
         assert self.session.outcome is not None

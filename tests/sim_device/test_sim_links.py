@@ -44,8 +44,8 @@ def test_the_fast_clock_says_so_and_is_fast(bench):
     assert host.session.info.simulated_time
     assert not bench.host(link="pty", clock="realtime").session.info.simulated_time
     began = time.monotonic()
-    host.release(swing=10_000)
-    assert time.monotonic() - began < 5.0
+    host.release(swing=40_000)
+    assert time.monotonic() - began < 40.0
 
 
 def test_a_host_at_the_wrong_baud_rate_sees_bytes_and_no_frame(bench):
