@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import serial
 
-from firmware_protocol.errors import CommandUnanswered
+from firmware_protocol.errors import CommandRefused, CommandUnanswered
 from firmware_protocol.framing import FrameDecoder, encode_frame
 from firmware_protocol.host_role import HostSession
 from firmware_protocol.messages import (
@@ -157,7 +157,7 @@ class Host:
         if not frames and self.now is time.monotonic:
             time.sleep(0.0005)
 
-    def until(self, done: Callable[[], bool], timeout: float = 20.0) -> None:
+    def until(self, done: Callable[[], bool], timeout: float = 60.0) -> None:
         end = self.now() + timeout
         while not done():
             assert self.now() < end, "timed out"
@@ -167,14 +167,14 @@ class Host:
         end = self.now() + seconds
         self.until(lambda: self.now() >= end, seconds + 1)
 
-    def do(self, command: Command, patience: int = 100) -> None:
+    def do(self, command: Command, patience: int = 20, again: bool = False) -> None:
         self.end.write(self.session.command(command, self.now()))
         self.until(lambda: self.session.outcome is not None)
         assert self.session.outcome is not None
         error = self.session.outcome.error
         if isinstance(error, CommandUnanswered) and patience:  # by a device that a loaded machine left standing
-            self.do(command, patience - 1)
-        elif error is not None:
+            self.do(command, patience - 1, again=True)
+        elif error is not None and not (again and isinstance(error, CommandRefused)):  # the first was heard after all
             raise error
 
     def hello(self) -> None:
@@ -194,6 +194,7 @@ class Host:
         self.do(Stream(rate_hz=rate_hz))
         self.until(lambda: len(self.of(Sample)) >= rest)
         self.do(Release())
+        self.until(lambda: any(m.kind is EventKind.RELEASED for m in self.of(Event)), 60.0)
         tick = next(m.tick for m in self.of(Event) if m.kind is EventKind.RELEASED)
         self.until(lambda: len(self.of(Sample)) >= tick + swing, 60.0)
         self.do(Stop())
