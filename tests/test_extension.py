@@ -89,8 +89,7 @@ def test_a_transport_is_a_file_and_a_row(copy: Copy) -> None:
 
         class Loopback:
             def __init__(self, url):
-                self.url, self.capacities, self._frames = url, (), []
-                self.errors = {"crc": 0, "framing": 0}
+                self.url, self.capacities, self._frames, self.errors = url, (), [], {"crc": 0, "framing": 0}
 
             def send(self, frame):
                 self._frames.append(frame)
@@ -392,10 +391,9 @@ def test_a_kind_of_file_to_import_is_a_file_and_a_row(copy: Copy) -> None:
         from dpr_lab.rig import load_rig
         from dpr_lab.storage.csv_import import ImportOptions
         from dpr_lab.storage.tables.preview import preview
-
         lines = [f"{k / 100} 3.0 {3 + k / 100}"[::-1] for k in range(50)]
-        Path("a.rev").write_text("\\n".join(["REVERSED", *lines]))
-        found = preview(Path("a.rev"), load_rig("paper"), ImportOptions())
+        (file := Path("a.rev")).write_text("\\n".join(["REVERSED", *lines]))
+        found = preview(file, load_rig("paper"), ImportOptions())
         print(found.kind, found.samples, found.rate_hz, found.theta[-1, 2])
         """
     )

@@ -167,15 +167,16 @@ class Host:
         end = self.now() + seconds
         self.until(lambda: self.now() >= end, seconds + 1)
 
-    def do(self, command: Command, patience: int = 20, again: bool = False) -> None:
-        self.end.write(self.session.command(command, self.now()))
-        self.until(lambda: self.session.outcome is not None)
-        assert self.session.outcome is not None
-        error = self.session.outcome.error
-        if isinstance(error, CommandUnanswered) and patience:  # by a device that a loaded machine left standing
-            self.do(command, patience - 1, again=True)
-        elif error is not None and not (again and isinstance(error, CommandRefused)):  # the first was heard after all
-            raise error
+    def do(self, command: Command, patience: int = 20) -> None:
+        for attempt in range(patience):
+            self.end.write(self.session.command(command, self.now()))
+            self.until(lambda: self.session.outcome is not None)
+            assert self.session.outcome is not None
+            error = self.session.outcome.error
+            if error is None or (attempt and isinstance(error, CommandRefused)):  # the first was heard after all
+                return
+            if attempt == patience - 1 or not isinstance(error, CommandUnanswered):
+                raise error  # else a loaded machine left the device standing
 
     def hello(self) -> None:
         self.end.write(self.session.hello(self.now()))

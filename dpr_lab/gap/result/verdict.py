@@ -61,21 +61,21 @@ def _small(item: Hypothesis) -> bool:
 def sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> str:
     """What the operator reads first."""
     share, left = selection.share_explained, selection.chosen.residuals.noise_ratio
-    names = _listed([_class(item) for item in posteriors if item.name not in carried.withdrawn])
-    doubts = _doubts(carried)
+    carrying = [item for item in posteriors if item.name not in carried.withdrawn]
     if kind == "no_gap":
         return _no_gap(selection.base)
     if kind == "named":
         sure = min(item.probability for item in posteriors)
         return (
-            f"The gap is explained by {names} (probability {sure:.0%}): nothing above the noise floor is left;"
-            f" {how_far(carried)}."
+            f"The gap is explained by {_listed(list(map(_class, carrying)))} (probability {sure:.0%}):"
+            f" nothing above the noise floor is left; {how_far(carried)}."
         )
     if kind == "partly_explained":
-        likely = _listed([_class(item) + _unsure(item) for item in posteriors if item.name not in carried.withdrawn])
+        likely = _listed([_class(item) + _unsure(item) for item in carrying])
         return (
             f"Partly explained by {likely}: {how_far(carried)}. Of the excess in the fitted recordings {share:.1%} is"
-            f" explained; a remainder of {left:.2g} times the noise has another cause or another form.{doubts}"
+            f" explained; a remainder of {left:.2g} times the noise has another cause or another form."
+            f"{_doubts(carried)}"
         )
     if not posteriors:
         return f"Unexplained: a gap of {left:.2g} times the noise, and no effect of the library fits it."

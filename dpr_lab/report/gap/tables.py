@@ -194,9 +194,9 @@ def closed_sentence(diagnosis: Diagnosis) -> str:
     )
 
 
-def run_words(name: str) -> str:
-    """A run, or a piece of it, by its pose and when it was recorded."""
-    return run_name(Path(f"{whole(name)}.mcap")) + name.removeprefix(whole(name))
+def run_words(name: str, held_out: bool = False) -> str:
+    """A run, or a piece of it, by its pose and when it was recorded, and whether it took no part in the fit."""
+    return run_name(Path(f"{whole(name)}.mcap")) + name.removeprefix(whole(name)) + (" (held out)" if held_out else "")
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
@@ -264,7 +264,7 @@ def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple
     """How far the gap closes, by run; runs held out by hand are marked."""
     gap, closed = diagnosis.gap, diagnosis.gap.closed_held_out
     shares = {name: (run_words(name), share) for name, share in closed.per_run.items()}
-    shares |= {name: (f"{run_words(name)} (held out)", share) for name, share in closed.held_out.items()}
+    shares |= {name: (run_words(name, held_out=True), share) for name, share in closed.held_out.items()}
     rows = []
     for name, (label, share) in shares.items():
         free = gap.free_run_rad.get(name, {})

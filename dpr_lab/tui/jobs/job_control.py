@@ -28,11 +28,7 @@ class JobControl:
 
     def report(self, value: Any) -> None:
         """Tell how far it is; the value must be picklable."""
-        self._send(JobProgress(value))
-
-    def tell_compiling(self) -> None:
-        """Tell that it waits for the compiler; from any thread."""
-        self._send(JobCompiling())
+        self.send(JobProgress(value))
 
     def proceed(self) -> bool:
         """Wait while paused; false once asked to stop and keep what there is."""
@@ -63,11 +59,8 @@ class JobControl:
                         self._asked.put(question)
         os._exit(1)
 
-    def end(self, event: JobEvent) -> None:
-        """Tell how it ended."""
-        self._send(event)
-
-    def _send(self, event: JobEvent) -> None:
+    def send(self, event: JobEvent) -> None:
+        """Tell something; from any thread."""
         with self._sending:
             self._connection.send(event)
 
@@ -78,13 +71,13 @@ def work(connection: Connection, function: Callable[..., Any], arguments: dict[s
     control = JobControl(connection)
     threading.Thread(target=control.listen, daemon=True).start()
     try:
-        with watch_compiling(control.tell_compiling):
+        with watch_compiling(lambda: control.send(JobCompiling())):
             event: JobEvent = JobFinished(function(control, **arguments))
     except DprError as error:
         event = JobFailed(str(error))
     except Exception as error:  # whatever it is, it must reach the screen and not end with the process
         event = JobFailed(f"{type(error).__name__}: {error}", traceback.format_exc())
-    control.end(event)
+    control.send(event)
 
 
 def _leave_the_terminal_alone() -> None:

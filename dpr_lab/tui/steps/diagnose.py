@@ -343,7 +343,7 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
         ("all runs", closed.estimate, closed.interval90),
         *((words(run), s, None) for run, s in closed.per_run.items()),
     ]
-    shares += [(f"{words(run)} (held out)", share, None) for run, share in closed.held_out.items()]
+    shares += [(words(run, held_out=True), share, None) for run, share in closed.held_out.items()]
     low, high = closed.interval90
     return Group(
         f"Gap left ({unit.small} rms, both joints, segments of 0.5 s) and share of the excess explained, one effect"

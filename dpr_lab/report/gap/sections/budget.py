@@ -87,7 +87,7 @@ def run_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Error and uncertainty of every free run."""
     return [
         (
-            run_words(run.run) + (" (held out)" if run.held_out else ""),
+            run_words(run.run, run.held_out),
             *(three(1e3 * value) for value in (run.error_before_rad, run.u_before_rad)),
             *(three(1e3 * value) for value in (run.error_after_rad, run.u_after_rad)),
             three(run.error_after_rad / run.u_after_rad) if run.u_after_rad > 0 else NONE,

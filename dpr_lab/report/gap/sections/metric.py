@@ -81,7 +81,7 @@ def metric_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Areas and horizons of all free runs."""
     return [
         (
-            run_words(run.run) + (" (held out)" if run.held_out else ""),
+            run_words(run.run, run.held_out),
             f"{'' if run.reaches_horizon else '≥ '}{run.until_s:.2f}",
             three(run.growth_per_s),
             *(three(1e3 * value) for value in (run.area_before_rad, run.area_after_rad, run.area_noise_rad)),
