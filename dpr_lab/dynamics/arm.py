@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.equation import coupled, solved
 from dpr_lab.effects.quantities import ArmModel, BaseParameters, Motion, Terms
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import subroutine
 
 Mode = Literal["clamped", "free", "driven"]
 
@@ -55,7 +55,7 @@ def mounted(Z: ArrayLike, frame: tuple[float, float, float], arm: ArmParameters)
     return with_gravity(base_parameters(Z, L1, g), L1, g), model
 
 
-@njit
+@subroutine
 def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[float, float, float]:
     """(M00, M01, M02), kg m^2: how the arm's inertia feels the base."""
     turning = arm.inertia + base.a * motion.sin1 * motion.sin1 + base.b * motion.sin2 * motion.sin2
@@ -79,7 +79,7 @@ class ReducedRods(NamedTuple):
     reach2: float
 
 
-@njit
+@subroutine
 def reduced_rods(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> ReducedRods:
@@ -113,7 +113,7 @@ def reduced_rods(
     )  # fmt: skip
 
 
-@njit
+@subroutine
 def arm_accelerations(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> tuple[float, float, float]:

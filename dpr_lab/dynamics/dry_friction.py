@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from dpr_lab.dynamics.arm import ReducedRods
 from dpr_lab.dynamics.equation import solved
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import subroutine
 
 
 class EventSettings(NamedTuple):
@@ -33,13 +33,13 @@ class EventSettings(NamedTuple):
 EVENTS = EventSettings()
 
 
-@njit
+@subroutine
 def direction_of(speed: float) -> float:
     """Which way a joint slides: 1, -1, or 0 where it is at rest."""
     return 1.0 if speed > 0.0 else (-1.0 if speed < 0.0 else 0.0)
 
 
-@njit
+@subroutine
 def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float, float]:
     """Accelerations (alpha0, alpha1, alpha2) with the joints of direction 0 held at rest, rad/s^2."""
     free1, free2 = solved(rods.inertia1, rods.inertia2, rods.coupling, rods.torque1, rods.torque2)
@@ -51,7 +51,7 @@ def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float
     return rods.push0 - rods.reach1 * alpha1 - rods.reach2 * alpha2, alpha1, alpha2
 
 
-@njit
+@subroutine
 def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float]:
     """Torques, N m, that friction has to withstand in the joints of direction 0; of no meaning in the others."""
     across = rods.inertia2 + rods.coupling
@@ -62,13 +62,13 @@ def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[flo
     return push1, push2
 
 
-@njit
+@subroutine
 def _beyond(push: float, forward: float, backward: float) -> float:
     """Which way a joint gives to a push: 0 where its limits hold it."""
     return 1.0 if push > forward else (-1.0 if push < -backward else 0.0)
 
 
-@njit
+@subroutine
 def slides(
     rods: ReducedRods, directions: tuple[float, float], forward: tuple[float, float], backward: tuple[float, float]
 ) -> tuple[float, float]:
@@ -105,7 +105,7 @@ def slides(
     return give1, give2
 
 
-@njit
+@subroutine
 def stops_at(before: float, after: float, slope: float) -> float:
     """Share of a step at which a speed falls through zero, on the parabola with this slope, of the step, at its end.
 
@@ -121,14 +121,14 @@ def stops_at(before: float, after: float, slope: float) -> float:
     return 2.0 * before / (math.sqrt(max(first * first - 4.0 * bend * before, 0.0)) - first)
 
 
-@njit
+@subroutine
 def yields_at(before: float, after: float, h: float) -> float:
     """Share of a step of h after which a joint is let go whose limit exceeds its push by these at start and end."""
     left = max(before, 0.0)
     return left / (left - after) + EVENTS.late * h
 
 
-@njit
+@subroutine
 def correction(speed: float, acceleration: float, h: float) -> float:
     """Time, s, until a speed near zero is zero; at most a small part of the step h that led there."""
     later = -speed / acceleration if acceleration != 0.0 else 0.0

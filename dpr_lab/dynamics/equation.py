@@ -9,10 +9,10 @@ tau2 share it (N m at scale 1).
 
 import math
 
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import njit, subroutine
 
 
-@njit
+@subroutine
 def coupled(
     sin1: float,
     cos1: float,
@@ -36,14 +36,14 @@ def coupled(
     return d * cos12, torque1, torque2
 
 
-@njit
+@subroutine
 def solved(a: float, b: float, coupling: float, torque1: float, torque2: float) -> tuple[float, float]:
     """Accelerations from the two-by-two mass matrix, rad/s^2."""
     scale = 1.0 / (a * b - coupling * coupling)
     return (b * torque1 - coupling * torque2) * scale, (a * torque2 - coupling * torque1) * scale
 
 
-@njit
+@subroutine
 def accelerations(
     theta1: float,
     theta2: float,

@@ -23,7 +23,7 @@ from dpr_lab.dynamics.equation import accelerations, coupled
 from dpr_lab.dynamics.schedule import sample_steps
 from dpr_lab.dynamics.segments import Segments, initial_states
 from dpr_lab.dynamics.segments import segments as cut
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import njit, subroutine
 
 LANES = 32
 """Four registers of eight doubles: enough independent work to hide the latency of a division."""
@@ -159,7 +159,7 @@ def _costs(
     return costs
 
 
-@njit
+@subroutine
 def _load(lanes: NDArray[np.float64], rows: NDArray[np.float64], first: int, start: NDArray[np.float64]) -> None:
     """Candidates from `first` on into the lanes; spare lanes repeat the last candidate."""
     for k in range(LANES):
@@ -170,7 +170,7 @@ def _load(lanes: NDArray[np.float64], rows: NDArray[np.float64], first: int, sta
         _place(lanes, k, start[0], start[1], start[2], start[3])
 
 
-@njit
+@subroutine
 def _place(lanes: NDArray[np.float64], k: int, theta1: float, theta2: float, omega1: float, omega2: float) -> None:
     lanes[THETA1 + k], lanes[THETA2 + k] = theta1, theta2
     lanes[OMEGA1 + k], lanes[OMEGA2 + k] = omega1, omega2
@@ -178,7 +178,7 @@ def _place(lanes: NDArray[np.float64], k: int, theta1: float, theta2: float, ome
     lanes[SIN2 + k], lanes[COS2 + k] = math.sin(theta2), math.cos(theta2)
 
 
-@njit
+@subroutine
 def _score(lanes: NDArray[np.float64], target: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
     theta1, theta2, omega1, omega2 = target
     metric11, metric12, metric22, speeds = weights
@@ -189,13 +189,13 @@ def _score(lanes: NDArray[np.float64], target: NDArray[np.float64], weights: NDA
         lanes[COST + k] += angles + speeds * (v1 * v1 + v2 * v2)
 
 
-@njit
+@subroutine
 def _sines(lanes: NDArray[np.float64], k: int, first_row: int) -> tuple[float, float, float, float]:
     at = first_row + k
     return lanes[at], lanes[at + LANES], lanes[at + 2 * LANES], lanes[at + 3 * LANES]
 
 
-@njit
+@subroutine
 def _accelerated(
     lanes: NDArray[np.float64],
     k: int,
@@ -213,7 +213,7 @@ def _accelerated(
     return torque1 - coupling * alpha2, alpha2
 
 
-@njit
+@subroutine
 def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
     """Sine and cosine after a small turn (see `GUARD`), the square of its angle given."""
     p = square * (1.0 / 362880.0) - 1.0 / 5040.0
@@ -225,7 +225,7 @@ def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[flo
     return sine + (sine * shrink + cosine * turn), cosine + (cosine * shrink - sine * turn)
 
 
-@njit
+@subroutine
 def _nudged(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
     """Sine and cosine after a much smaller turn."""
     turn = angle + angle * square * (square * (1.0 / 120.0) - 1.0 / 6.0)
@@ -233,7 +233,7 @@ def _nudged(angle: float, square: float, sine: float, cosine: float) -> tuple[fl
     return sine + (sine * shrink + cosine * turn), cosine + (cosine * shrink - sine * turn)
 
 
-@njit
+@subroutine
 def _advance(lanes: NDArray[np.float64], h: float) -> None:
     """One Runge-Kutta step of all lanes."""
     _stage1(lanes, h)
@@ -249,7 +249,7 @@ def _advance(lanes: NDArray[np.float64], h: float) -> None:
         _repeat_exactly(lanes, h)
 
 
-@njit
+@subroutine
 def _stage1(lanes: NDArray[np.float64], h: float) -> None:
     """Accelerations p at the start; sines turned by half a step at the start's speed."""
     half = 0.5 * h
@@ -264,7 +264,7 @@ def _stage1(lanes: NDArray[np.float64], h: float) -> None:
         lanes[TURNED + k] = square1 + square2
 
 
-@njit
+@subroutine
 def _stage2(lanes: NDArray[np.float64], h: float) -> None:
     """Accelerations q half a step on, with the speed that p gives; sines nudged to those of stage 3."""
     half, quarter = 0.5 * h, 0.25 * h * h
@@ -280,7 +280,7 @@ def _stage2(lanes: NDArray[np.float64], h: float) -> None:
         lanes[TURNED + k] += NUDGE_WEIGHT * (square1 + square2)
 
 
-@njit
+@subroutine
 def _stage3(lanes: NDArray[np.float64], h: float) -> None:
     """Accelerations r half a step on, with the speed that q gives; the start's sines turned by a step at that speed."""
     half, sixth = 0.5 * h, h * h / 6.0
@@ -298,7 +298,7 @@ def _stage3(lanes: NDArray[np.float64], h: float) -> None:
         lanes[TURNED + k] += square1 + square2 + NUDGE_WEIGHT * (nudge1 * nudge1 + nudge2 * nudge2)
 
 
-@njit
+@subroutine
 def _stage4(lanes: NDArray[np.float64], h: float) -> None:
     """Accelerations z at the end, with the speed that r gives; then the state there."""
     half, sixth = 0.5 * h, h / 6.0
@@ -316,7 +316,7 @@ def _stage4(lanes: NDArray[np.float64], h: float) -> None:
         lanes[OMEGA2 + k] = omega2 + sixth * (lanes[P2 + k] + 2.0 * (q2 + r2) + z2)
 
 
-@njit
+@subroutine
 def _remember(lanes: NDArray[np.float64]) -> None:
     """The state at the start of the step, before it is overwritten."""
     for k in range(LANES):
@@ -324,7 +324,7 @@ def _remember(lanes: NDArray[np.float64]) -> None:
         lanes[OLD_OMEGA1 + k], lanes[OLD_OMEGA2 + k] = lanes[OMEGA1 + k], lanes[OMEGA2 + k]
 
 
-@njit
+@subroutine
 def _repeat_exactly(lanes: NDArray[np.float64], h: float) -> None:
     """Repeat the last step, with exact sines, in the lanes that turned too far for the series."""
     for k in range(LANES):
@@ -333,7 +333,7 @@ def _repeat_exactly(lanes: NDArray[np.float64], h: float) -> None:
             _place(lanes, k, theta1, theta2, omega1, omega2)
 
 
-@njit
+@subroutine
 def _exact_step(lanes: NDArray[np.float64], k: int, h: float) -> tuple[float, float, float, float]:
     b, d, e1, e2, c1, c2 = lanes[B + k], lanes[D + k], lanes[E1 + k], lanes[E2 + k], lanes[C1 + k], lanes[C2 + k]
     theta1, theta2 = lanes[OLD_THETA1 + k], lanes[OLD_THETA2 + k]

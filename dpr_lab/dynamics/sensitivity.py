@@ -19,7 +19,7 @@ from dpr_lab.dynamics.schedule import MAX_STEP, sample_steps
 from dpr_lab.dynamics.segments import Segments, initial_states
 from dpr_lab.dynamics.segments import segments as cut
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import njit, subroutine
 
 STATES = 4
 RATIOS = 5
@@ -151,7 +151,7 @@ def _integrate(
     return states, slopes, by_push
 
 
-@njit
+@subroutine
 def _runge_kutta(
     x: NDArray[np.float64],
     rows: NDArray[np.float64],
@@ -198,7 +198,7 @@ def _runge_kutta(
         rows[S + j] += sixth * rows[TOTAL + j]
 
 
-@njit
+@subroutine
 def _after(turn: float, angle: float, sines: tuple[float, float]) -> tuple[float, float]:
     """Sine and cosine after a turn from an angle whose own are given."""
     square = turn * turn
@@ -207,7 +207,7 @@ def _after(turn: float, angle: float, sines: tuple[float, float]) -> tuple[float
     return turned(turn, square, sines[0], sines[1])
 
 
-@njit
+@subroutine
 def _differentiate(
     rows: NDArray[np.float64],
     sines1: tuple[float, float],

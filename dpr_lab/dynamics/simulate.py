@@ -12,7 +12,7 @@ from dpr_lab.dynamics.step import RigModel, RigState, model_with, stepped
 from dpr_lab.effects import EFFECTS, SIZE
 from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED
 from dpr_lab.effects.quantities import HELD_ARM, RigConstants
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import njit, subroutine
 from dpr_lab.rig import MASSES, PARAMETERS
 
 _RODS = [1, 2, 4, 5]
@@ -188,7 +188,7 @@ def _swing(
     return states
 
 
-@njit
+@subroutine
 def _write(x: RigState, into: NDArray[np.float64]) -> None:
     into[0], into[1], into[2] = x.theta0, x.theta1, x.theta2
     into[3], into[4], into[5] = x.omega0, x.omega1, x.omega2

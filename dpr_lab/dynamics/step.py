@@ -28,7 +28,7 @@ from dpr_lab.effects.effect_kernels import (
     load_torques,
 )
 from dpr_lab.effects.quantities import NOTHING, ArmModel, BaseParameters, Motion, RigConstants, plus
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import subroutine
 
 
 class RigModel(NamedTuple):
@@ -66,7 +66,7 @@ def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, par
     return RigModel(base, constants, arm, params, active, acts)
 
 
-@njit
+@subroutine
 def motion_of(
     t: float,
     thetas: tuple[float, float, float],
@@ -85,7 +85,7 @@ def motion_of(
     )  # fmt: skip
 
 
-@njit
+@subroutine
 def under_load(motion: Motion, force1: float, force2: float) -> Motion:
     """A motion with its joint forces known, N."""
     return Motion(
@@ -95,12 +95,12 @@ def under_load(motion: Motion, force1: float, force2: float) -> Motion:
     )  # fmt: skip
 
 
-@njit
+@subroutine
 def _length(x: float, y: float) -> float:
     return math.sqrt(x * x + y * y)  # without the branches of hypot, for the lanes
 
 
-@njit
+@subroutine
 def joint_forces(
     motion: Motion, alphas: tuple[float, float, float], base: BaseParameters, constants: RigConstants
 ) -> tuple[float, float]:
@@ -124,7 +124,7 @@ def joint_forces(
     return force1, force2
 
 
-@njit
+@subroutine
 def accelerations_at(
     t: float, x: RigState, displacement1: float, displacement2: float, model: RigModel, mode: int, drive: float
 ) -> tuple[float, float, float]:
@@ -134,7 +134,7 @@ def accelerations_at(
     return held(rods, directions[0], directions[1])
 
 
-@njit
+@subroutine
 def _stage(
     t: float,
     x: RigState,
@@ -165,7 +165,7 @@ def _stage(
     return motion, rods
 
 
-@njit
+@subroutine
 def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> tuple[float, float]:
     """Directions in which the joints go on: 1 or -1, and 0 for those that dry friction holds at rest."""
     directions = _directions(x, model)
@@ -177,14 +177,14 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
     return slides(rods, directions, forward, backward)
 
 
-@njit
+@subroutine
 def _directions(x: RigState, model: RigModel) -> tuple[float, float]:
     """The signs of the joints' speeds; nan for a joint without dry friction, which nothing holds."""
     first = direction_of(x.omega1) if model.acts.dry1 else math.nan
     return first, direction_of(x.omega2 - x.omega1) if model.acts.dry2 else math.nan
 
 
-@njit
+@subroutine
 def _spare(motion: Motion, rods: ReducedRods, model: RigModel, directions: tuple[float, float]) -> tuple[float, float]:
     """By how much, N m, the limits of the joints at rest exceed what they have to withstand; inf for the others."""
     push1, push2 = pushes(rods, directions[0], directions[1])
@@ -202,7 +202,7 @@ class TriedStep(NamedTuple):
     last: tuple[float, float]
 
 
-@njit
+@subroutine
 def _runge_kutta(
     t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float, directions: tuple[float, float]
 ) -> TriedStep:
@@ -235,7 +235,7 @@ def _runge_kutta(
     return TriedStep(end, (k0, k1, k2), first, last)
 
 
-@njit
+@subroutine
 def _stopped(
     x: RigState, joint: int, directions: tuple[float, float], later: float, alphas: tuple[float, float, float]
 ) -> RigState:
@@ -249,7 +249,7 @@ def _stopped(
     return RigState(theta0, theta1, theta2, omega0, omega1, omega2, x.internal)
 
 
-@njit
+@subroutine
 def _first_event(
     x: RigState, tried: TriedStep, h: float, directions: tuple[float, float], released: bool
 ) -> tuple[float, int]:
@@ -270,7 +270,7 @@ def _first_event(
     return share, joint
 
 
-@njit
+@subroutine
 def advanced(
     t: float, x: RigState, h: float, events: int, model: RigModel, mode: int, drive: float
 ) -> tuple[RigState, float, bool]:
@@ -309,7 +309,7 @@ def advanced(
     return _stopped(y, joint, directions, later, alphas), part + later, False
 
 
-@njit
+@subroutine
 def stepped(t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float) -> RigState:
     """The state one step of h later, cut where a joint stops or starts to slide."""
     now, events, whole = t, 0, False

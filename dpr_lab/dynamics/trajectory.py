@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.arm import with_gravity
 from dpr_lab.dynamics.dry_friction import direction_of
 from dpr_lab.dynamics.lanes.effects import add_drives, add_torques
-from dpr_lab.dynamics.lanes.workspace import LANES, ROW, WORKSPACE
+from dpr_lab.dynamics.lanes.workspace import LANES, WORKSPACE, At
 from dpr_lab.effects.effect import Stage
 from dpr_lab.effects.effect_kernels import EFFECT_OF, active_effects, arm_model
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import HELD_ARM, BaseParameters, RigConstants
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import njit, subroutine
 
 Array = NDArray[np.float64]
 
@@ -99,21 +99,27 @@ def _effect_torques(
         for k in range(LANES):
             i = min(first + k, len(t) - 1)
             _put(w, k, t[i], theta[i, 0], theta[i, 1], omega[i, 0], omega[i, 1], base, rig)
-            w[ROW.drive1 + k], w[ROW.drive2 + k] = drive[i, 0], drive[i, 1]
+            w[At.drive1 + k], w[At.drive2 + k] = drive[i, 0], drive[i, 1]
         for c in range(len(params)):
             for place in used:
                 for k in range(LANES):
-                    w[ROW.params + place * LANES + k] = params[c, place]
-            for k in range(LANES):
-                w[ROW.torque1 + k], w[ROW.torque2 + k] = 0.0, 0.0
-            add_torques(w, rig, active[c])
-            add_drives(w, rig, active[c])
+                    w[At.params + place * LANES + k] = params[c, place]
+            _exert(w, rig, active[c])
             for k in range(min(LANES, len(t) - first)):
-                found[first + k, 0, c], found[first + k, 1, c] = w[ROW.torque1 + k], w[ROW.torque2 + k]
+                found[first + k, 0, c], found[first + k, 1, c] = w[At.torque1 + k], w[At.torque2 + k]
     return found
 
 
-@njit
+@subroutine
+def _exert(w: Array, rig: RigConstants, active: NDArray[np.bool_]) -> None:
+    """The torques of one effect vector in all lanes."""
+    for k in range(LANES):
+        w[At.torque1 + k], w[At.torque2 + k] = 0.0, 0.0
+    add_torques(w, rig, active)
+    add_drives(w, rig, active)
+
+
+@subroutine
 def _put(
     w: Array,
     k: int,
@@ -126,14 +132,14 @@ def _put(
     rig: RigConstants,
 ) -> None:
     """Put lane k into a motion of the rods on an arm that is held."""
-    w[ROW.a + k], w[ROW.b + k], w[ROW.d + k], w[ROW.e1 + k], w[ROW.e2 + k] = base.a, base.b, base.d, base.e1, base.e2
-    w[ROW.L1 + k], w[ROW.L2 + k], w[ROW.stage_t + k] = rig.L1, rig.L2, t
-    w[ROW.m1 + k], w[ROW.m2 + k], w[ROW.mb + k] = rig.m1, rig.m2, rig.mb
-    w[ROW.stage_theta1 + k], w[ROW.stage_theta2 + k] = theta1, theta2
-    w[ROW.stage_omega1 + k], w[ROW.stage_omega2 + k] = omega1, omega2
-    w[ROW.direction1 + k], w[ROW.direction2 + k] = direction_of(omega1), direction_of(omega2 - omega1)
-    w[ROW.sin1 + k], w[ROW.cos1 + k] = sincos(theta1)
-    w[ROW.sin2 + k], w[ROW.cos2 + k] = sincos(theta2)
+    w[At.a + k], w[At.b + k], w[At.d + k], w[At.e1 + k], w[At.e2 + k] = base.a, base.b, base.d, base.e1, base.e2
+    w[At.L1 + k], w[At.L2 + k], w[At.stage_t + k] = rig.L1, rig.L2, t
+    w[At.m1 + k], w[At.m2 + k], w[At.mb + k] = rig.m1, rig.m2, rig.mb
+    w[At.stage_theta1 + k], w[At.stage_theta2 + k] = theta1, theta2
+    w[At.stage_omega1 + k], w[At.stage_omega2 + k] = omega1, omega2
+    w[At.direction1 + k], w[At.direction2 + k] = direction_of(omega1), direction_of(omega2 - omega1)
+    w[At.sin1 + k], w[At.cos1 + k] = sincos(theta1)
+    w[At.sin2 + k], w[At.cos2 + k] = sincos(theta2)
 
 
 @njit

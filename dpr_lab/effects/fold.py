@@ -5,9 +5,8 @@ import linecache
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-import numba
-
 from dpr_lab.effects.effect import Effect
+from dpr_lab.kernels import subroutine
 
 
 def slices(effects: Iterable[Effect]) -> dict[str, slice]:
@@ -42,4 +41,4 @@ def compiled(lines: Iterable[str], names: Mapping[str, Any]) -> Any:
     file = f"<{__name__} {len(linecache.cache)}>"
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     exec(compile(source, file, "exec"), scope)
-    return numba.njit(error_model="numpy", nogil=True)(scope["folded"])
+    return subroutine(scope["folded"])

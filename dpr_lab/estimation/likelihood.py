@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.estimation.chain import CHAIN, SAME_INTERVAL, fill_chain
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import njit, subroutine
 
 
 @njit
@@ -44,7 +44,7 @@ def log_likelihood(
     return total
 
 
-@njit
+@subroutine
 def _predict(
     x: NDArray[np.float64],
     P: NDArray[np.float64],
@@ -69,7 +69,7 @@ def _predict(
                 P[i, j] += work[i, m] * f[j, m]
 
 
-@njit
+@subroutine
 def _update(x: NDArray[np.float64], P: NDArray[np.float64], innovation: float, variance: float) -> None:
     for i in range(CHAIN - 1, -1, -1):
         gain = P[i, 0] / variance

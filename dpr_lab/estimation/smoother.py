@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.estimation.chain import CHAIN, SAME_INTERVAL, fill_chain
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import njit, subroutine
 
 STATES = 2 * CHAIN
 """States of both rods."""
@@ -74,7 +74,7 @@ def smooth_chains(
     return x, P, nis
 
 
-@njit
+@subroutine
 def _set_interval(interval: float, before: float, f: NDArray[np.float64], q: NDArray[np.float64]) -> float:
     """The interval that f and q hold afterwards: they are filled again only where it changes."""
     if abs(interval - before) <= SAME_INTERVAL * before:
@@ -83,7 +83,7 @@ def _set_interval(interval: float, before: float, f: NDArray[np.float64], q: NDA
     return interval
 
 
-@njit
+@subroutine
 def _predict(
     x: NDArray[np.float64],
     P: NDArray[np.float64],
@@ -110,7 +110,7 @@ def _predict(
             P_ahead[j, i] = P_ahead[i, j]
 
 
-@njit
+@subroutine
 def _multiply(f: NDArray[np.float64], A: NDArray[np.float64], product: NDArray[np.float64]) -> None:
     """F A with f, upper triangular, twice on the diagonal of F."""
     for i in range(STATES):
@@ -122,7 +122,7 @@ def _multiply(f: NDArray[np.float64], A: NDArray[np.float64], product: NDArray[n
                 product[i, j] += f[i % CHAIN, m] * A[first + m, j]
 
 
-@njit
+@subroutine
 def _update(
     x: NDArray[np.float64], P: NDArray[np.float64], theta: NDArray[np.float64], noise: NDArray[np.float64]
 ) -> float:
@@ -140,7 +140,7 @@ def _update(
     return y1 * (i11 * y1 + i12 * y2) + y2 * (i12 * y1 + i22 * y2)
 
 
-@njit
+@subroutine
 def _solve(A: NDArray[np.float64], B: NDArray[np.float64]) -> None:
     """B = A^-1 B for a symmetric positive A, which is overwritten by its factor L with A = L L^T."""
     for i in range(STATES):
@@ -164,7 +164,7 @@ def _solve(A: NDArray[np.float64], B: NDArray[np.float64]) -> None:
             B[i, j] /= A[i, i]
 
 
-@njit
+@subroutine
 def _smooth(
     x: NDArray[np.float64],
     P: NDArray[np.float64],

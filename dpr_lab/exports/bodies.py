@@ -128,7 +128,7 @@ def bodies(model: Model, rig: Rig, said: Mapping[str, Words]) -> Bodies:
 def arm_of(model: Model, rig: Rig) -> Arm | None:
     """The arm of an effect that lets it give; None where there is none, or one lighter than the rods at its tip."""
     params = effect_params(known_effects(model.effects))
-    held = arm_model(rig_constants(rig), HELD_ARM, params, active_effects(params))
+    held = arm_model(rig_constants(rig), HELD_ARM, params.tolist(), active_effects(params))
     z = {name: item.value for name, item in model.parameters.items()}
     scale = model.base["b"].value / (z["J2"] + z["m2"] * z["l2"] ** 2)
     alone = held.inertia - scale * (z["m1"] + z["m2"] + z["mb"]) * rig.rig.L0**2

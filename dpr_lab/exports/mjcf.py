@@ -8,6 +8,8 @@ import math
 from functools import partial
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from dpr_lab.dynamics.arm import reduced_rods
 from dpr_lab.dynamics.dry_friction import held
 from dpr_lab.dynamics.rig_constants import rig_constants
@@ -136,7 +138,8 @@ def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float]:
     weights = (constants.m1 + constants.m2 + constants.mb) * constants.g, constants.m2 * constants.g
     hanging = under_load(hanging, *weights)
     both = [dry_limits(hanging, push, push, params, active_effects(params)) for push in (1.0, -1.0)]
-    return min(both[0][0], both[1][0]), min(both[0][1], both[1][1])
+    joint1, joint2 = np.min(both, axis=0).tolist()
+    return joint1, joint2
 
 
 def _arm(world: Element, made: Bodies) -> Element:

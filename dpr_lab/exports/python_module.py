@@ -205,7 +205,7 @@ def module_text(
     active = np.isin(list(EFFECTS), list(effects))
     acts = acting(active)._replace(torques=True)
     gravity = with_gravity(base, model.rig.L1, model.rig.g)
-    arm = arm_model(constants, HELD_ARM, params, active)
+    arm = arm_model(constants, HELD_ARM, params.tolist(), active)
     simulated = RigModel(gravity, constants, arm, (0.0, 0.0), None, Acting(*map(bool, acts)))  # type: ignore[arg-type]
     head = _HEAD.format(
         rig=model.rig.name,

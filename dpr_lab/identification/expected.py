@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.dynamics.base import RATIOS, added_base, whole_parameters
-from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.dynamics.base import RATIOS, added_base, ratios, whole_parameters
+from dpr_lab.dynamics.schedule import MAX_STEP
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.dynamics.sensitivity import swings
 from dpr_lab.estimation.noise import NoiseFloor
 from dpr_lab.fitting.estimate import SCALE, Estimate, unknown_ratios
 from dpr_lab.fitting.problem import Problem
@@ -69,9 +71,11 @@ def expected_releases(
     joints, rate_hz = rig.encoders.joint_angles, rig.link.rate_hz
     std = np.sqrt(rig.encoders.noise_counts**2 + 1 / 12) * np.abs(rig.radians_per_count[1:])
     t = np.arange(round(releases.duration_s * rate_hz)) / rate_hz
+    starts = np.array([[*pose.theta[1:], 0.0, 0.0] for pose in poses])
+    each = segments([t] * len(poses), run=range(len(poses)), step=MAX_STEP)
+    swung = swings(ratios(base), rig.L1, rig.g, each, starts)
     runs = []
-    for pose in poses:
-        states = simulate(base, rig.L1, rig.g, [*pose.theta[1:], 0.0, 0.0], t)
+    for pose, states in zip(poses, np.split(swung, len(poses)), strict=True):
         theta = np.insert(states[:, :2], 0, pose.theta0, axis=1)
         run = Run("expected", t, theta, None, None, rig.name, rig.sha256, rate_hz)
         runs.append(PreprocessedRun(run, NoiseFloor(std, "quantisation", joints), states))

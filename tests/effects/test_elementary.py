@@ -4,7 +4,24 @@ import mpmath
 import numpy as np
 import pytest
 
-from dpr_lab.effects.elementary import exp, sincos, tanh
+from dpr_lab.effects import elementary
+from dpr_lab.kernels import njit
+
+
+@njit
+def exp(x):
+    return elementary.exp(x)
+
+
+@njit
+def tanh(x):
+    return elementary.tanh(x)
+
+
+@njit
+def sincos(x):
+    return elementary.sincos(x)
+
 
 RNG = np.random.default_rng(0)
 SIZES = 10.0 ** RNG.uniform(-12, 1.3, 3000) * RNG.choice([-1, 1], 3000)

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.lanes.workspace import LANES, ROW
+from dpr_lab.dynamics.lanes.workspace import LANES, At
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import subroutine
 from dpr_lab.setup import Setup
 
 
@@ -51,23 +51,23 @@ def drive_of(setups: Sequence[Setup]) -> Drive:
     )
 
 
-@njit
+@subroutine
 def _impulse(drive: Drive, i: int, t: float, joint: int) -> float:
     """Up to the time t after the instant i, N m s."""
     share = (t - drive.t[i]) / (drive.t[i + 1] - drive.t[i])
     return drive.impulse[i, joint] + max(share, 0.0) * (drive.impulse[i + 1, joint] - drive.impulse[i, joint])
 
 
-@njit
+@subroutine
 def push(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], place: NDArray[np.int64]) -> None:
     """Mean torques of the step that each lane is about to take; `place` (LANES,) is where it was looked up last."""
     for k in range(LANES):
         first, last = int(drive.first[run[k]]), int(drive.first[run[k] + 1]) - 2
         if last < first:
             continue
-        start = w[ROW.t + k]
-        stop = w[ROW.until + k] if w[ROW.until + k] > start else start + w[ROW.step + k]
-        start, stop = start - w[ROW.late + k], stop - w[ROW.late + k]
+        start = w[At.t + k]
+        stop = w[At.until + k] if w[At.until + k] > start else start + w[At.step + k]
+        start, stop = start - w[At.late + k], stop - w[At.late + k]
         i = int(place[k])
         if i < first or i > last or drive.t[i] > start:
             i = first
@@ -77,11 +77,11 @@ def push(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], place: ND
         while j < last and drive.t[j + 1] <= stop:
             j += 1
         passed = stop - start
-        w[ROW.drive1 + k] = (_impulse(drive, j, stop, 0) - _impulse(drive, i, start, 0)) / passed
-        w[ROW.drive2 + k] = (_impulse(drive, j, stop, 1) - _impulse(drive, i, start, 1)) / passed
+        w[At.drive1 + k] = (_impulse(drive, j, stop, 0) - _impulse(drive, i, start, 0)) / passed
+        w[At.drive2 + k] = (_impulse(drive, j, stop, 1) - _impulse(drive, i, start, 1)) / passed
 
 
-@njit
+@subroutine
 def _arm_speed(drive: Drive, first: int, last: int, t: float) -> float:
     """Between the instants `first` and `last`, rad/s."""
     i = first + int(np.searchsorted(drive.arm_t[first : last + 1], t))
@@ -91,27 +91,27 @@ def _arm_speed(drive: Drive, first: int, last: int, t: float) -> float:
     return drive.arm_omega[i - 1] + share * (drive.arm_omega[i] - drive.arm_omega[i - 1])
 
 
-@njit
+@subroutine
 def carry(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64]) -> None:
     """Mean acceleration and squared speed of the arm over the step that each lane is about to take."""
     for k in range(LANES):
         first, last = int(drive.arm_first[run[k]]), int(drive.arm_first[run[k] + 1]) - 1
         if last < first:
             continue
-        start = w[ROW.t + k]
-        stop = w[ROW.until + k] if w[ROW.until + k] > start else start + w[ROW.step + k]
+        start = w[At.t + k]
+        stop = w[At.until + k] if w[At.until + k] > start else start + w[At.step + k]
         u, v = _arm_speed(drive, first, last, start), _arm_speed(drive, first, last, stop)
-        w[ROW.carried + k], w[ROW.whirl + k] = (v - u) / (stop - start), (u * u + u * v + v * v) / 3.0
-        w[ROW.alpha0 + k] = w[ROW.carried + k]
+        w[At.carried + k], w[At.whirl + k] = (v - u) / (stop - start), (u * u + u * v + v * v) / 3.0
+        w[At.alpha0 + k] = w[At.carried + k]
 
 
-@njit
+@subroutine
 def add_carried(w: NDArray[np.float64], rig: RigConstants) -> None:
     """Add to the terms of a stage how the arm pushes the rods."""
     for k in range(LANES):
-        sin1, cos1, sin2, cos2 = w[ROW.sin1 + k], w[ROW.cos1 + k], w[ROW.sin2 + k], w[ROW.cos2 + k]
-        whirl, pull = w[ROW.whirl + k], w[ROW.carried + k] * rig.L0 / rig.g
-        lever1 = (w[ROW.a + k] * sin1 + w[ROW.d + k] * sin2) * cos1
-        lever2 = (w[ROW.b + k] * sin2 + w[ROW.d + k] * sin1) * cos2
-        w[ROW.torque1 + k] += whirl * lever1 - pull * w[ROW.e1 + k] * cos1
-        w[ROW.torque2 + k] += whirl * lever2 - pull * w[ROW.e2 + k] * cos2
+        sin1, cos1, sin2, cos2 = w[At.sin1 + k], w[At.cos1 + k], w[At.sin2 + k], w[At.cos2 + k]
+        whirl, pull = w[At.whirl + k], w[At.carried + k] * rig.L0 / rig.g
+        lever1 = (w[At.a + k] * sin1 + w[At.d + k] * sin2) * cos1
+        lever2 = (w[At.b + k] * sin2 + w[At.d + k] * sin1) * cos2
+        w[At.torque1 + k] += whirl * lever1 - pull * w[At.e1 + k] * cos1
+        w[At.torque2 + k] += whirl * lever2 - pull * w[At.e2 + k] * cos2

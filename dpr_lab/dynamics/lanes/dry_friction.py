@@ -14,164 +14,164 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.arm import CLAMPED, FREE, reduced_rods
 from dpr_lab.dynamics.dry_friction import EVENTS, correction, direction_of, held, pushes, slides, stops_at, yields_at
 from dpr_lab.dynamics.lanes.effects import add_dry_limits
-from dpr_lab.dynamics.lanes.workspace import LANES, ROW, arm_at, base_at, motion_at, terms_at, waits
+from dpr_lab.dynamics.lanes.workspace import LANES, At, arm_at, base_at, motion_at, terms_at, waits
 from dpr_lab.effects.effect_kernels import STEPPED, Acting
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import subroutine
 
 
-@njit
+@subroutine
 def begin_dry(w: NDArray[np.float64], acts: Acting) -> bool:
     """Length and directions of the step that each lane takes; whether any joint is at rest."""
     for k in range(LANES):
-        fresh = w[ROW.t + k] >= w[ROW.until + k]
-        w[ROW.until + k] = w[ROW.t + k] + w[ROW.step + k] if fresh else w[ROW.until + k]
-        w[ROW.events + k] = 0.0 if fresh else w[ROW.events + k]
-        ahead = w[ROW.ahead + k]
-        w[ROW.h + k] = ahead if ahead > 0.0 else w[ROW.until + k] - w[ROW.t + k]
-        w[ROW.ahead + k] = 0.0
+        fresh = w[At.t + k] >= w[At.until + k]
+        w[At.until + k] = w[At.t + k] + w[At.step + k] if fresh else w[At.until + k]
+        w[At.events + k] = 0.0 if fresh else w[At.events + k]
+        ahead = w[At.ahead + k]
+        w[At.h + k] = ahead if ahead > 0.0 else w[At.until + k] - w[At.t + k]
+        w[At.ahead + k] = 0.0
     count = 0
     for k in range(LANES if acts.dry1 else 0):
-        w[ROW.direction1 + k] = direction_of(w[ROW.omega1 + k])
-        count += w[ROW.direction1 + k] == 0.0
+        w[At.direction1 + k] = direction_of(w[At.omega1 + k])
+        count += w[At.direction1 + k] == 0.0
     for k in range(LANES if acts.dry2 else 0):
-        w[ROW.direction2 + k] = direction_of(w[ROW.omega2 + k] - w[ROW.omega1 + k])
-        count += w[ROW.direction2 + k] == 0.0
+        w[At.direction2 + k] = direction_of(w[At.omega2 + k] - w[At.omega1 + k])
+        count += w[At.direction2 + k] == 0.0
     return count > 0
 
 
-@njit
+@subroutine
 def accelerate_held(w: NDArray[np.float64], rig: RigConstants, arm: bool) -> None:
     """Accelerations of a stage with the joints of direction 0 held, and the torques that hold them."""
     for k in range(LANES):
         mode = CLAMPED if not arm or waits(w, k) else FREE
         rods = reduced_rods(motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, 0.0)
-        direction1, direction2 = w[ROW.direction1 + k], w[ROW.direction2 + k]
-        w[ROW.alpha0 + k], w[ROW.alpha1 + k], w[ROW.alpha2 + k] = held(rods, direction1, direction2)
-        w[ROW.push1 + k], w[ROW.push2 + k] = pushes(rods, direction1, direction2)
+        direction1, direction2 = w[At.direction1 + k], w[At.direction2 + k]
+        w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k] = held(rods, direction1, direction2)
+        w[At.push1 + k], w[At.push2 + k] = pushes(rods, direction1, direction2)
 
 
-@njit
+@subroutine
 def find_spare(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], spare1: int, spare2: int) -> bool:
     """By how much limits exceed pushes in joints at rest, into two rows; whether one does not."""
     for k in range(LANES):
-        w[ROW.limit1 + k], w[ROW.limit2 + k] = 0.0, 0.0
+        w[At.limit1 + k], w[At.limit2 + k] = 0.0, 0.0
     add_dry_limits(w, rig, active)
     count = 0
     for k in range(LANES):
-        rest1, rest2 = w[ROW.direction1 + k] == 0.0, w[ROW.direction2 + k] == 0.0
-        left1 = max(w[ROW.limit1 + k], 0.0) - abs(w[ROW.push1 + k]) if rest1 else math.inf
-        left2 = max(w[ROW.limit2 + k], 0.0) - abs(w[ROW.push2 + k]) if rest2 else math.inf
+        rest1, rest2 = w[At.direction1 + k] == 0.0, w[At.direction2 + k] == 0.0
+        left1 = max(w[At.limit1 + k], 0.0) - abs(w[At.push1 + k]) if rest1 else math.inf
+        left2 = max(w[At.limit2 + k], 0.0) - abs(w[At.push2 + k]) if rest2 else math.inf
         w[spare1 + k], w[spare2 + k] = left1, left2
         count += (left1 < 0.0) | (left2 < 0.0)
     return count > 0
 
 
-@njit
+@subroutine
 def let_go(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], arm: bool) -> None:
     """New directions, at the start of a step, of joints at rest whose limits are exceeded."""
     for side in (1.0, -1.0):
         for k in range(LANES):
-            w[ROW.forward1 + k], w[ROW.forward2 + k] = max(w[ROW.limit1 + k], 0.0), max(w[ROW.limit2 + k], 0.0)
-            w[ROW.push1 + k], w[ROW.push2 + k], w[ROW.limit1 + k], w[ROW.limit2 + k] = side, side, 0.0, 0.0
+            w[At.forward1 + k], w[At.forward2 + k] = max(w[At.limit1 + k], 0.0), max(w[At.limit2 + k], 0.0)
+            w[At.push1 + k], w[At.push2 + k], w[At.limit1 + k], w[At.limit2 + k] = side, side, 0.0, 0.0
         add_dry_limits(w, rig, active)
     for k in range(LANES):
-        exceeded = w[ROW.first1 + k] < 0.0 or w[ROW.first2 + k] < 0.0
-        if exceeded and w[ROW.events + k] < EVENTS.most:
+        exceeded = w[At.first1 + k] < 0.0 or w[At.first2 + k] < 0.0
+        if exceeded and w[At.events + k] < EVENTS.most:
             mode = CLAMPED if not arm or waits(w, k) else FREE
             rods = reduced_rods(motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, 0.0)
-            w[ROW.direction1 + k], w[ROW.direction2 + k] = slides(
+            w[At.direction1 + k], w[At.direction2 + k] = slides(
                 rods,
-                (w[ROW.direction1 + k], w[ROW.direction2 + k]),
-                (w[ROW.forward1 + k], w[ROW.forward2 + k]),
-                (max(w[ROW.limit1 + k], 0.0), max(w[ROW.limit2 + k], 0.0)),
+                (w[At.direction1 + k], w[At.direction2 + k]),
+                (w[At.forward1 + k], w[At.forward2 + k]),
+                (max(w[At.limit1 + k], 0.0), max(w[At.limit2 + k], 0.0)),
             )
 
 
-@njit
+@subroutine
 def settle(w: NDArray[np.float64], acts: Acting, resting: bool) -> None:
     """After a step: end it where it was to end, or take it back where a joint stopped or was let go on the way."""
     count = 0
     for k in range(LANES):
-        omega1, omega2 = w[ROW.omega1 + k], w[ROW.omega2 + k]
-        turns = (w[ROW.direction1 + k] * omega1 < 0.0) | (w[ROW.direction2 + k] * (omega2 - omega1) < 0.0)
-        yields = resting & ((w[ROW.last1 + k] < 0.0) | (w[ROW.last2 + k] < 0.0))
-        cut = w[ROW.cut + k] > 0.0
+        omega1, omega2 = w[At.omega1 + k], w[At.omega2 + k]
+        turns = (w[At.direction1 + k] * omega1 < 0.0) | (w[At.direction2 + k] * (omega2 - omega1) < 0.0)
+        yields = resting & ((w[At.last1 + k] < 0.0) | (w[At.last2 + k] < 0.0))
+        cut = w[At.cut + k] > 0.0
         count += turns | yields | cut
-        w[ROW.t + k] = w[ROW.t + k] if cut else w[ROW.until + k]
+        w[At.t + k] = w[At.t + k] if cut else w[At.until + k]
     if count > 0:
         for k in range(LANES):
-            if w[ROW.cut + k] > 0.0:
+            if w[At.cut + k] > 0.0:
                 _end_cut(w, k)
             else:
                 _look_for_event(w, k, acts, resting)
 
 
-@njit
+@subroutine
 def _end_cut(w: NDArray[np.float64], k: int) -> None:
     """Lane k has gone up to an event: the joint that stops there stops."""
-    joint = int(w[ROW.cut + k]) - 1
+    joint = int(w[At.cut + k]) - 1
     if joint > 0:
-        alpha1, alpha2 = w[ROW.alpha1 + k], w[ROW.alpha2 + k]
-        speed = w[ROW.omega1 + k] if joint == 1 else w[ROW.omega2 + k] - w[ROW.omega1 + k]
-        later = correction(speed, alpha1 if joint == 1 else alpha2 - alpha1, w[ROW.h + k])
-        later = min(later, w[ROW.until + k] - w[ROW.t + k])
-        w[ROW.t + k] += later
-        w[ROW.h + k] += later
+        alpha1, alpha2 = w[At.alpha1 + k], w[At.alpha2 + k]
+        speed = w[At.omega1 + k] if joint == 1 else w[At.omega2 + k] - w[At.omega1 + k]
+        later = correction(speed, alpha1 if joint == 1 else alpha2 - alpha1, w[At.h + k])
+        later = min(later, w[At.until + k] - w[At.t + k])
+        w[At.t + k] += later
+        w[At.h + k] += later
         _stop(w, k, joint, later)
-    w[ROW.cut + k] = 0.0
+    w[At.cut + k] = 0.0
 
 
-@njit
+@subroutine
 def _stop(w: NDArray[np.float64], k: int, joint: int, later: float) -> None:
-    w[ROW.theta0 + k] += later * w[ROW.omega0 + k]
-    w[ROW.theta1 + k] += later * w[ROW.omega1 + k]
-    w[ROW.theta2 + k] += later * w[ROW.omega2 + k]
-    w[ROW.omega0 + k] += later * w[ROW.alpha0 + k]
-    w[ROW.omega1 + k] += later * w[ROW.alpha1 + k]
-    w[ROW.omega2 + k] += later * w[ROW.alpha2 + k]
+    w[At.theta0 + k] += later * w[At.omega0 + k]
+    w[At.theta1 + k] += later * w[At.omega1 + k]
+    w[At.theta2 + k] += later * w[At.omega2 + k]
+    w[At.omega0 + k] += later * w[At.alpha0 + k]
+    w[At.omega1 + k] += later * w[At.alpha1 + k]
+    w[At.omega2 + k] += later * w[At.alpha2 + k]
     if joint == 1:
-        w[ROW.omega1 + k] = 0.0
-    if joint == 2 or w[ROW.direction2 + k] == 0.0:
-        w[ROW.omega2 + k] = w[ROW.omega1 + k]
+        w[At.omega1 + k] = 0.0
+    if joint == 2 or w[At.direction2 + k] == 0.0:
+        w[At.omega2 + k] = w[At.omega1 + k]
 
 
-@njit
+@subroutine
 def _look_for_event(w: NDArray[np.float64], k: int, acts: Acting, resting: bool) -> None:
     """Take the step of lane k back to its first event, if it has one."""
-    h, share, joint = w[ROW.h + k], 1.0, 0
-    direction1, direction2 = w[ROW.direction1 + k], w[ROW.direction2 + k]
-    before, after = direction1 * w[ROW.old_omega1 + k], direction1 * w[ROW.omega1 + k]
+    h, share, joint = w[At.h + k], 1.0, 0
+    direction1, direction2 = w[At.direction1 + k], w[At.direction2 + k]
+    before, after = direction1 * w[At.old_omega1 + k], direction1 * w[At.omega1 + k]
     if direction1 != 0.0 and after < 0.0:
-        share, joint = stops_at(before, after, direction1 * h * w[ROW.alpha1 + k]), 1
-    before = direction2 * (w[ROW.old_omega2 + k] - w[ROW.old_omega1 + k])
-    after = direction2 * (w[ROW.omega2 + k] - w[ROW.omega1 + k])
+        share, joint = stops_at(before, after, direction1 * h * w[At.alpha1 + k]), 1
+    before = direction2 * (w[At.old_omega2 + k] - w[At.old_omega1 + k])
+    after = direction2 * (w[At.omega2 + k] - w[At.omega1 + k])
     if direction2 != 0.0 and after < 0.0:
-        stops = stops_at(before, after, direction2 * h * (w[ROW.alpha2 + k] - w[ROW.alpha1 + k]))
+        stops = stops_at(before, after, direction2 * h * (w[At.alpha2 + k] - w[At.alpha1 + k]))
         share, joint = (stops, 2) if stops < share else (share, joint)
-    if resting and w[ROW.events + k] < EVENTS.most:
-        for first, last in ((w[ROW.first1 + k], w[ROW.last1 + k]), (w[ROW.first2 + k], w[ROW.last2 + k])):
+    if resting and w[At.events + k] < EVENTS.most:
+        for first, last in ((w[At.first1 + k], w[At.last1 + k]), (w[At.first2 + k], w[At.last2 + k])):
             if last < 0.0:
                 yields = yields_at(first, last, h)
                 share, joint = (yields, 0) if yields < share else (share, joint)
     if not share < 1.0:
         return
     _take_back(w, k, acts)
-    w[ROW.events + k] += 1.0
+    w[At.events + k] += 1.0
     if share >= EVENTS.shortest:
-        w[ROW.ahead + k], w[ROW.cut + k] = share * h, joint + 1.0
+        w[At.ahead + k], w[At.cut + k] = share * h, joint + 1.0
     elif joint > 0:
         _stop(w, k, joint, 0.0)
 
 
-@njit
+@subroutine
 def _take_back(w: NDArray[np.float64], k: int, acts: Acting) -> None:
     """Lane k is where the step began, after a step of no length."""
-    w[ROW.t + k], w[ROW.h + k] = w[ROW.old_t + k], 0.0
-    w[ROW.theta1 + k], w[ROW.theta2 + k] = w[ROW.old_theta1 + k], w[ROW.old_theta2 + k]
-    w[ROW.omega1 + k], w[ROW.omega2 + k] = w[ROW.old_omega1 + k], w[ROW.old_omega2 + k]
+    w[At.t + k], w[At.h + k] = w[At.old_t + k], 0.0
+    w[At.theta1 + k], w[At.theta2 + k] = w[At.old_theta1 + k], w[At.old_theta2 + k]
+    w[At.omega1 + k], w[At.omega2 + k] = w[At.old_omega1 + k], w[At.old_omega2 + k]
     if acts.arm:
-        w[ROW.theta0 + k], w[ROW.omega0 + k] = w[ROW.old_theta0 + k], w[ROW.old_omega0 + k]
+        w[At.theta0 + k], w[At.omega0 + k] = w[At.old_theta0 + k], w[At.old_omega0 + k]
     if acts.stepped:
         for i in range(len(STEPPED)):
-            w[ROW.internal + i * LANES + k] = w[ROW.old_internal + i * LANES + k]
+            w[At.internal + i * LANES + k] = w[At.old_internal + i * LANES + k]

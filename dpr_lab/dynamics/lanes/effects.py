@@ -3,16 +3,16 @@
 import math
 from typing import Any
 
-from dpr_lab.dynamics.lanes.workspace import LANES, ROW, base_at, constants_at, motion_at
+from dpr_lab.dynamics.lanes.workspace import LANES, At, base_at, constants_at, joint1_at, joint2_at, motion_at
 from dpr_lab.effects import SLICES
 from dpr_lab.effects.effect import Effect, Stage
 from dpr_lab.effects.effect_kernels import STEPPED, dry_effects, of_stage, stepped_states
 from dpr_lab.effects.fold import arguments, call, compiled
-from dpr_lab.effects.quantities import joint1, joint2, yielding
+from dpr_lab.effects.quantities import yielding
 
 _NAMES: dict[str, Any] = {
-    "base_at": base_at, "constants_at": constants_at, "joint1": joint1, "joint2": joint2, "motion_at": motion_at
-}  # fmt: skip
+    kernel.__name__: kernel for kernel in (base_at, constants_at, joint1_at, joint2_at, motion_at)
+}
 
 _ADDED = {
     "term_a": "x.a",
@@ -29,7 +29,7 @@ def _lane(row: int, place: int = 0) -> str:
 
 def _parameters(effect: Effect) -> dict[str, str]:
     start = SLICES[effect.name].start
-    return {p.name: _lane(ROW.params, start + i) for i, p in enumerate(effect.parameters)}
+    return {p.name: _lane(At.params, start + i) for i, p in enumerate(effect.parameters)}
 
 
 def _internal(effect: Effect, row: int) -> dict[str, str]:
@@ -45,13 +45,13 @@ def _added(effect: Effect) -> list[str]:
     """The source that adds an effect to the terms of a lane."""
     wanted, joint = arguments(effect.kernel), effect.joints[0] + 1
     quantities = {"motion": "motion_at(w, k)", "base": "base_at(w, k)", "constants": "constants_at(w, k, constants)"}
-    quantities["joint"] = f"joint{joint}(motion_at(w, k))"
-    quantities["torque"] = f"({_lane(ROW.drive1)} + {_lane(ROW.drive2)})" if joint == 1 else _lane(ROW.drive2)
-    value = call(effect.name, wanted, _parameters(effect), _internal(effect, ROW.internal), quantities)
+    quantities["joint"] = f"joint{joint}_at(w, k)"
+    quantities["torque"] = f"({_lane(At.drive1)} + {_lane(At.drive2)})" if joint == 1 else _lane(At.drive2)
+    value = call(effect.name, wanted, _parameters(effect), _internal(effect, At.internal), quantities)
     if "joint" not in wanted and effect.stage != "drive":
-        return [f"x = {value}", *(f"{_lane(getattr(ROW, row))} += {part}" for row, part in _ADDED.items())]
-    back = [f"{_lane(ROW.torque1)} -= x", f"{_lane(ROW.torque2)} += x"]
-    return [f"x = {value}", *(back if joint == 2 else [f"{_lane(ROW.torque1)} += x"])]
+        return [f"x = {value}", *(f"{_lane(getattr(At, row))} += {part}" for row, part in _ADDED.items())]
+    back = [f"{_lane(At.torque1)} -= x", f"{_lane(At.torque2)} += x"]
+    return [f"x = {value}", *(back if joint == 2 else [f"{_lane(At.torque1)} += x"])]
 
 
 def _stage(stage: Stage) -> Any:
@@ -66,8 +66,8 @@ def _dry_limits() -> Any:
     names, lines = {**_NAMES, "yielding": yielding, "copysign": math.copysign}, ["def folded(w, constants, active):"]
     for index, effect in dry_effects():
         names[effect.name], j = effect.kernel, effect.joints[0] + 1
-        push, limit = _lane((ROW.push1, ROW.push2)[j - 1]), _lane((ROW.limit1, ROW.limit2)[j - 1])
-        joint = {"joint": f"yielding(joint{j}(motion_at(w, k)), {push})"}
+        push, limit = _lane((At.push1, At.push2)[j - 1]), _lane((At.limit1, At.limit2)[j - 1])
+        joint = {"joint": f"yielding(joint{j}_at(w, k), {push})"}
         value = call(effect.name, arguments(effect.kernel), _parameters(effect), joint)
         lines += _loop(index, f"{limit} -= copysign(1.0, {push}) * {value}")
     return compiled([*lines, "    return"], names)
@@ -76,24 +76,24 @@ def _dry_limits() -> Any:
 def _transitions() -> Any:
     names: dict[str, Any] = {}
     lines = ["def folded(w, active):", f"    for k in range({LANES * len(STEPPED)}):"]
-    lines += [f"        w[{ROW.moved} + k] = w[{ROW.old_internal} + k]"]
+    lines += [f"        w[{At.moved} + k] = w[{At.old_internal} + k]"]
     for i, (index, effect, state) in enumerate(stepped_states()):
         assert state.after is not None
         names[f"after{i}"] = state.after
-        displacement = {"displacement": _lane((ROW.displacement1, ROW.displacement2)[effect.joints[0]])}
-        offered = _parameters(effect), _internal(effect, ROW.old_internal), displacement
+        displacement = {"displacement": _lane((At.displacement1, At.displacement2)[effect.joints[0]])}
+        offered = _parameters(effect), _internal(effect, At.old_internal), displacement
         value = call(f"after{i}", arguments(state.after), *offered)
-        lines += _loop(index, f"{_lane(ROW.moved, i)} = {value}")
+        lines += _loop(index, f"{_lane(At.moved, i)} = {value}")
     return compiled([*lines, "    return"], names)
 
 
 def _play() -> Any:
     names, lines = {}, ["def folded(w, active):"]
-    quantities = {"angle": _lane(ROW.angle2), "held": _lane(ROW.hold)}
+    quantities = {"angle": _lane(At.angle2), "held": _lane(At.hold)}
     for index, effect in of_stage("play"):
         names[effect.name] = effect.kernel
         value = call(effect.name, arguments(effect.kernel), _parameters(effect), quantities)
-        lines += _loop(index, f"{_lane(ROW.angle2)} = {value}")
+        lines += _loop(index, f"{_lane(At.angle2)} = {value}")
     return compiled([*lines, "    return"], names)
 
 

@@ -18,7 +18,7 @@ from dpr_lab.dynamics.lanes.samples import (
     shares,
 )
 from dpr_lab.dynamics.lanes.tracks import Tracks
-from dpr_lab.dynamics.lanes.workspace import LANES, ROW, WORKSPACE, constants_at
+from dpr_lab.dynamics.lanes.workspace import LANES, WORKSPACE, At, constants_at
 from dpr_lab.effects.effect_kernels import (
     ARM,
     AT_RELEASE,
@@ -32,7 +32,7 @@ from dpr_lab.effects.effect_kernels import (
     reading_shifts,
 )
 from dpr_lab.effects.quantities import HELD_ARM, RigConstants
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import njit, subroutine
 
 PAD = 0.02
 """How long before its first sample a segment starts, s: longer than any latency worth fitting."""
@@ -113,7 +113,7 @@ def follow(
             _load(w, k, int(tracks.candidate[track]), int(laid.run[tracks.first[track]]), laid, asked, rig, active)
         for turn in range(rounds):
             for k in range(LANES):
-                samples.size[k], w[ROW.due1 + k], w[ROW.due2 + k] = 0, np.inf, np.inf
+                samples.size[k], w[At.due1 + k], w[At.due2 + k] = 0, np.inf, np.inf
                 if first + k < last and tracks.first[first + k] + turn < tracks.last[first + k]:
                     c, s = int(tracks.candidate[first + k]), int(tracks.first[first + k]) + turn
                     _begin(w, k, c, s, turn, laid, asked, acts, rig, active, samples, after[k], begun[c, s])
@@ -125,7 +125,7 @@ def follow(
                         _add_errors(c, s, laid, asked, rig, active, angles)
 
 
-@njit
+@subroutine
 def _acting(acts: Acting, block: int) -> Acting:
     return Acting(
         acts.torques[block], acts.loads[block], acts.arm[block], acts.timing[block], acts.errors[block],
@@ -134,7 +134,7 @@ def _acting(acts: Acting, block: int) -> Acting:
     )  # fmt: skip
 
 
-@njit
+@subroutine
 def _load(
     w: NDArray[np.float64],
     k: int,
@@ -146,23 +146,23 @@ def _load(
     active: NDArray[np.bool_],
 ) -> None:
     """What lane k keeps along its track: candidate c in run r."""
-    w[ROW.L1 + k], w[ROW.L2 + k] = laid.parts[r, 0], laid.parts[r, 1]
-    w[ROW.m1 + k], w[ROW.m2 + k], w[ROW.mb + k] = laid.parts[r, 2], laid.parts[r, 3], laid.parts[r, 4]
-    w[ROW.a + k], w[ROW.b + k], w[ROW.d + k] = asked.bases[c, r, 0], asked.bases[c, r, 1], asked.bases[c, r, 2]
-    w[ROW.e1 + k], w[ROW.c1 + k], w[ROW.c2 + k] = asked.bases[c, r, 3], asked.bases[c, r, 4], asked.bases[c, r, 5]
-    w[ROW.e2 + k] = w[ROW.d + k] * rig.g / rig.L1
-    w[ROW.step + k], w[ROW.drive1 + k], w[ROW.drive2 + k] = laid.step[0], 0.0, 0.0
-    w[ROW.direction1 + k], w[ROW.direction2 + k] = np.nan, np.nan
-    w[ROW.carried + k], w[ROW.whirl + k] = 0.0, 0.0
+    w[At.L1 + k], w[At.L2 + k] = laid.parts[r, 0], laid.parts[r, 1]
+    w[At.m1 + k], w[At.m2 + k], w[At.mb + k] = laid.parts[r, 2], laid.parts[r, 3], laid.parts[r, 4]
+    w[At.a + k], w[At.b + k], w[At.d + k] = asked.bases[c, r, 0], asked.bases[c, r, 1], asked.bases[c, r, 2]
+    w[At.e1 + k], w[At.c1 + k], w[At.c2 + k] = asked.bases[c, r, 3], asked.bases[c, r, 4], asked.bases[c, r, 5]
+    w[At.e2 + k] = w[At.d + k] * rig.g / rig.L1
+    w[At.step + k], w[At.drive1 + k], w[At.drive2 + k] = laid.step[0], 0.0, 0.0
+    w[At.direction1 + k], w[At.direction2 + k] = np.nan, np.nan
+    w[At.carried + k], w[At.whirl + k] = 0.0, 0.0
     params = _params(c, r, asked)
     for i in range(len(params)):
-        w[ROW.params + i * LANES + k] = params[i]
+        w[At.params + i * LANES + k] = params[i]
     arm = arm_model(constants_at(w, k, rig), HELD_ARM, params, active)
-    w[ROW.late + k] = input_delay(0.0, params, active)
-    w[ROW.inertia + k], w[ROW.friction + k], w[ROW.stiffness + k] = arm.inertia, arm.friction, arm.stiffness
+    w[At.late + k] = input_delay(0.0, params, active)
+    w[At.inertia + k], w[At.friction + k], w[At.stiffness + k] = arm.inertia, arm.friction, arm.stiffness
 
 
-@njit
+@subroutine
 def _params(c: int, r: int, asked: Candidates) -> NDArray[np.float64]:
     """(SIZE,) effects of a candidate in a run."""
     return asked.params[c, r if asked.params.shape[1] > 1 else 0]
@@ -178,7 +178,7 @@ def segment_start(first: float, near: float = 0.04) -> float:
     return 0.0 if 0.0 < start and start < near else start
 
 
-@njit
+@subroutine
 def _begin(
     w: NDArray[np.float64],
     k: int,
@@ -228,23 +228,23 @@ def _begin(
         for n in range(len(internal)):
             internal[n] = np.nan
         return
-    w[ROW.due1 + k] = samples.t1[k, 0]
+    w[At.due1 + k] = samples.t1[k, 0]
     if acts.timing or acts.play:
-        w[ROW.due2 + k] = samples.t2[k, 0]
-    w[ROW.handed + k] = min(segment_start(float(until)), last1)
-    w[ROW.t + k], w[ROW.h + k], w[ROW.step + k] = now, laid.step[s], laid.step[s]
-    w[ROW.until + k], w[ROW.ahead + k], w[ROW.cut + k] = now, 0.0, 0.0
-    w[ROW.theta1 + k], w[ROW.theta2 + k], w[ROW.omega1 + k], w[ROW.omega2 + k] = x[0], x[1], x[2], x[3]
-    w[ROW.theta0 + k], w[ROW.omega0 + k] = begun[ARM], begun[ARM + 1]
-    w[ROW.old_theta0 + k], w[ROW.old_omega0 + k] = begun[ARM], begun[ARM + 1]
-    for row in (ROW.stage_omega0, ROW.stage_omega1, ROW.stage_omega2, ROW.alpha0, ROW.alpha1, ROW.alpha2):
+        w[At.due2 + k] = samples.t2[k, 0]
+    w[At.handed + k] = min(segment_start(float(until)), last1)
+    w[At.t + k], w[At.h + k], w[At.step + k] = now, laid.step[s], laid.step[s]
+    w[At.until + k], w[At.ahead + k], w[At.cut + k] = now, 0.0, 0.0
+    w[At.theta1 + k], w[At.theta2 + k], w[At.omega1 + k], w[At.omega2 + k] = x[0], x[1], x[2], x[3]
+    w[At.theta0 + k], w[At.omega0 + k] = begun[ARM], begun[ARM + 1]
+    w[At.old_theta0 + k], w[At.old_omega0 + k] = begun[ARM], begun[ARM + 1]
+    for row in (At.stage_omega0, At.stage_omega1, At.stage_omega2, At.alpha0, At.alpha1, At.alpha2):
         w[row + k] = 0.0
-    w[ROW.hold + k] = x[1] - rig.relative2 * x[0] + begun[LAG]
+    w[At.hold + k] = x[1] - rig.relative2 * x[0] + begun[LAG]
     for n, place in enumerate(STEPPED):
-        w[ROW.internal + n * LANES + k] = begun[place]
+        w[At.internal + n * LANES + k] = begun[place]
 
 
-@njit
+@subroutine
 def _remember_nothing(x: NDArray[np.float64], now: float, internal: NDArray[np.float64]) -> None:
     """Internal states at the first start in a run: of a rig at rest until the release, of long sliding after it."""
     for n in range(len(internal)):
@@ -254,7 +254,7 @@ def _remember_nothing(x: NDArray[np.float64], now: float, internal: NDArray[np.f
             internal[STEPPED[n]] = value
 
 
-@njit
+@subroutine
 def _read(
     w: NDArray[np.float64],
     advance: Any,
@@ -288,48 +288,48 @@ def _read(
         held = held and _any_held(w)
 
 
-@njit
+@subroutine
 def _any_held(w: NDArray[np.float64]) -> bool:
     """Whether the next step of any lane begins before the release."""
     count = 0
     for k in range(LANES):
-        count += not w[ROW.t + k] > -0.5 * w[ROW.step + k]
+        count += not w[At.t + k] > -0.5 * w[At.step + k]
     return count > 0
 
 
-@njit
+@subroutine
 def _any_due(w: NDArray[np.float64]) -> bool:
     count = 0
     for k in range(LANES):
-        count += (w[ROW.due1 + k] < np.inf) | (w[ROW.due2 + k] < np.inf)
+        count += (w[At.due1 + k] < np.inf) | (w[At.due2 + k] < np.inf)
     return count > 0
 
 
-@njit
+@subroutine
 def _hand_over(
     w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_], play: bool, after: NDArray[np.float64]
 ) -> None:
     """Internal states for the next segment, where it starts in this step; the play's is that of the step's end."""
-    if not shares(w, ROW.handed, 1.0):
+    if not shares(w, At.handed, 1.0):
         return
     for k in range(LANES):
-        turn1 = w[ROW.theta1 + k] - w[ROW.old_theta1 + k]
-        turn2 = w[ROW.theta2 + k] - w[ROW.old_theta2 + k] - turn1
-        w[ROW.displacement1 + k], w[ROW.displacement2 + k] = w[ROW.share + k] * turn1, w[ROW.share + k] * turn2
+        turn1 = w[At.theta1 + k] - w[At.old_theta1 + k]
+        turn2 = w[At.theta2 + k] - w[At.old_theta2 + k] - turn1
+        w[At.displacement1 + k], w[At.displacement2 + k] = w[At.share + k] * turn1, w[At.share + k] * turn2
     displaced(w, active)
     for k in range(LANES):
-        u = w[ROW.share + k]
+        u = w[At.share + k]
         if u <= 1.0:
             if u > 0.0:
                 for n, place in enumerate(STEPPED):
-                    after[k, place] = w[ROW.moved + n * LANES + k]
-                after[k, LAG] = w[ROW.hold + k] - angle2(w, k, 1.0, relative2) if play else 0.0
+                    after[k, place] = w[At.moved + n * LANES + k]
+                after[k, LAG] = w[At.hold + k] - angle2(w, k, 1.0, relative2) if play else 0.0
                 after[k, ARM] = angle0(w, k, u)
-                after[k, ARM + 1] = w[ROW.old_omega0 + k] + u * (w[ROW.omega0 + k] - w[ROW.old_omega0 + k])
-            w[ROW.handed + k] = np.inf
+                after[k, ARM + 1] = w[At.old_omega0 + k] + u * (w[At.omega0 + k] - w[At.old_omega0 + k])
+            w[At.handed + k] = np.inf
 
 
-@njit
+@subroutine
 def _add_errors(
     c: int,
     s: int,

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.lanes.effects import played
-from dpr_lab.dynamics.lanes.workspace import LANES, ROW, waits
-from dpr_lab.kernels import njit
+from dpr_lab.dynamics.lanes.workspace import LANES, At, waits
+from dpr_lab.kernels import subroutine
 
 
 class LaneSamples(NamedTuple):
@@ -28,115 +28,115 @@ class LaneSamples(NamedTuple):
     """(LANES,) samples of the segment; 0 where the lane is idle."""
 
 
-@njit
+@subroutine
 def _cubic(u: float, h: float, y0: float, v0: float, y1: float, v1: float) -> float:
     """The cubic through y0, y1 with slopes v0, v1 over a step of h, at the share u of it."""
     v = 1.0 - u
     return v * v * ((1.0 + 2.0 * u) * y0 + u * h * v0) + u * u * ((3.0 - 2.0 * u) * y1 - v * h * v1)
 
 
-@njit
+@subroutine
 def _angle1(w: NDArray[np.float64], k: int, u: float) -> float:
     """theta1 of lane k at the share u of its step, rad."""
-    return _cubic(u, w[ROW.h + k], w[ROW.old_theta1 + k], w[ROW.old_omega1 + k], w[ROW.theta1 + k], w[ROW.omega1 + k])
+    return _cubic(u, w[At.h + k], w[At.old_theta1 + k], w[At.old_omega1 + k], w[At.theta1 + k], w[At.omega1 + k])
 
 
-@njit
+@subroutine
 def angle2(w: NDArray[np.float64], k: int, u: float, relative2: float) -> float:
     """Angle of joint 2 as its encoder has it, likewise."""
-    theta2 = _cubic(u, w[ROW.h + k], w[ROW.old_theta2 + k], w[ROW.old_omega2 + k], w[ROW.theta2 + k], w[ROW.omega2 + k])
+    theta2 = _cubic(u, w[At.h + k], w[At.old_theta2 + k], w[At.old_omega2 + k], w[At.theta2 + k], w[At.omega2 + k])
     return theta2 - relative2 * _angle1(w, k, u)
 
 
-@njit
+@subroutine
 def angle0(w: NDArray[np.float64], k: int, u: float) -> float:
     """theta0, likewise."""
-    return _cubic(u, w[ROW.h + k], w[ROW.old_theta0 + k], w[ROW.old_omega0 + k], w[ROW.theta0 + k], w[ROW.omega0 + k])
+    return _cubic(u, w[At.h + k], w[At.old_theta0 + k], w[At.old_omega0 + k], w[At.theta0 + k], w[At.omega0 + k])
 
 
-@njit
+@subroutine
 def shares(w: NDArray[np.float64], due: int, until: float) -> bool:
     """The share of its step at which each lane is to read next; whether any does by the share `until`."""
     count = 0
     for k in range(LANES):
-        share = (w[due + k] - w[ROW.old_t + k]) / w[ROW.h + k]
-        w[ROW.share + k] = share
+        share = (w[due + k] - w[At.old_t + k]) / w[At.h + k]
+        w[At.share + k] = share
         count += share <= until
     return count > 0
 
 
-@njit
+@subroutine
 def _after_reading(w: NDArray[np.float64], due: int, k: int, t: NDArray[np.float64], j: int, count: int) -> int:
     """The sample after j, which becomes due."""
     w[due + k] = t[k, j + 1] if j + 1 < count else np.inf
     return j + 1
 
 
-@njit
+@subroutine
 def read_both(w: NDArray[np.float64], relative2: float, arm: bool, samples: LaneSamples) -> None:
     """Read the samples that fall into the step, both joints at one instant."""
-    while shares(w, ROW.due1, 1.0):
+    while shares(w, At.due1, 1.0):
         for k in range(LANES):
-            w[ROW.angle1 + k] = _angle1(w, k, w[ROW.share + k])
-            w[ROW.angle2 + k] = angle2(w, k, w[ROW.share + k], relative2)
+            w[At.angle1 + k] = _angle1(w, k, w[At.share + k])
+            w[At.angle2 + k] = angle2(w, k, w[At.share + k], relative2)
         for k in range(LANES):
-            if w[ROW.share + k] <= 1.0:
+            if w[At.share + k] <= 1.0:
                 j = samples.next1[k]
                 at = samples.first[k] + j * samples.columns
-                samples.out[at], samples.out[at + 1] = w[ROW.angle1 + k], w[ROW.angle2 + k]
+                samples.out[at], samples.out[at + 1] = w[At.angle1 + k], w[At.angle2 + k]
                 if arm and samples.columns > 2:
-                    samples.out[at + 2] = angle0(w, k, w[ROW.share + k])
-                samples.next1[k] = _after_reading(w, ROW.due1, k, samples.t1, j, samples.size[k])
+                    samples.out[at + 2] = angle0(w, k, w[At.share + k])
+                samples.next1[k] = _after_reading(w, At.due1, k, samples.t1, j, samples.size[k])
 
 
-@njit
+@subroutine
 def read_joint1(w: NDArray[np.float64], arm: bool, samples: LaneSamples) -> None:
     """Read joint 1 and the arm at the samples that fall into the step."""
-    while shares(w, ROW.due1, 1.0):
+    while shares(w, At.due1, 1.0):
         for k in range(LANES):
-            w[ROW.angle1 + k] = _angle1(w, k, w[ROW.share + k])
+            w[At.angle1 + k] = _angle1(w, k, w[At.share + k])
         for k in range(LANES):
-            if w[ROW.share + k] <= 1.0:
+            if w[At.share + k] <= 1.0:
                 j = samples.next1[k]
                 at = samples.first[k] + j * samples.columns
-                samples.out[at] = w[ROW.angle1 + k]
+                samples.out[at] = w[At.angle1 + k]
                 if arm and samples.columns > 2:
-                    samples.out[at + 2] = angle0(w, k, w[ROW.share + k])
-                samples.next1[k] = _after_reading(w, ROW.due1, k, samples.t1, j, samples.size[k])
+                    samples.out[at + 2] = angle0(w, k, w[At.share + k])
+                samples.next1[k] = _after_reading(w, At.due1, k, samples.t1, j, samples.size[k])
 
 
-@njit
+@subroutine
 def read_joint2(w: NDArray[np.float64], until: float, relative2: float, samples: LaneSamples) -> None:
     """Read joint 2 at the samples that fall into the step before the share `until` of it."""
-    while shares(w, ROW.due2, until):
+    while shares(w, At.due2, until):
         for k in range(LANES):
-            w[ROW.angle2 + k] = angle2(w, k, w[ROW.share + k], relative2)
+            w[At.angle2 + k] = angle2(w, k, w[At.share + k], relative2)
         for k in range(LANES):
-            if w[ROW.share + k] <= until:
+            if w[At.share + k] <= until:
                 j = samples.next2[k]
-                samples.out[samples.first[k] + j * samples.columns + 1] = w[ROW.angle2 + k]
-                samples.next2[k] = _after_reading(w, ROW.due2, k, samples.t2, j, samples.size[k])
+                samples.out[samples.first[k] + j * samples.columns + 1] = w[At.angle2 + k]
+                samples.next2[k] = _after_reading(w, At.due2, k, samples.t2, j, samples.size[k])
 
 
-@njit
+@subroutine
 def read_play(w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_], samples: LaneSamples) -> None:
     """Read joint 2 through the play of its encoder, which looks for a turning point at each quarter of the step."""
     for quarter in range(1, 5):
         until = 0.25 * quarter
-        while shares(w, ROW.due2, until):
+        while shares(w, At.due2, until):
             for k in range(LANES):
-                w[ROW.angle2 + k] = angle2(w, k, w[ROW.share + k], relative2)
+                w[At.angle2 + k] = angle2(w, k, w[At.share + k], relative2)
             played(w, active)
             for k in range(LANES):
-                if w[ROW.share + k] <= until:
+                if w[At.share + k] <= until:
                     j = samples.next2[k]
-                    w[ROW.hold + k] = w[ROW.angle2 + k]
-                    samples.out[samples.first[k] + j * samples.columns + 1] = w[ROW.angle2 + k]
-                    samples.next2[k] = _after_reading(w, ROW.due2, k, samples.t2, j, samples.size[k])
+                    w[At.hold + k] = w[At.angle2 + k]
+                    samples.out[samples.first[k] + j * samples.columns + 1] = w[At.angle2 + k]
+                    samples.next2[k] = _after_reading(w, At.due2, k, samples.t2, j, samples.size[k])
         for k in range(LANES):
-            w[ROW.angle2 + k] = angle2(w, k, until, relative2)
+            w[At.angle2 + k] = angle2(w, k, until, relative2)
         played(w, active)
         for k in range(LANES):
-            w[ROW.hold + k] = w[ROW.angle2 + k]
+            w[At.hold + k] = w[At.angle2 + k]
     for k in range(LANES):
-        w[ROW.hold + k] = angle2(w, k, 1.0, relative2) if waits(w, k) else w[ROW.hold + k]
+        w[At.hold + k] = angle2(w, k, 1.0, relative2) if waits(w, k) else w[At.hold + k]

@@ -24,13 +24,13 @@ from dpr_lab.dynamics.arm import CLAMPED, FREE, arm_accelerations
 from dpr_lab.dynamics.lanes.driving import add_carried
 from dpr_lab.dynamics.lanes.dry_friction import accelerate_held, begin_dry, find_spare, let_go, settle
 from dpr_lab.dynamics.lanes.effects import add_drives, add_load_friction, add_torques, displaced
-from dpr_lab.dynamics.lanes.workspace import LANES, ROW, arm_at, base_at, constants_at, motion_at, terms_at, waits
+from dpr_lab.dynamics.lanes.workspace import LANES, At, arm_at, base_at, constants_at, motion_at, terms_at, waits
 from dpr_lab.dynamics.rig_constants import UNKNOWN
 from dpr_lab.dynamics.step import joint_forces
 from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED, Acting
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import HELD_ARM, NOTHING, RigConstants
-from dpr_lab.kernels import behind_pointer, njit
+from dpr_lab.kernels import behind_pointer, subroutine
 
 _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 
@@ -64,12 +64,12 @@ def _advance(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_
         if acts.arm:
             _place_arm(w, ahead)
         _accelerate(w, rig, active, acts, held, resting)
-        if resting and stage == 0 and find_spare(w, rig, active, ROW.first1, ROW.first2):
+        if resting and stage == 0 and find_spare(w, rig, active, At.first1, At.first2):
             let_go(w, rig, active, acts.arm)
             _accelerate(w, rig, active, acts, held, resting)
-            find_spare(w, rig, active, ROW.first1, ROW.first2)
+            find_spare(w, rig, active, At.first1, At.first2)
         if resting and stage == 3:
-            find_spare(w, rig, active, ROW.last1, ROW.last2)
+            find_spare(w, rig, active, At.last1, At.last2)
         _accumulate(w, weight, stage > 0)
         if acts.arm:
             _accumulate_arm(w, weight, stage > 0)
@@ -84,46 +84,46 @@ def _advance(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_
         settle(w, acts, resting)
 
 
-@njit
+@subroutine
 def _begin(w: NDArray[np.float64]) -> None:
     """Keep the state as that of the start of the step."""
     for k in range(LANES):
-        w[ROW.old_t + k] = w[ROW.t + k]
-        w[ROW.old_theta1 + k], w[ROW.old_theta2 + k] = w[ROW.theta1 + k], w[ROW.theta2 + k]
-        w[ROW.old_omega1 + k], w[ROW.old_omega2 + k] = w[ROW.omega1 + k], w[ROW.omega2 + k]
+        w[At.old_t + k] = w[At.t + k]
+        w[At.old_theta1 + k], w[At.old_theta2 + k] = w[At.theta1 + k], w[At.theta2 + k]
+        w[At.old_omega1 + k], w[At.old_omega2 + k] = w[At.omega1 + k], w[At.omega2 + k]
 
 
-@njit
+@subroutine
 def _begin_arm(w: NDArray[np.float64]) -> None:
     for k in range(LANES):
-        w[ROW.old_theta0 + k], w[ROW.old_omega0 + k] = w[ROW.theta0 + k], w[ROW.omega0 + k]
+        w[At.old_theta0 + k], w[At.old_omega0 + k] = w[At.theta0 + k], w[At.omega0 + k]
 
 
-@njit
+@subroutine
 def _place(w: NDArray[np.float64], share: float) -> None:
     """The state of a stage, from the speeds and accelerations of the one before; for the first they do not count."""
     for k in range(LANES):
-        ahead = share * w[ROW.h + k]
-        p1, p2 = w[ROW.stage_omega1 + k], w[ROW.stage_omega2 + k]
-        theta1, theta2 = w[ROW.theta1 + k] + ahead * p1, w[ROW.theta2 + k] + ahead * p2
-        w[ROW.stage_t + k] = w[ROW.t + k] + ahead
-        w[ROW.displacement1 + k], w[ROW.displacement2 + k] = ahead * p1, ahead * (p2 - p1)
-        w[ROW.stage_theta1 + k], w[ROW.stage_theta2 + k] = theta1, theta2
-        w[ROW.stage_omega1 + k] = w[ROW.omega1 + k] + ahead * w[ROW.alpha1 + k]
-        w[ROW.stage_omega2 + k] = w[ROW.omega2 + k] + ahead * w[ROW.alpha2 + k]
-        w[ROW.sin1 + k], w[ROW.cos1 + k] = sincos(theta1)
-        w[ROW.sin2 + k], w[ROW.cos2 + k] = sincos(theta2)
+        ahead = share * w[At.h + k]
+        p1, p2 = w[At.stage_omega1 + k], w[At.stage_omega2 + k]
+        theta1, theta2 = w[At.theta1 + k] + ahead * p1, w[At.theta2 + k] + ahead * p2
+        w[At.stage_t + k] = w[At.t + k] + ahead
+        w[At.displacement1 + k], w[At.displacement2 + k] = ahead * p1, ahead * (p2 - p1)
+        w[At.stage_theta1 + k], w[At.stage_theta2 + k] = theta1, theta2
+        w[At.stage_omega1 + k] = w[At.omega1 + k] + ahead * w[At.alpha1 + k]
+        w[At.stage_omega2 + k] = w[At.omega2 + k] + ahead * w[At.alpha2 + k]
+        w[At.sin1 + k], w[At.cos1 + k] = sincos(theta1)
+        w[At.sin2 + k], w[At.cos2 + k] = sincos(theta2)
 
 
-@njit
+@subroutine
 def _place_arm(w: NDArray[np.float64], share: float) -> None:
     for k in range(LANES):
-        ahead = share * w[ROW.h + k]
-        w[ROW.stage_theta0 + k] = w[ROW.theta0 + k] + ahead * w[ROW.stage_omega0 + k]
-        w[ROW.stage_omega0 + k] = w[ROW.omega0 + k] + ahead * w[ROW.alpha0 + k]
+        ahead = share * w[At.h + k]
+        w[At.stage_theta0 + k] = w[At.theta0 + k] + ahead * w[At.stage_omega0 + k]
+        w[At.stage_omega0 + k] = w[At.omega0 + k] + ahead * w[At.alpha0 + k]
 
 
-@njit
+@subroutine
 def _accelerate(
     w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], acts: Acting, held: bool, resting: bool
 ) -> None:
@@ -132,8 +132,8 @@ def _accelerate(
         _accelerate_bare(w)
         return
     for k in range(LANES):
-        w[ROW.term_a + k], w[ROW.term_b + k], w[ROW.term_coupling + k] = 0.0, 0.0, 0.0
-        w[ROW.torque1 + k], w[ROW.torque2 + k] = w[ROW.drive1 + k], w[ROW.drive2 + k]
+        w[At.term_a + k], w[At.term_b + k], w[At.term_coupling + k] = 0.0, 0.0, 0.0
+        w[At.torque1 + k], w[At.torque2 + k] = w[At.drive1 + k], w[At.drive2 + k]
     if acts.torques:
         add_torques(w, rig, active)
     if acts.drives:
@@ -147,96 +147,96 @@ def _accelerate(
         _accelerate_all(w, rig, acts.arm, held, resting)
 
 
-@njit
+@subroutine
 def _accelerate_bare(w: NDArray[np.float64]) -> None:
     for k in range(LANES):
-        _, w[ROW.alpha1 + k], w[ROW.alpha2 + k] = arm_accelerations(
+        _, w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
             motion_at(w, k), base_at(w, k), NOTHING, HELD_ARM, CLAMPED, 0.0
         )
 
 
-@njit
+@subroutine
 def _accelerate_all(w: NDArray[np.float64], rig: RigConstants, arm: bool, held: bool, resting: bool) -> None:
     if resting:
         accelerate_held(w, rig, arm)
     elif not arm:
         for k in range(LANES):
-            _, w[ROW.alpha1 + k], w[ROW.alpha2 + k] = arm_accelerations(
+            _, w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
                 motion_at(w, k), base_at(w, k), terms_at(w, k), HELD_ARM, CLAMPED, 0.0
             )
     elif not held:
         for k in range(LANES):
-            w[ROW.alpha0 + k], w[ROW.alpha1 + k], w[ROW.alpha2 + k] = arm_accelerations(
+            w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
                 motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), FREE, 0.0
             )
     else:
         for k in range(LANES):
             mode = CLAMPED if waits(w, k) else FREE
-            w[ROW.alpha0 + k], w[ROW.alpha1 + k], w[ROW.alpha2 + k] = arm_accelerations(
+            w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k] = arm_accelerations(
                 motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, 0.0
             )
 
 
-@njit
+@subroutine
 def _find_forces(w: NDArray[np.float64], rig: RigConstants) -> None:
     for k in range(LANES):
-        alphas = w[ROW.alpha0 + k], w[ROW.alpha1 + k], w[ROW.alpha2 + k]
-        w[ROW.force1 + k], w[ROW.force2 + k] = joint_forces(
+        alphas = w[At.alpha0 + k], w[At.alpha1 + k], w[At.alpha2 + k]
+        w[At.force1 + k], w[At.force2 + k] = joint_forces(
             motion_at(w, k), alphas, base_at(w, k), constants_at(w, k, rig)
         )
 
 
-@njit
+@subroutine
 def _accumulate(w: NDArray[np.float64], weight: float, more: bool) -> None:
     for k in range(LANES):
-        w[ROW.turn1 + k] = (w[ROW.turn1 + k] if more else 0.0) + weight * w[ROW.stage_omega1 + k]
-        w[ROW.turn2 + k] = (w[ROW.turn2 + k] if more else 0.0) + weight * w[ROW.stage_omega2 + k]
-        w[ROW.sum1 + k] = (w[ROW.sum1 + k] if more else 0.0) + weight * w[ROW.alpha1 + k]
-        w[ROW.sum2 + k] = (w[ROW.sum2 + k] if more else 0.0) + weight * w[ROW.alpha2 + k]
+        w[At.turn1 + k] = (w[At.turn1 + k] if more else 0.0) + weight * w[At.stage_omega1 + k]
+        w[At.turn2 + k] = (w[At.turn2 + k] if more else 0.0) + weight * w[At.stage_omega2 + k]
+        w[At.sum1 + k] = (w[At.sum1 + k] if more else 0.0) + weight * w[At.alpha1 + k]
+        w[At.sum2 + k] = (w[At.sum2 + k] if more else 0.0) + weight * w[At.alpha2 + k]
 
 
-@njit
+@subroutine
 def _accumulate_arm(w: NDArray[np.float64], weight: float, more: bool) -> None:
     for k in range(LANES):
-        w[ROW.turn0 + k] = (w[ROW.turn0 + k] if more else 0.0) + weight * w[ROW.stage_omega0 + k]
-        w[ROW.sum0 + k] = (w[ROW.sum0 + k] if more else 0.0) + weight * w[ROW.alpha0 + k]
+        w[At.turn0 + k] = (w[At.turn0 + k] if more else 0.0) + weight * w[At.stage_omega0 + k]
+        w[At.sum0 + k] = (w[At.sum0 + k] if more else 0.0) + weight * w[At.alpha0 + k]
 
 
-@njit
+@subroutine
 def _finish(w: NDArray[np.float64]) -> None:
     """The state at the end of the step, and how far the joints have turned in it."""
     for k in range(LANES):
-        h, sixth = w[ROW.h + k], w[ROW.h + k] / 6.0
-        turn1, turn2 = w[ROW.turn1 + k], w[ROW.turn2 + k]
-        w[ROW.t + k] += h
-        w[ROW.theta1 + k] += sixth * turn1
-        w[ROW.theta2 + k] += sixth * turn2
-        w[ROW.omega1 + k] += sixth * w[ROW.sum1 + k]
-        w[ROW.omega2 + k] += sixth * w[ROW.sum2 + k]
-        w[ROW.displacement1 + k], w[ROW.displacement2 + k] = sixth * turn1, sixth * (turn2 - turn1)
+        h, sixth = w[At.h + k], w[At.h + k] / 6.0
+        turn1, turn2 = w[At.turn1 + k], w[At.turn2 + k]
+        w[At.t + k] += h
+        w[At.theta1 + k] += sixth * turn1
+        w[At.theta2 + k] += sixth * turn2
+        w[At.omega1 + k] += sixth * w[At.sum1 + k]
+        w[At.omega2 + k] += sixth * w[At.sum2 + k]
+        w[At.displacement1 + k], w[At.displacement2 + k] = sixth * turn1, sixth * (turn2 - turn1)
 
 
-@njit
+@subroutine
 def _finish_arm(w: NDArray[np.float64]) -> None:
     for k in range(LANES):
-        sixth = w[ROW.h + k] / 6.0
-        w[ROW.theta0 + k] += sixth * w[ROW.turn0 + k]
-        w[ROW.omega0 + k] += sixth * w[ROW.sum0 + k]
+        sixth = w[At.h + k] / 6.0
+        w[At.theta0 + k] += sixth * w[At.turn0 + k]
+        w[At.omega0 + k] += sixth * w[At.sum0 + k]
 
 
-@njit
+@subroutine
 def _move_internal(w: NDArray[np.float64], active: NDArray[np.bool_]) -> None:
     for k in range(LANES * len(STEPPED)):
-        w[ROW.old_internal + k] = w[ROW.internal + k]
+        w[At.old_internal + k] = w[At.internal + k]
     displaced(w, active)
     for k in range(LANES * len(STEPPED)):
-        w[ROW.internal + k] = w[ROW.moved + k]
+        w[At.internal + k] = w[At.moved + k]
 
 
-@njit
+@subroutine
 def _forget(w: NDArray[np.float64]) -> None:
     """Internal states before the release: those of a rig at rest."""
     for k in range(LANES):
         if waits(w, k):
             for i, at_release in enumerate(_AT_RELEASE):
-                w[ROW.internal + i * LANES + k] = at_release
+                w[At.internal + i * LANES + k] = at_release

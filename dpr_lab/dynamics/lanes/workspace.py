@@ -1,156 +1,158 @@
 """The flat workspace of the lanes: a row of `LANES` numbers for each quantity, in one array.
 
-Row offsets are constants, so that the compiler sees that rows do not overlap and turns a loop over the lanes into
-vector instructions. Kernels read lane k of a row as `w[ROW.theta1 + k]`.
+At offsets are constants, so that the compiler sees that rows do not overlap and turns a loop over the lanes into
+vector instructions. Kernels read lane k of a row as `w[At.theta1 + k]`.
 """
 
-from typing import NamedTuple
+import math
+from enum import IntEnum, auto
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects import SIZE
 from dpr_lab.effects.effect_kernels import STEPPED
-from dpr_lab.effects.quantities import ArmModel, BaseParameters, Motion, RigConstants, Terms
+from dpr_lab.effects.quantities import ArmModel, BaseParameters, Joint, Motion, RigConstants, Terms
 from dpr_lab.kernels import inlined
 
 LANES = 16
 """Two registers of eight doubles: enough independent work to hide the latency of a division, and few spare lanes."""
 
 
-class Rows(NamedTuple):
-    """Where each row begins in the workspace."""
+_WIDE = "old_internal", "moved", "internal", "params"
+"""The rows at the end that hold more: three a row of each internal state that moves with a joint, and the last one of
+each parameter."""
+
+
+class At(IntEnum):
+    """Where each row begins in the workspace: members, for the compiler takes each as the number that it is."""
+
+    @staticmethod
+    def _generate_next_value_(name: str, start: int, count: int, last_values: list[int]) -> int:
+        wide = _WIDE.index(name) if name in _WIDE else 0
+        return LANES * (count + wide * (len(STEPPED) - 1))
 
     # what a track keeps: base parameters, lengths and masses of what hangs there, the arm, the length of a step
-    a: int
-    b: int
-    d: int
-    e1: int
-    e2: int
-    c1: int
-    c2: int
-    L1: int
-    L2: int
-    m1: int
-    m2: int
-    mb: int
-    inertia: int
-    friction: int
-    stiffness: int
-    step: int
+    a = auto()
+    b = auto()
+    d = auto()
+    e1 = auto()
+    e2 = auto()
+    c1 = auto()
+    c2 = auto()
+    L1 = auto()
+    L2 = auto()
+    m1 = auto()
+    m2 = auto()
+    mb = auto()
+    inertia = auto()
+    friction = auto()
+    stiffness = auto()
+    step = auto()
     # the step that is taken, the state, and what it was at the start of the step
-    h: int
-    t: int
-    theta0: int
-    theta1: int
-    theta2: int
-    omega0: int
-    omega1: int
-    omega2: int
-    old_t: int
-    old_theta0: int
-    old_theta1: int
-    old_theta2: int
-    old_omega0: int
-    old_omega1: int
-    old_omega2: int
+    h = auto()
+    t = auto()
+    theta0 = auto()
+    theta1 = auto()
+    theta2 = auto()
+    omega0 = auto()
+    omega1 = auto()
+    omega2 = auto()
+    old_t = auto()
+    old_theta0 = auto()
+    old_theta1 = auto()
+    old_theta2 = auto()
+    old_omega0 = auto()
+    old_omega1 = auto()
+    old_omega2 = auto()
     # one stage of the step: state, what the joints have turned since its start, accelerations
-    stage_t: int
-    stage_theta0: int
-    stage_theta1: int
-    stage_theta2: int
-    stage_omega0: int
-    stage_omega1: int
-    stage_omega2: int
-    sin1: int
-    cos1: int
-    sin2: int
-    cos2: int
-    displacement1: int
-    displacement2: int
-    alpha0: int
-    alpha1: int
-    alpha2: int
+    stage_t = auto()
+    stage_theta0 = auto()
+    stage_theta1 = auto()
+    stage_theta2 = auto()
+    stage_omega0 = auto()
+    stage_omega1 = auto()
+    stage_omega2 = auto()
+    sin1 = auto()
+    cos1 = auto()
+    sin2 = auto()
+    cos2 = auto()
+    displacement1 = auto()
+    displacement2 = auto()
+    alpha0 = auto()
+    alpha1 = auto()
+    alpha2 = auto()
     # which way joints slide, what pushes those at rest, up to which limit they hold, what is to spare at either end
-    direction1: int
-    direction2: int
-    push1: int
-    push2: int
-    limit1: int
-    limit2: int
-    forward1: int
-    forward2: int
-    first1: int
-    first2: int
-    last1: int
-    last2: int
+    direction1 = auto()
+    direction2 = auto()
+    push1 = auto()
+    push2 = auto()
+    limit1 = auto()
+    limit2 = auto()
+    forward1 = auto()
+    forward2 = auto()
+    first1 = auto()
+    first2 = auto()
+    last1 = auto()
+    last2 = auto()
     # where the whole step ends, its events, how far to go first, and what ends there: 1 with a joint, 2 or 3
-    until: int
-    events: int
-    ahead: int
-    cut: int
+    until = auto()
+    events = auto()
+    ahead = auto()
+    cut = auto()
     # weighted sums over the stages, of speeds and of accelerations
-    turn0: int
-    turn1: int
-    turn2: int
-    sum0: int
-    sum1: int
-    sum2: int
+    turn0 = auto()
+    turn1 = auto()
+    turn2 = auto()
+    sum0 = auto()
+    sum1 = auto()
+    sum2 = auto()
     # what effects add, known torques on either rod over the step and how much later they act, and the joint forces that
     # some effects need
-    term_a: int
-    term_b: int
-    term_coupling: int
-    torque1: int
-    torque2: int
-    drive1: int
-    drive2: int
-    late: int
-    force1: int
-    force2: int
+    term_a = auto()
+    term_b = auto()
+    term_coupling = auto()
+    torque1 = auto()
+    torque2 = auto()
+    drive1 = auto()
+    drive2 = auto()
+    late = auto()
+    force1 = auto()
+    force2 = auto()
     # an arm that moves as it is known to: its acceleration and squared speed, means over the step
-    carried: int
-    whirl: int
+    carried = auto()
+    whirl = auto()
     # reading: when the next samples of joints 1 and 2 are due, their share of the step, angles there, what a play holds
-    due1: int
-    due2: int
-    share: int
-    angle1: int
-    angle2: int
-    hold: int
-    handed: int
+    due1 = auto()
+    due2 = auto()
+    share = auto()
+    angle1 = auto()
+    angle2 = auto()
+    hold = auto()
+    handed = auto()
     # internal states that move with a joint: at the start of the step, after a displacement, and now
-    old_internal: int
-    moved: int
-    internal: int
+    old_internal = auto()
+    moved = auto()
+    internal = auto()
     # the parameters of all effects
-    params: int
+    params = auto()
 
 
-_SIZES = [
-    len(STEPPED) if name in ("old_internal", "moved", "internal") else SIZE if name == "params" else 1
-    for name in Rows._fields
-]
-
-ROW = Rows(*(LANES * sum(_SIZES[:i]) for i in range(len(_SIZES))))
-
-WORKSPACE = LANES * sum(_SIZES)
+WORKSPACE = At.params + LANES * SIZE
 """Numbers of a workspace; those of one track stay in the first-level cache."""
 
 
 @inlined
 def base_at(w: NDArray[np.float64], k: int) -> BaseParameters:
     """Base parameters of lane k."""
-    return BaseParameters(
-        w[ROW.a + k], w[ROW.b + k], w[ROW.d + k], w[ROW.e1 + k], w[ROW.e2 + k], w[ROW.c1 + k], w[ROW.c2 + k]
-    )
+    return BaseParameters(w[At.a + k], w[At.b + k], w[At.d + k], w[At.e1 + k], w[At.e2 + k], w[At.c1 + k], w[At.c2 + k])
 
 
 @inlined
 def constants_at(w: NDArray[np.float64], k: int, rig: RigConstants) -> RigConstants:
     """Constants of lane k: the rig's, of what hangs there."""
     return RigConstants(
-        rig.L0, w[ROW.L1 + k], w[ROW.L2 + k], rig.g, w[ROW.m1 + k], w[ROW.m2 + k], w[ROW.mb + k],
+        rig.L0, w[At.L1 + k], w[At.L2 + k], rig.g, w[At.m1 + k], w[At.m2 + k], w[At.mb + k],
         rig.counts_per_rev1, rig.counts_per_rev2, rig.relative2,
     )  # fmt: skip
 
@@ -158,29 +160,48 @@ def constants_at(w: NDArray[np.float64], k: int, rig: RigConstants) -> RigConsta
 @inlined
 def arm_at(w: NDArray[np.float64], k: int, rig: RigConstants) -> ArmModel:
     """What holds the arm of lane k."""
-    return ArmModel(w[ROW.inertia + k], rig.L0 / rig.g, w[ROW.friction + k], w[ROW.stiffness + k])
+    return ArmModel(w[At.inertia + k], rig.L0 / rig.g, w[At.friction + k], w[At.stiffness + k])
 
 
 @inlined
 def motion_at(w: NDArray[np.float64], k: int) -> Motion:
     """The motion of lane k at the stage."""
     return Motion(
-        w[ROW.stage_t + k],
-        w[ROW.stage_theta0 + k], w[ROW.stage_theta1 + k], w[ROW.stage_theta2 + k],
-        w[ROW.stage_omega0 + k], w[ROW.stage_omega1 + k], w[ROW.stage_omega2 + k],
-        w[ROW.sin1 + k], w[ROW.cos1 + k], w[ROW.sin2 + k], w[ROW.cos2 + k],
-        w[ROW.displacement1 + k], w[ROW.displacement2 + k], w[ROW.force1 + k], w[ROW.force2 + k],
-        w[ROW.direction1 + k], w[ROW.direction2 + k],
+        w[At.stage_t + k],
+        w[At.stage_theta0 + k], w[At.stage_theta1 + k], w[At.stage_theta2 + k],
+        w[At.stage_omega0 + k], w[At.stage_omega1 + k], w[At.stage_omega2 + k],
+        w[At.sin1 + k], w[At.cos1 + k], w[At.sin2 + k], w[At.cos2 + k],
+        w[At.displacement1 + k], w[At.displacement2 + k], w[At.force1 + k], w[At.force2 + k],
+        w[At.direction1 + k], w[At.direction2 + k],
+    )  # fmt: skip
+
+
+@inlined
+def joint1_at(w: NDArray[np.float64], k: int) -> Joint:
+    """Joint 1 of lane k, as `joint1` of its motion: what that does not read is not loaded."""
+    return Joint(
+        w[At.stage_t + k], w[At.stage_theta1 + k] - math.pi, w[At.stage_omega1 + k],
+        w[At.displacement1 + k], w[At.force1 + k], w[At.direction1 + k],
+    )  # fmt: skip
+
+
+@inlined
+def joint2_at(w: NDArray[np.float64], k: int) -> Joint:
+    """Joint 2 of lane k, likewise."""
+    return Joint(
+        w[At.stage_t + k],
+        w[At.stage_theta2 + k] - w[At.stage_theta1 + k], w[At.stage_omega2 + k] - w[At.stage_omega1 + k],
+        w[At.displacement2 + k], w[At.force2 + k], w[At.direction2 + k],
     )  # fmt: skip
 
 
 @inlined
 def terms_at(w: NDArray[np.float64], k: int) -> Terms:
     """What the effects of lane k add at the stage."""
-    return Terms(w[ROW.term_a + k], w[ROW.term_b + k], w[ROW.term_coupling + k], w[ROW.torque1 + k], w[ROW.torque2 + k])
+    return Terms(w[At.term_a + k], w[At.term_b + k], w[At.term_coupling + k], w[At.torque1 + k], w[At.torque2 + k])
 
 
 @inlined
 def waits(w: NDArray[np.float64], k: int) -> bool:
     """Whether a step of lane k that begins at `old_t` lies before the release."""
-    return not w[ROW.old_t + k] > -0.5 * w[ROW.step + k]
+    return not w[At.old_t + k] > -0.5 * w[At.step + k]
