@@ -26,6 +26,9 @@ class Shown(ABC):
         lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
         return "\n".join([self._heading(), *(f"  {line}" for line in lines)])
 
+    def __str__(self) -> str:
+        return repr(self)
+
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
         rows = self._rows()

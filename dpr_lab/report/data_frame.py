@@ -37,7 +37,7 @@ def to_dataframe(result: Run | Model | Comparison | Diagnosis) -> "pandas.DataFr
 @singledispatch
 def _columns(result: object) -> tuple[Any, str]:
     """Columns or records, and which of them is the index."""
-    raise TypeError(f"no table of a {type(result).__name__}; there are tables of a run, model, comparison, diagnosis")
+    raise TypeError(f"no table of {type(result).__name__}; there are tables of a run, model, comparison, diagnosis")
 
 
 @_columns.register
