@@ -80,7 +80,7 @@ def test_results_become_data_frames(results, found) -> None:
     assert dpr.to_dataframe(model).loc["a/b", "value"] == model.ratios["a/b"].value
     assert len(dpr.to_dataframe(comparison)) == len(comparison.t)
     assert set(dpr.to_dataframe(found).index) == {effect.name for effect in found.effects}
-    with pytest.raises(TypeError, match="no table of a str"):
+    with pytest.raises(TypeError, match="no table of str"):
         dpr.to_dataframe("run")  # type: ignore[arg-type]
 
 
