@@ -78,6 +78,7 @@ def test_results_become_data_frames(results, found) -> None:
     assert list(frame.columns)[:3] == ["theta0_rad", "theta1_rad", "theta2_rad"]
     assert np.array_equal(frame.index, run.t)
     assert dpr.to_dataframe(model).loc["a/b", "value"] == model.ratios["a/b"].value
+    assert dpr.to_dataframe(model).index.is_unique
     assert len(dpr.to_dataframe(comparison)) == len(comparison.t)
     assert set(dpr.to_dataframe(found).index) == {effect.name for effect in found.effects}
     with pytest.raises(TypeError, match="no table of str"):
@@ -92,7 +93,7 @@ def test_plots_are_figures(results, found) -> None:
         dpr.plot_error([comparison]),
         dpr.plot_search(model),
         dpr.plot_waterfall(found),
-        dpr.plot_where(found.where),
+        dpr.plot_where(found),
         dpr.plot_horizon(found),
     ]
     assert all(isinstance(figure, Figure) for figure in figures)

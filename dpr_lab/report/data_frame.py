@@ -47,10 +47,9 @@ def _(run: Run) -> tuple[Any, str]:
 
 @_columns.register
 def _(model: Model) -> tuple[Any, str]:
+    known = model.ratios | model.base | model.parameters  # c1 and c2 are base parameters too
     fixed = (
-        {"name": name, "value": item.value, "std": item.std, "fixed_by": item.fixed_by}
-        for group in (model.ratios, model.base, model.parameters)
-        for name, item in group.items()
+        {"name": name, "value": item.value, "std": item.std, "fixed_by": item.fixed_by} for name, item in known.items()
     )
     intervals = {name: dict(zip(("low", "high"), item.interval90, strict=True)) for name, item in model.ratios.items()}
     return [row | intervals.get(row["name"], {}) for row in fixed], "name"
