@@ -94,6 +94,7 @@ class StandIn:
 
 PORT = 28786
 CONNECT = f"import socket; socket.create_connection(('127.0.0.1', {PORT}))"
+END = '[ -z "$scheduler" ] || { kill $worker $scheduler; wait; }; '
 LISTENS = f'until python -c "{CONNECT}" 2> refused.txt; do sleep 1; done'
 
 STAND_INS = (
@@ -109,9 +110,8 @@ STAND_INS = (
     StandIn(r"trials campaign( --n 500)?", "trials campaign --n 1", "one trial of hundreds"),
     StandIn(r"SCHEDULER:8786|127.0.0.1:8786", f"127.0.0.1:{PORT}", "a port that nobody else has"),
     StandIn(r"127.0.0.1:8787", "127.0.0.1:0", "a port that nobody else has"),
-    StandIn(r"^(dask scheduler .*)$", rf"\1 --port {PORT} & scheduler=$!; {LISTENS}", "beside what follows"),
+    StandIn(r"^(dask scheduler .*)$", rf"{END}\1 --port {PORT} & scheduler=$!; {LISTENS}", "beside what follows"),
     StandIn(r"^(dask worker .*)$", r"\1 & worker=$!", "beside what follows"),
-    StandIn(r"^(dpr-lab trials campaign .*--scheduler.*)$", r"\1; kill $worker $scheduler; wait", "the end of both"),
 )
 """In this order."""
 

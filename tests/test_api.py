@@ -57,7 +57,8 @@ def found(runs: list[Run]) -> dpr.Diagnosis:
 
 @pytest.mark.slow
 def test_results_show_themselves_on_a_few_lines(results, found) -> None:
-    for result in (dpr.load_rig("paper"), *results, found):
+    rig = dpr.load_rig("paper")
+    for result in (rig, dpr.identifiability([results[0]], rig), *results, found):
         assert str(result) == repr(result)
         told, page = repr(result), result._repr_html_()
         assert 1 <= len(told.splitlines()) < 25
