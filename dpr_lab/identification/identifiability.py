@@ -103,8 +103,10 @@ class Identifiability(Shown):
     """None for a rig file without poses to simulate, or where it was not asked for."""
 
     def _heading(self) -> str:
-        unknowns = ", ".join(f"{name} to {self.cramer_rao_std[name]:.1g}" for name in self.unknowns)
-        return f"Identifiability: {self.rank} of {len(PARAMETERS)} directions are seen: {unknowns}"
+        least = ", ".join(f"{name} {self.cramer_rao_std[name]:.1g}" for name in self.unknowns)
+        return (
+            f"Identifiability: {self.rank} of {len(PARAMETERS)} directions are seen; least standard deviations: {least}"
+        )
 
     def _rows(self) -> list[Row]:
         fixed = [(name, f"{item.value:.5g}", item.fixed_by) for name, item in self.parameters.items()]
