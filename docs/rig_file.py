@@ -17,13 +17,14 @@ PAGE = Path(__file__).with_name("rig-file.md")
 HEAD = """# The rig file
 
 A rig file says what was measured on the bench, what is searched for between which bounds, and how the encoders are
-read. It is TOML; a key that is unknown, missing or out of its range is refused with its place. Begin with questions,
-with flags, or with a rig that comes along, and look at what you wrote:
+read. It is TOML; a key that is unknown, missing or out of its range is refused with its place. Begin with questions
+(`dpr-lab rig new` alone, on a terminal), with flags, or with a rig that comes along, and look at what you wrote:
 
-    dpr-lab rig new
-    dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12+-0.001 --out my_rig.toml
-    dpr-lab rig show paper > my_rig.toml
-    dpr-lab rig check my_rig.toml
+```sh
+dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12+-0.001 --out my_rig.toml
+dpr-lab rig show paper > paper.toml
+dpr-lab rig check my_rig.toml
+```
 
 All values are in SI units, all angles are absolute: 0 = upright, pi = hanging. Numbers are written as numbers, not as
 text. This page is written by `docs/rig_file.py` from the model that reads the file.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.identification.compare import Comparison
     from dpr_lab.identification.compare import compare_run as compare
-    from dpr_lab.identification.identifiability import identifiability
+    from dpr_lab.identification.identify import identifiability_of as identifiability
     from dpr_lab.identification.identify import identify
     from dpr_lab.identification.model import Model, load_model
     from dpr_lab.report.data_frame import to_dataframe
@@ -71,8 +71,7 @@ _PLACES = {
     "gap.diagnose": ("diagnose",),
     "gap.result.diagnosis": ("Diagnosis",),
     "identification.compare": ("Comparison", "compare=compare_run"),
-    "identification.identifiability": ("identifiability",),
-    "identification.identify": ("identify",),
+    "identification.identify": ("identifiability=identifiability_of", "identify"),
     "identification.model": ("Model", "load_model"),
     "report.data_frame": ("to_dataframe",),
     "report.figures": (

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, 
 from dpr_lab.configs import find_config, parse_config, read_config, sha256_of
 from dpr_lab.errors import printable
 from dpr_lab.joint_angles import JointAngles
+from dpr_lab.shown import Row, Shown
 
 PARAMETERS = ("l1", "l2", "m1", "m2", "mb", "c1", "c2", "J1", "J2")
 """Names of the kinetic parameters Z, in the order of the published tables (docs/theory.md, section 1)."""
@@ -202,7 +203,7 @@ NO_ENCODER = {"nominal": 1e-6, "measured": 1e-6, "std": 1e-7}
 """The encoder of joint 2, kg, of a rig that has no joint 2."""
 
 
-class Rig(_Table):
+class Rig(Shown, _Table):
     """A rig file (`configs/rigs/*.toml`).
 
     Args of the file: `[rig]` lengths and gravity, `[parameters.*]` one table for each of `PARAMETERS`,
@@ -219,6 +220,19 @@ class Rig(_Table):
     link: LinkSettings = LinkSettings()
     _path: Path | None = PrivateAttr(default=None)
     _sha256: str = PrivateAttr(default="")
+
+    def _heading(self) -> str:
+        poses = f"poses {', '.join(self.poses)}" if self.poses else "no poses"
+        return f"Rig {self.rig.name}: L1 = {self.rig.L1:g} m, g = {self.rig.g:g} m/s², {poses}"
+
+    def _rows(self) -> list[Row]:
+        columns = ("nominal", "lower", "upper", "measured", "std")
+        told = {name: parameter.model_dump() for name, parameter in self.parameters.items()}
+        cells = (
+            [name, *(f"{v:g}" if (v := of[column]) is not None else "" for column in columns)]
+            for name, of in told.items()
+        )
+        return [("parameter", *columns), *cells]
 
     @model_validator(mode="before")
     @classmethod

@@ -26,12 +26,20 @@ class Shown(ABC):
         lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
         return "\n".join([self._heading(), *(f"  {line}" for line in lines)])
 
+    def __str__(self) -> str:
+        return repr(self)
+
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
         rows = self._rows()
         head, body = rows[:1], rows[1:]
         table = "".join(_row(row, "th") for row in head) + "".join(_row(row, "td") for row in body)
         return f"<p>{escape(self._heading())}</p><table>{table}</table>"
+
+
+def listed(names: Sequence[str]) -> str:
+    """`a, b and c`."""
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
 
 
 def _row(cells: Row, tag: str) -> str:

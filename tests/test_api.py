@@ -57,7 +57,9 @@ def found(runs: list[Run]) -> dpr.Diagnosis:
 
 @pytest.mark.slow
 def test_results_show_themselves_on_a_few_lines(results, found) -> None:
-    for result in (*results, found):
+    rig = dpr.load_rig("paper")
+    for result in (rig, dpr.identifiability([results[0]], rig), *results, found):
+        assert str(result) == repr(result)
         told, page = repr(result), result._repr_html_()
         assert 1 <= len(told.splitlines()) < 25
         assert len(told) < 2000
@@ -77,9 +79,10 @@ def test_results_become_data_frames(results, found) -> None:
     assert list(frame.columns)[:3] == ["theta0_rad", "theta1_rad", "theta2_rad"]
     assert np.array_equal(frame.index, run.t)
     assert dpr.to_dataframe(model).loc["a/b", "value"] == model.ratios["a/b"].value
+    assert dpr.to_dataframe(model).index.is_unique
     assert len(dpr.to_dataframe(comparison)) == len(comparison.t)
     assert set(dpr.to_dataframe(found).index) == {effect.name for effect in found.effects}
-    with pytest.raises(TypeError, match="no table of a str"):
+    with pytest.raises(TypeError, match="no table of str"):
         dpr.to_dataframe("run")  # type: ignore[arg-type]
 
 
@@ -91,7 +94,7 @@ def test_plots_are_figures(results, found) -> None:
         dpr.plot_error([comparison]),
         dpr.plot_search(model),
         dpr.plot_waterfall(found),
-        dpr.plot_where(found.where),
+        dpr.plot_where(found),
         dpr.plot_horizon(found),
     ]
     assert all(isinstance(figure, Figure) for figure in figures)

@@ -112,7 +112,7 @@ class Listener:
             return
         elif event.last is not None:
             last = event.last
-            truth, named = listed(last.truth), named_by(last)
+            truth, named = effects_listed(last.truth), named_by(last)
             say(f"{event.done} of {event.of}: there was {truth}; said {named}: {last.grade}")
         elif event.done:
             say(f"{event.done} of {event.of} trials are there already")
@@ -138,18 +138,18 @@ class Listener:
                 pass
 
 
-def listed(names: tuple[str, ...]) -> str:
-    """Names in a sentence."""
+def effects_listed(names: tuple[str, ...]) -> str:
+    """Effects in a sentence."""
     from dpr_lab.report.words import named
+    from dpr_lab.shown import listed
 
-    names = tuple(map(named, names))
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names) or "nothing"
+    return listed(list(map(named, names))) or "nothing"
 
 
 def named_by(outcome: "TrialOutcome") -> str:
     """What the diagnosis of a trial named, and its verdict."""
     verdict = outcome.verdict.replace("_", " ")
-    return f"{listed(outcome.named)} ({verdict})" if outcome.named else verdict
+    return f"{effects_listed(outcome.named)} ({verdict})" if outcome.named else verdict
 
 
 def _angles(theta1: float, theta2: float) -> str:

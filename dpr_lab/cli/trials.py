@@ -133,7 +133,7 @@ def opening(opened: "Opened") -> dict[str, Any]:
 
 def show_opened(opened: "Opened", trial: "Trial") -> None:
     """The truth beside the diagnosis, on stdout."""
-    from dpr_lab.cli.listener import listed, named_by
+    from dpr_lab.cli.listener import effects_listed, named_by
     from dpr_lab.trials.beside import COLUMNS, beside
 
     outcome = opened.outcome
@@ -143,8 +143,8 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
         table("Truth and diagnosis", COLUMNS, rows)
     if opened.truth.drawn["kind"] == "dirty":
         found, missed = outcome.sensor_findings, outcome.faults_missed
-        line(f"the encoders were faulty: found {listed(found)}, missed {listed(missed)}")
-    line(f"there was {listed(outcome.truth)}; the diagnosis said {named_by(outcome)}: {outcome.grade}")
+        line(f"the encoders were faulty: found {effects_listed(found)}, missed {effects_listed(missed)}")
+    line(f"there was {effects_listed(outcome.truth)}; the diagnosis said {named_by(outcome)}: {outcome.grade}")
 
 
 @app.command()

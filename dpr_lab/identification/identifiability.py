@@ -21,6 +21,7 @@ from dpr_lab.identification.model import ParameterValue
 from dpr_lab.identification.prior_update import unknown_jacobian
 from dpr_lab.identification.ratio_fit import fit_ratios
 from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.shown import Row, Shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +77,8 @@ class LengthError:
     """Residual that it leaves, in units of the noise floor; 1 = it goes unseen."""
 
 
-@dataclass(frozen=True, slots=True)
-class Identifiability:
+@dataclass(frozen=True, slots=True, repr=False)
+class Identifiability(Shown):
     """What recordings and measured values fix together, what stays free, and what to measure next."""
 
     rank: int
@@ -100,6 +101,16 @@ class Identifiability:
     """Best next measurement after best next measurement, until all nine are fixed."""
     length_error: LengthError | None
     """None for a rig file without poses to simulate, or where it was not asked for."""
+
+    def _heading(self) -> str:
+        least = ", ".join(f"{name} {self.cramer_rao_std[name]:.1g}" for name in self.unknowns)
+        return (
+            f"Identifiability: {self.rank} of {len(PARAMETERS)} directions are seen; least standard deviations: {least}"
+        )
+
+    def _rows(self) -> list[Row]:
+        fixed = [(name, f"{item.value:.5g}", item.fixed_by) for name, item in self.parameters.items()]
+        return [("parameter", "value", "fixed by"), *fixed]
 
     @property
     def fixed_by(self) -> dict[str, str]:

@@ -12,7 +12,8 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.errors import ConfigError, IdentificationError, RunError
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW
-from dpr_lab.identification.identifiability import identifiability, summary
+from dpr_lab.identification.expected import expected_information
+from dpr_lab.identification.identifiability import Identifiability, identifiability, summary
 from dpr_lab.identification.merging import merge_segments
 from dpr_lab.identification.misread import refuse_impossible, refuse_misread
 from dpr_lab.identification.model import (
@@ -149,6 +150,37 @@ def polish(Z: NDArray[np.float64], runs: Sequence[PreprocessedRun], rig: Rig) ->
     if not all(setup.held for setup in setups):
         refuse_impossible(found.ratios, rig)
     return found
+
+
+def identifiability_of(runs: Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None) -> Identifiability:
+    """What free swings of a rig can and cannot tell, and what to measure next.
+
+    Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
+
+    Args:
+        runs: recordings; none for releases simulated from the rig's poses at the rig file's values
+        rig: bounds, measured values, encoders and poses
+        tell: takes a sentence on what was done otherwise than one might think
+
+    Raises:
+        ConfigError: neither runs nor poses.
+        RunError: a run that cannot be used.
+        IdentificationError: what was found can be no rig's.
+    """
+    tell = tell or (lambda sentence: None)
+    if not runs:
+        if not rig.poses:
+            raise ConfigError(f"{rig.path}: poses: there are none to simulate; add [poses.X1], or name recorded runs")
+        tell(f"no runs given: simulated releases from {', '.join(rig.poses)}, at the rig file's values")
+        return identifiability(expected_information(rig.nominal, rig), rig)
+    found = polish(rig.nominal, [preprocess(run, rig) for run in runs], rig)
+    if not found.fit.converged:
+        tell("warning: the fit from the rig file's values did not settle; run `dpr-lab identify` for a global search")
+    sure = uncertainty(found)
+    nine, _ = update_prior(sure.values, sure.covariance, rig, found.visible)
+    Z = np.array([value.value for value in nine.values()])
+    # What the model misses is no better than noise of that size.
+    return identifiability(sure.information / max(1.0, found.chi2_per_dof), rig, Z, visible=found.visible)
 
 
 def _suited(name: str, search: str) -> SearchSettings:

@@ -37,7 +37,7 @@ def to_dataframe(result: Run | Model | Comparison | Diagnosis) -> "pandas.DataFr
 @singledispatch
 def _columns(result: object) -> tuple[Any, str]:
     """Columns or records, and which of them is the index."""
-    raise TypeError(f"no table of a {type(result).__name__}; there are tables of a run, model, comparison, diagnosis")
+    raise TypeError(f"no table of {type(result).__name__}; there are tables of a run, model, comparison, diagnosis")
 
 
 @_columns.register
@@ -47,10 +47,9 @@ def _(run: Run) -> tuple[Any, str]:
 
 @_columns.register
 def _(model: Model) -> tuple[Any, str]:
+    known = model.ratios | model.base | model.parameters  # c1 and c2 are base parameters too
     fixed = (
-        {"name": name, "value": item.value, "std": item.std, "fixed_by": item.fixed_by}
-        for group in (model.ratios, model.base, model.parameters)
-        for name, item in group.items()
+        {"name": name, "value": item.value, "std": item.std, "fixed_by": item.fixed_by} for name, item in known.items()
     )
     intervals = {name: dict(zip(("low", "high"), item.interval90, strict=True)) for name, item in model.ratios.items()}
     return [row | intervals.get(row["name"], {}) for row in fixed], "name"

@@ -46,8 +46,8 @@ def paragraph_html(sentence: str, style: str = "") -> str:
 
 
 def details_html(title: str, body: str) -> str:
-    """What is folded away on a screen, and is there in print."""
-    return f"<details>\n<summary>{escaped(title)}</summary>\n{body}\n</details>"
+    """What a switch unfolds on a screen, and is there in print; beside the switch, whose own content browsers hide."""
+    return f'<details>\n<summary>{escaped(title)}</summary>\n</details>\n<div class="folded">\n{body}\n</div>'
 
 
 def list_html(sentences: Sequence[str], *, numbered: bool = False) -> str:
@@ -60,7 +60,7 @@ def table_html(columns: Sequence[str], rows: Iterable[Sequence[str]], caption: s
     """A table of text."""
     head = "".join(f'<th scope="col">{escaped(column)}</th>' for column in columns)
     body = "\n".join(f"<tr>{_row(row)}</tr>" for row in rows)
-    title = f"<caption>{escaped(caption)}</caption>\n" if caption else ""
+    title = f"<caption><span>{escaped(caption)}</span></caption>\n" if caption else ""
     named = f' class="{style}"' if style else ""
     return (
         f'<div class="scroll" tabindex="0"><table{named}>\n{title}<thead><tr>{head}</tr></thead>\n'

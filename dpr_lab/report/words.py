@@ -36,7 +36,12 @@ def named(name: str, size: str = "") -> str:
 
 def in_words(text: str, sizes: Mapping[str, str] | None = None) -> str:
     """A text with words before every identifier of an effect that has none yet, and sizes where they are given."""
-    worded = _IDENTIFIER.sub(lambda found: named(found[0], (sizes or {}).get(found[0], "")), text)
+
+    def words(found: re.Match[str]) -> str:
+        told = named(found[0], (sizes or {}).get(found[0], ""))
+        return told[0].upper() + told[1:] if text[: found.start()].endswith(". ") else told
+
+    worded = _IDENTIFIER.sub(words, text)
     return _PLACE.sub(r"\1 \2", worded)
 
 

@@ -29,7 +29,7 @@ from dpr_lab.gap.data.screen import Screened
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.inference.out_of_sample import begun_freely
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.result.trust import NOTHING, ConfusionCell, Trust, TrustShare, TrustTrial
+from dpr_lab.gap.result.trust import NOTHING, REFUSED, ConfusionCell, Trust, TrustShare, TrustTrial
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.trials.summary import wilson90
@@ -124,7 +124,11 @@ class _Plan:
         truth = _another(found, library, rng) if truth is None else truth
         params = effect_params(truth)
         again = [_recorded_again(item, rig, found.unknowns, params, rng) for item in self.originals]
-        said = diagnose(again, rig, library=library, max_effects=self.max_effects, start=found.unknowns, seed=self.seed)
+        whole = {"library": library, "max_effects": self.max_effects, "start": found.unknowns, "seed": self.seed}
+        try:
+            said = diagnose(again, rig, **whole)
+        except DprError:  # of some plants nobody could say anything, and the other trials still count
+            said = None
         return _judged(kind if truth else "clean", truth, said, time.perf_counter() - began)
 
 
@@ -193,15 +197,16 @@ def _recorded_again(item: _Original, rig: Rig, ratios: Array, params: Array, rng
     return replace(run, theta=theta, counts=counts, file=None, sha256="")
 
 
-def _judged(kind: str, truth: Effects, said: Diagnosis, seconds: float) -> TrustTrial:
-    right = [name for name in truth if any(name in (item.name, *item.members) for item in said.effects)]
-    wrong = [item.name for item in said.effects if not {item.name, *item.members} & set(truth)]
+def _judged(kind: str, truth: Effects, said: Diagnosis | None, seconds: float) -> TrustTrial:
+    effects = said.effects if said else []
+    right = [name for name in truth if any(name in (item.name, *item.members) for item in effects)]
+    wrong = [item.name for item in effects if not {item.name, *item.members} & set(truth)]
     return TrustTrial.model_validate(
         {
             "kind": kind,
             "truth": truth,
-            "named": [item.name for item in said.effects],
-            "verdict": said.verdict,
+            "named": [item.name for item in effects],
+            "verdict": said.verdict if said else REFUSED,
             "right": right,
             "wrong": wrong,
             "seconds": seconds,

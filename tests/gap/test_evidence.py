@@ -84,5 +84,7 @@ def test_the_page_tells_the_whole_story_and_fetches_nothing(two_found: Diagnosis
     assert set(figures) == {"where", "gap_horizon", *drawn}
     assert page.count("<img") == len(figures)
     assert page.count("<details>") >= len(SECTIONS)
+    assert page.count('</summary>\n</details>\n<div class="folded">') == page.count("<details>")
+    assert "@media screen { details:not([open]) + .folded { display: none; } }" in page  # and nothing hides it in print
     assert "http" not in page.replace("http-equiv", "")
     assert page.index("What to do") < page.index("Which effects")

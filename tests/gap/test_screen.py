@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dpr_lab.gap.data.record import _blocks
 from dpr_lab.gap.data.screen import screen
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -24,6 +25,16 @@ def changed(run: Run, rig: Rig, theta: np.ndarray) -> Run:
 
 def test_a_healthy_run_has_no_findings(clean: Run, paper: Rig):
     assert names(clean, paper) == set()
+
+
+def test_a_block_without_a_reading_to_trust_is_left_out(clean: Run, paper: Rig):
+    seen = screen(clean, paper)
+    keep = np.zeros_like(seen.keep)
+    keep[:200] = True
+    t, mean, sigma = _blocks(replace(seen, keep=keep), 100.0, 0.5)
+    assert t[-1] < seen.t[200]
+    assert np.isfinite(mean).all()
+    assert np.isfinite(sigma).all()
 
 
 @pytest.mark.parametrize("joint", [0, 1])

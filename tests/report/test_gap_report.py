@@ -159,7 +159,7 @@ def test_knots_that_no_recording_reaches_are_not_drawn(diagnosis):
     place = {"site": "encoder1", "coordinate": "angle", "share": 0.5, "sentence": "There.", "unit": "rad"}
     knots = {"knots": [-1.0, 0.0, 1.0], "values": [0.0, 0.01, 0.02], "std": [1.7e305, 1e-3, 2e-3]}
 
-    (axes,) = [axes for axes in where_figure(diagnosis(where=[place | knots]).where).axes if axes.get_visible()]
+    (axes,) = [axes for axes in where_figure(diagnosis(where=[place | knots])).axes if axes.get_visible()]
 
     np.testing.assert_allclose(axes.lines[0].get_ydata(), [np.nan, 10, 20])
     assert axes.get_ylim()[1] < 50

@@ -31,6 +31,7 @@ def test_a_sentence_gets_words_and_sizes_once():
         " [load_friction_joint2] of joint 2, not friction_joint2."
     )
     assert in_words(once) == once
+    assert in_words("Two stay. base_tilt goes.") == "Two stay. Tilt of the base [base_tilt] goes."
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ def test_a_campaign_warns_before_it_connects(tmp_path: Path) -> None:
 
 def recipe(page: str) -> list[str]:
     """The commands of a page that start a scheduler and workers on this machine."""
-    return re.findall(r"^    (dask (?:scheduler|worker) .*127\.0\.0\.1.*)$", (ROOT / page).read_text(), re.MULTILINE)
+    return re.findall(r"^(dask (?:scheduler|worker) .*127\.0\.0\.1.*)$", (ROOT / page).read_text(), re.MULTILINE)
 
 
 def test_both_pages_give_the_same_recipe() -> None:

@@ -5,10 +5,13 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import RunError
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.trust import NOTHING
 from dpr_lab.report.gap.sections.trust import trust_figure, trust_words
 from dpr_lab.rig import Rig
+from dpr_lab.trials import own_rig
 from dpr_lab.trials.own_rig import trust
 
 LIBRARY = {name: EFFECTS[name] for name in ("coulomb_joint1", "coulomb_joint2")}
@@ -39,6 +42,16 @@ def test_a_diagnosis_is_tried_on_plants_like_its_own_rig(recorded: Callable[...,
         (NOTHING, NOTHING),
     }
     assert tried.seconds_each == pytest.approx(np.median([item.seconds for item in tried.trials]))
+
+    def refuses(*runs: object, **options: object) -> Diagnosis:
+        raise RunError("the model cannot follow the readings")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(own_rig, "diagnose", refuses)
+        without = trust(found, runs, paper, 4, library=LIBRARY)
+    assert [item.verdict for item in without.trials] == ["refused"] * 4
+    assert (without.right.held, without.wrong.held, without.false_alarms.held) == (0, 0, 0)
+    assert "Of 4 the diagnosis refused" in trust_words(found.model_copy(update={"trust": without}))[0]
 
     whole = found.model_copy(update={"trust": tried})
     assert trust_figure(whole) is not None

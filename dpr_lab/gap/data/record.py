@@ -153,7 +153,7 @@ def _blocks(seen: Screened, rate_hz: float, least_kept: float) -> tuple[Array, A
         t = np.add.reduceat(keep * seen.t, edges) / kept
         mean = np.add.reduceat(keep[:, None] * seen.joints, edges) / kept[:, None]
         spread = np.add.reduceat(keep * (seen.t - np.repeat(t, np.diff(edges, append=len(keep)))) ** 2, edges) / kept
-    good = kept >= least_kept * np.median(kept)
+    good = (kept > 0) & (kept >= least_kept * np.median(kept))
     for at, _ in seen.breaks:
         good &= number[edges] != np.floor(at * rate_hz + 1e-6)
     t, mean, spread, kept = t[good], mean[good], spread[good], kept[good]

@@ -6,6 +6,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Params
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.gap.result.diagnosis import NamedEffect
+from dpr_lab.shown import listed
 
 
 def remedies(
@@ -34,5 +35,5 @@ def remedies(
         )
         said.append(f"For {item.name}: {remedy(sizes[item.name], rig, EFFECTS[item.name].joints[0])}{unless}.")
     if simulated:
-        said.append(f"Give the simulator {' and '.join(simulated)}: the exported models have the sizes found.")
+        said.append(f"Give the simulator {listed(simulated)}: the exported models have the sizes found.")
     return said

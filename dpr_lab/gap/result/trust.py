@@ -10,6 +10,10 @@ NOTHING = "nothing"
 """In place of a name, where there is no effect or none was named."""
 
 
+REFUSED = "refused"
+"""In place of a verdict, where a plant's recordings could not be diagnosed."""
+
+
 class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -23,6 +27,7 @@ class TrustTrial(_Part):
     """Its effects with all parameters, SI."""
     named: list[str]
     verdict: str
+    """That of the diagnosis, or `REFUSED`."""
     right: list[str]
     """Effects of the truth that were named, alone or in a class that these recordings do not split."""
     wrong: list[str]

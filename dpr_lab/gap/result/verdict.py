@@ -9,6 +9,7 @@ from dpr_lab.gap.inference.transfer import Transfer
 from dpr_lab.gap.selection.hypothesis import Hypothesis
 from dpr_lab.gap.selection.selected import Selection
 from dpr_lab.gap.selection.thresholds import at_noise_floor
+from dpr_lab.shown import listed
 
 Verdict = Literal["no_gap", "named", "partly_explained", "unexplained"]
 
@@ -67,11 +68,11 @@ def sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPos
     if kind == "named":
         sure = min(item.probability for item in posteriors)
         return (
-            f"The gap is explained by {_listed(list(map(_class, carrying)))} (probability {sure:.0%}):"
+            f"The gap is explained by {listed(list(map(_class, carrying)))} (probability {sure:.0%}):"
             f" nothing above the noise floor is left; {how_far(carried)}."
         )
     if kind == "partly_explained":
-        likely = _listed([_class(item) + _unsure(item) for item in carrying])
+        likely = listed([_class(item) + _unsure(item) for item in carrying])
         return (
             f"Partly explained by {likely}: {how_far(carried)}. Of the excess in the fitted recordings {share:.1%} is"
             f" explained; a remainder of {left:.2g} times the noise has another cause or another form."
@@ -79,7 +80,7 @@ def sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPos
         )
     if not posteriors:
         return f"Unexplained: a gap of {left:.2g} times the noise, and no effect of the library fits it."
-    closest = _listed([_class(item) for item in posteriors])
+    closest = listed([_class(item) for item in posteriors])
     if share >= RULES.partly_share:
         return (
             f"Unexplained: {closest} would explain {share:.0%} of the excess in these recordings, and not the next:"
@@ -111,9 +112,9 @@ def how_far(carried: Transfer) -> str:
 
 def _doubts(carried: Transfer) -> str:
     verb = "explains" if len(carried.withdrawn) == 1 else "explain"
-    told = f" {_listed(carried.withdrawn)} {verb} these recordings, not the next." if carried.withdrawn else ""
+    told = f" {listed(carried.withdrawn)} {verb} these recordings, not the next." if carried.withdrawn else ""
     if carried.oversized:
-        told += f" {_listed(carried.oversized)} would be larger than on any rig: something else has that shape."
+        told += f" {listed(carried.oversized)} would be larger than on any rig: something else has that shape."
     return told
 
 
@@ -124,7 +125,3 @@ def _unsure(item: EffectPosterior) -> str:
 
 def _class(item: EffectPosterior) -> str:
     return item.name if len(item.members) == 1 else f"({' or '.join(item.members)})"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)

@@ -1,6 +1,5 @@
 """Figures of a diagnosis: where the gap lies, what closes it, how it grows with the horizon."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +15,10 @@ from dpr_lab.report.gap.tables import coordinate, place_map, quantity, steps
 from dpr_lab.report.words import in_words
 
 
-def where_figure(places: Sequence[Where], most: int = 4) -> Figure:
+def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
     """Maps of the places that explain most, with 90 % intervals."""
     with style.house_style():
-        shown = [place for place in places[:most] if place.knots and not _flat(place)]
+        shown = [place for place in diagnosis.where[:most] if place.knots and not _flat(place)]
         if not shown:
             return empty_figure("there is no gap to locate")
         figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
@@ -101,7 +100,7 @@ def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
         DprError: the folder or a file cannot be written.
     """
     figures = {
-        "where": where_figure(diagnosis.where),
+        "where": where_figure(diagnosis),
         "waterfall": waterfall_figure(diagnosis),
         "gap_horizon": horizon_figure(diagnosis),
     }

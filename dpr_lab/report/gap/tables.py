@@ -15,6 +15,7 @@ from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.tables import run_name
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
+from dpr_lab.shown import listed
 
 EFFECT_COLUMNS = ("effect", "cannot be told from", "probability", "excess without it", "size, 90 % interval")
 STEP_COLUMNS = ("model", "gap left (mrad)", "excess explained")
@@ -189,7 +190,7 @@ def closed_sentence(diagnosis: Diagnosis) -> str:
         return ""
     low, high = share.interval90
     return (
-        f"With {' and '.join(names)} {share.estimate:.1%} of the gap closes on data that took no part in the fit"
+        f"With {listed(names)} {share.estimate:.1%} of the gap closes on data that took no part in the fit"
         f" (90 % interval {low:.1%} to {high:.1%})."
     )
 

@@ -1,10 +1,12 @@
 """How often names were right in blind trials on plants like this rig."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.result.trust import NOTHING, TrustShare, TrustTrial
+from dpr_lab.gap.result.trust import NOTHING, REFUSED, TrustShare, TrustTrial
 from dpr_lab.report import style
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import new_figure
@@ -43,9 +45,8 @@ def trust_words(diagnosis: Diagnosis) -> list[str]:
         f"{len(tried.trials)} plants at the fitted point, with what was named, with another effect, or with none, were"
         " simulated by the lab's own model, recorded as this rig was with noise of its own, and diagnosed without being"
         f" told. All that was there and nothing else was named in {_of(tried.right)}; something that was not there was"
-        f" named in {_of(tried.wrong)}; of the clean plants {_of(tried.false_alarms)} raised a false alarm. A trial"
-        f" took"
-        f" {tried.seconds_each:.0f} s.",
+        f" named in {_of(tried.wrong)}; of the clean plants {_of(tried.false_alarms)} raised a false alarm."
+        f"{_refused(tried.trials)} A trial took {tried.seconds_each:.0f} s.",
         "The plants lack nothing that the library has no name for, so a real rig can only be harder.",
     ]
 
@@ -55,6 +56,11 @@ def _of(share: TrustShare) -> str:
         return "none of none"
     low, high = share.interval90
     return f"{share.held} of {share.of} (90 % interval {low:.0%} to {high:.0%})"
+
+
+def _refused(trials: Sequence[TrustTrial]) -> str:
+    refused = sum(item.verdict == REFUSED for item in trials)
+    return f" Of {refused} the diagnosis refused the recordings, and named nothing." if refused else ""
 
 
 def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
@@ -75,6 +81,8 @@ def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _grade(item: TrustTrial) -> str:
+    if item.verdict == REFUSED:
+        return REFUSED
     if not item.truth:
         return "false alarm" if item.named else "right"
     if item.wrong:

@@ -1,0 +1,10 @@
+"""`python -m tests.on_a_terminal COMMAND...`: a screen on a terminal, left as soon as it is drawn."""
+
+import sys
+
+from tests.tui.terminal_emulator import Terminal
+
+terminal = Terminal(sys.argv[1:], {})
+terminal.until_shown("Connect")
+terminal.press("\x11")  # ctrl+q
+sys.exit(terminal.ended())

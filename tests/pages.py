@@ -1,0 +1,168 @@
+"""The pages as somebody follows them: what their blocks are, and what stands in for what a test has not got."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PAGES = (*(ROOT / name for name in ("README.md", "CONTRIBUTING.md")), *sorted((ROOT / "docs").rglob("*.md")))
+RECORD = ROOT.parent / "shared" / "data" / "real" / "multiarm" / "dp_freeswing_1khz.csv"
+
+FOLLOWED = ("sh", "python")
+READ = ("c", "json", "toml")
+NOT_COMMANDS = ("", "text", "{toctree}", "{eval-rst}", "{code-cell} ipython3")
+"""Formulas, what a program prints, what Sphinx reads; cells of a notebook run whenever the site is built."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A fenced block of a page."""
+
+    line: int
+    language: str
+    text: str
+
+
+def blocks(page: Path) -> list[Block]:
+    """All of them, in order."""
+    text = page.read_text(encoding="utf-8")
+    found = re.finditer(r"^( *)```(.*)\n((?:.*\n)*?)\1```$", text, flags=re.MULTILINE)
+    return [Block(text.count("\n", 0, block.start()) + 1, block[2].strip(), block[3]) for block in found]
+
+
+def name(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def to_follow() -> list[str]:
+    """Pages with something to run."""
+    return [name(page) for page in PAGES if any(block.language in FOLLOWED for block in blocks(page))]
+
+
+DRY = "dpr-lab capture --rig paper --link 'sim://?clock=fast&seed=3&plant=dry' --pose X1 --pose X2 --duration 3 --out "
+
+TAKEN_FOR_GRANTED = {
+    "README.md": f"""
+{DRY} table
+dpr-lab run export "$(ls table/*X1*.mcap)" --out absolute.csv
+python - <<'END'
+import numpy as np
+import pandas as pd
+was = pd.read_csv("absolute.csv")
+angles = {{"theta1": was["theta1_rad"] - np.pi, "theta2": was["theta2_rad"] - was["theta1_rad"]}}
+degrees = {{name: np.degrees(angle) for name, angle in angles.items()}}
+pd.DataFrame({{"time": was["t_s"], **degrees}}).to_csv("swing.csv", index=False)
+END
+""",
+    "docs/exports.md": f"""
+dpr-lab rig show paper > my_rig.toml
+{DRY} runs
+cp runs/*X1*.mcap x1.mcap
+mv x1.mcap runs/x1.mcap
+rm runs/*X1_*
+dpr-lab diagnose runs/*.mcap --rig my_rig.toml --out out/diagnosis
+""",
+    "docs/put-your-rig-on-the-wire.md": """
+dpr-lab rig show paper > my_rig.toml
+printf 't_s,tau1_Nm,tau2_Nm\\n0,0,0\\n0.5,0.001,0\\n1,0,0.0005\\n2,0,0\\n' > torques.csv
+""",
+    "docs/reliability.md": """
+openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -keyout host.key -out host.pem
+cp host.pem ca.pem
+""",
+    "docs/worked-example.md": f"cp {RECORD} .",
+}
+"""What a page says that its reader has: by page, the commands that make it."""
+
+
+@dataclass(frozen=True, slots=True)
+class StandIn:
+    """What is written, by what it is replaced where a page is tried, and why."""
+
+    written: str
+    """Regular expression."""
+    tried: str
+    why: str
+
+
+PORT = 28786
+CONNECT = f"import socket; socket.create_connection(('127.0.0.1', {PORT}))"
+END = '[ -z "$scheduler" ] || { kill $worker $scheduler; wait; }; '
+LISTENS = f'until python -c "{CONNECT}" 2> refused.txt; do sleep 1; done'
+
+STAND_INS = (
+    StandIn(r"'serial:///dev/(?:ttyACM0|pts/3)\?baud=921600'", '"$SERIAL"', "a simulated device on a pseudo terminal"),
+    StandIn(r"'can://socketcan/can0\?bitrate=1000000'", '"$CAN"', "a simulated device behind a CAN adapter's line"),
+    StandIn(r"^make -C firmware_protocol/c run$", "", "tests/firmware_c/test_c_cortex_m.py makes it and runs it"),
+    StandIn(r"^make (\w+)", rf"make --dry-run --directory {ROOT} \1 > made.txt", "the tests are a part of it"),
+    StandIn(r"^\.venv/bin/(?=python|pytest)", "", "what the tests run in"),
+    StandIn(r"^(\.venv/bin/)?pip install .*", "", "no network; tests/test_package.py, test_lock_file.py"),
+    StandIn(r"pytest (?=tests)", f"pytest --rootdir {ROOT} --collect-only --quiet {ROOT}/", "they run without this"),
+    StandIn(r"^(\.venv/bin/)?python tests/golden/cases.py .*", "", "it freezes the answers anew"),
+    StandIn(r"^dpr-lab tui ", "python -m tests.on_a_terminal dpr-lab tui ", "a terminal, and somebody who leaves"),
+    StandIn(r"trials campaign( --n 500)?", "trials campaign --n 1", "one trial of hundreds"),
+    StandIn(r"SCHEDULER:8786|127.0.0.1:8786", f"127.0.0.1:{PORT}", "a port that nobody else has"),
+    StandIn(r"127.0.0.1:8787", "127.0.0.1:0", "a port that nobody else has"),
+    StandIn(r"^(dask scheduler .*)$", rf"{END}\1 --port {PORT} & scheduler=$!; {LISTENS}", "beside what follows"),
+    StandIn(r"^(dask worker .*)$", r"\1 & worker=$!", "beside what follows"),
+)
+"""In this order."""
+
+
+def script(page: Path) -> str:
+    """What is run of a page, in order."""
+    lines = [TAKEN_FOR_GRANTED.get(name(page), "")]
+    for block in blocks(page):
+        if block.language == "python":
+            lines.append(f"python - <<'END'\n{block.text}END")
+        elif block.language == "sh":
+            lines += map(_tried, block.text.splitlines())
+    return "\n".join(lines)
+
+
+def _tried(line: str) -> str:
+    for stand_in in STAND_INS:
+        line = re.sub(stand_in.written, stand_in.tried, line)
+    return line
+
+
+@contextmanager
+def device(link: str) -> Iterator[str]:
+    """A simulated device, and the URL of its line."""
+    words = [sys.executable, "-m", "sim_device", "--exit-with-parent", "--link", link]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            yield json.loads(process.stdout.readline())["url"]
+        finally:
+            process.kill()
+
+
+def follow(page: Path, folder: Path, patience_s: float) -> None:
+    """Run what a page has to run, in a folder, and fail with what was said last."""
+    steps = script(page)
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
+    with ExitStack() as stack:
+        for variable, link in (("SERIAL", "pty"), ("CAN", "slcan")):
+            if f"${variable}" in steps:
+                environment[variable] = stack.enter_context(device(link))
+        said = stack.enter_context((folder / "said.txt").open("w+", encoding="utf-8"))
+        process = subprocess.Popen(
+            ["sh", "-e", "-x", "-c", steps], cwd=folder, env=environment, stdout=said, stderr=said,
+            stdin=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
+        try:
+            code = process.wait(patience_s)
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+        said.seek(0)
+        assert code == 0, said.read()[-3000:]

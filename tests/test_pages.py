@@ -1,0 +1,84 @@
+"""Every block of every page is run, read by its own tool, or plainly no command."""
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.tui.app import STEPS, DprApp
+from dpr_lab.tui.keys import load_keymap
+from tests.pages import FOLLOWED, NOT_COMMANDS, PAGES, READ, RECORD, ROOT, STAND_INS, blocks, follow, name, to_follow
+
+QUICK = ("docs/reference/python.md", "docs/rig-file.md", "docs/tutorials/your-hardware.md")
+"""Pages that take seconds; the others record and diagnose for minutes."""
+
+AROUND = """
+#include "device.h"
+bool next_byte(uint8_t *byte);
+bool can_write(uint16_t id, uint8_t length, const uint8_t *data);
+"""
+BOARD = """
+extern const dpr_identity_t IDENTITY;
+void board(void);
+void board(void) { uint8_t byte; dpr_frame_t frame;
+"""
+"""What the sketches of the porting guide leave out."""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_block_says_what_it_is(page: Path) -> None:
+    for block in blocks(page):
+        assert block.language in (*FOLLOWED, *READ, *NOT_COMMANDS), f"{name(page)}:{block.line}"
+        if block.language in NOT_COMMANDS[:2]:
+            assert not re.search(r"^[$ ]*(dpr-lab|make|pip|python|dask) ", block.text, re.MULTILINE), block.line
+    prose = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert not re.findall(r"(?<=\n\n) {4}\S.*", prose), "a block without a fence says not what it is"
+
+
+def test_every_stand_in_is_needed() -> None:
+    written = "\n".join(block.text for page in PAGES for block in blocks(page) if block.language == "sh")
+    for stand_in in STAND_INS:
+        assert re.search(stand_in.written, written, flags=re.MULTILINE), stand_in
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_what_a_page_shows_of_a_file_is_read_by_what_reads_it(page: Path, tmp_path: Path) -> None:
+    for number, block in enumerate(block for block in blocks(page) if block.language in READ):
+        file = tmp_path / f"{number}.{block.language}"
+        file.write_text(block.text, encoding="utf-8")
+        READERS[block.language](file)
+
+
+def compiled(file: Path) -> None:
+    """A sketch: whole functions as they are, statements inside of one."""
+    if not (compiler := shutil.which("cc")):
+        pytest.skip("no C compiler")
+    sketch = file.read_text(encoding="utf-8")
+    around = f"{AROUND}{sketch}" if "hal_" in sketch else f"{AROUND}{BOARD}{sketch}}}"
+    file.write_text(around, encoding="utf-8")
+    sources = ROOT / "firmware_protocol" / "c"
+    words = [compiler, "-std=c99", "-Wall", "-Werror", "-fsyntax-only", f"-I{sources}", f"-I{sources / 'generated'}"]
+    done = subprocess.run([*words, str(file)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "c": compiled,
+    "json": lambda file: json.loads(file.read_text(encoding="utf-8")),
+    "toml": lambda file: load_keymap(file, DprApp, STEPS),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=() if page in QUICK else pytest.mark.long) for page in to_follow()]
+)
+def test_a_page_can_be_followed(page: str, tmp_path: Path) -> None:
+    if page == "docs/worked-example.md" and not RECORD.is_file():
+        pytest.skip(f"no real record at {RECORD}")
+    follow(ROOT / page, tmp_path, patience_s=3000)
