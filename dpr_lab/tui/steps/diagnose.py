@@ -111,9 +111,11 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             with TabPane(TABS["which"], id="which"), VerticalScroll():
                 yield Static(id="which-text")
             with TabPane(TABS["where"], id="where"):
-                yield Select[int]([], prompt="no place", id="place", compact=True)
+                yield Select[int]([], prompt="no diagnosis yet: nothing to locate", id="place", compact=True)
                 yield Static(id="place-text", markup=False)
-                yield Chart(id="place-map")
+                place_map = Chart(id="place-map")
+                place_map.display = False
+                yield place_map
             for name in ("far", "next"):
                 with TabPane(TABS[name], id=name), VerticalScroll():
                     yield Static(id=f"{name}-text")
@@ -221,6 +223,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
                 for i, p in enumerate(found.where)
             ]
         )
+        picker.display = self.query_one("#place-map", Chart).display = bool(found.where)
         if found.where:
             picker.value = 0
         else:
