@@ -26,11 +26,11 @@ async def test_every_step_shows_that_a_recording_runs_and_how_long_work_takes(
     monkeypatch.setattr(CaptureStep, "recording", RecordingNow("X1", 3.2, 10.0))
     monkeypatch.setattr(STEPS[5], "work", "Diagnose 35 s, about 20 s left")
     async with app.run_test(size=(80, 24)) as pilot:
+        line = app.query_one(StatusLine)
         for number, step in enumerate(STEPS, 1):
             await pilot.press(str(number))
             assert app.query_one(ContentSwitcher).current == step.NAME.lower()
-            line = app.query_one(StatusLine)
-            await until(pilot, lambda line=line: "● REC X1 3 of 10 s" in str(line.render()))
+            await until(pilot, lambda: "● REC X1 3 of 10 s" in str(line.render()))
             assert "Diagnose 35 s, about 20 s left" in str(line.render())
             assert len("  ".join(str(line.render()).split("  ")[:2])) < 78
         monkeypatch.setattr(STEPS[3], "work", "Identify 40 s, search at most 30 s more")
