@@ -348,14 +348,19 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
     ]
     shares += [(words(run, held_out=True), share, None) for run, share in closed.held_out.items()]
     low, high = closed.interval90
+    closing = [
+        f"\nOn releases that took no part in the fit {closed.estimate:.1%} of the gap above the noise closes (90 %"
+        f" interval {low:.1%} to {high:.1%})",
+        Bars([(name, max(share, 0.0), interval, f"{share:.1%}") for name, share, interval in shares], top=1.0),
+    ]
+    if not gap.waterfall:
+        closing = [f"\n{'There is no gap' if found.verdict == 'no_gap' else 'No effect is named'}: nothing closes"]
     return Group(
         f"Gap left ({unit.small} rms, both joints, segments of 0.5 s) and share of the excess explained, one effect"
         f" after the other. A bar is what stands above the noise floor of {three(floor)}: none where only noise is"
         " left",
         Bars(steps),
-        f"\nOn releases that took no part in the fit {closed.estimate:.1%} of the gap above the noise closes (90 %"
-        f" interval {low:.1%} to {high:.1%})",
-        Bars([(name, max(share, 0.0), interval, f"{share:.1%}") for name, share, interval in shares], top=1.0),
+        *closing,
         "",
         table("Free runs from the release", unit.heads(gap_tables.CLOSED_COLUMNS), gap_tables.closed_rows(found, unit)),
     )

@@ -140,14 +140,18 @@ def test_every_stage_of_a_diagnosis_has_a_typical_time() -> None:
 
 async def test_without_a_gap_there_is_no_empty_picture_of_where(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
     told = json.loads(fixed_diagnosis.read_text())
-    none = {"where": [], "where_sentence": where_sentence(())}
-    (tmp_path / "diagnosis.json").write_text(json.dumps(told | none))
+    none = {"verdict": "no_gap", "effects": [], "where": [], "where_sentence": where_sentence(())}
+    (tmp_path / "diagnosis.json").write_text(json.dumps(told | none | {"gap": told["gap"] | {"waterfall": []}}))
     async with lab(DiagnoseStep) as pilot:
         shown = step(pilot.app)
         for record, drawn in ((fixed_diagnosis, True), (tmp_path / "diagnosis.json", False)):
             shown.show(load_diagnosis(record))
             assert [shown.query_one(name).display for name in ("#place", "#place-map")] == [drawn] * 2
         assert "There is no gap to locate." in text(pilot.app, "#place-text")
+        assert "There is no gap: nothing closes" in text(pilot.app, "#far-text")
+        assert "90 % interval" not in text(pilot.app, "#far-text")
+        await pilot.press("v")
+        assert pilot.app.focused is shown  # a picture that is not shown takes no keys
 
 
 async def test_runs_stand_by_pose_and_time_and_no_list_is_empty(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
