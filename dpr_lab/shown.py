@@ -6,6 +6,9 @@ from html import escape
 
 Row = Sequence[str]
 
+FIXED_BY = {"data": "the recordings", "measured": "a measured value", "bound": "only its bounds"}
+"""What fixed a number: as files say it, and as people read it."""
+
 
 class Shown(ABC):
     """What tells itself by a heading and a table."""

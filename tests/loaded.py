@@ -1,19 +1,86 @@
 """Importing this loads the lab, and all that Numba loads before the first kernel; a process forked then has it.
 
-The screen stays out: whoever draws starts by itself.
+The screen stays out: whoever draws starts by itself. The simulated device that such a process starts is forked from it:
+a process as ever, but for its start.
 """
 
 import gc
+import logging
+import os
 import pkgutil
+import signal
+import subprocess
+import sys
+import traceback
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from types import SimpleNamespace
+from typing import Any
 
 from numba.core.registry import cpu_target
 
 import dpr_lab
+from dpr_lab import child_process
+from sim_device.__main__ import main as simulate
+
+DEVICE = [sys.executable, "-m", "sim_device"]
+
+
+class Forked(subprocess.Popen[bytes]):
+    """A function where `Popen` would run a program; its pipes, and how it is waited for and ended, are the same."""
+
+    def __init__(self, function: Callable[[], int], **options: Any) -> None:
+        self._function = function
+        super().__init__(["forked"], **options)
+
+    def _execute_child(self, *details: Any) -> None:
+        pipes = details[10:16]  # p2cread, p2cwrite, c2pread, c2pwrite, errread, errwrite
+        self.pid = os.fork()
+        if self.pid == 0:
+            for number, descriptor in enumerate((pipes[0], pipes[3], pipes[5])):
+                os.dup2(descriptor, number)
+            os.closerange(3, 1 << 16)
+            os.setsid()
+            run_and_exit(self._function)
+        self._child_created = True
+        self._close_pipe_fds(*pipes)  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType]
+
+
+def run_and_exit(function: Callable[[], int]) -> None:
+    """Run it on the three descriptors, as a fresh process does that knows of no handler and no log, and end."""
+    code = 1
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+    logging.getLogger().handlers.clear()
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        setattr(sys, name, open(number, "w" if number else "r", closefd=False))
+    try:
+        code = function()
+    except SystemExit as end:
+        code = int(end.code or 0)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def started(command: Sequence[str], **options: Any) -> Any:
+    """A program, or the simulated device."""
+    if list(command[:3]) != DEVICE:
+        return subprocess.Popen(command, **options)
+    return Forked(lambda: simulate([*command[3:]]), **options)
+
 
 for module in pkgutil.walk_packages(dpr_lab.__path__, "dpr_lab."):
     if not module.name.startswith(("dpr_lab.tui", "dpr_lab.__main__", "dpr_lab.cli.tui")):
         import_module(module.name)
+for module in ("assemble", "serve", "options", "plant.plant", "links.open_link"):
+    import_module(f"sim_device.{module}")
+child_process.subprocess = SimpleNamespace(  # pyright: ignore[reportAttributeAccessIssue]
+    Popen=started, PIPE=subprocess.PIPE, TimeoutExpired=subprocess.TimeoutExpired
+)
 cpu_target.typing_context.refresh()  # pyright: ignore[reportAttributeAccessIssue]
 cpu_target.target_context.refresh()  # pyright: ignore[reportAttributeAccessIssue]
 gc.freeze()  # what is collected is copied in every process

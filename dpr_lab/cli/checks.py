@@ -32,10 +32,11 @@ class Choices:
     worded: Callable[[str], str] = str
     """A name for people, with words before it."""
 
-    def complete(self, incomplete: str) -> list[str]:
-        """What the last name, after any comma, can become."""
+    def complete(self, incomplete: str) -> list[tuple[str, str]]:
+        """What the last name, after any comma, can become, and what shells that have room for it say of each."""
         before, comma, begun = incomplete.rpartition(",")
-        return [f"{before}{comma}{name}" for name in self.names() if name.startswith(begun)]
+        found = (name for name in self.names() if name.startswith(begun))
+        return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in found]
 
     def check(self, value: str | None) -> str | None:
         """A callback of an option.
@@ -60,7 +61,7 @@ class Choices:
         unknown = [name for name in map(str.strip, given) if name not in known]
         if unknown:
             named = ", ".join(name or "''" for name in unknown)
-            said = f"no {self.what} named {named}; there are: {', '.join(map(self.worded, known))}"
+            said = f"no {self.what} named {named}; there are: {'; '.join(map(self.worded, known))}"
             raise typer.BadParameter(folded(said, sys.stderr, len("Error: Invalid value for '--objective': ")))
 
 
@@ -99,6 +100,12 @@ def _effects() -> Iterable[str]:
     return EFFECTS
 
 
+def _effect_words(name: str) -> str:
+    from dpr_lab.report.words import named
+
+    return named(name)
+
+
 def built_in_rigs() -> list[str]:
     """Names of the rig files that come with dpr-lab."""
     from dpr_lab.configs import BUILTIN
@@ -118,6 +125,12 @@ def _exports() -> Iterable[str]:
     return FORMATS
 
 
+def _export_words(name: str) -> str:
+    from dpr_lab.exports import FORMATS
+
+    return f"{FORMATS[name].program} [{name}]"
+
+
 def _reasons() -> Iterable[str]:
     from dpr_lab.workflows.diagnose import REASONS
 
@@ -126,15 +139,15 @@ def _reasons() -> Iterable[str]:
 
 SEARCHES = Choices("search", _searches, _search_words)
 OBJECTIVE_NAMES = Choices("objective", _objectives, _objective_words)
-EFFECT_NAMES = Choices("effect", _effects)
-EXPORT_NAMES = Choices("format", _exports)
+EFFECT_NAMES = Choices("effect", _effects, _effect_words)
+EXPORT_NAMES = Choices("format", _exports, _export_words)
 REASON_NAMES = Choices("reason", _reasons)
 
 RigName = Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)]
 Library = Annotated[
     str | None,
     typer.Option(
-        help="Effects to choose from, by comma; all by default.",
+        help="Effects to choose from, by comma; all by default. A name that is none lists them with their words.",
         callback=EFFECT_NAMES.check,
         autocompletion=EFFECT_NAMES.complete,
     ),

@@ -46,6 +46,7 @@ def show(found: "Identifiability") -> None:
     """The findings as tables and sentences on stdout, at most 80 columns wide."""
     from dpr_lab.identification.directions import described
     from dpr_lab.report.digits import plus_minus
+    from dpr_lab.shown import FIXED_BY
 
     sizes = ", ".join(f"{value:.2g}" for value in found.singular_values)
     _print(f"The recordings see {found.rank} of 9 directions (singular values {sizes}; the others are 0).")
@@ -63,7 +64,7 @@ def show(found: "Identifiability") -> None:
         "Nine parameters, and what fixes each",
         ("parameter", "value ± std", "fixed by", "measured values that help"),
         [
-            (name, plus_minus(p.value, p.std), p.fixed_by, ", ".join(m for m in found.helps if name in found.helps[m]))
+            (name, plus_minus(p.value, p.std), FIXED_BY[p.fixed_by], ", ".join(_helping(found, name)))
             for name, p in found.parameters.items()
         ],
     )
@@ -73,6 +74,11 @@ def show(found: "Identifiability") -> None:
         _print(f"- {described(direction)}")
     _show_length(found)
     _show_advice(found)
+
+
+def _helping(found: "Identifiability", name: str) -> list[str]:
+    """The measured values that help to fix a parameter."""
+    return [measured for measured, helped in found.helps.items() if name in helped]
 
 
 def _show_length(found: "Identifiability") -> None:

@@ -84,6 +84,7 @@ def show(model: "Model") -> None:
     if profiled:
         rows = [(name, *("none" if end is None else f"{end:.7g}" for end in ends)) for name, ends in profiled]
         table("90 % intervals by profile likelihood", ("ratio", "from", "to"), rows)
-    table("Nine parameters, and what fixed each", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
+    nine = tables.parameter_rows(model)
+    table("Nine parameters, and what fixed each", tables.PARAMETER_COLUMNS, nine, note=tables.PARAMETER_NOTE)
     for warning in model.warnings:
         say(f"warning: {warning}")

@@ -15,7 +15,7 @@ from dpr_lab.errors import RunError, printable
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.search import search_words
-from dpr_lab.shown import Row, Shown
+from dpr_lab.shown import FIXED_BY, Row, Shown
 from dpr_lab.whole_file import write_text
 
 RODS = ("theta1", "theta2")
@@ -182,12 +182,11 @@ class Model(Shown, _Record):
         return f"Model of rig {self.rig.name} from {len(self.runs)} runs, {search}: {rms}{doubts}"
 
     def _rows(self) -> list[Row]:
-        ratios = [(name, f"{item.value:.5g}", f"{item.std:.2g}", item.fixed_by) for name, item in self.ratios.items()]
-        values = [
-            (name, f"{item.value:.5g}", "" if item.std is None else f"{item.std:.2g}", item.fixed_by)
-            for name, item in self.parameters.items()
+        rows = [
+            (name, f"{item.value:.5g}", "" if item.std is None else f"{item.std:.2g}", FIXED_BY[item.fixed_by])
+            for name, item in {**self.ratios, **self.parameters}.items()
         ]
-        return [("", "value", "std", "fixed by"), *ratios, *values]
+        return [("", "value", "std", "fixed by"), *rows]
 
     @property
     def ratio_values(self) -> NDArray[np.float64]:

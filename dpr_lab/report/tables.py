@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, interval, pair, plus_minus, three
+from dpr_lab.shown import FIXED_BY
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
@@ -23,6 +24,10 @@ RATIO_NOTE = (
     " all over b, the inertia of the outer rod about joint 2."
 )
 PARAMETER_COLUMNS = ("parameter", "value ± std", "unit", "fixed by", "what it is")
+PARAMETER_NOTE = (
+    "A measured value is one of the rig file (a scale, a calliper). Only its bounds: nothing here shows it, and other"
+    " values between the bounds of the rig file fit as well; measuring it is what helps."
+)
 BASE_COLUMNS = ("base parameter", "value ± std", "unit", "what it is")
 COMPARISON_COLUMNS = (
     "run",
@@ -119,7 +124,7 @@ def parameter_rows(model: "Model") -> list[list[str]]:
     rows: list[list[str]] = []
     for name, parameter in model.parameters.items():
         unit, meaning = PARAMETER_UNITS.get(name, ("", ""))
-        rows.append([name, plus_minus(parameter.value, parameter.std), unit, parameter.fixed_by, meaning])
+        rows.append([name, plus_minus(parameter.value, parameter.std), unit, FIXED_BY[parameter.fixed_by], meaning])
     return rows
 
 

@@ -154,7 +154,7 @@ class DprApp(Guarded, App[None]):
             for step in self.steps:
                 step.hear(report)
         recording = next((step.recording for step in self.steps if step.recording is not None), None)
-        work = ", ".join(step.work for step in self.steps if step.work)
+        work = [step.work for step in self.steps if step.work]
         self.query_one(StatusLine).show(self.device, recording, work, self.workspace.out, time.monotonic())
 
     def get_driver_class(self) -> type[Driver]:

@@ -29,6 +29,7 @@ class Done:
 
 
 Cli = Callable[..., Done]
+MadeOnce = Callable[[str, Callable[[Path], None]], Path]
 
 
 class Warm:
@@ -137,18 +138,23 @@ def _catches(pid: int, number: int) -> bool:
 
 
 @pytest.fixture(scope="session")
-def runs(cli: Cli, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def runs(cli: Cli, made_once: MadeOnce) -> list[Path]:
     """Three releases of one seeded plant over the serial protocol."""
-    out = tmp_path_factory.mktemp("runs")
-    poses = [word for pose in ("X1", "X2", "X3") for word in ("--pose", pose)]
-    done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast&seed=3", *poses, "--out", out, "--json")
-    assert done.code == 0, done.err
-    return [Path(run["file"]) for run in done.json["runs"]]
+
+    def capture(out: Path) -> None:
+        poses = [word for pose in ("X1", "X2", "X3") for word in ("--pose", pose)]
+        done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast&seed=3", *poses, "--out", out, "--json")
+        assert done.code == 0, done.err
+        (out / "told.json").write_text(done.out)
+
+    told = json.loads((made_once("runs", capture) / "told.json").read_text())
+    return [Path(run["file"]) for run in told["runs"]]
 
 
 @pytest.fixture(scope="session")
-def model(cli: Cli, runs: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("model") / "model.json"
-    done = cli("identify", *runs, "--rig", "paper", "--out", out, "--json")
-    assert done.code == 0, done.err
-    return out
+def model(cli: Cli, runs: list[Path], made_once: MadeOnce) -> Path:
+    def identify(folder: Path) -> None:
+        done = cli("identify", *runs, "--rig", "paper", "--out", folder / "model.json", "--json")
+        assert done.code == 0, done.err
+
+    return made_once("model", identify) / "model.json"

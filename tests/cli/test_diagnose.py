@@ -156,7 +156,11 @@ def test_bad_input_is_answered_with_a_sentence_and_a_code(worn: list[Path], mode
     no_run.write_text("hello")
     no_model.write_text("{}")
     cases: list[tuple[tuple[object, ...], int, str]] = [
-        ((*worn, "--rig", "paper", "--library", "gremlins"), 2, "no effect named gremlins; there are: coulomb_joint1"),
+        (
+            (*worn, "--rig", "paper", "--library", "gremlins"),
+            2,
+            "no effect named gremlins; there are: dry friction, joint 1 [coulomb_joint1]",
+        ),
         ((*worn, "--rig", "paper", "--without", "gremlins"), 2, "no effect named gremlins"),
         ((*worn, "--rig", "paper", "--library", ""), 2, "no effect named"),
         ((*worn, "--rig", "paper", "--held-out", worn[0]), 3, "the same recording"),

@@ -37,8 +37,9 @@ def test_a_rate_that_cannot_be_is_refused_before_anyone_moves(cli, tmp_path: Pat
     [
         (("identify", "x", "--rig", "paper", "--search", "luck"), "covariance matrix adaptation [cma_es]"),
         (("identify", "x", "--rig", "paper", "--objective", "luck"), "short segments, chaos-safe [segments]"),
-        (("diagnose", "x", "--rig", "paper", "--library", "luck"), "coulomb_joint1"),
-        (("diagnose", "x", "--rig", "paper", "--without", "luck"), "coulomb_joint1"),
+        (("diagnose", "x", "--rig", "paper", "--library", "luck"), "dry friction, joint 1 [coulomb_joint1]; "),
+        (("diagnose", "x", "--rig", "paper", "--without", "luck"), "dry friction, joint 1 [coulomb_joint1]; "),
+        (("export", "x", "--to", "luck"), "MuJoCo [mjcf]; "),
         (("diagnose", "x", "--rig", "paper", "--fail-on", "luck"), "unexplained"),
     ],
 )
@@ -50,10 +51,10 @@ def test_a_wrong_choice_ends_with_2_and_lists_the_right_ones(cli, words, known: 
 
 
 def test_choices_are_completed() -> None:
-    assert SEARCHES.complete("c") == ["cma_es"]
-    assert OBJECTIVE_NAMES.complete("") == ["segments", "paper"]
+    assert SEARCHES.complete("c") == [("cma_es", "covariance matrix adaptation")]
+    assert [name for name, _ in OBJECTIVE_NAMES.complete("")] == ["segments", "paper"]
     assert EFFECT_NAMES.complete("backlash_joint2,coul") == [
-        f"backlash_joint2,{name}" for name in EFFECTS if name.startswith("coul")
+        (f"backlash_joint2,{name}", EFFECTS[name].words) for name in EFFECTS if name.startswith("coul")
     ]
     assert complete_rig("pap") == ["paper"]
 
@@ -110,7 +111,7 @@ def test_sentences_end_their_lines_between_words(on_terminal) -> None:
     code, text = on_terminal(wrong, {"COLUMNS": "80"})
     assert code == 2
     assert max(map(len, text.splitlines())) <= 80
-    assert set(EFFECTS) <= set(re.split(r"[\s,]+", text))
+    assert set(EFFECTS) <= set(re.findall(r"\[(\w+)\]", text))
     program = "from dpr_lab.cli.console import line; line('residual ' * 20)"
     code, text = on_terminal([sys.executable, "-c", program], {"COLUMNS": "80"})
     assert max(map(len, text.splitlines())) <= 80

@@ -35,9 +35,9 @@ def test_a_parameter_says_what_fixed_it_and_a_bound_has_no_uncertainty(model):
     rows = {row[0]: row for row in tables.parameter_rows(model())}
 
     assert len(rows) == 9
-    assert rows["m1"][1:4] == ["0.2000 ± 0.0010", "kg", "measured"]
-    assert rows["J2"][1:4] == ["0.2", "kg m²", "bound"]
-    assert rows["c1"][3] == "data"
+    assert rows["m1"][1:4] == ["0.2000 ± 0.0010", "kg", "a measured value"]
+    assert rows["J2"][1:4] == ["0.2", "kg m²", "only its bounds"]
+    assert rows["c1"][3] == "the recordings"
 
 
 def test_base_parameters_are_told_where_the_runs_show_their_scale(model):

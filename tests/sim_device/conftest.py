@@ -3,7 +3,8 @@
 import socket
 import time
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from itertools import islice
+from typing import Any, NamedTuple
 
 import can
 import numpy as np
@@ -89,14 +90,41 @@ class SocketEnd:
         self.socket.close()
 
 
+class ReadAhead:
+    """A serial port read in pieces as they come.
+
+    python-can reads each byte by itself, so that on a busy machine a device that samples faster than real time fills
+    the port, and its answers come behind seconds of samples.
+    """
+
+    def __init__(self, port: serial.Serial) -> None:
+        self._port = port
+        self._held = b""
+
+    @property
+    def in_waiting(self) -> int:
+        return len(self._held) or self._port.in_waiting
+
+    def read(self, size: int) -> bytes:
+        self._held = self._held or self._port.read(max(size, self._port.in_waiting))
+        read, self._held = self._held[:size], self._held[size:]
+        return read
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._port, name)
+
+
 class CanEnd:
     def __init__(self, interface: str, channel: str, bitrate: int) -> None:
         options = {"sleep_after_open": 0.0} if interface == "slcan" else {}
-        self.bus = can.Bus(channel, interface=interface, bitrate=bitrate, **options)
+        self.bus: Any = can.Bus(channel, interface=interface, bitrate=bitrate, **options)
+        if interface == "slcan":
+            self.bus.serialPortOrig = ReadAhead(self.bus.serialPortOrig)
 
     def read(self) -> list[Frame]:
-        messages = [self.bus.recv(0.0) for _ in range(64)]
-        return [Frame(m.arbitration_id, bytes(m.data)) for m in messages if m is not None]
+        # python-can waits for a byte on an empty port: once is enough.
+        messages = islice(iter(lambda: self.bus.recv(0.0), None), 64)
+        return [Frame(m.arbitration_id, bytes(m.data)) for m in messages]
 
     def write(self, frame: Frame) -> None:
         self.bus.send(can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False))

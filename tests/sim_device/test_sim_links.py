@@ -145,11 +145,13 @@ def test_dropped_samples_are_reported(bench):
             host.end.write(frame)
         time.sleep(0.02)
     host.run_for(0.5)
-    dropped = host.of(Status)[-1].dropped
-    ticks = host.counts()[:, 0]
-    missing = int(np.sum(np.diff(ticks) - 1))
-    assert dropped > 0
-    assert missing == dropped
+    host.do(Stop())
+    heard = len(host.of(Status))
+    host.until(lambda: len(host.of(Status)) > heard)  # nothing is dropped any more
+    told, ticks = host.of(Status)[-1], host.counts()[:, 0]
+    assert told.dropped > 0
+    assert len(ticks) == told.sent
+    assert 0 < np.sum(np.diff(ticks) - 1) <= told.dropped  # a busy host may miss the last ones too
     assert host.of(Status)[-1].overruns == 0
 
 

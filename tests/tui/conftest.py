@@ -83,10 +83,14 @@ def loaded_processes() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def recorded(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def recorded(paper: Rig, made_once: Callable[[str, Callable[[Path], None]], Path]) -> list[Path]:
     """Run files of three short releases: the counts that the simulated device would have sent."""
-    out = tmp_path_factory.mktemp("recorded")
-    return [written(run, paper, out) for run in record(load_plant("paper", 3), paper, 3.0)]
+
+    def swings(folder: Path) -> None:
+        for run in record(load_plant("paper", 3), paper, 3.0):
+            written(run, paper, folder)
+
+    return sorted(made_once("recorded", swings).glob("*.mcap"))
 
 
 def written(run: Run, rig: Rig, folder: Path) -> Path:
@@ -101,11 +105,13 @@ def written(run: Run, rig: Rig, folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def modelled(recorded: list[Path], paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def modelled(recorded: list[Path], paper: Rig, made_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
     """The model of those releases, as the command line writes it."""
-    path = tmp_path_factory.mktemp("modelled") / "model.json"
-    identify([load_run(run, rig=paper) for run in recorded], paper).save(path)
-    return path
+
+    def model(folder: Path) -> None:
+        identify([load_run(run, rig=paper) for run in recorded], paper).save(folder / "model.json")
+
+    return made_once("modelled", model) / "model.json"
 
 
 @pytest.fixture

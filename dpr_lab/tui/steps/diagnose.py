@@ -111,9 +111,11 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             with TabPane(TABS["which"], id="which"), VerticalScroll():
                 yield Static(id="which-text")
             with TabPane(TABS["where"], id="where"):
-                yield Select[int]([], prompt="no place", id="place", compact=True)
+                yield Select[int]([], prompt="no diagnosis yet: nothing to locate", id="place", compact=True)
                 yield Static(id="place-text", markup=False)
-                yield Chart(id="place-map")
+                place_map = Chart(id="place-map")
+                place_map.display = False
+                yield place_map
             for name in ("far", "next"):
                 with TabPane(TABS[name], id=name), VerticalScroll():
                     yield Static(id=f"{name}-text")
@@ -221,6 +223,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
                 for i, p in enumerate(found.where)
             ]
         )
+        picker.display = self.query_one("#place-map", Chart).display = bool(found.where)
         if found.where:
             picker.value = 0
         else:
@@ -345,14 +348,19 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
     ]
     shares += [(words(run, held_out=True), share, None) for run, share in closed.held_out.items()]
     low, high = closed.interval90
+    closing = [
+        f"\nOn releases that took no part in the fit {closed.estimate:.1%} of the gap above the noise closes (90 %"
+        f" interval {low:.1%} to {high:.1%})",
+        Bars([(name, max(share, 0.0), interval, f"{share:.1%}") for name, share, interval in shares], top=1.0),
+    ]
+    if not gap.waterfall:
+        closing = [f"\n{'There is no gap' if found.verdict == 'no_gap' else 'No effect is named'}: nothing closes"]
     return Group(
         f"Gap left ({unit.small} rms, both joints, segments of 0.5 s) and share of the excess explained, one effect"
         f" after the other. A bar is what stands above the noise floor of {three(floor)}: none where only noise is"
         " left",
         Bars(steps),
-        f"\nOn releases that took no part in the fit {closed.estimate:.1%} of the gap above the noise closes (90 %"
-        f" interval {low:.1%} to {high:.1%})",
-        Bars([(name, max(share, 0.0), interval, f"{share:.1%}") for name, share, interval in shares], top=1.0),
+        *closing,
         "",
         table("Free runs from the release", unit.heads(gap_tables.CLOSED_COLUMNS), gap_tables.closed_rows(found, unit)),
     )

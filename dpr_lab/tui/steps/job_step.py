@@ -222,7 +222,10 @@ class JobStep(Step):
         tabs = self.query_one(TabbedContent)
         names = [pane.id or "" for pane in tabs.query(TabPane)]
         tabs.active = names[(names.index(tabs.active) + 1) % len(names)]
-        self.query_one(f"#{tabs.active}").query("VerticalScroll, Chart").first().focus()
+        shown = (
+            widget for widget in tabs.query_one(f"#{tabs.active}").query("VerticalScroll, Chart") if widget.display
+        )
+        next(shown, self).focus()
 
     @on(Input.Submitted)
     def _given(self) -> None:

@@ -1,5 +1,6 @@
 """The row that is on every screen: which device, whether it is a simulation, the latch, a recording, the folder."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,20 +25,26 @@ class StatusLine(Static):
     """Never states what is not known now."""
 
     def show(
-        self, device: DeviceConnection, recording: RecordingNow | None, work: str, folder: Path, now: float
+        self, device: DeviceConnection, recording: RecordingNow | None, work: Sequence[str], folder: Path, now: float
     ) -> None:
-        """Draw, where something changed."""
+        """Draw, where something changed; what has no room goes in the order in which it is missed least."""
         parts = [_device(device, now), _latch(device, now)]
         if recording is not None:
             of = "" if recording.of is None else f" of {recording.of:g}"
             text = f" ● REC {recording.pose} {recording.t:.0f}{of} s "
             parts.append(Content.styled(text, "bold $background on $error"))
-        if work:
-            parts.append(Content.styled(f"▸ {work}", "bold $primary"))
-        parts.append(Content.styled(_shorter(folder), "dim"))
-        line = Content("  ").join(parts)
+        lines = [Content("  ").join([*parts, *rest]) for rest in _rests(work, folder)]
+        line = next((line for line in lines if line.cell_length <= self.content_size.width), lines[-1])
         if line != self.content:
             self.update(line, layout=False)
+
+
+def _rests(work: Sequence[str], folder: Path) -> Iterator[list[Content]]:
+    """Work and folder, from all that can be said of them to the least."""
+    shorter = (work, work, [text.partition(",")[0] for text in work], [text.partition(" ")[0] for text in work])
+    for k, texts in enumerate(shorter):
+        shown = [Content.styled(f"▸ {', '.join(texts)}", "bold $primary")] if texts else []
+        yield shown + [Content.styled(_shorter(folder), "dim")] * (k == 0)
 
 
 def _device(device: DeviceConnection, now: float) -> Content:

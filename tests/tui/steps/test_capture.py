@@ -142,7 +142,9 @@ async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, sai
 
 
 @pytest.mark.slow
-async def test_any_other_key_stops_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_any_other_key_and_rods_that_move_stop_the_countdown(
+    app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM)
@@ -160,6 +162,14 @@ async def test_any_other_key_stops_the_countdown(app: DprApp, until, said, monke
             await until(pilot, lambda seen=seen: step.attempt.rest is not seen)
             assert step.attempt.phase is Phase.READY
             assert step.attempt.latched
+        await pilot.press("r")
+        assert isinstance(app.screen, Countdown)
+        rest = step.attempt.rest
+        moving = type(rest)(rest.theta, rest.error, rest.tolerance, 0.5, rest.spread, False, "the rods still moved")
+        app.clear_notifications()
+        step.hear(AttemptSeen(step.attempt.number, moving, True, time.monotonic()))
+        await until(pilot, lambda: "nothing was released" in said(app))
+        assert not isinstance(app.screen, Countdown)
     assert recorded(app) == []
 
 
@@ -174,22 +184,6 @@ async def test_quitting_during_the_countdown_releases_nothing(app: DprApp, until
         await pilot.press("ctrl+q")
     assert recorded(app) == []
     assert state_of(port.url) == (State.HOLDING, True)
-
-
-@pytest.mark.slow
-async def test_rods_that_move_stop_the_countdown(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
-    async with app.run_test(size=(80, 24)) as pilot:
-        step = await connect(pilot, until, SIM)
-        await to_ready(pilot, until, step)
-        await pilot.press("r")
-        assert isinstance(app.screen, Countdown)
-        rest = step.attempt.rest
-        moving = type(rest)(rest.theta, rest.error, rest.tolerance, 0.5, rest.spread, False, "the rods still moved")
-        step.hear(AttemptSeen(step.attempt.number, moving, True, time.monotonic()))
-        await until(pilot, lambda: "nothing was released" in said(app))
-        assert not isinstance(app.screen, Countdown)
-    assert recorded(app) == []
 
 
 @pytest.mark.long

@@ -76,20 +76,17 @@ async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("url", "remedy"),
-    [
-        ("gopher://x", "unknown kind of link 'gopher'; known are: serial:///dev/ttyUSB0"),
-        ("serial:///dev/ttyNOTHERE", "/dev/ttyNOTHERE"),
-        ("sim://?speed=3", "speed"),
-    ],
-)
-async def test_a_wrong_link_says_what_to_do(app: DprApp, until, said, url: str, remedy: str) -> None:
+async def test_a_wrong_link_says_what_to_do(app: DprApp, until, said) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
-        await connect(pilot, url)
-        await until(pilot, lambda: remedy in shown(app, "#device"))
-        assert remedy not in said(app)  # once is enough
-        assert app.steps[0].outcome() == ""
+        for url, remedy in (
+            ("gopher://x", "unknown kind of link 'gopher'; known are: serial:///dev/ttyUSB0"),
+            ("serial:///dev/ttyNOTHERE", "/dev/ttyNOTHERE"),
+            ("sim://?speed=3", "speed"),
+        ):
+            await connect(pilot, url)
+            await until(pilot, lambda remedy=remedy: remedy in shown(app, "#device"))
+            assert remedy not in said(app)  # once is enough
+            assert app.steps[0].outcome() == ""
 
 
 @pytest.mark.slow

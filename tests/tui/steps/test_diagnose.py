@@ -14,6 +14,7 @@ from textual.widgets import DataTable, Input, Static, TabbedContent
 
 from dpr_lab.gap.diagnose import STAGES
 from dpr_lab.gap.result.diagnosis import load_diagnosis
+from dpr_lab.gap.result.locate import where_sentence
 from dpr_lab.kernel_cache import COMPILING
 from dpr_lab.progress import StageBegan
 from dpr_lab.report.envelope import signal_scale
@@ -135,6 +136,22 @@ async def test_the_first_start_says_that_it_compiles_and_then_how_long_it_goes_o
 def test_every_stage_of_a_diagnosis_has_a_typical_time() -> None:
     assert tuple(STAGES_S) == ("reading", *STAGES, "report")
     assert set(STEADY) <= set(STAGES_S)
+
+
+async def test_without_a_gap_there_is_no_empty_picture_of_where(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
+    told = json.loads(fixed_diagnosis.read_text())
+    none = {"verdict": "no_gap", "effects": [], "where": [], "where_sentence": where_sentence(())}
+    (tmp_path / "diagnosis.json").write_text(json.dumps(told | none | {"gap": told["gap"] | {"waterfall": []}}))
+    async with lab(DiagnoseStep) as pilot:
+        shown = step(pilot.app)
+        for record, drawn in ((fixed_diagnosis, True), (tmp_path / "diagnosis.json", False)):
+            shown.show(load_diagnosis(record))
+            assert [shown.query_one(name).display for name in ("#place", "#place-map")] == [drawn] * 2
+        assert "There is no gap to locate." in text(pilot.app, "#place-text")
+        assert "There is no gap: nothing closes" in text(pilot.app, "#far-text")
+        assert "90 % interval" not in text(pilot.app, "#far-text")
+        await pilot.press("v")
+        assert pilot.app.focused is shown  # a picture that is not shown takes no keys
 
 
 async def test_runs_stand_by_pose_and_time_and_no_list_is_empty(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:

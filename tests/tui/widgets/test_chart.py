@@ -8,6 +8,7 @@ from textual_plot import PlotWidget
 
 from dpr_lab.tui.widgets.chart import Band, Chart, Mark, Series
 from dpr_lab.tui.widgets.chart_scale import even_ticks
+from tests.thinned import thinned
 
 T = np.arange(20_000) / 1000
 WAVE = np.sin(T)
@@ -123,7 +124,7 @@ def test_ticks_are_even_and_round(low: float, high: float, most: int) -> None:
     assert f"{steps[0]:.6e}"[0] in "125"
 
 
-@pytest.mark.parametrize("height", range(10, 30))
+@pytest.mark.parametrize("height", thinned(range(10, 30), 5))
 async def test_no_tick_falls_onto_another(height: int, settled) -> None:
     async with Charted().run_test(size=(80, height)) as pilot:
         await settled(pilot)

@@ -1,14 +1,21 @@
 """The row on every screen: a recording and long work with their time so far and the time that is left."""
 
+import math
 from pathlib import Path
 
 import pytest
 from textual.widgets import ContentSwitcher
 
 from dpr_lab.tui.app import STEPS, DprApp
+from dpr_lab.tui.recorder.messages import Connected
+from dpr_lab.tui.recorder.sighting import Sighting
 from dpr_lab.tui.steps.capture import CaptureStep
 from dpr_lab.tui.widgets.status_line import RecordingNow, StatusLine
 from dpr_lab.tui.workspace import Workspace
+from firmware_protocol.identity import DeviceInfo
+
+INFO = DeviceInfo("1.0.0", "000051d000000001", (16384, 16384, 16384), 4000, 1000)
+SIMULATED = Connected("sim://", INFO, 1000, (), "")
 
 
 @pytest.mark.slow
@@ -19,10 +26,16 @@ async def test_every_step_shows_that_a_recording_runs_and_how_long_work_takes(
     monkeypatch.setattr(CaptureStep, "recording", RecordingNow("X1", 3.2, 10.0))
     monkeypatch.setattr(STEPS[5], "work", "Diagnose 35 s, about 20 s left")
     async with app.run_test(size=(80, 24)) as pilot:
+        line = app.query_one(StatusLine)
         for number, step in enumerate(STEPS, 1):
             await pilot.press(str(number))
             assert app.query_one(ContentSwitcher).current == step.NAME.lower()
-            line = app.query_one(StatusLine)
-            await until(pilot, lambda line=line: "● REC X1 3 of 10 s" in str(line.render()))
+            await until(pilot, lambda: "● REC X1 3 of 10 s" in str(line.render()))
             assert "Diagnose 35 s, about 20 s left" in str(line.render())
             assert len("  ".join(str(line.render()).split("  ")[:2])) < 78
+        monkeypatch.setattr(STEPS[3], "work", "Identify 40 s, search at most 30 s more")
+        app.device.connected, app.device.seen = SIMULATED, Sighting(latched=True, at=math.inf)
+        await until(pilot, lambda: "Identify 40 s" not in str(line.render()))
+        shown = str(line.render())
+        assert len(shown) <= 78
+        assert all(word in shown for word in ("SIMULATED", "latch", "● REC X1 3 of 10 s", "Identify, Diagnose"))

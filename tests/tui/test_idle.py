@@ -1,0 +1,55 @@
+"""A screen on which nothing happens costs nothing, although the device goes on telling where the rods are."""
+
+import math
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from textual._compositor import CompositorUpdate
+
+from dpr_lab.tui.app import DprApp
+from dpr_lab.tui.recorder.connection import DeviceConnection
+from dpr_lab.tui.recorder.messages import Connected, Idle
+from dpr_lab.tui.steps.capture import CaptureStep
+from firmware_protocol.identity import DeviceInfo
+
+INFO = DeviceInfo("1.0.0", "000051d000000001", (16384, 16384, 16384), 4000, 1000)
+COUNT = math.tau / 16384
+LOOKS = 24
+"""How often the screen looks for news: for two seconds."""
+MOST_OF_A_CORE = 0.25
+"""It takes 0.05 on a slow machine."""
+
+
+@pytest.mark.slow
+async def test_an_idle_capture_screen_draws_nothing_and_costs_next_to_nothing(
+    lab, until, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn, looks, noise = list[object](), list[float](), np.random.default_rng(1)
+    display = DprApp._display
+
+    def told(device: DeviceConnection) -> Iterator[Idle]:
+        looks.append(time.process_time())
+        seen = Idle((0.0, *(math.pi + COUNT * noise.integers(0, 2, 2))), True, math.inf)
+        device.note(seen)
+        yield seen
+
+    def counted(app: DprApp, screen, renderable) -> None:
+        drawn.extend([renderable] if isinstance(renderable, CompositorUpdate) else [])
+        display(app, screen, renderable)
+
+    monkeypatch.setattr(DeviceConnection, "reports", told)
+    monkeypatch.setattr(DprApp, "_display", counted)
+    async with lab(CaptureStep) as pilot:
+        pilot.app.device.connected = Connected("sim://", INFO, 1000, (), "")
+        await until(pilot, lambda: "latch CLOSED" in str(pilot.app.query_one("#status").render()))
+        await pilot.pause(0.5)  # until the first picture is drawn
+        drawn.clear()
+        looks.clear()
+        began = time.monotonic()
+        while len(looks) < LOOKS:
+            await pilot.pause(0.2)
+        wall = time.monotonic() - began
+    assert drawn == []
+    assert looks[-1] - looks[0] < MOST_OF_A_CORE * wall
