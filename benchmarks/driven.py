@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from _bars import Bar, at_most, show
+from _real import rezeroed
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
@@ -66,11 +67,6 @@ def records(folder: Path, design: str, torque: str) -> tuple[Rig, dict[str, floa
     rig = rezeroed(parse_rig(drafted))
     options = ImportOptions(zero="hanging", angles="relative", torque=torque)  # type: ignore[arg-type]
     return rig, model, [import_csv(file, rig, options) for file in files]
-
-
-def rezeroed(rig: Rig) -> Rig:
-    """A rig whose encoders are set to zero before each recording."""
-    return rig.model_copy(update={"encoders": rig.encoders.model_copy(update={"rezeroed": True})})
 
 
 def windows(run: Run) -> list[tuple[Array, Array]]:
