@@ -73,6 +73,11 @@ def unphysical(found: Diagnosis) -> float:
     return float(sum(value < 0 for value in [*effects, *(found.ratios[name].value for name in ("c1/b", "c2/b"))]))
 
 
+def rezeroed(rig: Rig) -> Rig:
+    """A rig whose encoders are set to zero before each recording."""
+    return rig.model_copy(update={"encoders": rig.encoders.model_copy(update={"rezeroed": True})})
+
+
 def dfki_rig(told: dict[str, Any]) -> Rig:
     """The rig as its authors identified it; only lengths count as measured."""
     known = told["known_parameters"]

@@ -2,9 +2,11 @@
 
 python benchmarks/driven.py FOLDER [DESIGN ...] [--torque commanded]
 
-FOLDER holds dfki_driven. Of each design two records are fitted, with friction, rotor and drives, and the third is
-foretold in windows of 2 s: by that fit, and by the authors' equations with the parameters they printed, in a code of
-their own here. Both start each window from the state that brings them nearest to its first 0.3 s, which do not count.
+FOLDER holds dfki_driven. Of each design two records are fitted, with friction, rotor, drives and zeros of the encoders
+of each record, and the third is foretold in windows of 2 s: by that fit, and by the authors' equations with the
+parameters they printed, in a code of their own here. Both start each window from the state that brings them nearest to
+its first 0.3 s, which do not count. The first window of the third record does not count either: it tells how its
+encoders were zeroed.
 """
 
 import argparse
@@ -17,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from _bars import Bar, at_most, show
+from _real import rezeroed
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
@@ -29,6 +32,7 @@ from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.data.pieces import in_pieces
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.inference.out_of_sample import own_zeros
 from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.selection.hypothesis import free_parameters
 from dpr_lab.rig import Rig, parse_rig
@@ -59,7 +63,8 @@ def records(folder: Path, design: str, torque: str) -> tuple[Rig, dict[str, floa
     told = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
     model, lengths = told["authors_model"], told["lengths"]
     inner, outer = Measure(model["m1"]), Measure(model["m2"])
-    rig = parse_rig(draft_rig(RigMeasures(f"dfki {design}", lengths["l1_m"], lengths["l2_m"], inner, outer)))
+    drafted = draft_rig(RigMeasures(f"dfki {design}", lengths["l1_m"], lengths["l2_m"], inner, outer))
+    rig = rezeroed(parse_rig(drafted))
     options = ImportOptions(zero="hanging", angles="relative", torque=torque)  # type: ignore[arg-type]
     return rig, model, [import_csv(file, rig, options) for file in files]
 
@@ -128,11 +133,17 @@ def ours(at: tuple[Array, Array], rig: Rig, run: Run, t: Array, state: Array) ->
 def errors(run: Run, foretell: Foretell) -> Array:
     """(windows,) rms of both angles beyond the first readings, rad."""
     found = []
-    for t, theta in windows(run):
+    for t, theta in windows(run)[1:]:
         later = t >= t[0] + SETTLE_S
         angles = foretell(t, begun(foretell, t, theta))
         found.append(np.sqrt(np.mean((angles - theta)[later] ** 2)))
     return np.array(found)
+
+
+def zeros(run: Run, at: Estimate, rig: Rig) -> Array:
+    """(2,) by how much the encoders of joints 1 and 2 read more in a record, by its first window, rad."""
+    first = record(run.between(run.t[0], run.t[0] + PAD + WINDOW_S), rig)
+    return own_zeros(Recordings((first,), rig), at, 25)[0]
 
 
 def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
@@ -154,9 +165,16 @@ def compared(folder: Path, design: str, torque: str) -> list[Bar]:
     at, unseen = fitted(runs[:2], rig), runs[2]
     print(f"{design}, {torque} torques: b {at.base[1]:.4g} kg m^2, the authors' {model['I2']:.4g}")
     print(f"  {named_params(at.params)}")
+    read = zeros(unseen, at, rig)
+    print(
+        f"  zeros of joints 1 and 2, rad: fitted {np.round(at.zeros, 4).tolist()}, third {np.round(read, 4).tolist()}"
+    )
+    theirs, own = partial(authors, model, unseen), partial(ours, (at.whole, at.params), rig, unseen)
+    rods = np.cumsum(read)
     lines = {
-        "authors": errors(unseen, partial(authors, model, unseen)),
-        "fitted": errors(unseen, partial(ours, (at.whole, at.params), rig, unseen)),
+        "authors": errors(unseen, theirs),
+        "authors with the zeros": errors(unseen, lambda t, state: theirs(t, state) + rods),
+        "fitted": errors(unseen, lambda t, state: own(t, state) + rods),
     }
     for name, each in lines.items():
         print(f"  {name}: median {np.median(each):.4f} rad; windows {np.round(each, 3)}")

@@ -2,6 +2,7 @@
 
 python benchmarks/real.py FOLDER                    print it
 python benchmarks/real.py FOLDER --write            and write docs/real-rigs.md
+python benchmarks/real.py FOLDER --only DFKI        anew the rigs of such a title alone
 """
 
 import argparse
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _real import dfki_rig
+from _real import dfki_rig, rezeroed
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
@@ -85,7 +86,7 @@ def _multiarm(folder: Path) -> Case:
 def _dfki(folder: Path) -> Iterator[Case]:
     files = sorted(folder.glob("*.csv"))
     told = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
-    rig, model = dfki_rig(told), told["known_parameters"]["model_1_0"]
+    rig, model = rezeroed(dfki_rig(told)), told["known_parameters"]["model_1_0"]
     Z = {"l1": model["r1"], "l2": model["r2"], "m1": model["m1"], "m2": model["m2"], "mb": 0.0}
     Z |= {"c1": model["b1"], "c2": model["b2"]}
     Z |= {f"J{i}": model[f"I{i}_pivot"] - model[f"m{i}"] * model[f"r{i}"] ** 2 for i in (1, 2)}
@@ -98,7 +99,8 @@ def _dfki(folder: Path) -> Iterator[Case]:
         yield Case(
             f"DFKI double pendulum, design A, release {fitted + 1} of 2",
             "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. A geared motor stays on each joint, its torque"
-            f" zero; 5 s at 200 Hz. Release {fitted + 1} is fitted, release {unseen + 1} held out.",
+            " zero; encoders zeroed before each recording; 5 s at 200 Hz."
+            f" Release {fitted + 1} is fitted, release {unseen + 1} held out.",
             rig,
             [runs[fitted]],
             [runs[unseen]],
@@ -140,13 +142,15 @@ def _driven(folder: Path) -> Iterator[Case]:
         told = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
         model, lengths = told["authors_model"], told["lengths"]
         inner, outer = Measure(model["m1"]), Measure(model["m2"])
-        rig = parse_rig(draft_rig(RigMeasures(f"dfki {design}", lengths["l1_m"], lengths["l2_m"], inner, outer)))
+        drafted = draft_rig(RigMeasures(f"dfki {design}", lengths["l1_m"], lengths["l2_m"], inner, outer))
+        rig = rezeroed(parse_rig(drafted))
         options = replace(HANGING, angles="relative", torque="measured")
         runs = [import_csv(file, rig, options) for file in files]
         yield Case(
             f"DFKI double pendulum, design {design}, driven",
             "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. Both joints driven by geared motors; torques as"
-            " the drives measure them. Two records are fitted, the third held out.",
+            " the drives measure them; encoders zeroed before each recording. Two records are fitted, the third held"
+            " out.",
             rig,
             runs[:2],
             runs[2:],
@@ -246,15 +250,22 @@ explained in part; their authors' models are compared in [benchmarks.md](benchma
 """
 
 
+def _standing(page: str, title: str) -> str:
+    """The section of a page as it stands."""
+    begin = page.index(f"## {title}\n")
+    return page[begin : page.index("\n## ", begin)]
+
+
 def main() -> None:
     """Print the page, or write it too."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="of the recordings: multiarm, dfki_design_a")
     parser.add_argument("--write", action="store_true", help="write the page of the documentation too")
+    parser.add_argument("--only", default="", help="rigs of such a title; the others stay as the page has them")
     args = parser.parse_args()
-    told = []
+    page, told = PAGE.read_text(encoding="utf-8"), list[str]()
     for case in cases(args.folder):
-        told.append(section(case))
+        told.append(section(case) if args.only in case.title else _standing(page, case.title))
         print(told[-1], flush=True)
     if args.write:
         PAGE.write_text("\n".join([HEAD, *told, OPEN]), encoding="utf-8")

@@ -94,6 +94,9 @@ class Encoders(_Table):
     """What the encoders read with the rods hanging and the arm at 0; capture warns when they do not."""
     direction: tuple[Literal[-1, 1], Literal[-1, 1], Literal[-1, 1]] = (1, 1, 1)
     """-1 for an encoder that counts backwards."""
+    rezeroed: bool = False
+    """Whether the zeros of joints 1 and 2 are put anew before each recording, as those of an encoder that only counts:
+    dry friction holds a hanging rod aside, and each recording then has zeros of its own, which a diagnosis fits."""
 
     @property
     def joint_angles(self) -> JointAngles:

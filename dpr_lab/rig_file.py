@@ -171,6 +171,7 @@ joint2 = {_text(m.joint2)}  # the outer rod's encoder: relative to the inner rod
 # zero_counts = [0, 0, 0]  # what they read with the rods hanging
 # direction = [1, 1, 1]    # -1 for one that counts backwards
 # noise_counts = 0.5       # standard deviation of a reading at rest
+# rezeroed = true          # where joints 1 and 2 are set to zero before each recording
 
 # Where the rods are held before a release, rad: high ones swing widely and tell most.
 [poses.X1]

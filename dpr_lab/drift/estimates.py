@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import RunError
+from dpr_lab.fitting.estimate import ZERO
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
@@ -76,5 +77,7 @@ def _estimate(
     inverse = np.linalg.pinv((A / sizes).T @ (A / sizes), hermitian=True)
     excess = max(1.0, found.chi2 / problem.measured.size)
     std = np.sqrt(excess * np.diag(inverse)) / sizes
-    names = tuple(p.name if p.effect is None else f"{p.effect}.{p.name}" for p in found.free)
-    return names, np.array([parameter.read(found.estimate) for parameter in found.free]), std
+    kept = [i for i, p in enumerate(found.free) if p.effect != ZERO]
+    told = [found.free[i] for i in kept]
+    names = tuple(p.name if p.effect is None else f"{p.effect}.{p.name}" for p in told)
+    return names, np.array([parameter.read(found.estimate) for parameter in told]), std[kept]

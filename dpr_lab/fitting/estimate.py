@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,6 +48,13 @@ class DifferenceSteps:
 DIFFERENCE_STEPS = DifferenceSteps()
 
 
+ZERO = "zero of an encoder"
+"""What a zero that is put anew before each run belongs to, in place of an effect."""
+
+ZERO_SIZE = 0.02
+"""rad, of such a zero: what dry friction holds a hanging rod aside by."""
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """One value of everything unknown."""
@@ -58,6 +65,8 @@ class Estimate:
     """(SIZE,) parameters of all effects, SI."""
     initial: Array
     """(segments, 4) theta1, theta2, omega1, omega2 where each segment starts, rad and rad/s."""
+    zeros: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    """(runs, 2) by how much the encoders of joints 1 and 2 read more in each run, rad; empty where they keep zero."""
 
     @property
     def base(self) -> Array:
@@ -76,9 +85,9 @@ class FreeParameter:
 
     name: str
     effect: str | None
-    """The effect it belongs to; none for a ratio."""
+    """The effect it belongs to; none for a ratio, `ZERO` for a zero of one run."""
     index: int
-    """Its place in `Estimate.ratios` or `Estimate.params`."""
+    """Its place in `Estimate.ratios`, `Estimate.params` or the flat `Estimate.zeros`."""
     step: float
     """Forward step of its derivative."""
     lower: float = -np.inf
@@ -91,7 +100,14 @@ class FreeParameter:
 
     def read(self, at: Estimate) -> float:
         """Its value in an estimate."""
-        return float((at.ratios if self.effect is None else at.params)[self.index])
+        return float(_holder(self, at.ratios, at.params, at.zeros)[self.index])
+
+
+def _holder(parameter: FreeParameter, ratios: Array, params: Array, zeros: Array) -> Array:
+    """The one of the three that a parameter is part of, flat."""
+    if parameter.effect is None:
+        return ratios
+    return zeros.reshape(-1) if parameter.effect == ZERO else params
 
 
 def unknown_ratios(base: ArrayLike) -> Array:
@@ -145,6 +161,15 @@ def ratio_parameters(at: Estimate, visible: Iterable[int] = range(len(RATIOS))) 
     )
 
 
+def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
+    """The zeros of the encoders that are read, of each run its own."""
+    return tuple(
+        FreeParameter(f"zero{joint + 1}_of_run{run + 1}_rad", ZERO, 2 * run + joint, 1.0, size=ZERO_SIZE)
+        for run, setup in enumerate(setups)
+        for joint in range(1 if setup.alone else 2)
+    )
+
+
 def effect_parameters(
     effect: Effect, *, refined: bool = False, overrides: tuple[tuple[int, float], ...] = ()
 ) -> tuple[FreeParameter, ...]:
@@ -165,8 +190,8 @@ def effect_parameters(
 
 def moved(at: Estimate, free: Sequence[FreeParameter], step: Array, initial_step: Array) -> Estimate:
     """The estimate a step further, no parameter beyond its bound."""
-    ratios, params = at.ratios.copy(), at.params.copy()
+    ratios, params, zeros = at.ratios.copy(), at.params.copy(), at.zeros.copy()
     for parameter, change in zip(free, step.tolist(), strict=True):
-        values = ratios if parameter.effect is None else params
+        values = _holder(parameter, ratios, params, zeros)
         values[parameter.index] = max(values[parameter.index] + change, parameter.lower)
-    return replace(at, ratios=ratios, params=params, initial=at.initial + initial_step)
+    return replace(at, ratios=ratios, params=params, initial=at.initial + initial_step, zeros=zeros)

@@ -107,12 +107,13 @@ def fit(
         first: the problem linearised at `start` where that is known already
         settings: when to stop
     """
+    free = problem.all_free(free)
     end = descend(problem, start, free, iterations=iterations, first=first, settings=settings)
     linear = end.linear
     if end.predicted is not None:
         same = linear.carried(problem, end.predicted) if end.converged else None
         linear = same or linearise(problem, end.estimate, free, end.predicted)
-    return Fit(end.estimate, tuple(free), linear, end.converged, end.iterations)
+    return Fit(end.estimate, free, linear, end.converged, end.iterations)
 
 
 def descend(
@@ -125,7 +126,7 @@ def descend(
     settings: GaussNewton = SETTINGS,
 ) -> Descent:
     """The iteration of `fit` alone, for where it leads: arguments as there."""
-    at, free, predicted = start, tuple(free), None
+    at, free, predicted = problem.begun(start), problem.all_free(free), None
     linear = first or linearise(problem, at, free)
     chi2, damping, converged, done = linear.chi2, settings.least_damping, False, 0
     while done < iterations and not converged:

@@ -104,7 +104,7 @@ def linearise(
     """
     predicted = problem.predict(at) if predicted is None else predicted
     residual = problem.whitened(problem.measured - predicted)
-    J = problem.whitened(problem.model.slopes(problem.segments, at, free))
+    J = problem.whitened(problem.slopes(at, free))
     lost = np.logical_not(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     residual[lost], J[lost] = np.inf, 0.0
     alone = np.array([setup.alone for setup in problem.segments.setups])[problem.segments.run]

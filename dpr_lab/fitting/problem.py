@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.fitting.estimate import Estimate, FreeParameter
+from dpr_lab.fitting.estimate import ZERO, Estimate, FreeParameter, zero_parameters
 from dpr_lab.fitting.whitening import padded
 from dpr_lab.joint_angles import JointAngles
 
@@ -57,6 +57,8 @@ class Problem:
     """Effects that every fit frees: what they correct is hardly known of the rig."""
     noise_correlation: float = 0.0
     """Of the noise of neighbouring readings: what a filter or a tracker leaves."""
+    rezeroed: bool = False
+    """Whether the zeros of the encoders are put anew before each run: every fit then frees them, run by run."""
 
     @property
     def t(self) -> Array:
@@ -95,9 +97,33 @@ class Problem:
         row = np.arange(len(owner)) - self.segments.offsets[owner]
         return whitened.reshape(len(whitened), -1, 2)[owner, row]
 
+    def begun(self, at: Estimate) -> Estimate:
+        """An estimate with zeros for the runs of these segments, where they are put anew: its own, or none yet."""
+        runs = len(self.segments.setups)
+        return replace(at, zeros=np.zeros((runs, 2))) if self.rezeroed and len(at.zeros) != runs else at
+
+    def all_free(self, free: Sequence[FreeParameter]) -> tuple[FreeParameter, ...]:
+        """Unknowns besides the initial states, with the zeros that are put anew before each run."""
+        own = zero_parameters(self.segments.setups) if self.rezeroed else ()
+        return (*free, *(parameter for parameter in own if parameter not in free))
+
     def predict(self, at: Estimate) -> Array:
         """(samples, 2) what the encoders would read, rad."""
-        return self.model.predict(self.segments, at)
+        read = self.model.predict(self.segments, at)
+        return read + at.zeros[self.segments.run[self.owner]] if len(at.zeros) else read
+
+    def slopes(self, at: Estimate, free: Sequence[FreeParameter]) -> Array:
+        """(samples, 2, free + 4) derivatives of that, the last four by the initial state of each own segment."""
+        zeros = [i for i, parameter in enumerate(free) if parameter.effect == ZERO]
+        of_model = self.model.slopes(self.segments, at, [p for p in free if p.effect != ZERO])
+        if not zeros:
+            return of_model
+        found, run = np.zeros((*of_model.shape[:2], len(free) + 4)), self.segments.run[self.owner]
+        found[:, :, np.delete(np.arange(len(free) + 4), zeros)] = of_model
+        for i in zeros:
+            of_run, joint = divmod(free[i].index, 2)
+            found[run == of_run, joint, i] = 1.0
+        return found
 
     def chi2_by_segment(self, predicted: Array) -> Array:
         """(segments,) sum of squared whitened residuals; inf where a segment cannot be followed."""

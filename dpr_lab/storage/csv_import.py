@@ -176,7 +176,8 @@ def understand(file: Path | str, rig: Rig, options: ImportOptions | None = None)
     check_spacing(path, time)
     counts = _counts(path, values, rig) if options.unit == "counts" else None
     theta, unwrapped = (rig.theta(counts), []) if counts is not None else _theta(values, options)
-    notes += outliers + unrecorded + unwrapped + early_notes(t[kept]) + gap_notes(time) + odd_notes(time, theta)
+    notes += outliers + unrecorded + unwrapped + early_notes(t[kept]) + gap_notes(time)
+    notes += odd_notes(time, theta, options.zero == "upright" and options.unit != "counts")
     if driving and not any(column[kept].any() for column in known.values()):
         driving, notes = {}, [*notes, "its torques are zero throughout: a free swing"]
     torques = {kind: np.stack([known[name][kept] for name in pair], axis=1) for kind, pair in driving.items()}

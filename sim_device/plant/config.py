@@ -67,6 +67,10 @@ class DriveConfig(_Table):
     """How much later than commanded a torque acts."""
     noise_Nm: NotNegative = 0.0
     """Standard deviation of the measured torques."""
+    gain: tuple[Finite, Finite] = (1.0, 1.0)
+    """Torque that acts at each joint over the one that is told: of a wrong torque constant."""
+    offset_Nm: tuple[Finite, Finite] = (0.0, 0.0)
+    """Torque that acts at each joint from the release on and is not told, N m."""
     unit_uNm: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
     """Step in which torques are commanded and told."""
 

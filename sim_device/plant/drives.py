@@ -51,7 +51,8 @@ class JointDrives:
 
     def exerted(self, first: int, count: int, rate_hz: float) -> NDArray[np.float64]:
         """(count, 2) what acts from the ticks `first`, `first` + 1, ... since the release on, N m."""
-        return self._asked(first, count, rate_hz, self.config.delay_s) * np.float64(self.unit_Nm)
+        asked = self._asked(first, count, rate_hz, self.config.delay_s) * np.float64(self.unit_Nm)
+        return asked * np.array(self.config.gain) + np.array(self.config.offset_Nm)
 
     def told(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
         """(count, kinds, 2) what TORQUE says of these ticks, in units; `release` is the number of the release."""

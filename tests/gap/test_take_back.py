@@ -14,8 +14,10 @@ from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis, load_diagnosis
 from dpr_lab.gap.result.take_back import candidates, find_check, take_runs, take_value
 from dpr_lab.rig import Pose, load_rig
 from dpr_lab.run import Run
+from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.workflows.check import CheckRequest, take_check
 from sim_device.plant.config import load_plant
+from sim_device.plant.drives import JointDrives
 from sim_device.trials.offline_recorder import record
 
 FEW = ("base_tilt", "encoder_offset_joint1", "com_offset_link1", "coulomb_joint2")
@@ -139,3 +141,26 @@ def test_expected_bits_follow_what_is_known_and_what_would_be_seen() -> None:
     assert told_bits([0.5, 0.5], 1.0) < 0.3
     assert told_bits([0.5, 0.5], 0.0) == pytest.approx(0.0, abs=1e-9)
     assert told_bits([1.0, 0.0], np.inf) == 0.0
+
+
+@pytest.mark.slow
+def test_a_recording_is_taken_by_the_torques_that_are_asked_for(diagnosis: Diagnosis, tmp_path: Path) -> None:
+    plant, rig = load_plant("paper", 8).model_copy(update={"effects": {TILT: {"tilt_rad": 0.01}}}), load_rig("paper")
+    t = np.arange(0, 2, 0.01)
+    drives = JointDrives(t, 0.1 * np.sin(7 * np.stack([t, t + 1], axis=1)), plant.drives, 8)
+    swing = record(plant, rig, 2.0, 250, drives)[0].swing
+    assert swing.torques is not None
+    columns = [swing.t, swing.theta[:, 1:], swing.torques, 2 * swing.torques]
+    names = "t_s,theta1_rad,theta2_rad,tau1_measured_Nm,tau2_measured_Nm,tau1_commanded_Nm,tau2_commanded_Nm"
+    np.savetxt(tmp_path / "x.csv", np.column_stack(columns), delimiter=",", header=names, comments="")
+    import_csv(tmp_path / "x.csv", rig, out=tmp_path / "x.mcap")
+    file, before = tmp_path / "d.json", open_between(diagnosis, "com_offset_link1")
+    file.write_text(json.dumps(before.to_json()))
+    asked, runs = before.checks[0].id, (tmp_path / "x.mcap",)
+    done = [take_check(CheckRequest(file, asked, runs, torque=kind)).checks_done[0] for kind in (None, "commanded")]
+    assert [one.result for one in done] == [f"recorded: x, driven by {of} torques" for of in ("measured", "commanded")]
+    assert done[0].after[TILT] + done[0].after[OFFSET] > 0.9
+    np.savetxt(tmp_path / "y.csv", np.column_stack(columns[:3]), delimiter=",", header=names[:59], comments="")
+    import_csv(tmp_path / "y.csv", rig, out=tmp_path / "y.mcap")
+    with pytest.raises(RunError, match=r"holds no commanded torques, only measured.*: leave out --torque"):
+        take_check(CheckRequest(file, asked, (tmp_path / "y.mcap",), torque="commanded"))

@@ -288,3 +288,13 @@ def test_a_column_that_is_empty_throughout_is_an_axis_that_was_not_recorded(tmp_
     assert any("theta0: its column is empty throughout" in note for note in run.notes)
     with pytest.raises(RunError, match="theta2 is empty throughout; both rods are needed"):
         read(table(tmp_path / "b.csv", ("t", "theta1", "theta2"), T, THETA1, nothing))
+
+
+def test_only_a_table_said_to_be_zero_upright_is_asked_about_rods_that_point_upwards(paper, tmp_path):
+    rows = [f"{0.005 * k},{3.0 - 0.001 * k},{2.9 + 0.001 * k}\n" for k in range(100)]
+    hanging, upright = tmp_path / "hanging.csv", tmp_path / "upright.csv"
+    hanging.write_text("t_s,theta1_rad,theta2_rad\n" + "".join(rows))
+    upright.write_text("t_s,theta1_rad,theta2_rad\n" + "".join(f"{0.005 * k},0.1,{0.2}\n" for k in range(100)))
+    asked = "both rods point upwards most of the time: if the table's zero is hanging, import it with zero hanging"
+    assert asked in import_csv(upright, paper).notes
+    assert asked not in import_csv(hanging, paper, ImportOptions(zero="hanging")).notes

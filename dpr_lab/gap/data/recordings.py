@@ -81,6 +81,7 @@ class Recordings:
             model=RodsWithEffects(self.constants),
             masses_weighed=self.masses_weighed,
             always=tuple(name for name, effect in EFFECTS.items() if effect.corrects in self.rig.unsure),
+            rezeroed=self.rig.encoders.rezeroed,
             noise_correlation=float(np.mean([item.noise_correlation for item in records])),
         )
         relative2 = self.rig.encoders.joint2 == "relative"

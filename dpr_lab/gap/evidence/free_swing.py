@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.segments import Segments, segments
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.estimate import ZERO, Estimate
 from dpr_lab.fitting.linearise import UNKNOWN_STARTS, UNREAD_STARTS
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.data.record import Record
@@ -79,7 +79,7 @@ class FreeSwing:
         """(n, 2) by how much the readings change for a rig measured otherwise, or with finer steps, same start."""
         laid = replace(self.laid, step=self.laid.step / finer)
         model = RodsWithEffects(constants or self.constants)
-        return np.nan_to_num(model.predict(laid, self.begun) - self.predicted)
+        return np.nan_to_num(model.predict(laid, self.begun) + self.begun.zeros.sum(axis=0) - self.predicted)
 
 
 def free_swing(recordings: Recordings, item: Record, at: Hypothesis) -> FreeSwing:
@@ -88,13 +88,16 @@ def free_swing(recordings: Recordings, item: Record, at: Hypothesis) -> FreeSwin
     since = item.t - item.t[0]
     own = since <= FREE_RUN.length_s
     laid = segments([item.t[own]], setups=[item.run.setup], step=item.step)
-    model = RodsWithEffects(recordings.constants)
-    slopes = np.nan_to_num(model.slopes(laid, begun, at.fit.free))
+    model, free = RodsWithEffects(recordings.constants), at.fit.free
+    slopes = np.zeros((len(laid.t), 2, len(free) + 4))  # a zero of this very run was fitted with its start
+    moves = [i for i, parameter in enumerate(free) if parameter.effect != ZERO]
+    slopes[:, :, [*moves, *range(len(free), len(free) + 4)]] = model.slopes(laid, begun, [free[i] for i in moves])
+    slopes = np.nan_to_num(slopes)
     return FreeSwing(
         item=item,
         t=since[own],
         measured=item.joints[own],
-        predicted=model.predict(laid, begun),
+        predicted=model.predict(laid, begun) + begun.zeros.sum(axis=0),
         weight=1 / item.sigma[own],
         by_values=slopes[:, :, :-4],
         by_start=slopes[:, :, -4:],

@@ -130,8 +130,19 @@ def begun_freely(recordings: Recordings, item: Record, at: Estimate, settings: F
     head = item.t - item.t[0] < settings.settle_s
     short = replace(item, t=item.t[head], joints=item.joints[head], sigma=item.sigma[head])
     problem, initial = recordings.only([short]).cut(settings.settle_s)
-    begun = fit(problem, replace(at, initial=initial), (), iterations=settings.iterations).estimate
+    known = replace(problem, rezeroed=False)
+    at = replace(at, initial=initial, zeros=own_zeros(recordings.only([item]), at, settings.iterations))
+    begun = fit(known, at, (), iterations=settings.iterations).estimate
     return replace(begun, initial=begun.initial[:1])
+
+
+def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
+    """(runs, 2) zeros of recordings that were put anew before each, by the whole of each; (0, 2) where they stay."""
+    if not recordings.rig.encoders.rezeroed:
+        return np.zeros((0, 2))
+    problem, initial = recordings.cut(LENGTHS.working)
+    begun = replace(at, initial=initial, zeros=np.zeros((0, 2)))
+    return descend(problem, begun, (), iterations=iterations).estimate.zeros
 
 
 def _free_run_error(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings) -> float:
@@ -140,5 +151,6 @@ def _free_run_error(recordings: Recordings, item: Record, at: Estimate, settings
     begun = begun_freely(recordings, item, at, settings)
     whole = segments([np.concatenate([item.t[:1], item.t[unseen]])], setups=[item.run.setup], step=item.step)
     angles = predict(begun.whole, begun.params, recordings.constants, whole, begun.initial)
+    angles = angles + begun.zeros.sum(axis=0)
     read = 1 if item.run.setup.alone else 2
     return float(np.sqrt(np.mean((item.joints[unseen] - angles[1:])[:, :read] ** 2)))

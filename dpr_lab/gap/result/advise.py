@@ -214,7 +214,10 @@ def _foretold(recordings: Recordings, chosen: Hypothesis, choice: PossibleReleas
     trial, initial = _simulated(recordings, chosen, choice)
     known = [parameter for parameter in chosen.fit.free if parameter.effect in (None, *trial.always)]
     own = {name: effect_parameters(EFFECTS[name]) for name in names}
-    linear = linearise(trial, replace(at, initial=initial), [*known, *(p for each in own.values() for p in each)])
+    known += trial.all_free(())
+    linear = linearise(
+        trial, trial.begun(replace(at, initial=initial)), [*known, *(p for each in own.values() for p in each)]
+    )
     A, _ = linear.flat
     ends = np.cumsum([len(known), *map(len, own.values())])
     fitted = {name: np.array([parameter.read(at) for parameter in each]) for name, each in own.items()}

@@ -239,7 +239,15 @@ def _assumptions(found: Findings) -> list[str]:
         made.append("Encoder 0 saw the arm stand still, so a compliant arm was not considered.")
     elif any(item.arm_moves is None for item in records):
         made.append("The arm's angle was not recorded.")
-    return made
+    return [*made, *_zeros(found)]
+
+
+def _zeros(found: Findings) -> list[str]:
+    """What the zeros of encoders were fitted to be that are put anew before each recording."""
+    runs, zeros = found.recordings.records, 1e3 * found.selection.chosen.fit.estimate.zeros
+    each = [f"{item.run.name}: {own[0]:.3g} and {own[1]:.3g}" for item, own in zip(runs, zeros, strict=False)]
+    told = "Encoders are zeroed before each recording; what joints 1 and 2 read too much was fitted, mrad"
+    return [f"{told}: {'; '.join(each)}."] if each else []
 
 
 def _length(found: Findings) -> str:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.fitting.estimate import ZERO
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 
@@ -53,10 +54,15 @@ class _Folds:
     def __init__(self, fit: Fit, fold: NDArray[np.int64]) -> None:
         free = fit.inside
         self.A = fit.linear.A[:, :, free] * np.array([PRIOR * fit.free[i].size for i in free])
+        self.zeros = np.array([fit.free[i].effect == ZERO for i in free], dtype=np.bool_)
         self.e = fit.linear.e
         self.each = [self._fold(fold == r) for r in np.unique(fold)]
         self.H = sum((one.H for one in self.each), np.eye(len(free)))
         self.gradient = sum((one.gradient for one in self.each), np.zeros(len(free)))
+
+    def seen_by_one_alone(self, one: _Fold) -> NDArray[np.bool_]:
+        """(free,) the zeros that were put anew before the run of a fold: as free there as where it begins."""
+        return self.zeros & (np.diag(self.H) - np.diag(one.H) <= 1.0)
 
     def _fold(self, mine: NDArray[np.bool_]) -> _Fold:
         A, e = self.A[mine].reshape(-1, self.A.shape[2]), self.e[mine].ravel()
@@ -69,7 +75,11 @@ def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
     chi2 = np.sum(parts.e**2, axis=1)
     for one in parts.each:
         step = np.linalg.solve(parts.H - one.H, parts.gradient - one.gradient)
-        chi2[one.mine] = np.sum((parts.e[one.mine] - parts.A[one.mine] @ step) ** 2, axis=1)
+        left = parts.e[one.mine] - parts.A[one.mine] @ step
+        if (own := parts.seen_by_one_alone(one)).any():
+            columns = parts.A[one.mine][:, :, own]
+            left = left - columns @ np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), left.ravel(), rcond=None)[0]
+        chi2[one.mine] = np.sum(left**2, axis=1)
     return chi2
 
 

@@ -104,9 +104,9 @@ def early_notes(t: NDArray[np.float64]) -> list[str]:
     return [early] if t[0] < 0 < t[-1] else []
 
 
-def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64]) -> list[str]:
-    """Notes on (n, 3) angles, rad, that no rods turn by, or that point upwards most of the time."""
-    above = np.median(np.cos(theta[:, 1:]), axis=0) > 0
+def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64], upright: bool) -> list[str]:
+    """Notes on (n, 3) angles, rad, that no rods turn by, or that point upwards most of the time if zero is said to."""
+    above = upright & (np.median(np.cos(theta[:, 1:]), axis=0) > 0)
     speed = float(np.quantile(np.abs(np.diff(theta[:, 1:], axis=0)).max(axis=1) / np.diff(t), 0.1))
     notes = [f"the rods turn at more than {speed:.3g} rad/s nearly always: are the units right?"]
     notes = notes if speed > PLAUSIBLE.speed else []
