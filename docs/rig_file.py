@@ -83,6 +83,8 @@ def shown(value: Any) -> str:
     """A value as TOML writes it."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(shown, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
     return f'"{value}"' if isinstance(value, str) else f"{value:g}"
 
 
@@ -99,6 +101,8 @@ def ranges(kind: Any, metadata: list[Any]) -> Iterator[str]:
         yield f"{len(get_args(kind))} times {inner}"
     elif get_origin(kind) is Literal:
         yield " or ".join(f"`{shown(value)}`" for value in get_args(kind))
+    elif kind is bool:
+        yield "`true` or `false`"
     elif kind in (int, float):
         words = {"gt": "above", "ge": "from", "lt": "below", "le": "to"}
         said = [f"{words[k]} {getattr(m, k):g}" for m in metadata for k in words if getattr(m, k, None) is not None]
