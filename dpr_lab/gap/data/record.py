@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.segments import STEP
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import rest_correlation
-from dpr_lab.fitting.cut import MIN_SAMPLES
+from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.gap.data.screen import AXES, Finding, Screened, screen
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -35,7 +35,9 @@ class ThinningSettings:
     after_release_s: float = 0.03
     """Start: before, the latch may still touch the rod, and an initial state lies 20 ms before its segment."""
     gap_s: float = 0.03
-    """A longer hole ends a segment."""
+    """A longer hole ends a segment,"""
+    gap_spacings: float = 1.5
+    """or one of more than so many usual spacings, of a slow recording: a camera's frames are 33 ms apart."""
     averaged_from: float = 1.5
     """Times the blocks' rate: slower recordings are kept as they are."""
     bent: float = 0.092
@@ -97,7 +99,7 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
     """Screen a run and thin it to about 200 Hz.
 
     Raises:
-        RunError: fewer samples after the release than a segment needs.
+        RunError: fewer samples after the release, or in a row, than a segment needs.
     """
     if (run.t >= settings.after_release_s).sum() < MIN_SAMPLES:
         raise RunError(f"{run.name}: fewer than {MIN_SAMPLES} samples after the release: nothing to diagnose")
@@ -107,11 +109,15 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
     t, joints, sigma = _as_read(seen) if rate_hz is None else _blocks(seen, rate_hz, settings.least_kept)
     whole = np.isfinite(joints).all(axis=1) & (t >= settings.after_release_s)
     t, joints, sigma = t[whole], joints[whole], sigma[whole]
-    holes = np.flatnonzero(np.diff(t) > settings.gap_s)
+    apart = np.diff(t)
+    usual = float(np.median(apart)) if len(apart) else 0.0
+    holes = np.flatnonzero(apart > max(settings.gap_s, settings.gap_spacings * usual))
     breaks = np.sort(np.concatenate([[at for at, _ in seen.breaks], t[holes] + 1e-6]))
+    if not cut(t, np.inf, breaks):
+        raise RunError(f"{run.name}: nowhere {MIN_SAMPLES} trusted samples without a gap: nothing to diagnose")
     step = min(STEP, settings.turn / max(fastest, 1e-3))
-    apart = max(1, round(run.rate_hz / (rate_hz or run.rate_hz)))
-    correlation = float(rest_correlation(run, rig, apart).mean())
+    thinned = max(1, round(run.rate_hz / (rate_hz or run.rate_hz)))
+    correlation = float(rest_correlation(run, rig, thinned).mean())
     return Record(run, seen, t, joints, sigma, breaks, _arm_moves(run, settings.arm_moves), correlation, step)
 
 

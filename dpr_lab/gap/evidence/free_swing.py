@@ -20,7 +20,7 @@ from dpr_lab.fitting.linearise import UNKNOWN_STARTS, UNREAD_STARTS
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.data.record import Record
 from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.out_of_sample import FREE_RUN, begun_freely
+from dpr_lab.gap.inference.out_of_sample import FREE_RUN, begun_freely, well_begun
 from dpr_lab.gap.selection.hypothesis import Hypothesis
 
 Array = NDArray[np.float64]
@@ -84,6 +84,7 @@ class FreeSwing:
 
 def free_swing(recordings: Recordings, item: Record, at: Hypothesis) -> FreeSwing:
     """Fit the start state of a recording to its first readings, and simulate on."""
+    item = well_begun(item)
     begun = begun_freely(recordings, item, at.fit.estimate)
     since = item.t - item.t[0]
     own = since <= FREE_RUN.length_s

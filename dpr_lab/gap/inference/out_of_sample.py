@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.prediction import predict
 from dpr_lab.dynamics.segments import segments
+from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import descend, fit
 from dpr_lab.fitting.problem import Problem
@@ -126,14 +127,24 @@ def free_run_errors(recordings: Recordings, at: Estimate, settings: FreeRunSetti
 
 
 def begun_freely(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings = FREE_RUN) -> Estimate:
-    """The same model with a start state fitted to the first readings of a run; arguments as of `free_run_errors`."""
+    """The same model with a start state fitted to the first readings of a run that is `well_begun`.
+
+    Arguments as of `free_run_errors`; where readings are few the first `MIN_SAMPLES` are fitted.
+    """
     head = item.t - item.t[0] < settings.settle_s
+    head[:MIN_SAMPLES] = True
     short = replace(item, t=item.t[head], joints=item.joints[head], sigma=item.sigma[head])
-    problem, initial = recordings.only([short]).cut(settings.settle_s)
+    problem, initial = recordings.only([short]).cut(max(settings.settle_s, float(np.ptp(short.t))))
     known = replace(problem, rezeroed=False)
     at = replace(at, initial=initial, zeros=own_zeros(recordings.only([item]), at, settings.iterations))
     begun = fit(known, at, (), iterations=settings.iterations).estimate
     return replace(begun, initial=begun.initial[:1])
+
+
+def well_begun(item: Record) -> Record:
+    """A recording from where it can be followed: before a break there may be too few readings for a start state."""
+    first = cut(item.t, np.inf, item.breaks)[0].start
+    return replace(item, t=item.t[first:], joints=item.joints[first:], sigma=item.sigma[first:])
 
 
 def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
@@ -146,6 +157,7 @@ def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
 
 
 def _free_run_error(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings) -> float:
+    item = well_begun(item)
     since = item.t - item.t[0]
     unseen = (since >= settings.settle_s) & (since <= settings.length_s)
     begun = begun_freely(recordings, item, at, settings)

@@ -1,0 +1,50 @@
+"""A model that runs free from the first readings of a recording, few as they may be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.simulate import simulate
+from dpr_lab.effects import SIZE
+from dpr_lab.errors import RunError
+from dpr_lab.fitting.estimate import Estimate, unknown_ratios
+from dpr_lab.gap.data.record import Record, record
+from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.inference.out_of_sample import free_run_errors
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+NOISE = 2e-4
+
+
+def swing(rig: Rig, rate_hz: float) -> Record:
+    t = np.arange(0.0, 4.0, 1 / rate_hz)
+    base = base_parameters(rig.nominal, rig.L1, rig.g)
+    theta = simulate(base, rig.L1, rig.g, [2.6, 2.9, 0, 0], t)[:, :2]
+    theta = np.insert(theta + np.random.default_rng(3).normal(0, NOISE, theta.shape), 0, 0.0, axis=1)
+    return record(Run("x", t, theta, None, None, rig.name, "", rate_hz), rig)
+
+
+def error(rig: Rig, item: Record) -> float:
+    base = base_parameters(rig.nominal, rig.L1, rig.g)
+    at = Estimate(unknown_ratios(base), np.zeros(SIZE), np.zeros((0, 4)))
+    return free_run_errors(Recordings((item,), rig), at)["x"]
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, 20.0, 10.0])
+def test_it_follows_however_few_readings_a_second_there_are(paper: Rig, rate_hz: float) -> None:
+    assert error(paper, swing(paper, rate_hz)) < 20 * NOISE
+
+
+def test_it_begins_after_breaks_that_come_too_soon(paper: Rig) -> None:
+    item = swing(paper, 200.0)
+    assert error(paper, replace(item, breaks=item.t[3:70:5] + 1e-3)) < 20 * NOISE
+
+
+def test_a_recording_in_pieces_too_short_is_refused(paper: Rig) -> None:
+    t = np.concatenate([k + np.arange(0, 0.02, 0.005) for k in range(8)])
+    run = Run("x", t, np.full((len(t), 3), np.pi), None, None, paper.name, "", 200.0)
+    with pytest.raises(RunError, match="x: nowhere 8 trusted samples without a gap"):
+        record(run, paper)
