@@ -12,7 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGES = (*(ROOT / name for name in ("README.md", "CONTRIBUTING.md")), *sorted((ROOT / "docs").rglob("*.md")))
+PRINTED = ROOT / "docs" / "reference" / "command-line.md"
+"""What `--help` says, written where the site was built."""
+PAGES = (
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
+    *sorted({*(ROOT / "docs").rglob("*.md")} - {PRINTED}),
+)
 RECORD = ROOT.parent / "shared" / "data" / "real" / "multiarm" / "dp_freeswing_1khz.csv"
 
 FOLLOWED = ("sh", "python")
