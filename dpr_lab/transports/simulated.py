@@ -6,6 +6,7 @@ child prints and from there on does not know the difference.
 
 import json
 import sys
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ class Patience:
     start_s: float = 60.0
     first_start_s: float = 600.0
     """The first start on a computer compiles the dynamics, which takes long on a busy one."""
+    told_s: float = 5.0
+    """After which a first start is said to be compiling; what the child refuses, it refuses sooner."""
     stop_s: float = 2.0
     """For each way to end it, from closing its stdin to killing it."""
 
@@ -53,13 +56,18 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
         raise LinkUrlError(
             f"{url.text}: a simulated device has no address; write for example sim://?plant=paper&seed=1"
         )
-    compiling_simulator()
     child = ChildProgram([sys.executable, "-m", "sim_device", "--exit-with-parent", *_arguments(options, rig_file)])
+    telling = threading.Timer(PATIENCE.told_s, compiling_simulator)
+    telling.start()
     try:
-        return SimulatedTransport(url.text, child, open_transport(_ready_url(url.text, child)))
+        link = open_transport(_ready_url(url.text, child))
+        compiling_simulator()  # beside a device that answers
+        return SimulatedTransport(url.text, child, link)
     except BaseException:
         child.end(PATIENCE.stop_s)
         raise
+    finally:
+        telling.cancel()
 
 
 def _arguments(options: dict[str, Any], rig_file: Path | None) -> list[str]:

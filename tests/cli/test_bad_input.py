@@ -74,7 +74,7 @@ def test_no_such_port(tmp_path: Path, cli) -> None:
 def test_a_wrong_link_is_wrong_usage(tmp_path: Path, cli, link: str) -> None:
     done = capture(cli, link, tmp_path)
     assert done.code == 2
-    assert done.err.startswith(f"dpr-lab: {link}: ")
+    assert done.err.splitlines()[-1].startswith(f"dpr-lab: {link}: ")  # on a busy computer the first start is told of
     assert "Traceback" not in done.err
 
 
