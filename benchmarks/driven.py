@@ -32,7 +32,7 @@ from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.data.pieces import in_pieces
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.out_of_sample import own_zeros
+from dpr_lab.gap.inference.free_run import own_zeros
 from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.selection.hypothesis import free_parameters
 from dpr_lab.rig import Rig, parse_rig

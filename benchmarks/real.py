@@ -24,7 +24,7 @@ from dpr_lab.gap.data.pieces import in_pieces
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.inference.out_of_sample import free_run_errors
+from dpr_lab.gap.inference.free_run import free_run_errors
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.rig import PARAMETERS, Rig, load_rig, parse_rig
 from dpr_lab.rig_file import Measure, RigMeasures, draft_rig

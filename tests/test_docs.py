@@ -126,7 +126,7 @@ def test_links_to_other_sites_are_whole() -> None:
 
 
 def test_the_account_of_the_search_is_cited_alike() -> None:
-    doi = re.search(r"doi:(\S+[^.\s])", THEORY)[1]  # type: ignore[index]
+    (doi,) = re.findall(r"doi:(\S+[^.\s])", THEORY)
     assert f"doi: {doi}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f'"https://doi.org/{doi}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
 

@@ -27,7 +27,7 @@ from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.data.screen import Screened
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.inference.out_of_sample import begun_freely, well_begun
+from dpr_lab.gap.inference.free_run import run_freely
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.trust import NOTHING, REFUSED, ConfusionCell, Trust, TrustShare, TrustTrial
 from dpr_lab.rig import Rig
@@ -152,9 +152,9 @@ def _as_found(found: Diagnosis) -> Effects:
 
 
 def _original(run: Run, rig: Rig, at: Estimate) -> _Original:
-    item = well_begun(record(run, rig))
-    begun = begun_freely(Recordings((item,), rig), item, at)
-    return _Original(run, item.screened, begun.initial, segment_start(float(item.t[0])))
+    item = record(run, rig)
+    forecast = run_freely(Recordings((item,), rig), item, at)
+    return _Original(run, item.screened, forecast.begun.initial, segment_start(float(forecast.item.t[0])))
 
 
 def _another(found: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:

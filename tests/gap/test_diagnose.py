@@ -169,7 +169,7 @@ PIECE = 2668
 @pytest.mark.timeout(600)
 @pytest.mark.skipif(not REAL.is_file(), reason="the real recording is not here")
 def test_a_real_rig_is_predicted_three_and_a_half_times_better_than_by_viscous_friction(screened):
-    from dpr_lab.gap.inference.out_of_sample import free_run_errors
+    from dpr_lab.gap.inference.free_run import free_run_errors
     from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
     from dpr_lab.gap.selection.select import select
     from dpr_lab.gap.selection.thresholds import at_noise_floor

@@ -12,7 +12,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.data.record import Record, record
 from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.out_of_sample import free_run_errors
+from dpr_lab.gap.inference.free_run import free_run_errors
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 

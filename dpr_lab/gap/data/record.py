@@ -85,14 +85,12 @@ class Record:
             Finding("outlier", self.run.name, AXES[axis], float(t[i]), evidence)
             for i, axis in np.argwhere(off).tolist()
         ]
-        keep = ~np.isin(self.t, t[off.any(axis=1)])
-        return replace(
-            self,
-            screened=replace(self.screened, findings=(*self.screened.findings, *findings)),
-            t=self.t[keep],
-            joints=self.joints[keep],
-            sigma=self.sigma[keep],
-        )
+        kept = self.only(~np.isin(self.t, t[off.any(axis=1)]))
+        return replace(kept, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
+
+    def only(self, some: slice | NDArray[np.bool_]) -> "Record":
+        """Some of its readings."""
+        return replace(self, t=self.t[some], joints=self.joints[some], sigma=self.sigma[some])
 
 
 def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:

@@ -13,14 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.segments import Segments, segments
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.fitting.estimate import ZERO, Estimate
+from dpr_lab.fitting.estimate import ZERO
 from dpr_lab.fitting.linearise import UNKNOWN_STARTS, UNREAD_STARTS
-from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.data.record import Record
 from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.out_of_sample import FREE_RUN, begun_freely, well_begun
+from dpr_lab.gap.inference.free_run import FREE_RUN, Forecast, run_freely
 from dpr_lab.gap.selection.hypothesis import Hypothesis
 
 Array = NDArray[np.float64]
@@ -30,22 +28,33 @@ Array = NDArray[np.float64]
 class FreeSwing:
     """A free run of one model along one recording."""
 
-    item: Record
-    t: Array
-    """(n,) since the first reading, s."""
-    measured: Array
-    """(n, 2) readings of the joints, rad."""
     predicted: Array
     """(n, 2) rad."""
-    weight: Array
-    """(n, 2) one over the noise, 1/rad; zero where nothing is read."""
     by_values: Array
     """(n, 2, free) slopes along the fitted values."""
     by_start: Array
     """(n, 2, 4) along the start state."""
-    laid: Segments
-    constants: RigConstants
-    begun: Estimate
+    forecast: Forecast
+
+    @property
+    def item(self) -> Record:
+        """The recording."""
+        return self.forecast.item
+
+    @property
+    def t(self) -> Array:
+        """(n,) since the first reading, s."""
+        return self.forecast.since
+
+    @property
+    def measured(self) -> Array:
+        """(n, 2) readings of the joints, rad."""
+        return self.forecast.problem.measured
+
+    @property
+    def weight(self) -> Array:
+        """(n, 2) one over the noise, 1/rad; zero where nothing is read."""
+        return self.forecast.problem.weight
 
     @property
     def head(self) -> NDArray[np.bool_]:
@@ -77,35 +86,22 @@ class FreeSwing:
 
     def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> Array:
         """(n, 2) by how much the readings change for a rig measured otherwise, or with finer steps, same start."""
-        laid = replace(self.laid, step=self.laid.step / finer)
-        model = RodsWithEffects(constants or self.constants)
-        return np.nan_to_num(model.predict(laid, self.begun) + self.begun.zeros.sum(axis=0) - self.predicted)
+        known = self.forecast.problem
+        laid = replace(known.segments, step=known.segments.step / finer)
+        model = known.model if constants is None else known.model.with_constants(constants)
+        changed = replace(known, segments=laid, model=model).predict(self.forecast.begun)
+        return np.nan_to_num(changed - self.predicted)
 
 
 def free_swing(recordings: Recordings, item: Record, at: Hypothesis) -> FreeSwing:
     """Fit the start state of a recording to its first readings, and simulate on."""
-    item = well_begun(item)
-    begun = begun_freely(recordings, item, at.fit.estimate)
-    since = item.t - item.t[0]
-    own = since <= FREE_RUN.length_s
-    laid = segments([item.t[own]], setups=[item.run.setup], step=item.step)
-    model, free = RodsWithEffects(recordings.constants), at.fit.free
-    slopes = np.zeros((len(laid.t), 2, len(free) + 4))  # a zero of this very run was fitted with its start
+    forecast, free = run_freely(recordings, item, at.fit.estimate), at.fit.free
+    problem, begun = forecast.problem, forecast.begun
+    slopes = np.zeros((len(problem.t), 2, len(free) + 4))  # a zero of this very run was fitted with its start
     moves = [i for i, parameter in enumerate(free) if parameter.effect != ZERO]
-    slopes[:, :, [*moves, *range(len(free), len(free) + 4)]] = model.slopes(laid, begun, [free[i] for i in moves])
+    slopes[:, :, [*moves, *range(len(free), len(free) + 4)]] = problem.slopes(begun, [free[i] for i in moves])
     slopes = np.nan_to_num(slopes)
-    return FreeSwing(
-        item=item,
-        t=since[own],
-        measured=item.joints[own],
-        predicted=model.predict(laid, begun) + begun.zeros.sum(axis=0),
-        weight=1 / item.sigma[own],
-        by_values=slopes[:, :, :-4],
-        by_start=slopes[:, :, -4:],
-        laid=laid,
-        constants=recordings.constants,
-        begun=begun,
-    )
+    return FreeSwing(problem.predict(begun), slopes[:, :, :-4], slopes[:, :, -4:], forecast)
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:

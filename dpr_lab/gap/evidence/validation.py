@@ -22,7 +22,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.evidence.budget import mean_squares, sources, uncertainty_sources
 from dpr_lab.gap.evidence.free_swing import FreeSwing, free_swing, growth_rate, horizon
-from dpr_lab.gap.inference.out_of_sample import FREE_RUN
+from dpr_lab.gap.inference.free_run import FREE_RUN
 from dpr_lab.gap.result.evidence import Budget, Curves, RunBudget
 from dpr_lab.gap.selection.hypothesis import Hypothesis
 

@@ -6,13 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.prediction import predict
-from dpr_lab.dynamics.segments import segments
-from dpr_lab.fitting.cut import MIN_SAMPLES, cut
-from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.fitting.gauss_newton import descend, fit
+from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.data.record import Record
 from dpr_lab.gap.data.recordings import LENGTHS, Recordings
 from dpr_lab.gap.selection.cross_validation import folds, left_out_chi2
 from dpr_lab.gap.selection.hypothesis import Hypothesis
@@ -31,20 +26,6 @@ class BlockBootstrap:
 
 
 BOOTSTRAP = BlockBootstrap()
-
-
-@dataclass(frozen=True, slots=True)
-class FreeRunSettings:
-    """How a model runs free."""
-
-    settle_s: float = 0.3
-    """What the initial state is fitted to."""
-    length_s: float = 2.6
-    """From the beginning to where the free run is compared: chaos takes over later."""
-    iterations: int = 30
-
-
-FREE_RUN = FreeRunSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,56 +94,3 @@ def share(above: Array) -> float:
     """Share of the gap that closes, from (2, segments) chi2 above the noise, before and after."""
     before, after = np.maximum(above.sum(axis=1), 0.0)
     return max(float(1 - np.sqrt(after / before)), -1.0) if before > 0 else 0.0
-
-
-def free_run_errors(recordings: Recordings, at: Estimate, settings: FreeRunSettings = FREE_RUN) -> dict[str, float]:
-    """Run -> rms error of a free run from its beginning, rad: an initial state from the first readings, then unseen.
-
-    Args:
-        recordings: the runs
-        at: ratios and effects to simulate with
-        settings: what is fitted and compared
-    """
-    return {item.run.name: _free_run_error(recordings, item, at, settings) for item in recordings.records}
-
-
-def begun_freely(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings = FREE_RUN) -> Estimate:
-    """The same model with a start state fitted to the first readings of a run that is `well_begun`.
-
-    Arguments as of `free_run_errors`; where readings are few the first `MIN_SAMPLES` are fitted.
-    """
-    head = item.t - item.t[0] < settings.settle_s
-    head[:MIN_SAMPLES] = True
-    short = replace(item, t=item.t[head], joints=item.joints[head], sigma=item.sigma[head])
-    problem, initial = recordings.only([short]).cut(max(settings.settle_s, float(np.ptp(short.t))))
-    known = replace(problem, rezeroed=False)
-    at = replace(at, initial=initial, zeros=own_zeros(recordings.only([item]), at, settings.iterations))
-    begun = fit(known, at, (), iterations=settings.iterations).estimate
-    return replace(begun, initial=begun.initial[:1])
-
-
-def well_begun(item: Record) -> Record:
-    """A recording from where it can be followed: before a break there may be too few readings for a start state."""
-    first = cut(item.t, np.inf, item.breaks)[0].start
-    return replace(item, t=item.t[first:], joints=item.joints[first:], sigma=item.sigma[first:])
-
-
-def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
-    """(runs, 2) zeros of recordings that were put anew before each, by the whole of each; (0, 2) where they stay."""
-    if not recordings.rig.encoders.rezeroed:
-        return np.zeros((0, 2))
-    problem, initial = recordings.cut(LENGTHS.working)
-    begun = replace(at, initial=initial, zeros=np.zeros((0, 2)))
-    return descend(problem, begun, (), iterations=iterations).estimate.zeros
-
-
-def _free_run_error(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings) -> float:
-    item = well_begun(item)
-    since = item.t - item.t[0]
-    unseen = (since >= settings.settle_s) & (since <= settings.length_s)
-    begun = begun_freely(recordings, item, at, settings)
-    whole = segments([np.concatenate([item.t[:1], item.t[unseen]])], setups=[item.run.setup], step=item.step)
-    angles = predict(begun.whole, begun.params, recordings.constants, whole, begun.initial)
-    angles = angles + begun.zeros.sum(axis=0)
-    read = 1 if item.run.setup.alone else 2
-    return float(np.sqrt(np.mean((item.joints[unseen] - angles[1:])[:, :read] ** 2)))

@@ -4,7 +4,7 @@ import numpy as np
 
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.out_of_sample import free_run_errors
+from dpr_lab.gap.inference.free_run import free_run_errors
 from dpr_lab.gap.inference.transfer import Transfer
 from dpr_lab.gap.result.diagnosis import ClosedShare, Gap
 from dpr_lab.gap.result.gap_size import by_horizon, floor_rad, gap_rad, gap_torque
