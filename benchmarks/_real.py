@@ -11,7 +11,7 @@ from _bars import Bar, at_least, at_most
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.rig import PARAMETERS, Encoders, Parameter, Rig, RigGeometry, load_rig
+from dpr_lab.rig import PARAMETERS, Encoders, Joints, Parameter, Rig, RigGeometry, load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 
@@ -71,6 +71,11 @@ def unphysical(found: Diagnosis) -> float:
     signs = {(e.name, p.name) for e in EFFECTS.values() for p in e.amplitudes if p.sign == "positive"}
     effects = [v.value for e in found.effects for name, v in e.parameters.items() if (e.name, name) in signs]
     return float(sum(value < 0 for value in [*effects, *(found.ratios[name].value for name in ("c1/b", "c2/b"))]))
+
+
+def geared(rig: Rig) -> Rig:
+    """A rig with geared motors on both joints."""
+    return rig.model_copy(update={"joints": Joints(geared=(1, 2))})
 
 
 def rezeroed(rig: Rig) -> Rig:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _real import dfki_rig, rezeroed
+from _real import dfki_rig, geared, rezeroed
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
@@ -86,7 +86,7 @@ def _multiarm(folder: Path) -> Case:
 def _dfki(folder: Path) -> Iterator[Case]:
     files = sorted(folder.glob("*.csv"))
     told = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
-    rig, model = rezeroed(dfki_rig(told)), told["known_parameters"]["model_1_0"]
+    rig, model = geared(rezeroed(dfki_rig(told))), told["known_parameters"]["model_1_0"]
     Z = {"l1": model["r1"], "l2": model["r2"], "m1": model["m1"], "m2": model["m2"], "mb": 0.0}
     Z |= {"c1": model["b1"], "c2": model["b2"]}
     Z |= {f"J{i}": model[f"I{i}_pivot"] - model[f"m{i}"] * model[f"r{i}"] ** 2 for i in (1, 2)}
@@ -143,7 +143,7 @@ def _driven(folder: Path) -> Iterator[Case]:
         model, lengths = told["authors_model"], told["lengths"]
         inner, outer = Measure(model["m1"]), Measure(model["m2"])
         drafted = draft_rig(RigMeasures(f"dfki {design}", lengths["l1_m"], lengths["l2_m"], inner, outer))
-        rig = rezeroed(parse_rig(drafted))
+        rig = geared(rezeroed(parse_rig(drafted)))
         options = replace(HANGING, angles="relative", torque="measured")
         runs = [import_csv(file, rig, options) for file in files]
         yield Case(

@@ -160,6 +160,13 @@ class Rods(_Table):
         return "clamped" if self.elbow == "clamped" else self.mounted
 
 
+class Joints(_Table):
+    """What is on the joints while the rods swing."""
+
+    geared: tuple[Literal[1, 2], ...] = ()
+    """Joints that a geared motor stays on, driven or not: a diagnosis then expects its rotor and its friction."""
+
+
 class LinkSettings(_Table):
     """Where the device is and how fast it streams."""
 
@@ -211,7 +218,7 @@ class Rig(Shown, _Table):
 
     Args of the file: `[rig]` lengths and gravity, `[parameters.*]` one table for each of `PARAMETERS`,
     `[encoders]`, `[poses.*]`, `[link]`; `[added_mass]` while a known mass is clamped on, `[rods]` while not both rods
-    hang on it.
+    hang on it, `[joints]` for geared motors.
     """
 
     rig: RigGeometry
@@ -220,6 +227,7 @@ class Rig(Shown, _Table):
     poses: dict[Name, Pose] = {}
     added_mass: AddedMass | None = None
     rods: Rods = Rods()
+    joints: Joints = Joints()
     link: LinkSettings = LinkSettings()
     _path: Path | None = PrivateAttr(default=None)
     _sha256: str = PrivateAttr(default="")

@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
+from dpr_lab.effects.families import expected_of
 from dpr_lab.errors import RunError
 from dpr_lab.gap.data.pieces import in_pieces
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.evidence.evidence import evidence
+from dpr_lab.gap.inference.out_of_sample import held_out_runs
 from dpr_lab.gap.inference.posterior import effect_posterior
 from dpr_lab.gap.inference.transfer import transfer
 from dpr_lab.gap.inference.uncertainty import covariance
@@ -81,11 +83,21 @@ def diagnose(
         and (driven or not effect.driven)
         and not (arm_known and effect.stage == "arm")  # it moves as it is known to
     }
-    selection = select(recordings, problem, bare, library, max_effects=max_effects, on_progress=on_progress)
+    apart = held_out_runs(unseen, bare) if unseen.records else None
+    selection = select(
+        recordings,
+        problem,
+        bare,
+        library,
+        max_effects=max_effects,
+        expected=expected_of(rig.joints.geared),
+        unseen_chi2=None if apart is None else lambda at: float(apart.chi2(at).sum()),
+        on_progress=on_progress,
+    )
     begin("classes")
     posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
     begin("how far")
-    transferred = transfer(recordings, unseen, problem, selection, np.random.default_rng(seed))
+    transferred = transfer(recordings, apart, problem, selection, np.random.default_rng(seed))
     posteriors = transferred.judged(posteriors)
     size = gap(recordings, unseen, problem, selection, transferred)
     begin("advice")

@@ -5,10 +5,10 @@ from collections.abc import Callable
 import pytest
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.effects.families import FAMILIES
+from dpr_lab.effects.families import FAMILIES, expected_of
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.rig import Rig
+from dpr_lab.rig import Joints, Rig
 from dpr_lab.run import Run
 
 ROTOR, FRICTION = "rotor_inertia_joint2", "coulomb_joint2"
@@ -17,6 +17,7 @@ ROTOR, FRICTION = "rotor_inertia_joint2", "coulomb_joint2"
 def test_every_part_is_an_effect_and_every_mark_a_part():
     for family in FAMILIES:
         assert set(family.marks) <= set(family.parts) <= set(EFFECTS)
+        assert set(family.expected) <= set(family.parts)
 
 
 def test_friction_alone_is_a_bearing_and_parts_of_two_joints_are_no_drive():
@@ -36,6 +37,17 @@ def test_a_geared_drive_is_named_as_one(recorded: Callable[..., list[Run]], pape
     assert set(drive.effects) == {ROTOR, FRICTION}
     assert drive.share == pytest.approx(1.0, abs=0.05)
     assert "what a geared drive, joint 2 does [drive_joint2]" in found.sentence
+
+
+@pytest.mark.slow
+def test_a_drive_that_the_rig_file_tells_of_is_in_the_model_whatever_speaks_for_it(recorded, paper: Rig):
+    runs = recorded({FRICTION: {"torque_Nm": 2e-3}, ROTOR: {"inertia_kgm2": 2e-7}})
+    geared = paper.model_copy(update={"joints": Joints(geared=(2,))})
+    library = {name: EFFECTS[name] for name in expected_of(geared.joints.geared)}
+    found = diagnose(runs, geared, library=library)
+    assert ROTOR in found.model_effects
+    assert ROTOR not in diagnose(runs, paper, library=library).model_effects
+    assert any("a geared motor on joint 2" in told for told in found.assumptions)
 
 
 @pytest.mark.slow

@@ -52,6 +52,15 @@ def test_a_name_that_does_not_carry_over_to_a_held_out_run_is_withdrawn(dry: lis
     assert "and not the next" in found.sentence
 
 
+@pytest.mark.slow
+def test_an_effect_that_misleads_on_held_out_runs_is_left_out_of_the_model(dry: list[Run], recorded, paper: Rig):
+    library = {name: EFFECTS[name] for name in ("coulomb_joint2", "spring_joint1")}
+    sprung = recorded({**DRY, "spring_joint1": {"stiffness_Nm_per_rad": 4e-4}})
+    found = diagnose(sprung[:2], paper, held_out=dry[2:], library=library)
+    assert [effect.name for effect in found.effects] == ["coulomb_joint2"]
+    assert found.assumptions[-1].startswith("spring_joint1 was left out of the model")
+
+
 def test_a_gap_that_grows_is_not_said_to_close() -> None:
     grown = Transfer("held-out runs", GapReduction(-0.51, (-0.74, -0.22)), (), {}, {}, {}, (), ())
     assert how_far(grown) == "the gap does not close on held-out runs (-51%, 90 % interval -74% to -22%)"

@@ -63,7 +63,7 @@ def left_out(recordings: Recordings, problem: Problem) -> Unseen:
     return _unseen(recordings, problem, lambda item: left_out_chi2(item.fit, fold))
 
 
-def held_out(recordings: Recordings, base: Hypothesis) -> Unseen:
+def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
     """Whole recordings that the diagnosis never saw."""
     problem, initial = recordings.cut(LENGTHS.working)
     begun = descend(problem, replace(base.fit.estimate, initial=initial), (), iterations=20).estimate.initial

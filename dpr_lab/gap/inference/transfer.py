@@ -20,7 +20,7 @@ from dpr_lab.effects import oversized
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.out_of_sample import BOOTSTRAP, GapReduction, Unseen, held_out, left_out, reduction, share
+from dpr_lab.gap.inference.out_of_sample import BOOTSTRAP, GapReduction, Unseen, left_out, reduction, share
 from dpr_lab.gap.inference.posterior import EffectPosterior
 from dpr_lab.gap.selection.hypothesis import Hypothesis
 from dpr_lab.gap.selection.selected import Selection
@@ -80,7 +80,7 @@ class Transfer:
 
 def transfer(
     recordings: Recordings,
-    unseen: Recordings,
+    unseen: Unseen | None,
     problem: Problem,
     selection: Selection,
     rng: np.random.Generator,
@@ -89,22 +89,22 @@ def transfer(
 
     Args:
         recordings: the fitted runs
-        unseen: runs held out; may be empty: then each fitted run is left out in turn
+        unseen: runs held out; none: each fitted run is left out in turn
         problem: the segments of the fitted runs
         selection: the chosen set of effects
         rng: of the bootstrap
     """
-    basis: Basis = "held-out runs" if unseen.records else "releases left out"
-    if not unseen.records and len(recordings.records) == 1:
+    basis: Basis = "held-out runs" if unseen else "releases left out"
+    if not unseen and len(recordings.records) == 1:
         basis = "one release"
-    apart = held_out(unseen, selection.base) if unseen.records else left_out(recordings, problem)
+    apart = unseen or left_out(recordings, problem)
     models: dict[str, Hypothesis] = {"": selection.base, **selection.without}
     chi2 = {name: _bounded(apart.chi2(item)) for name, item in models.items()}
     chosen = _bounded(apart.chi2(selection.chosen))
     noise = np.asarray(selection.chosen.residuals.level * apart.dof, dtype=np.float64)
     above = {name: np.stack([values - noise, chosen - noise]) for name, values in chi2.items()}
     shares = {name: _by_run(apart, pair, rng) for name, pair in above.items()}
-    left = shares[""] if not unseen.records else _fitted(recordings, problem, selection, rng)
+    left = shares[""] if not unseen else _fitted(recordings, problem, selection, rng)
     withdrawn = [
         name
         for name, less in selection.without.items()
@@ -115,7 +115,7 @@ def transfer(
         closed=reduction(above[""], rng),
         closing=tuple(_closing(apart, selection, above[""], noise)),
         left_out=left,
-        held_out=shares[""] if unseen.records else {},
+        held_out=shares[""] if unseen else {},
         effects={name: shares[name] for name in selection.without},
         withdrawn=() if basis == "one release" else tuple(withdrawn),
         oversized=oversized(selection.chosen.fit.estimate.params),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.effects.families import expected_of
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
 from dpr_lab.fitting.problem import Problem
@@ -37,6 +38,7 @@ from dpr_lab.gap.result.remedies import remedies
 from dpr_lab.gap.result.verdict import sentence, verdict
 from dpr_lab.gap.selection.bare_model import scale
 from dpr_lab.gap.selection.selected import Selection
+from dpr_lab.shown import listed
 
 Array = NDArray[np.float64]
 
@@ -239,7 +241,7 @@ def _assumptions(found: Findings) -> list[str]:
         made.append("Encoder 0 saw the arm stand still, so a compliant arm was not considered.")
     elif any(item.arm_moves is None for item in records):
         made.append("The arm's angle was not recorded.")
-    return [*made, *_zeros(found)]
+    return [*made, *_zeros(found), *_geared(found), *_misleading(found)]
 
 
 def _zeros(found: Findings) -> list[str]:
@@ -248,6 +250,26 @@ def _zeros(found: Findings) -> list[str]:
     each = [f"{item.run.name}: {own[0]:.3g} and {own[1]:.3g}" for item, own in zip(runs, zeros, strict=False)]
     told = "Encoders are zeroed before each recording; what joints 1 and 2 read too much was fitted, mrad"
     return [f"{told}: {'; '.join(each)}."] if each else []
+
+
+def _geared(found: Findings) -> list[str]:
+    """What is in the model because the rig is known to have it."""
+    geared = found.recordings.rig.joints.geared
+    chosen = found.selection.chosen.effects
+    names = [name for name in expected_of(geared) if name in chosen]
+    joints = listed([f"joint {joint}" for joint in geared])
+    told = (
+        f"The rig file has a geared motor on {joints}: {{}} {{}} in the model, large or small, whatever speaks for it."
+    )
+    return [told.format(listed(names), "is" if len(names) == 1 else "are")] if names else []
+
+
+def _misleading(found: Findings) -> list[str]:
+    """What the runs held out spoke against."""
+    names = found.selection.misleading
+    was = "was" if len(names) == 1 else "were"
+    told = "left out of the model, for the runs held out are foretold better so: these runs took part in that choice."
+    return [f"{listed(names)} {was} {told}"] if names else []
 
 
 def _length(found: Findings) -> str:

@@ -48,7 +48,7 @@ def grow(search: ModelSearch, begun: Hypothesis, max_effects: int, *, to_floor: 
     `to_floor` growth ends where nothing but noise is left: longer segments see what there is beside it.
     """
     best, front, alone = begun, [begun], False
-    for _ in range(max_effects - len(begun.effects)):
+    for _ in range(max_effects - len(search.unexpected(begun))):
         level: dict[frozenset[str], Hypothesis] = {}
         for at in front:
             for item in _one_more(search, at, level):
@@ -97,6 +97,7 @@ def leanest(search: ModelSearch, grown: Hypothesis) -> Hypothesis:
         item
         for item in search.fitted.values()
         if 0 < len(item.effects) < len(grown.effects)
+        and grown.key & search.expected <= item.key
         and excess(item) < THRESHOLDS.keeps * excess(grown)
         and excess(item) - excess(grown) < THRESHOLDS.large * excess(search.bare)
         and (not at_noise_floor(grown) or _as_likely(search, item, grown))

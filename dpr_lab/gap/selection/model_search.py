@@ -69,12 +69,28 @@ class ModelSearch:
     fitted: dict[frozenset[str], Hypothesis]
     tested: dict[frozenset[str], ScoreTest]
     on_progress: Progress
+    expected: frozenset[str] = frozenset()
+    """Effects that the rig is known to have, large or small: no recording need speak for them."""
+    unseen_chi2: Callable[[Hypothesis], float] | None = None
+    """Sum of chi2 on runs held out; none where there are none."""
     shorter: tuple[Problem, NDArray[np.float64]] | None = None
 
     @property
     def bare(self) -> Hypothesis:
         """The model without effects."""
         return self.fitted[frozenset()]
+
+    def unexpected(self, at: Hypothesis) -> list[str]:
+        """Effects of a set that nothing but the recordings speaks for."""
+        return [name for name in at.effects if name not in self.expected]
+
+    def begun(self) -> Hypothesis:
+        """The bare model with what the rig is known to have, one after the other, the most telling first."""
+        at = self.bare
+        while left := self.expected - at.key:
+            scores = [item for name in left if (item := self.test(at).of(name)) is not None]
+            at = self.with_one(at, max(scores, key=lambda item: item.gain))
+        return self.escaped(at) if at.effects else at
 
     def test(self, at: Hypothesis) -> ScoreTest:
         """The score test beside a set."""
@@ -119,7 +135,7 @@ class ModelSearch:
         cut, initial = self.short()
         at = replace(self.bare.fit.estimate, initial=initial)
         bare = hypothesis(cut, (), fit(cut, at, free_parameters(at, (), cut), iterations=EFFORT.fine))
-        return ModelSearch(self.recordings, cut, self.library, {bare.key: bare}, {}, self.on_progress)
+        return ModelSearch(self.recordings, cut, self.library, {bare.key: bare}, {}, self.on_progress, self.expected)
 
     def carried_over(self, found: Hypothesis) -> Hypothesis:
         """A set that was found in short segments, fitted to these."""

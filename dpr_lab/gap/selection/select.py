@@ -11,14 +11,14 @@ set is fitted once and remembered (`ModelSearch`); every step below asks for set
     enrich    an effect gives way to a richer one that contains it
     simplify  an effect gives way to a simpler one that it contains and that explains as much
     exchange  while something is left, another effect is tried in the place of each
-    withdraw  an effect that makes one run harder to predict from the others is not named
+    withdraw  an effect that makes one run harder to predict from the others, or those held out, is not named
     own part  while something is left, an effect that only makes up for another form of the rest is not named
     overtake  a set no larger that turns out better while alternatives are fitted takes its place
 
 Costs count in chi2; how much of it is one piece of independent evidence, and what falls of it mean, is in `thresholds`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from dpr_lab.effects.effect import Effect
 from dpr_lab.fitting.problem import Problem
@@ -53,6 +53,8 @@ def select(
     library: Mapping[str, Effect],
     *,
     max_effects: int = 4,
+    expected: Iterable[str] = (),
+    unseen_chi2: Callable[[Hypothesis], float] | None = None,
     on_progress: Progress = lambda event: None,
 ) -> Selection:
     """Find the set of effects that explains the gap.
@@ -63,10 +65,13 @@ def select(
         base: the bare model, fitted
         library: effects to choose from
         max_effects: at most so many at once
+        expected: those of the library that the rig is known to have
+        unseen_chi2: sum of chi2 on runs held out, as a set foretells them; none where there are none
         on_progress: told what is being fitted
     """
-    search = ModelSearch(recordings, problem, library, {base.key: base}, {}, on_progress)
-    begun = _begun_short(search, max_effects) if far_from_noise(base) else base
+    known = frozenset(expected) & set(library)
+    search = ModelSearch(recordings, problem, library, {base.key: base}, {}, on_progress, known, unseen_chi2)
+    begun = _begun_short(search, max_effects) if far_from_noise(base) else search.begun()
     grown = leanest(search, grow(search, begun, max_effects))
     chosen = _simplify(search, _enrich(search, _prune(search, grown)))
     chosen = _prune(search, _exchange(search, chosen))
@@ -84,7 +89,7 @@ def select(
 def _begun_short(search: ModelSearch, max_effects: int) -> Hypothesis:
     """The set that short segments ask for: a gap far above the noise bends longer ones beyond what a fit can follow."""
     near = search.on_short()
-    found = leanest(near, grow(near, near.bare, max_effects, to_floor=True))
+    found = leanest(near, grow(near, near.begun(), max_effects, to_floor=True))
     found = _simplify(near, _prune(near, found))
     carried = search.carried_over(found) if found.effects else search.bare
     return min(carried, search.bare, key=lambda item: item.cost)
@@ -94,8 +99,10 @@ def _prune(search: ModelSearch, grown: Hypothesis) -> Hypothesis:
     """Drop, one by one, effects that are hardly missed; the first one stays for its share of the whole."""
     current = grown
     while len(current.effects) > 1:
-        fewer = [search.without(current, name) for name in current.effects]
+        fewer = [search.without(current, name) for name in search.unexpected(current)]
         needs = [need(search.bare, current, less) for less in fewer]
+        if not fewer:
+            break
         less = fewer[needs.index(min(needs))]
         if min(needs) >= 1 and less.cost - current.cost > significance(search.bare, less, current):
             break
@@ -143,7 +150,7 @@ def _exchange(search: ModelSearch, current: Hypothesis) -> Hypothesis:
     if at_noise_floor(current) or not current.effects:
         return current
     best = current
-    for name in current.effects:
+    for name in search.unexpected(current):
         less = search.without(current, name)
         if search.library[name].shapes:
             best = min(best, search.again(current, name), key=_cost)
@@ -166,6 +173,16 @@ def _drop_harmful(search: ModelSearch, chosen: Hypothesis) -> Hypothesis:
     return chosen
 
 
+def _without_misleading(search: ModelSearch, chosen: Hypothesis) -> Hypothesis:
+    """Without effects, the worst first, that make runs held out harder to foretell."""
+    if search.unseen_chi2 is None or len(chosen.effects) < 2:
+        return chosen
+    fewer = [search.without(chosen, name) for name in chosen.effects]
+    left = [search.unseen_chi2(item) for item in fewer]
+    least = left.index(min(left))
+    return _without_misleading(search, fewer[least]) if left[least] < search.unseen_chi2(chosen) else chosen
+
+
 def _with_own_part(search: ModelSearch, chosen: Hypothesis) -> Hypothesis:
     """While something is left: without effects that explain hardly more than another form of the rest would.
 
@@ -177,7 +194,7 @@ def _with_own_part(search: ModelSearch, chosen: Hypothesis) -> Hypothesis:
     closest = min(map(excess, search.fitted.values()))
     most = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * excess(search.bare))
     least, rest = THRESHOLDS.own_share, chosen
-    for name in chosen.effects:
+    for name in search.unexpected(chosen):
         less = search.without(chosen, name)
         item = search.test(less).of(name) if excess(less) <= most else None
         if item is not None:
@@ -188,13 +205,16 @@ def _with_own_part(search: ModelSearch, chosen: Hypothesis) -> Hypothesis:
 
 def _overtaken(search: ModelSearch, chosen: Hypothesis) -> Hypothesis | None:
     """A set no larger that turned out to explain more, while alternatives were compared and sets taken apart."""
+    kept = chosen.key & search.expected
     others = [item for item in search.fitted.values() if item.effects and len(item.effects) <= len(chosen.effects)]
+    others = [item for item in others if kept <= item.key]
     best = min(others, key=_cost, default=chosen)
     found = chosen.cost - best.cost > significance(search.bare, chosen, best) and best.key != chosen.key
     return best if found and at_noise_floor(best) >= at_noise_floor(chosen) else None
 
 
-def _selection(search: ModelSearch, chosen: Hypothesis) -> Selection:
+def _selection(search: ModelSearch, wanted: Hypothesis) -> Selection:
+    chosen = _without_misleading(search, wanted)
     without = {name: search.without(chosen, name) for name in chosen.effects}
     around = {name: search.test(item) for name, item in without.items()}
     for name, test in around.items():
@@ -206,7 +226,8 @@ def _selection(search: ModelSearch, chosen: Hypothesis) -> Selection:
         path.append((weakest, at))
         at = less[weakest]
     last = search.test(chosen)
-    return Selection(search.bare, chosen, search.fitted, last, without, around, tuple(reversed(path)))
+    misleading = tuple(name for name in wanted.effects if name not in chosen.effects)
+    return Selection(search.bare, chosen, search.fitted, last, without, around, tuple(reversed(path)), misleading)
 
 
 def _try_alternatives(search: ModelSearch, less: Hypothesis, test: ScoreTest, name: str, chosen: Hypothesis) -> None:

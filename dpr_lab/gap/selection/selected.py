@@ -25,6 +25,8 @@ class Selection:
     """The score test beside each of those."""
     path: tuple[tuple[str, Hypothesis], ...]
     """From the bare model to the chosen set, one effect at a time, the most telling first."""
+    misleading: tuple[str, ...] = ()
+    """Effects without which the runs held out are foretold better, and which therefore are not in the chosen set."""
 
     @property
     def share_explained(self) -> float:
