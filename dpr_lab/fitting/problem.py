@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import ZERO, Estimate, FreeParameter, zero_parameters
-from dpr_lab.fitting.whitening import padded
+from dpr_lab.fitting.whitening import Disturbance, innovations, padded
 from dpr_lab.joint_angles import JointAngles
 
 Array = NDArray[np.float64]
@@ -59,6 +59,8 @@ class Problem:
     """Of the noise of neighbouring readings: what a filter or a tracker leaves."""
     rezeroed: bool = False
     """Whether the zeros of the encoders are put anew before each run: every fit then frees them, run by run."""
+    disturbance: Disturbance | None = None
+    """Noise of what drives the rods, in these segments; none where nothing known drives them."""
 
     @property
     def t(self) -> Array:
@@ -86,9 +88,14 @@ class Problem:
         return np.repeat(np.arange(len(self.segments)), np.diff(self.segments.offsets))
 
     def whitened(self, values: Array) -> Array:
-        """(segments, m) or (segments, m, k) from (samples, 2) or (samples, 2, k): weighted, padded with zeros."""
+        """(segments, m) or (segments, m, k) from (samples, 2) or (samples, 2, k): weighted, padded with zeros.
+
+        Where noise drives the rods these are innovations: of unit variance too, one independent of the others.
+        """
         columns = values.reshape(*self.weight.shape, -1)
         found = padded(columns, self.weight, self.segments.offsets)
+        if (noise := self.disturbance) is not None:
+            innovations(found, self.weight, self.segments.offsets, noise.walk, noise.out)
         return found.reshape(len(found), -1, *values.shape[2:])
 
     def by_sample(self, whitened: Array) -> Array:
@@ -128,6 +135,8 @@ class Problem:
     def chi2_by_segment(self, predicted: Array) -> Array:
         """(segments,) sum of squared whitened residuals; inf where a segment cannot be followed."""
         with np.errstate(over="ignore", invalid="ignore"):
+            if self.disturbance is not None:
+                return np.nan_to_num(np.sum(self.whitened(self.measured - predicted) ** 2, axis=1), nan=np.inf)
             squares = np.sum(((self.measured - predicted) * self.weight) ** 2, axis=1)
         return np.nan_to_num(np.add.reduceat(squares, self.segments.offsets[:-1]), nan=np.inf)
 

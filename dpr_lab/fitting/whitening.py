@@ -1,13 +1,38 @@
-"""Weigh columns of readings and lay them out by segment, in one pass over memory."""
+"""Weigh columns of readings and lay them out by segment, in one pass over memory; and whiten what noise drives.
+
+Noise w of what drives the rods walks through them: what the rods read of it at sample k is C_k z_k, z_k being a sum of
+independent steps of covariance D_k in the measure of the initial state. With the readings' own white noise that makes
+errors of one segment correlated; a Kalman filter turns them into innovations of unit variance,
+
+    P <- P + D_k,    e = (y - C z) / sqrt(S),    S = 1 + C P C^T,    z <- z + P C^T (y - C z) / S
+
+one reading after the other, which is the inverse of the Cholesky factor of their covariance, in linear time.
+
+Source: F. C. Schweppe (1965), Evaluation of likelihood functions for Gaussian signals, IEEE Trans. Inf. Theory 11.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.kernels import njit
 
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Disturbance:
+    """Noise that drives the rods, as the readings of segments have it."""
+
+    walk: Array
+    """(samples, 4, 4) D: covariance of what it added since the sample before, in the measure of the initial state."""
+    out: Array
+    """(samples, 2, 4) C: from there to the readings, rad."""
+
 
 @njit
-def padded(values: NDArray[np.float64], weight: NDArray[np.float64], offsets: NDArray[np.int64]) -> NDArray[np.float64]:
+def padded(values: Array, weight: Array, offsets: NDArray[np.int64]) -> Array:
     """(segments, longest, 2, k) from (samples, 2, k) and weights (samples, 2); short segments end in zeros."""
     longest = 0
     for s in range(len(offsets) - 1):
@@ -19,3 +44,34 @@ def padded(values: NDArray[np.float64], weight: NDArray[np.float64], offsets: ND
                 for k in range(values.shape[2]):
                     found[s, n - offsets[s], j, k] = values[n, j, k] * weight[n, j]
     return found
+
+
+@njit
+def innovations(found: Array, weight: Array, offsets: NDArray[np.int64], walk: Array, out: Array) -> None:
+    """Whiten what was `padded`, in place, under a disturbance of the same samples."""
+    many = found.shape[3]
+    C, PC, P, z = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty((4, many))
+    for s in range(len(offsets) - 1):
+        P[:], z[:] = 0.0, 0.0
+        for n in range(offsets[s], offsets[s + 1]):
+            for a in range(4):
+                for b in range(4):
+                    P[a, b] += walk[n, a, b]
+            for j in range(2):
+                S = 1.0
+                for a in range(4):
+                    C[a] = weight[n, j] * out[n, j, a]
+                for a in range(4):
+                    PC[a] = P[a, 0] * C[0] + P[a, 1] * C[1] + P[a, 2] * C[2] + P[a, 3] * C[3]
+                    S += C[a] * PC[a]
+                S = max(S, 1.0)
+                row = found[s, n - offsets[s], j]
+                for k in range(many):
+                    row[k] -= C[0] * z[0, k] + C[1] * z[1, k] + C[2] * z[2, k] + C[3] * z[3, k]
+                for a in range(4):
+                    for k in range(many):
+                        z[a, k] += PC[a] / S * row[k]
+                    for b in range(4):
+                        P[a, b] -= PC[a] * PC[b] / S
+                for k in range(many):
+                    row[k] /= np.sqrt(S)

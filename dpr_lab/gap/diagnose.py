@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +72,7 @@ def diagnose(
     recordings, unseen = (Recordings(tuple(record(run, rig) for run in some), rig) for some in (runs, held_out))
     begin("bare model")
     recordings, problem, bare = fit_bare_model(recordings, nominal_ratios(rig) if start is None else start)
+    unseen = replace(unseen, ratios=recordings.ratios)
     begin("where")
     places = locate(problem, bare)
     begin("which")

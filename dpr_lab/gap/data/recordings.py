@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.cut import cut
+from dpr_lab.fitting.disturbance import disturbance
+from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.data.record import Record
@@ -54,6 +56,8 @@ class Recordings:
 
     records: tuple[Record, ...]
     rig: Rig
+    ratios: Array | None = None
+    """(7,) ratios, b and p/b by which the rods answer to noise of what drives them; none until they are known."""
 
     @property
     def constants(self) -> RigConstants:
@@ -85,7 +89,11 @@ class Recordings:
             noise_correlation=float(np.mean([item.noise_correlation for item in records])),
         )
         relative2 = self.rig.encoders.joint2 == "relative"
-        return problem, np.array([_initial_state(records[i], s, relative2) for i, s in stretches])
+        initial = np.array([_initial_state(records[i], s, relative2) for i, s in stretches])
+        if self.ratios is not None:
+            at = Estimate(self.ratios, effect_params({}), initial)
+            problem = replace(problem, disturbance=disturbance(problem, at))
+        return problem, initial
 
     def without(self, problem: Problem, off: NDArray[np.bool_]) -> "Recordings":
         """Without some readings (samples, 2) of a problem cut from these: faults that only a model shows."""
@@ -99,7 +107,7 @@ class Recordings:
 
     def only(self, chosen: Sequence[Record]) -> "Recordings":
         """Other runs of the same rig."""
-        return Recordings(tuple(chosen), self.rig)
+        return replace(self, records=tuple(chosen))
 
 
 def _initial_state(item: Record, stretch: slice, relative2: bool, guess: InitialGuess = GUESS) -> Array:

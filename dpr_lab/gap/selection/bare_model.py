@@ -9,6 +9,7 @@ from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.cut import carried
+from dpr_lab.fitting.disturbance import disturbance
 from dpr_lab.fitting.estimate import SCALE, Estimate, unknown_ratios, with_scale
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
@@ -59,12 +60,14 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     free = free_parameters(at, (), short)
     rough = fit(short, at, free)
     _all_followed(recordings, short, rough)
+    short = replace(short, disturbance=disturbance(short, rough.estimate))
     first = fit(short.weighted(np.sqrt(student_weights(short, rough))), rough.estimate, free)
     found = first.estimate.ratios
     driven = any(setup.torques for setup in short.segments.setups)
     b = float(found[SCALE]) if driven else scale(found, recordings.rig).value
     recordings = recordings.without(short, lone_readings(short, first.estimate))
     at = replace(first.estimate, ratios=with_scale(found, b))
+    recordings = replace(recordings, ratios=at.ratios)
     return recordings, *lengthened(recordings, short, at, LENGTHS.working)
 
 

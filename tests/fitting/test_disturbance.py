@@ -1,0 +1,48 @@
+"""Noise that drives the rods: told from the course of a torque, whitened, and no gap of a rig that has none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.fitting.disturbance import torque_noise
+from dpr_lab.fitting.whitening import innovations, padded
+from dpr_lab.gap.selection.thresholds import at_noise_floor
+from dpr_lab.rig import Rig
+from dpr_lab.setup import Torques
+from sim_device.trials.driven import driven_runs
+
+
+def test_innovations_are_the_readings_over_the_root_of_their_covariance() -> None:
+    rng, offsets = np.random.default_rng(1), np.array([0, 9, 16])
+    steps, out, weight = rng.normal(size=(16, 4, 2)), rng.normal(size=(16, 2, 4)), rng.uniform(0.5, 2.0, (16, 2))
+    walk, values, weight[3, 1] = steps @ steps.transpose(0, 2, 1), rng.normal(size=(16, 2, 3)), 0.0
+    found = padded(values, weight, offsets)
+    innovations(found, weight, offsets, walk, out)
+    for s, (i, j) in enumerate([(0, 9), (9, 16)]):
+        reach, scale = np.cumsum(walk[i:j], axis=0), (weight[i:j, :, None] * out[i:j]).reshape(-1, 4)
+        owner = np.repeat(np.arange(j - i), 2)
+        between = reach[np.minimum(owner[:, None], owner)]
+        covariance = np.eye(2 * (j - i)) + np.einsum("ma,mnab,nb->mn", scale, between, scale)
+        weighed = (weight[i:j, :, None] * values[i:j]).reshape(-1, 3)
+        whitened = np.linalg.solve(np.linalg.cholesky(covariance), weighed)
+        assert np.allclose(found[s, : j - i].reshape(-1, 3), whitened)
+
+
+def test_noise_is_told_from_steps_and_from_a_smooth_course_and_commands_have_none() -> None:
+    t, rng = np.arange(-0.5, 3.0, 1e-3), np.random.default_rng(2)
+    course = 0.2 * np.sin(2 * np.pi * 3 * np.stack([t, np.floor(t / 0.01) * 0.01], axis=1))
+    noise = np.where(t[:, None] < 0, 0.0, rng.normal(0.0, 2e-3, course.shape))
+    assert np.allclose(torque_noise(Torques(t, course + noise, "measured")), 2e-3, rtol=0.15)
+    assert not torque_noise(Torques(t, course + noise, "commanded")).any()
+    assert torque_noise(Torques(t, course)).max() < 1e-8
+
+
+@pytest.mark.slow
+def test_the_noise_of_measured_torques_is_no_gap(bare, paper: Rig) -> None:
+    problem, found = bare(driven_runs(paper, 100)[1])
+    taken_for_exact = replace(problem, disturbance=None)
+    assert taken_for_exact.chi2(found.fit.estimate) > 1.5 * found.fit.chi2
+    assert found.residuals.chi2 / found.residuals.dof == pytest.approx(1.0, abs=0.05)
+    assert abs(found.residuals.autocorrelation) < 0.05
+    assert at_noise_floor(found)
