@@ -96,7 +96,7 @@ class Encoders(_Table):
     """-1 for an encoder that counts backwards."""
     rezeroed: bool = False
     """Whether the zeros of joints 1 and 2 are put anew before each recording, as those of an encoder that only counts:
-    dry friction holds a hanging rod aside, and each recording then has zeros of its own, which a diagnosis fits."""
+    dry friction holds a hanging rod aside, and each recording then has zeros of its own, which are fitted."""
 
     @property
     def joint_angles(self) -> JointAngles:

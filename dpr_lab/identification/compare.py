@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.schedule import MAX_STEP
-from dpr_lab.dynamics.segments import STEP, Segments, segments
+from dpr_lab.dynamics.segments import STEP, segments
 from dpr_lab.effects import effect_params
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, Estimate
 from dpr_lab.fitting.gauss_newton import fit
@@ -136,25 +136,22 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
     held_out = not model.used(run.sha256)
     if not model.effects:
         return Followed(preprocessed, bare, problem.model, bare.fit.estimate, MAX_STEP, bare.predicted, held_out)
-    simulated, estimate = _with_effects(bare, rig, model)
-    tracked = problem.joints.to_rods(simulated.predict(_at_step(problem.segments, STEP), estimate))
-    return Followed(preprocessed, bare, simulated, estimate, STEP, tracked, held_out)
+    simulated = _with_effects(bare, rig, model)
+    tracked = problem.joints.to_rods(simulated.problem.predict(simulated.fit.estimate))
+    return Followed(preprocessed, bare, simulated.problem.model, simulated.fit.estimate, STEP, tracked, held_out)
 
 
-def _with_effects(bare: RatioFit, rig: Rig, model: Model) -> tuple[RodsWithEffects, Estimate]:
-    """The model with its effects, and what it makes of a run, its initial states fitted again."""
-    laid_out, simulated = bare.problem.segments, RodsWithEffects(rig_constants(rig))
-    problem = replace(bare.problem, segments=_at_step(laid_out, STEP), model=simulated)
+def _with_effects(bare: RatioFit, rig: Rig, model: Model) -> RatioFit:
+    """What the model with its effects makes of a run, its initial states fitted again."""
+    laid_out = bare.problem.segments
+    at_step = replace(laid_out, step=np.full(len(laid_out), STEP))
+    problem = replace(bare.problem, segments=at_step, model=RodsWithEffects(rig_constants(rig)))
     firsts = laid_out.t[laid_out.offsets[:-1]]
     leads = firsts - np.array([segment_start(first) for first in firsts.tolist()])
     initial = bare.fit.estimate.initial.copy()
     initial[:, :2] -= leads[:, None] * initial[:, 2:]  # a segment with effects starts a moment before its first sample
-    start = Estimate(model.unknowns, effect_params(model.effects), initial)
-    return simulated, fit(problem, start, (), iterations=15, settings=TO_THE_MINIMUM).estimate
-
-
-def _at_step(laid_out: Segments, step: float) -> Segments:
-    return replace(laid_out, step=np.full(len(laid_out), step))
+    start = Estimate(model.unknowns, effect_params(model.effects), initial, bare.fit.estimate.zeros)
+    return RatioFit(problem, fit(problem, start, (), iterations=15, settings=TO_THE_MINIMUM))
 
 
 def free_run_from(followed: Followed, at_s: float) -> FreeRun:
@@ -169,6 +166,7 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
     t = laid_out.t[laid_out.offsets[index] :]
     begun = replace(followed.estimate, initial=followed.estimate.initial[index : index + 1])
     readings = followed.simulated.predict(segments([t], setups=laid_out.setups, step=followed.step), begun)
+    readings = readings + begun.zeros.sum(axis=0)  # of the one run, or none
     theta = followed.bare.problem.joints.to_rods(readings)
     return FreeRun(t, theta, predictable_until(followed.bare, index, t))
 

@@ -269,6 +269,7 @@ def _used(index: int, item: PreprocessedRun, found: RatioFit) -> RunUsed:
         segments=len(mine),
         horizon_s=predictable_until(found, int(mine[0]), run.t),
         torque_kind=run.torque_kind,
+        zeros_rad=found.fit.estimate.zeros[index].tolist() if found.problem.rezeroed else [],
     )
 
 

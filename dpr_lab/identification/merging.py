@@ -139,7 +139,8 @@ def _followed(found: RatioFit, index: int, near: float) -> int:
     passed = begin + 1 if laid_out.setups[laid_out.run[index]].free else border  # what drives is looked up by sample
     t = np.concatenate([found.problem.t[begin:passed], found.problem.t[border:end]])
     angles = _states(found, index, t, float(laid_out.step[index]))[passed - begin :, :2]
-    off = np.abs(angles - found.problem.joints.to_rods(found.problem.measured[border:end]))
+    zeros = found.fit.estimate.zeros[laid_out.run[index]] if found.problem.rezeroed else 0.0
+    off = np.abs(angles - found.problem.joints.to_rods(found.problem.measured[border:end] - zeros))
     off = off[:, : 1 + int(found.problem.read[border:end, 1].any())].max(axis=1)
     strayed = np.flatnonzero(~(off < near))
     return int(strayed[0]) if len(strayed) else len(off)

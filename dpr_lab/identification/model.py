@@ -90,6 +90,8 @@ class RunUsed(_Record):
     """How long a free run from the fitted initial state can be predicted: until its uncertainty fills 0.1 rad."""
     torque_kind: str = ""
     """`measured` or `commanded`: the known torques that drove it, where their kind is known."""
+    zeros_rad: list[Number] = []
+    """What the encoders of joints 1 and 2 read too much in it, as fitted; empty where they keep their zeros."""
 
 
 class Covariance(_Record):

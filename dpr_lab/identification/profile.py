@@ -73,5 +73,6 @@ def _chi2_at(found: RatioFit, sure: RatioUncertainty, index: int, value: float) 
     at = found.fit.estimate
     ratios = at.ratios.copy()
     ratios[list(found.visible)] = np.maximum(sure.values + step, 0.0)
-    start = replace(at, ratios=ratios, initial=at.initial + found.fit.linear.initial_steps(step))
+    of_all = np.concatenate([step, np.zeros(len(found.fit.free) - len(step))])  # zeros of encoders, if any, stay
+    start = replace(at, ratios=ratios, initial=at.initial + found.fit.linear.initial_steps(of_all))
     return fit_ratios(found.problem, start, held=[found.visible[index]], iterations=SETTINGS.iterations).fit.chi2

@@ -17,9 +17,16 @@ from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.dynamics.segments import Segments, segments
 from dpr_lab.effects import effect_params
 from dpr_lab.fitting.cut import partition
-from dpr_lab.fitting.estimate import Estimate, ratio_parameters, unknown_ratios, visible_ratios
+from dpr_lab.fitting.estimate import (
+    ZERO,
+    Estimate,
+    FreeParameter,
+    ratio_parameters,
+    unknown_ratios,
+    visible_ratios,
+)
 from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, fit
-from dpr_lab.fitting.linearise import linearise
+from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods import RodsAlone, by_start, followed
 from dpr_lab.identification.preprocess import PreprocessedRun
@@ -85,7 +92,13 @@ class RatioFit:
     @property
     def dof(self) -> int:
         """Readings less all that is fitted to them."""
-        return self.problem.evidence - len(self.visible)
+        zeros = sum(parameter.effect == ZERO for parameter in self.fit.free)
+        return self.problem.evidence - len(self.visible) - zeros
+
+    @property
+    def slopes(self) -> Array:
+        """(segments, m, k) whitened, by the unknowns: their part along initial states and encoders' zeros taken out."""
+        return _beside_zeros(self.fit.linear, self.fit.free)
 
     @property
     def chi2_per_dof(self) -> float:
@@ -122,7 +135,8 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
         [np.tile(of / item.noise.std_joint, (len(item.run.t), 1)) for of, item in zip(counts, runs, strict=True)]
     )
     initial = np.array([runs[i].states[stretch.start] for i, stretch in cuts])
-    return Problem(laid_out, measured, weight, RodsAlone(rig_constants(rig))), initial
+    model = RodsAlone(rig_constants(rig))
+    return Problem(laid_out, measured, weight, model, rezeroed=rig.encoders.rezeroed), initial
 
 
 def rods_estimate(unknown: Array, initial: Array) -> Estimate:
@@ -136,7 +150,7 @@ def visible_of(laid_out: Segments) -> tuple[int, ...]:
 
 
 def fit_ratios(problem: Problem, start: Estimate, *, held: Collection[int] = (), iterations: int = 40) -> RatioFit:
-    """Fit the unknowns and the initial states to segments as they are.
+    """Fit the unknowns, the initial states and any zeros that are put anew to segments as they are.
 
     Args:
         problem: what was measured
@@ -159,9 +173,22 @@ def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
 
 
 def information(problem: Problem, at: Estimate) -> Array:
-    """(k, k) Fisher information that segments hold of the unknowns that they show, initial states eliminated."""
-    A, _ = linearise(problem, at, ratio_parameters(at, visible_of(problem.segments))).flat
+    """(k, k) Fisher information that segments hold of the unknowns that they show; all else that is free eliminated."""
+    free = problem.all_free(ratio_parameters(at, visible_of(problem.segments)))
+    slopes = _beside_zeros(linearise(problem, problem.begun(at), free), free)
+    A = slopes.reshape(-1, slopes.shape[2])
     return A.T @ A
+
+
+def _beside_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Array:
+    """(segments, m, k) slopes by the ratios among what is free, without their part along zeros of encoders."""
+    of_zeros = np.array([parameter.effect == ZERO for parameter in free], dtype=np.bool_)
+    if not of_zeros.any():
+        return linear.A
+    A, _ = linear.flat
+    zeros, ratios = A[:, of_zeros], A[:, ~of_zeros]
+    beside = ratios - zeros @ np.linalg.lstsq(zeros, ratios, rcond=None)[0]
+    return beside.reshape(*linear.A.shape[:2], -1)
 
 
 def predictable_until(found: RatioFit, index: int, t: Array, error_rad: float = 0.1) -> float:

@@ -76,7 +76,7 @@ def uncertainty(found: RatioFit) -> RatioUncertainty:
     most of it in few blocks; correlated residuals make the blocks scatter more. What a wrong model leaves changes
     slowly along a run, so there the 90 % interval is also no narrower than what first and second halves disagree by.
     """
-    A, e = found.fit.linear.A, found.fit.linear.e
+    A, e = found.slopes, found.fit.linear.e
     H = np.einsum("smi,smj->sij", A, A)
     scores = _block_scores(found.problem, A * e[:, :, None])
     free = found.unknowns > 0

@@ -151,7 +151,7 @@ def run_rows(model: "Model") -> list[list[str]]:
     return [
         [
             run.file,
-            (run.pose or NONE) + (f", {run.torque_kind} torques" if run.torque_kind else ""),
+            (run.pose or NONE) + (f", {run.torque_kind} torques" if run.torque_kind else "") + _zeros(run.zeros_rad),
             str(run.samples),
             f"{run.duration_s:.4g}",
             str(run.segments),
@@ -160,6 +160,11 @@ def run_rows(model: "Model") -> list[list[str]]:
         ]
         for run in model.runs
     ]
+
+
+def _zeros(fitted: Sequence[float]) -> str:
+    """What encoders that are put to zero before each run read too much in it."""
+    return f", zeros off by {' and '.join(f'{1e3 * zero:.3g}' for zero in fitted)} mrad" if fitted else ""
 
 
 def search_rows(model: "Model") -> list[list[str]]:

@@ -1,0 +1,39 @@
+"""Encoders that are set to zero before each recording: identified and compared with zeros of each run's own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import base_parameters, ratios
+from dpr_lab.identification.compare import compare_run
+from dpr_lab.identification.identify import identify
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.search import load_search
+from sim_device.plant.config import load_plant
+
+ZEROS = np.array([[0.03, -0.05], [-0.02, 0.01], [0.01, 0.04]])
+"""Of joint 1 and of the relative joint 2, rad."""
+
+
+def read_with(zeros: np.ndarray, run: Run) -> Run:
+    return replace(run, theta=run.theta + np.array([0.0, zeros[0], zeros.sum()]), counts=None)
+
+
+@pytest.mark.slow
+def test_runs_with_zeros_of_their_own_are_identified_and_compared(recorded, paper: Rig) -> None:
+    rezeroed = paper.model_copy(update={"encoders": paper.encoders.model_copy(update={"rezeroed": True})})
+    runs = [read_with(zeros, run) for zeros, run in zip(ZEROS, recorded({}, duration=2.0), strict=True)]
+    settings = load_search("segments").model_copy(update={"generations": 2})
+    model = identify(runs[:2], rezeroed, settings=settings)
+    truth = ratios(base_parameters(load_plant("paper").Z, paper.L1, paper.g))
+    found = np.array([[item.value, item.std] for item in model.ratios.values()])
+    assert np.abs((found[:, 0] - truth) / found[:, 1]).max() < 4
+    assert model.fit.chi2_per_dof == pytest.approx(1.0, abs=0.1)
+    assert np.array([run.zeros_rad for run in model.runs]) == pytest.approx(ZEROS[:2], abs=1e-3)
+    beside = compare_run(runs[2], rezeroed, model)
+    assert (beside.segment_rms_rad < 1.2 * beside.noise_rad).all()
+    assert beside.free_run_rms_rad.max() < 0.02
+    as_read = compare_run(runs[2], paper, model)
+    assert as_read.segment_rms_rad.max() > 10 * beside.segment_rms_rad.max()
