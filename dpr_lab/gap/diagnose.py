@@ -11,11 +11,12 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.families import expected_of
 from dpr_lab.errors import RunError
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.pieces import in_pieces
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.evidence.evidence import evidence
-from dpr_lab.gap.inference.out_of_sample import held_out_runs
+from dpr_lab.gap.inference.out_of_sample import Unseen, held_out_runs
 from dpr_lab.gap.inference.posterior import effect_posterior
 from dpr_lab.gap.inference.transfer import transfer
 from dpr_lab.gap.inference.uncertainty import covariance
@@ -25,7 +26,10 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap import gap
 from dpr_lab.gap.result.locate import locate
 from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.selection.hypothesis import Hypothesis
 from dpr_lab.gap.selection.select import select
+from dpr_lab.gap.selection.selected import Selection
+from dpr_lab.gap.selection.thresholds import far_from_noise
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -71,8 +75,8 @@ def diagnose(
     runs, held_out, cut = in_pieces(runs, held_out)
     recordings, unseen = (Recordings(tuple(record(run, rig) for run in some), rig) for some in (runs, held_out))
     begin("bare model")
-    recordings, problem, bare = fit_bare_model(recordings, nominal_ratios(rig) if start is None else start)
-    unseen = replace(unseen, ratios=recordings.ratios)
+    begun = nominal_ratios(rig) if start is None else start
+    recordings, problem, bare = fit_bare_model(recordings, begun)
     begin("where")
     places = locate(problem, bare)
     begin("which")
@@ -85,17 +89,27 @@ def diagnose(
         and (driven or not effect.driven)
         and not (arm_known and effect.stage == "arm")  # it moves as it is known to
     }
-    apart = held_out_runs(unseen, bare) if unseen.records else None
-    selection = select(
-        recordings,
-        problem,
-        bare,
-        library,
-        max_effects=max_effects,
-        expected=expected_of(rig.joints.geared),
-        unseen_chi2=None if apart is None else lambda at: float(apart.chi2(at).sum()),
-        on_progress=on_progress,
-    )
+
+    def choose(recordings: Recordings, problem: Problem, bare: Hypothesis) -> tuple[Unseen | None, Selection]:
+        apart = held_out_runs(replace(unseen, ratios=recordings.ratios), bare) if unseen.records else None
+        return apart, select(
+            recordings,
+            problem,
+            bare,
+            library,
+            max_effects=max_effects,
+            expected=expected_of(rig.joints.geared),
+            unseen_chi2=None if apart is None else lambda at: float(apart.chi2(at).sum()),
+            on_progress=on_progress,
+        )
+
+    apart, selection = choose(recordings, problem, bare)
+    if problem.disturbance is not None and far_from_noise(selection.chosen):
+        # What is left is no noise of the torques: it adds up along a segment, where to whiten is to look away from it.
+        recordings, problem, bare = fit_bare_model(recordings, begun, exact_torques=True)
+        places = locate(problem, bare)
+        apart, selection = choose(recordings, problem, bare)
+    unseen = replace(unseen, ratios=recordings.ratios)
     begin("classes")
     posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
     begin("how far")

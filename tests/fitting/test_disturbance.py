@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.disturbance import torque_noise
 from dpr_lab.fitting.whitening import innovations, padded
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.selection.thresholds import at_noise_floor
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Torques
-from sim_device.trials.driven import driven_runs
+from sim_device.trials.driven import DriveFault, driven_runs
 
 
 def test_innovations_are_the_readings_over_the_root_of_their_covariance() -> None:
@@ -46,3 +49,14 @@ def test_the_noise_of_measured_torques_is_no_gap(bare, paper: Rig) -> None:
     assert found.residuals.chi2 / found.residuals.dof == pytest.approx(1.0, abs=0.05)
     assert abs(found.residuals.autocorrelation) < 0.05
     assert at_noise_floor(found)
+
+
+@pytest.mark.slow
+def test_torques_count_as_exact_where_what_is_left_is_far_from_noise(screened, paper: Rig) -> None:
+    runs = driven_runs(paper, 100, fault=DriveFault("torque_offset_joint1", {"offset_Nm": (0.03, 0.0)}))[1][:2]
+    other = {"coulomb_joint2": EFFECTS["coulomb_joint2"]}
+    found = diagnose(runs, paper, library=other)
+    _, problem, exact = fit_bare_model(screened(runs), nominal_ratios(paper), exact_torques=True)
+    assert problem.disturbance is None
+    assert found.verdict in ("unexplained", "partly_explained")
+    assert found.chi2_per_dof > 0.1 * exact.residuals.chi2 / exact.residuals.dof > 20
