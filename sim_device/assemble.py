@@ -13,14 +13,15 @@ from sim_device.firmware.python_board import PythonBoard, identity
 from sim_device.links.byte_link import Framing, SerialCodec
 from sim_device.links.link import DeviceLink
 from sim_device.links.open_link import open_link
-from sim_device.options import SEALED_FILE, SEALED_PLANT, Options
-from sim_device.plant.config import load_plant
+from sim_device.options import SEALED_FILE, SEALED_PLANT, SEALED_TORQUES, Options
+from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.plant.drives import JointDrives, load_drives
 from sim_device.plant.hidden import HiddenPlant, plant_of
 from sim_device.plant.operator import HABITS
 from sim_device.plant.rods import SimulatedRods
 from sim_device.plant.warm_up import warm_up
 from sim_device.trials.draw import draw_plant
+from sim_device.trials.driven import drawn_drives
 from sim_device.trials.parameters import drawn
 from sim_device.trials.request import parse_request, with_kind
 
@@ -53,7 +54,7 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
         LinkError: no such link, or it cannot be opened.
     """
     rig, plant = load_rig(options.rig), hidden_plant(options)
-    drives = None if options.torques is None else load_drives(options.torques, plant.config.drives, plant.config.seed)
+    drives = _drives(options, plant.config)
     if drives is not None:
         plant.refuse_drives()
     frames = 1 if drives is None else 1 + len(drives.kinds)
@@ -74,6 +75,16 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
     )
     info = identity(rig, options.uid, link.address.rate_max_hz // frames, clock.simulated)
     return board(faults.identity(with_drives(info, drives)), rods, clock, faults), link, faults
+
+
+def _drives(options: Options, plant: PlantConfig) -> JointDrives | None:
+    """Drives that replay the table that is given, was sealed, or is drawn; None for free swings."""
+    sealed = Path(options.rig).parent / SEALED_TORQUES
+    table = options.torques or (sealed if options.plant == SEALED_PLANT and sealed.is_file() else None)
+    if table is not None:
+        return load_drives(table, plant.drives, plant.seed)
+    asked = options.draw_effects and parse_request(with_kind(options.draw_effects, plant.seed)).kind
+    return drawn_drives(plant) if asked == "driven" else None
 
 
 def with_drives(info: DeviceInfo, drives: JointDrives | None) -> DeviceInfo:

@@ -38,3 +38,5 @@ class Options:
 SEALED_PLANT = "sealed"
 """Instead of a plant: the one that was sealed in `device/` beside the rig file; a link's URL need not tell where."""
 SEALED_FILE = Path("device") / "plant.toml"
+SEALED_TORQUES = Path("device") / "torques.csv"
+"""What its drives replay, where it has any."""

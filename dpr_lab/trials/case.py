@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dpr_lab.errors import DprError
 from dpr_lab.rig import Rig, parse_rig
@@ -41,7 +42,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
     request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"])
     with sealed_in_memory(request, case["rig"]) as (sealed, opened):
         rig = parse_rig(sealed["rig"])
-        runs = [_run(recording, rig) for recording in sealed["runs"]]
+        runs = [run_of(recording, rig) for recording in sealed["runs"]]
         began = time.process_time()
         diagnosis = diagnose(runs, rig).to_json()
         seconds = time.process_time() - began
@@ -49,7 +50,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
     return {"outcome": score(diagnosis, truth, rig, **truth.drawn, seconds=seconds, seal=sealed["seal"]).to_json()}
 
 
-def _run(recording: dict[str, Any], rig: Rig) -> Run:
+def run_of(recording: dict[str, Any], rig: Rig) -> Run:
     """The run that a run file of this recording would be read as."""
     t, counts, pose = np.array(recording["t"]), np.array(recording["counts"], dtype=np.int64), recording["pose"]
     theta = rig.theta(counts)
@@ -64,4 +65,11 @@ def _run(recording: dict[str, Any], rig: Rig) -> Run:
         rate_hz=recording["rate_hz"],
         added_mass=rig.added_mass,
         lost=recording["lost"],
+        torque_kind=recording.get("torque_kind", ""),
+        torques=_rows(recording.get("torques")),
+        commanded=_rows(recording.get("commanded")),
     )
+
+
+def _rows(told: list[list[float]] | None) -> NDArray[np.float64] | None:
+    return None if told is None else np.array(told)

@@ -35,10 +35,12 @@ class Kind(StrEnum):
     """An effect that the library does not hold."""
     DIRTY = "dirty"
     """One or none, and faulty encoders."""
+    DRIVEN = "driven"
+    """Joints that are driven by torques the device tells, their drives with a fault or none; never in place of any."""
 
 
-DRAWN: tuple[Kind, ...] = tuple(kind for kind in Kind if kind is not Kind.ANY)
-"""All but `ANY`."""
+DRAWN: tuple[Kind, ...] = tuple(kind for kind in Kind if kind not in (Kind.ANY, Kind.DRIVEN))
+"""Those of free swings: what `ANY` stands for."""
 
 
 class Level(StrEnum):

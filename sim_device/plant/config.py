@@ -71,6 +71,10 @@ class DriveConfig(_Table):
     """Torque that acts at each joint over the one that is told: of a wrong torque constant."""
     offset_Nm: tuple[Finite, Finite] = (0.0, 0.0)
     """Torque that acts at each joint from the release on and is not told, N m."""
+    ripple: tuple[tuple[Finite, Finite], tuple[Finite, Finite]] = ((0.0, 0.0), (0.0, 0.0))
+    """Of the torque that acts at each joint, what comes and goes with its angle: shares of cosine and sine of"""
+    ripple_order: NotNegative = 6.0
+    """so many times that angle."""
     unit_uNm: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
     """Step in which torques are commanded and told."""
 

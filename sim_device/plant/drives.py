@@ -70,6 +70,12 @@ class JointDrives:
         return units[row]
 
 
+def write_table(drives: JointDrives, file: Path) -> None:
+    """The table that drives replay, as `load_drives` reads it."""
+    rows = np.column_stack([drives.t, drives.joints]).tolist()
+    file.write_text("\n".join([",".join(COLUMNS), *(",".join(map(repr, row)) for row in rows)]) + "\n", "utf-8")
+
+
 def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives:
     """Drives that replay a table (CSV): time since the release in s, and the torques of both joints in N m.
 

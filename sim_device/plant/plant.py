@@ -15,6 +15,7 @@ from dpr_lab.dynamics.rig_constants import constants_of_run, rig_constants
 from dpr_lab.dynamics.simulate import as_state, at_release, integrate, rig_model
 from dpr_lab.dynamics.step import RigModel, RigState, model_with
 from dpr_lab.effects import EFFECTS, effect_params, param_index
+from dpr_lab.effects.detent import DETENT_JOINT1, DETENT_JOINT2
 from dpr_lab.effects.mounted import effects_of_run
 from dpr_lab.effects.spring import SPRING
 from dpr_lab.errors import ConfigError
@@ -36,6 +37,12 @@ Driven = Callable[[int, int], NDArray[np.float64]]
 
 CONSTANT = [param_index(effect.name, "constant_Nm") for effect in SPRING]
 """Where a joint's constant torque stands: what a drive is between two ticks."""
+
+RIPPLE, RIPPLE_ORDER = (
+    [[param_index(effect.name, name) for name in names] for effect in (DETENT_JOINT1, DETENT_JOINT2)]
+    for names in (("cos1_Nm", "sin1_Nm"), ("order",))
+)
+"""Where a joint's detent stands: what ripple is while the torque holds."""
 
 NO_ROD = 1e-9
 """Mass, kg, and inertia, kg m^2, of an outer rod that is not there; zero would leave joint 2 without an equation."""
@@ -113,6 +120,13 @@ class Plant:
         """
         if self._setup.held:
             raise ConfigError(f"plant {self.config.name}: drives need both rods mounted")
+        rippling = [
+            one.name for j, one in enumerate((DETENT_JOINT1, DETENT_JOINT2)) if any(self.config.drives.ripple[j])
+        ]
+        if both := [name for name in rippling if name in self.config.effects]:
+            raise ConfigError(
+                f"plant {self.config.name}: effects: drives that ripple have no {', '.join(both)} besides"
+            )
         if of_drives := [name for name in self.config.effects if EFFECTS[name].driven]:
             raise ConfigError(f"plant {self.config.name}: effects: simulated drives have no {', '.join(of_drives)}")
 
@@ -140,11 +154,12 @@ class Plant:
     def driven_on(self, state: RigState, t: Theta, torques: Theta) -> NDArray[np.float64]:
         """As `goes_on`, under torques (n - 1, 2) of joint 1 and 2 that hold from each instant to the next, N m."""
         changes = 1 + np.flatnonzero((np.diff(torques, axis=0) != 0).any(axis=1))
-        model, mode = self._driven
+        (model, mode), ripple = self._driven, np.array(self.config.drives.ripple)
         found = [np.array([[*state[:6], *state.internal]])]
         for first, last in pairwise([0, *changes.tolist(), len(torques)]):
             params = model.params.copy()
             params[CONSTANT] += torques[first]
+            params[RIPPLE] += torques[first][:, None] * ripple
             part = integrate(model._replace(params=params), mode, state, t[first : last + 1], MAX_STEP)
             state = as_state(part[-1])
             found.append(part[1:])
@@ -156,7 +171,12 @@ class Plant:
         model, mode = self._moving
         pushed = model.params.copy()
         pushed[CONSTANT] = 1.0
-        return model_with(model.base, model.constants, model.arm, pushed)._replace(params=model.params), mode
+        still = model.params.copy()
+        for joint, shares in enumerate(self.config.drives.ripple):
+            if any(shares):
+                pushed[RIPPLE[joint]] = 1.0
+                pushed[RIPPLE_ORDER[joint]] = still[RIPPLE_ORDER[joint]] = self.config.drives.ripple_order
+        return model_with(model.base, model.constants, model.arm, pushed)._replace(params=still), mode
 
     def joint2(self, theta1: Theta, theta2: Theta) -> Theta:
         """Angle of joint 2 as its encoder has it, rad."""

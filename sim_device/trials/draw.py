@@ -8,6 +8,7 @@ from dpr_lab.rig import Rig
 from sim_device.plant.config import EncoderConfig, PlantConfig
 from sim_device.plant.foreign import FOREIGN, FORMS, OUTSIDE
 from sim_device.random_streams import RandomStream, generator
+from sim_device.trials.driven import drawn_fault, driven
 from sim_device.trials.parameters import drawn
 from sim_device.trials.request import LEVELS, EffectRequest
 from sim_device.trials.sizing import Coefficients, sized
@@ -23,6 +24,8 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
         ConfigError: `base` does not belong to the rig.
     """
     plant = drawn(base.model_copy(update={"effects": {}, "foreign": {}}), rig)
+    if wanted.kind == "driven":
+        return driven(plant, drawn_fault(base.seed, wanted))
     rng = generator(base.seed, RandomStream.DRAW)
     effects = wanted.effects or _chosen(wanted, rng)
     if wanted.kind == "dirty":

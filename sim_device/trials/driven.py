@@ -1,5 +1,6 @@
-"""Sealed plants whose joints are driven: parameters and torques that nobody chose."""
+"""Sealed plants whose joints are driven: parameters and torques that nobody chose, and what the drives do besides."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,7 +8,9 @@ import numpy as np
 
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.effects.torque_offset import TORQUE_OFFSET
+from dpr_lab.effects.torque_ripple import TORQUE_RIPPLE
 from dpr_lab.effects.torque_scale import TORQUE_SCALE
+from dpr_lab.errors import ConfigError
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from sim_device.plant.config import DriveConfig, PlantConfig, load_plant
@@ -15,13 +18,14 @@ from sim_device.plant.drives import JointDrives
 from sim_device.random_streams import RandomStream, generator
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import drawn
+from sim_device.trials.request import EffectRequest
 
 
 @dataclass(frozen=True, slots=True)
 class Driving:
-    """How joints are driven."""
+    """How joints are driven, and how much their drives do that their torques do not tell."""
 
-    length_s: float = 3.0
+    length_s: float = 10.0
     row_s: float = 0.01
     """Between rows of the table of torques."""
     tones: int = 4
@@ -31,6 +35,14 @@ class Driving:
     """Amplitude of a sine at most: about the weight's torque on a rod of the paper's rig."""
     noise_Nm: float = 2e-3
     """Standard deviation of the measured torques."""
+    scale: float = 0.15
+    """Of a torque constant that is off, at most; a fifth of this and the next three at least."""
+    offset_Nm: float = 0.03
+    ripple: float = 0.2
+    """Of the torque, peak."""
+    delay_s: float = 0.01
+    subtle: float = 0.1
+    """Of the sizes of a clear fault."""
 
 
 DRIVING = Driving()
@@ -45,36 +57,92 @@ class DriveFault:
     """What differs in the plant's `[drives]`."""
 
 
-def drawn_fault(seed: int) -> DriveFault | None:
-    """None in one of seven plants; else a torque constant off by 3 to 15 %, an offset of 5 to 30 mN m, or a delay.
-
-    The delay is of 2 to 10 ms, and shows where the commanded torques are told.
-    """
-    rng = generator(seed, RandomStream.DRAW)
-    kind, joint = divmod(int(rng.integers(7)), 2)
-    size, sign = float(rng.uniform(0.2, 1.0)), float(rng.choice([-1.0, 1.0]))
-    match kind:
-        case 0:
-            return DriveFault(TORQUE_SCALE[joint].name, {"gain": _of(joint, 1 + 0.15 * sign * size, 1.0)})
-        case 1:
-            return DriveFault(TORQUE_OFFSET[joint].name, {"offset_Nm": _of(joint, 0.03 * sign * size, 0.0)})
-        case 2:
-            return DriveFault(INPUT_DELAY.name, {"delay_s": round(0.01 * size, 3), "tells": ("commanded",)})
-    return None
+Fault = Callable[[float, np.random.Generator], dict[str, Any]]
+"""(size over the largest, either way; chance) -> what differs in `[drives]`."""
 
 
-def _of(joint: int, value: float, other: float) -> tuple[float, float]:
+def _delay(size: float, rng: np.random.Generator) -> dict[str, Any]:
+    """It shows where the commanded torques are told; a board's ticks know whole milliseconds."""
+    return {"delay_s": max(round(DRIVING.delay_s * abs(size), 3), 1e-3), "tells": ("commanded",)}
+
+
+def _ripple(joint: int) -> Fault:
+    def drawn(size: float, rng: np.random.Generator) -> dict[str, Any]:
+        phase, order = rng.uniform(0, 2 * np.pi), float(rng.integers(3, 24, endpoint=True))
+        share = (DRIVING.ripple * size * float(np.cos(phase)), DRIVING.ripple * size * float(np.sin(phase)))
+        return {"ripple": _of(joint, share, (0.0, 0.0)), "ripple_order": order}
+
+    return drawn
+
+
+def _of(joint: int, value: Any, other: Any) -> tuple[Any, Any]:
     return (value, other) if joint == 0 else (other, value)
 
 
-def driven_runs(
-    rig: Rig, seed: int, base: str = "paper", how: Driving = DRIVING, fault: DriveFault | None = None
-) -> tuple[PlantConfig, list[Run]]:
-    """A plant drawn around a plant file's, and a recording of it under torques from each of the rig's poses."""
+FAULTS: Mapping[str, Fault] = {
+    TORQUE_SCALE[0].name: lambda size, rng: {"gain": (1 + DRIVING.scale * size, 1.0)},
+    TORQUE_SCALE[1].name: lambda size, rng: {"gain": (1.0, 1 + DRIVING.scale * size)},
+    TORQUE_OFFSET[0].name: lambda size, rng: {"offset_Nm": (DRIVING.offset_Nm * size, 0.0)},
+    TORQUE_OFFSET[1].name: lambda size, rng: {"offset_Nm": (0.0, DRIVING.offset_Nm * size)},
+    INPUT_DELAY.name: _delay,
+    TORQUE_RIPPLE[0].name: _ripple(0),
+    TORQUE_RIPPLE[1].name: _ripple(1),
+}
+"""Effect of the library -> how a drive that has it is drawn."""
+
+
+ANY_FAULT = EffectRequest("driven")
+
+
+def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | None:
+    """One of `FAULTS` or none, each as likely as another; or the one that is asked for by name.
+
+    Raises:
+        ConfigError: that is nothing that drives do.
+    """
+    rng = generator(seed, RandomStream.DRAW)
+    names = list(wanted.effects) or [*FAULTS, None]
+    if wanted.effects and (len(names) > 1 or names[0] not in FAULTS):
+        raise ConfigError(f"draw driven: drives do one of {', '.join(FAULTS)}, not {', '.join(wanted.effects)}")
+    name = names[int(rng.integers(len(names)))]
+    size = float(rng.uniform(0.2, 1.0) * rng.choice([-1.0, 1.0])) * (DRIVING.subtle if wanted.level == "subtle" else 1)
+    return None if name is None else DriveFault(name, FAULTS[name](size, rng))
+
+
+def driven(plant: PlantConfig, fault: DriveFault | None, how: Driving = DRIVING) -> PlantConfig:
+    """The plant with drives that have a fault, or none."""
     drives = DriveConfig(noise_Nm=how.noise_Nm, **(fault.drives if fault else {}))
-    plant = drawn(load_plant(base, seed), rig).model_copy(update={"drives": drives})
-    rng, t = generator(seed, RandomStream.DRIVES), np.arange(0.0, how.length_s, how.row_s)
+    return plant.model_copy(update={"drives": drives})
+
+
+def drawn_drives(plant: PlantConfig, how: Driving = DRIVING) -> JointDrives:
+    """The plant's drives with a table of torques that is drawn from its seed."""
+    rng, t = generator(plant.seed, RandomStream.DRIVES), np.arange(0.0, how.length_s, how.row_s)
     size, phase = rng.uniform(0, how.largest_Nm, (how.tones, 2)), rng.uniform(0, 2 * np.pi, (how.tones, 2))
     turn = 2 * np.pi * rng.uniform(0.2, how.highest_hz, (how.tones, 2))
     joints = np.sum(size * np.sin(turn * t[:, None, None] + phase), axis=1)
-    return plant, record(plant, rig, how.length_s, drives=JointDrives(t, joints, plant.drives, seed))
+    return JointDrives(t, joints, plant.drives, plant.seed)
+
+
+def driven_runs(
+    rig: Rig, seed: int, base: str = "paper", fault: DriveFault | None = None, duration: float = 3.0
+) -> tuple[PlantConfig, list[Run]]:
+    """A plant drawn around a plant file's, and a recording of it under torques from each of the rig's poses."""
+    plant = driven(drawn(load_plant(base, seed), rig), fault)
+    return plant, record(plant, rig, duration, drives=drawn_drives(plant))
+
+
+def done_by_drives(config: DriveConfig) -> dict[str, dict[str, float]]:
+    """Effects of the library that drives have, and their sizes; those of a board that tells what acts have no delay."""
+    found: dict[str, dict[str, float]] = {}
+    for joint in range(2):
+        if config.gain[joint] != 1.0:
+            found[TORQUE_SCALE[joint].name] = {"excess": config.gain[joint] - 1.0}
+        if config.offset_Nm[joint]:
+            found[TORQUE_OFFSET[joint].name] = {"offset_Nm": config.offset_Nm[joint]}
+        if any(config.ripple[joint]):
+            sizes = dict(zip(("cos_share", "sin_share"), config.ripple[joint], strict=True))
+            found[TORQUE_RIPPLE[joint].name] = {**sizes, "order": config.ripple_order}
+    if config.delay_s and "measured" not in config.tells:
+        found[INPUT_DELAY.name] = {"delay_s": config.delay_s}
+    return found

@@ -4,6 +4,7 @@
     pair     two, the smaller a fifth as visible   outside   one that the library does not hold
     triple   three, 1 : 0.45 : 0.2                 clean     none
     dirty    one or none, and faulty encoders       any       one of these
+    driven   joints driven by torques that are told, their drives with a fault or none; only where asked for
 
 Sizes are drawn as the gap they open (`sim_device.trials.gap_size`): at least twice the noise where they should be
 `clear`, half to one and a half times where they should be `subtle`.
@@ -17,7 +18,7 @@ from dpr_lab.errors import ConfigError
 from sim_device.plant.foreign import FOREIGN
 from sim_device.random_streams import RandomStream, generator
 
-Kind = Literal["single", "pair", "triple", "clean", "form", "outside", "dirty"]
+Kind = Literal["single", "pair", "triple", "clean", "form", "outside", "dirty", "driven"]
 Level = Literal["clear", "subtle"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 LEVELS: dict[Level, tuple[float, float]] = {"clear": (2.0, 20.0), "subtle": (0.5, 1.5)}
@@ -28,6 +29,9 @@ _LEVEL_NAMED: dict[str, Level] = {level: level for level in LEVELS}
 
 ANY = "any"
 """Instead of a kind: the seed chooses it too."""
+
+FREE_SWINGS: tuple[Kind, ...] = tuple(kind for kind in KINDS if kind != "driven")
+"""The kinds that `ANY` stands for."""
 
 SHARES: dict[Kind, tuple[float, ...]] = {"pair": (1.0, 0.2), "triple": (1.0, 0.45, 0.2)}
 """Gap of each effect over that of the largest, of which the smallest is to be clear."""
@@ -53,7 +57,7 @@ class EffectRequest:
 def with_kind(text: str, seed: int) -> str:
     """What is asked for, with a kind drawn from the seed where it says `any`."""
     kind, colon, rest = text.partition(":")
-    return f"{generator(seed, RandomStream.KIND).choice(KINDS) if kind == ANY else kind}{colon}{rest}"
+    return f"{generator(seed, RandomStream.KIND).choice(FREE_SWINGS) if kind == ANY else kind}{colon}{rest}"
 
 
 def parse_request(text: str) -> EffectRequest:

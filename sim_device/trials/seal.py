@@ -15,9 +15,12 @@ from dpr_lab.errors import ConfigError
 
 if TYPE_CHECKING:
     from sim_device.plant.config import PlantConfig
+    from sim_device.plant.drives import JointDrives
     from sim_device.plant.hidden import HiddenPlant
 
 PLANT = "plant.toml"
+TORQUES = "torques.csv"
+"""What the drives of a plant replay, where it has any."""
 TRUTH = "truth.json"
 
 
@@ -30,9 +33,11 @@ def seal(truth: dict[str, Any], salt: str) -> str:
 def truth(plant: "HiddenPlant") -> dict[str, Any]:
     """Parameters, ratios and effects; of an out-of-library effect those of the library that would be a right answer."""
     from sim_device.plant.foreign import FOREIGN
+    from sim_device.trials.driven import done_by_drives
 
-    config = plant.config
-    return plant.reveal() | {
+    config, revealed = plant.config, plant.reveal()
+    return revealed | {
+        "effects": revealed["effects"] | done_by_drives(config.drives),
         "foreign": {name: dict(values) for name, values in config.foreign.items()},
         "family": {name: [effect.name for effect in FOREIGN[name].family] for name in config.foreign},
         "held_back": [name for name in config.foreign if FOREIGN[name].held_back],
@@ -45,22 +50,26 @@ def salted(plant: "HiddenPlant", drawn: dict[str, Any]) -> dict[str, Any]:
     return {"salt": secrets.token_hex(16), "truth": truth(plant) | {"drawn": drawn}}
 
 
-def keep(plant: "PlantConfig", told: dict[str, Any], folder: Path) -> None:
+def keep(plant: "PlantConfig", told: dict[str, Any], folder: Path, drives: "JointDrives | None" = None) -> None:
     """Keep a plant and its salted truth in a folder.
 
     Args:
         plant: what is sealed
         told: of `salted`
         folder: made here, for the device alone
+        drives: on its joints, if any
 
     Raises:
         ConfigError: the folder is there already, or cannot be written.
     """
+    from sim_device.plant.drives import write_table
     from sim_device.trials.toml import toml_text
 
     try:
         folder.mkdir(mode=0o700, parents=True)
         (folder / PLANT).write_text(toml_text(plant.model_dump(mode="json")), encoding="utf-8")
+        if drives is not None:
+            write_table(drives, folder / TORQUES)
         (folder / TRUTH).write_text(json.dumps(told), encoding="utf-8")
     except FileExistsError as error:
         raise ConfigError(f"{folder}: is there already; a sealed plant is never replaced") from error

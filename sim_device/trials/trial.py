@@ -6,10 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
 from sim_device.options import Options
 from sim_device.plant.config import PlantConfig, load_plant
+from sim_device.plant.drives import JointDrives
 from sim_device.plant.hidden import plant_of
 from sim_device.trials.draw import draw_plant
+from sim_device.trials.driven import drawn_drives
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import SPREAD, weighed
 from sim_device.trials.request import ANY, parse_request, with_kind
@@ -29,11 +32,13 @@ class DrawnTrial:
     """As its rig file says; its numbers come from a stream of their own and are rounded as scales show them."""
     kept: dict[str, Any]
     """`truth` and `salt`."""
+    drives: JointDrives | None = None
+    """On its joints; none: free swings."""
 
     def told(self, direct: bool) -> dict[str, Any]:
-        """`seal`; `rig`, the rig file as TOML text; `runs` where asked for: pose, rate, samples lost, time, counts."""
+        """`seal`; `rig`, the rig file as TOML text; `runs` where asked for: pose, rate, lost, time, counts, torques."""
         public = {"seal": seal(self.kept["truth"], self.kept["salt"]), "rig": _rig_file(self.rig)}
-        return public | ({"runs": _runs(self.plant, self.rig)} if direct else {})
+        return public | ({"runs": _runs(self)} if direct else {})
 
 
 def drawn_trial(options: Options, around: Rig) -> DrawnTrial:
@@ -51,7 +56,8 @@ def drawn_trial(options: Options, around: Rig) -> DrawnTrial:
     base, rig = weighed(load_plant(options.plant, public), around, SPREAD.scales_step)
     plant = draw_plant(wanted, base.model_copy(update={"seed": seed}), rig)
     drawn = {"kind": wanted.kind, "level": wanted.level, "seed": seed}
-    return DrawnTrial(plant, rig, salted(plant_of(plant, rig), drawn))
+    drives = drawn_drives(plant) if wanted.kind == "driven" else None
+    return DrawnTrial(plant, rig, salted(plant_of(plant, rig), drawn), drives)
 
 
 def sealed_trial(options: Options, folder: Path, direct: bool = False) -> dict[str, Any]:
@@ -69,7 +75,7 @@ def sealed_trial(options: Options, folder: Path, direct: bool = False) -> dict[s
         ConfigError: nothing that could be drawn, or the folder is there already.
     """
     trial = drawn_trial(options, load_rig(options.rig))
-    keep(trial.plant, trial.kept, folder)
+    keep(trial.plant, trial.kept, folder, trial.drives)
     return trial.told(direct)
 
 
@@ -77,8 +83,8 @@ def _rig_file(rig: Rig) -> str:
     return toml_text(rig.model_dump(mode="json", exclude_none=True)).lstrip()
 
 
-def _runs(plant: PlantConfig, rig: Rig) -> list[dict[str, Any]]:
-    runs = record(plant, rig)
+def _runs(trial: DrawnTrial) -> list[dict[str, Any]]:
+    runs = record(trial.plant, trial.rig, drives=trial.drives)
     return [
         {
             "pose": run.pose,
@@ -86,6 +92,14 @@ def _runs(plant: PlantConfig, rig: Rig) -> list[dict[str, Any]]:
             "lost": dict(run.lost),
             "t": run.t.tolist(),
             "counts": [] if run.counts is None else run.counts.tolist(),
+            **_torques(run),
         }
         for run in runs
     ]
+
+
+def _torques(run: Run) -> dict[str, Any]:
+    if run.torques is None:
+        return {}
+    known = {"torques": run.torques, "commanded": run.commanded}
+    return {"torque_kind": run.torque_kind} | {name: v.tolist() for name, v in known.items() if v is not None}

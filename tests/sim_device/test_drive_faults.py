@@ -1,10 +1,28 @@
 """What simulated drives do and do not tell: the faults that blind trials of driven rigs draw."""
 
-import numpy as np
+from functools import partial
+from pathlib import Path
 
-from sim_device.plant.config import DriveConfig
-from sim_device.plant.drives import JointDrives
-from sim_device.trials.driven import drawn_fault
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import whole_parameters
+from dpr_lab.dynamics.prediction import predict
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.effects import effect_params
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import Rig
+from dpr_lab.setup import Setup, Torques
+from sim_device.options import Options
+from sim_device.plant.config import DriveConfig, load_plant
+from sim_device.plant.drives import JointDrives, load_drives
+from sim_device.plant.plant import Plant
+from sim_device.trials.draw import draw_plant
+from sim_device.trials.driven import done_by_drives, drawn_drives, drawn_fault, driven
+from sim_device.trials.request import parse_request, with_kind
+from sim_device.trials.seal import TORQUES, opened
+from sim_device.trials.trial import sealed_trial
 
 
 def test_a_faulty_drive_acts_otherwise_than_it_tells() -> None:
@@ -17,5 +35,49 @@ def test_a_faulty_drive_acts_otherwise_than_it_tells() -> None:
 
 def test_chance_draws_every_fault_and_none() -> None:
     drawn = {fault.name if (fault := drawn_fault(seed)) else None for seed in range(60)}
-    joints = {f"torque_{what}_joint{j}" for what in ("scale", "offset") for j in (1, 2)}
+    joints = {f"torque_{what}_joint{j}" for what in ("scale", "offset", "ripple") for j in (1, 2)}
     assert drawn == {None, "input_delay", *joints}
+    for seed in range(20):
+        fault = drawn_fault(seed)
+        told = done_by_drives(driven(load_plant("paper", seed), fault).drives)
+        assert list(told) == ([fault.name] if fault else [])
+
+
+def test_a_fault_may_be_asked_for_and_no_other_effect(paper: Rig) -> None:
+    subtle = draw_plant(parse_request("driven:subtle:torque_scale_joint2"), load_plant("paper", 5), paper)
+    assert 0 < abs(subtle.drives.gain[1] - 1) < 0.02
+    with pytest.raises(ConfigError, match="drives do one of"):
+        draw_plant(parse_request("driven:clear:coulomb_joint1"), load_plant("paper", 5), paper)
+    assert all(with_kind("any:clear", seed) != "driven:clear" for seed in range(40))
+
+
+def test_a_sealed_driven_plant_keeps_its_torques_and_tells_them_with_its_recordings(tmp_path: Path) -> None:
+    asked = Options(draw_effects="driven:clear:torque_ripple_joint1", seed=7)
+    told = sealed_trial(asked, tmp_path / "device")
+    truth = opened(tmp_path / "device")["truth"]
+    assert list(truth["effects"]) == ["torque_ripple_joint1"]
+    plant = load_plant(tmp_path / "device" / "plant.toml")
+    kept, drawn = load_drives(tmp_path / "device" / TORQUES, plant.drives, plant.seed), drawn_drives(plant)
+    assert np.array_equal(kept.joints, drawn.joints)
+    assert np.array_equal(kept.t, drawn.t)
+    assert "runs" not in told
+
+
+@pytest.mark.parametrize("fault", ["torque_ripple_joint1", "torque_ripple_joint2"])
+def test_a_drive_that_ripples_swings_as_the_library_says(paper: Rig, fault: str) -> None:
+    """The plant scales a detent by the torque that holds, the lab has a law of its own."""
+    config = draw_plant(parse_request(f"driven:clear:{fault}"), load_plant("paper", 11), paper)
+    drives, start, rate = drawn_drives(config), paper.poses["X2"].theta, 1000.0
+    swing = Plant(config, paper).let_go(start, np.zeros(3), rate, 1, partial(drives.exerted, rate_hz=rate))
+    t = np.arange(400) / rate
+    torques = Torques(t, drives.exerted(0, len(t), rate))
+    read = slice(30, None)  # a segment that is read so soon starts at the release
+    laid_out = segments([t[read]], setups=[Setup(torques=torques)], step=1e-3)
+    begun = np.array([[*start[1:], 0.0, 0.0]])
+    whole, rig = whole_parameters(config.Z, paper.L1, paper.g), rig_constants(paper)
+    rippling, still = (
+        predict(whole, effect_params(effects), rig, laid_out, begun) for effects in (done_by_drives(config.drives), {})
+    )
+    angles = paper.encoders.joint_angles.of_rods(swing.theta(0, len(t))[read, 1:])
+    assert np.abs(angles - rippling).max() < 1e-5
+    assert np.abs(angles - still).max() > 1e-3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import DprError, RunError
-from dpr_lab.trials.case import run_case
+from dpr_lab.trials.case import run_case, run_of
 from dpr_lab.trials.protocol import Trial, keep_diagnosis, open_trial, read_trial, recordings, refuse_opened
 from dpr_lab.trials.sealing import Kind, PlantRequest, seal
 from dpr_lab.workflows.trial import TrialRequest, draw
@@ -109,6 +109,26 @@ def test_direct_recordings_are_those_of_the_protocol(diagnosed: Trial, tmp_path:
         both = min(len(counts), len(swing))
         assert both >= 10_000
         assert np.array_equal(counts[:both], swing[:both])
+
+
+def test_a_driven_plant_is_recorded_with_its_torques_through_the_protocol_and_directly(tmp_path: Path) -> None:
+    asked = PlantRequest(Kind.DRIVEN, seed=101)
+    trial = draw(TrialRequest(asked, tmp_path / "trial"))
+    sealed = seal(asked, tmp_path / "device", direct=True)
+    for run, told in zip(recordings(trial), sealed["runs"], strict=True):
+        sent, direct = run.swing, run_of(told, trial.rig).swing
+        both = min(len(sent.t), len(direct.t))
+        assert both >= 9_000
+        assert direct.torque_kind == sent.torque_kind == "measured"
+        for one, other in (
+            (sent.theta, direct.theta),
+            (sent.torques, direct.torques),
+            (sent.commanded, direct.commanded),
+        ):
+            assert np.allclose(one[:both], other[:both], atol=1e-9)  # pyright: ignore[reportOptionalSubscript]
+    opened = json.loads((trial.folder / "device" / "truth.json").read_text())["truth"]
+    assert list(opened["effects"]) == ["torque_ripple_joint1"]
+    assert opened["drawn"]["kind"] == "driven"
 
 
 def test_a_worker_of_another_version_refuses() -> None:
