@@ -149,7 +149,7 @@ def zeros(run: Run, at: Estimate, rig: Rig) -> Array:
 def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
     """Ratios, scale, friction, rotor and drives, fitted to some records."""
     recordings = Recordings(tuple(record(run, rig) for run in in_pieces(runs, ())[0]), rig)
-    _, problem, bare = fit_bare_model(recordings, nominal_ratios(rig))
+    _, problem, bare = fit_bare_model(recordings, nominal_ratios(rig), exact_torques=True)
     at, names = bare.fit.estimate, list[str]()
     for some in DRIVE:  # one after the other, from a little of each
         names += some

@@ -28,6 +28,7 @@ from dpr_lab.gap.selection.bare_model import fit_bare_model
 from dpr_lab.gap.selection.hypothesis import Hypothesis, free_parameters, hypothesis, refit_with
 from dpr_lab.gap.selection.score import score_test
 from dpr_lab.gap.selection.steps import recorded
+from dpr_lab.gap.selection.thresholds import THRESHOLDS
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, torque_kinds
 
@@ -148,7 +149,9 @@ def _fitted(
 ) -> dict[str, Hypothesis]:
     """Each candidate fitted to new runs, beside the other named effects."""
     recordings, problem, bare = fit_bare_model(
-        Recordings(tuple(record(run, rig) for run in runs), rig), diagnosis.unknowns
+        Recordings(tuple(record(run, rig) for run in runs), rig),
+        diagnosis.unknowns,
+        exact_torques=diagnosis.chi2_per_dof > THRESHOLDS.far,
     )
     others = {name: dict(values) for name, values in diagnosis.model_effects.items() if name != about}
     less = bare
