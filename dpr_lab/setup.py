@@ -46,6 +46,8 @@ class ArmMotion:
     """(n,) theta0, rad."""
     omega: NDArray[np.float64]
     """(n,) its speed, rad/s."""
+    noise: float = 0.0
+    """Standard deviation of the readings that this was told from, rad."""
 
     def mean_before(self, at: ArrayLike) -> NDArray[np.float64]:
         """(m, 2) mean acceleration and squared speed between each of (m,) instants and the one before, rad, s."""

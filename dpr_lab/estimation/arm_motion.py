@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.noise import ORDER, difference_std
 from dpr_lab.rig import Rig
 from dpr_lab.setup import ArmMotion
 
@@ -34,4 +35,5 @@ def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str) -
     spacing = float(np.median(np.diff(t)))
     spline = make_smoothing_spline((t - t[0]) / spacing, theta0)  # in samples: its search for the weight has a scale
     at = (t - t[0]) / spacing
-    return ArmMotion(t, np.asarray(spline(at)), np.asarray(spline.derivative()(at)) / spacing)
+    noise = float(difference_std(t, theta0[:, None])[0]) if len(t) > ORDER else 0.0
+    return ArmMotion(t, np.asarray(spline(at)), np.asarray(spline.derivative()(at)) / spacing, noise)

@@ -1,17 +1,21 @@
-"""Noise that drives the rods: of the torques that are known only as well as they were measured.
+"""Noise that drives the rods: of torques, and of an arm's motion, that are known only as well as they were measured.
 
 A reading of a torque that is off by v while it holds, for h, is an impulse v h that the rods were not given. Where v is
 white that is white noise of intensity std^2 h, carried along the swing like any torque (`dpr_lab.fitting.response`).
+So is the noise of an arm's angle, whose second derivative pushes the rods.
 """
 
+from collections.abc import Callable
+from itertools import pairwise
 from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.response import trajectory
+from dpr_lab.fitting.response import Trajectory, trajectory
 from dpr_lab.fitting.robust import NORMAL_MAD
 from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.setup import Setup, Torques
@@ -26,34 +30,74 @@ ONTO_RODS = np.array([[1.0, -1.0], [0.0, 1.0]])
 
 
 def torque_noise(torques: Torques) -> Array:
-    """(2,) standard deviation of the white noise of measured torques from the release on, N m; none of commanded ones.
+    """(2,) standard deviation of the white noise of measured torques from the release on, N m; none of others.
 
     The least that differences of any order leave, by their median absolute value: what is left of the course of the
     torque itself can only make it look larger.
     """
     joints = torques.joints[torques.t >= 0.0]
-    if torques.kind == "commanded" or len(joints) <= max(ORDERS):
+    if torques.kind != "measured" or len(joints) <= max(ORDERS):
         return np.zeros(2)
     left = [np.median(np.abs(np.diff(joints, n, axis=0)), axis=0) / comb(2 * n, n) ** 0.5 for n in ORDERS]
     return NORMAL_MAD * np.min(left, axis=0)
 
 
-def disturbance(problem: Problem, at: Estimate) -> Disturbance | None:
-    """What the noise of known torques does to the readings, along the swings of an estimate; none without any."""
-    spread = np.array([_spread(setup) for setup in problem.segments.setups])
-    if not spread.any():
+def disturbance(problem: Problem, at: Estimate, begins: Callable[[float], float] = segment_start) -> Disturbance | None:
+    """What the noise of all that is known to drive the rods does to the readings; none of free swings.
+
+    Args:
+        problem: the segments
+        at: along whose swings
+        begins: as of `trajectory`
+    """
+    setups = problem.segments.setups
+    spread, arm = np.array([_spread(setup) for setup in setups]), np.array([_of_arm(setup) for setup in setups])
+    if not (spread.any() or arm.any()):
         return None
-    along = trajectory(problem, at)
+    along = trajectory(problem, at, begins)
     into = along.into @ spread[along.run]
-    rate = into @ into.transpose(0, 2, 1)
+    rate, shared = into @ into.transpose(0, 2, 1), np.zeros((len(problem.t), 2))
+    if arm.any():
+        slope, bend = _answers_to_arm(along, problem)
+        rate += (arm[along.run] ** 2)[:, None, None] * bend[:, :, None] * bend[:, None, :]
+        own = arm[problem.segments.run[problem.owner]] / float(np.median(np.diff(problem.t))) ** 0.5
+        shared = np.einsum("nja,na->nj", along.out, _at(slope, along.at)) * own[:, None]
     between = np.diff(along.t)[:, None, None] * 0.5 * (rate[1:] + rate[:-1])
     between[along.edges[1:-1] - 1] = 0.0
-    up_to = np.concatenate([np.zeros((1, 4, 4)), np.cumsum(between, axis=0)])
-    lower = np.minimum(along.at.astype(np.int64), len(up_to) - 2)
-    share = (along.at - lower)[:, None, None]
-    walk = np.diff((1 - share) * up_to[lower] + share * up_to[lower + 1], axis=0, prepend=0.0)
+    walk = np.diff(
+        _at(np.concatenate([np.zeros((1, 4, 4)), np.cumsum(between, axis=0)]), along.at), axis=0, prepend=0.0
+    )
     walk[problem.segments.offsets[:-1]] = 0.0  # what was before the first sample is the initial state's
-    return Disturbance(np.ascontiguousarray(walk), along.out)
+    return Disturbance(np.ascontiguousarray(walk), along.out, shared)
+
+
+def _at(values: Array, place: Array) -> Array:
+    """Values (n, ...) on a grid, at places (m,) in grid points."""
+    lower = np.minimum(place.astype(np.int64), len(values) - 2)
+    share = (place - lower).reshape(-1, *[1] * (values.ndim - 1))
+    return (1 - share) * values[lower] + share * values[lower + 1]
+
+
+def _answers_to_arm(along: Trajectory, problem: Problem) -> tuple[Array, Array]:
+    """(n, 4) each: first and second derivative in time of how a push of the arm enters the initial state's measure.
+
+    An error e of the arm's angle pushes by its second derivative. By parts that is -out slope e in the readings there
+    and then, and the integral of bend e from then on.
+    """
+    rig = problem.model.constants
+    d, e1 = along.bases[along.run][:, 2], along.bases[along.run][:, 3]
+    levers = -rig.L0 / rig.g * np.stack([e1, d * rig.g / rig.L1], axis=1) * np.cos(along.theta)
+    push = (along.into @ levers[:, :, None])[:, :, 0]
+    slope, bend = np.empty_like(push), np.empty_like(push)
+    for first, last in pairwise(along.edges):
+        slope[first:last] = np.gradient(push[first:last], along.t[first:last], axis=0)
+        bend[first:last] = np.gradient(slope[first:last], along.t[first:last], axis=0)
+    return slope, bend
+
+
+def _of_arm(setup: Setup) -> float:
+    """Root of the intensity of the noise of an arm's angle, rad s^(1/2)."""
+    return 0.0 if setup.arm is None else setup.arm.noise * float(np.median(np.diff(setup.arm.t))) ** 0.5
 
 
 def _spread(setup: Setup) -> Array:

@@ -95,7 +95,7 @@ class Problem:
         columns = values.reshape(*self.weight.shape, -1)
         found = padded(columns, self.weight, self.segments.offsets)
         if (noise := self.disturbance) is not None:
-            innovations(found, self.weight, self.segments.offsets, noise.walk, noise.out)
+            innovations(found, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
         return found.reshape(len(found), -1, *values.shape[2:])
 
     def by_sample(self, whitened: Array) -> Array:

@@ -8,6 +8,7 @@ so that any number of torques along the same trajectory cost one matrix product 
 them: maps of torque over angle, speed, time, and shapes (orders, frequencies) that are scanned.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -123,10 +124,16 @@ class Trajectory:
         return np.stack([self.omega[:, 0], self.omega[:, 1] - self.omega[:, 0]], axis=1)
 
 
-def trajectory(problem: Problem, at: Estimate) -> Trajectory:
-    """Follow the swings of an estimate, with its ratios and initial states; its effects are small and left out."""
+def trajectory(problem: Problem, at: Estimate, begins: Callable[[float], float] = segment_start) -> Trajectory:
+    """Follow the swings of an estimate, with its ratios and initial states; its effects are small and left out.
+
+    Args:
+        problem: their segments
+        at: the estimate
+        begins: when a segment starts whose first reading is at an instant, s
+    """
     rig, samples = problem.model.constants, problem.segments.offsets
-    spans = [(segment_start(float(problem.t[i])), float(problem.t[j - 1])) for i, j in pairwise(samples)]
+    spans = [(begins(float(problem.t[i])), float(problem.t[j - 1])) for i, j in pairwise(samples)]
     instants = [_grid(first, last) for first, last in spans]
     setups = problem.segments.setups
     laid_out = segments(instants, problem.segments.run, setups, step=GRID_S)

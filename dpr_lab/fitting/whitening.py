@@ -29,6 +29,8 @@ class Disturbance:
     """(samples, 4, 4) D: covariance of what it added since the sample before, in the measure of the initial state."""
     out: Array
     """(samples, 2, 4) C: from there to the readings, rad."""
+    shared: Array
+    """(samples, 2) what both readings of a sample err by at once, one standard deviation, rad."""
 
 
 @njit
@@ -47,13 +49,22 @@ def padded(values: Array, weight: Array, offsets: NDArray[np.int64]) -> Array:
 
 
 @njit
-def innovations(found: Array, weight: Array, offsets: NDArray[np.int64], walk: Array, out: Array) -> None:
+def innovations(
+    found: Array, weight: Array, offsets: NDArray[np.int64], walk: Array, out: Array, shared: Array
+) -> None:
     """Whiten what was `padded`, in place, under a disturbance of the same samples."""
     many = found.shape[3]
-    C, PC, P, z = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty((4, many))
+    C, PC, P, z = (
+        np.empty(5),
+        np.empty(5),
+        np.empty((5, 5)),
+        np.empty((5, many)),
+    )  # the fifth is shared, and new each time
     for s in range(len(offsets) - 1):
         P[:], z[:] = 0.0, 0.0
         for n in range(offsets[s], offsets[s + 1]):
+            P[4], P[:, 4], z[4] = 0.0, 0.0, 0.0
+            P[4, 4] = 1.0
             for a in range(4):
                 for b in range(4):
                     P[a, b] += walk[n, a, b]
@@ -61,17 +72,18 @@ def innovations(found: Array, weight: Array, offsets: NDArray[np.int64], walk: A
                 S = 1.0
                 for a in range(4):
                     C[a] = weight[n, j] * out[n, j, a]
-                for a in range(4):
-                    PC[a] = P[a, 0] * C[0] + P[a, 1] * C[1] + P[a, 2] * C[2] + P[a, 3] * C[3]
+                C[4] = weight[n, j] * shared[n, j]
+                for a in range(5):
+                    PC[a] = P[a, 0] * C[0] + P[a, 1] * C[1] + P[a, 2] * C[2] + P[a, 3] * C[3] + P[a, 4] * C[4]
                     S += C[a] * PC[a]
                 S = max(S, 1.0)
                 row = found[s, n - offsets[s], j]
                 for k in range(many):
-                    row[k] -= C[0] * z[0, k] + C[1] * z[1, k] + C[2] * z[2, k] + C[3] * z[3, k]
-                for a in range(4):
+                    row[k] -= C[0] * z[0, k] + C[1] * z[1, k] + C[2] * z[2, k] + C[3] * z[3, k] + C[4] * z[4, k]
+                for a in range(5):
                     for k in range(many):
                         z[a, k] += PC[a] / S * row[k]
-                    for b in range(4):
+                    for b in range(5):
                         P[a, b] -= PC[a] * PC[b] / S
                 for k in range(many):
                     row[k] /= np.sqrt(S)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.fitting.cut import MIN_SAMPLES
 from dpr_lab.fitting.rods import followed
-from dpr_lab.identification.ratio_fit import RatioFit, fit_ratios
+from dpr_lab.identification.ratio_fit import RatioFit, driving_noise, fit_ratios
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,10 @@ def _fitted(found: RatioFit, pieces: list[_Piece]) -> RatioFit:
         step=np.array([piece.step for piece in pieces]),
     )
     start = replace(found.fit.estimate, initial=np.array([piece.initial for piece in pieces]))
-    return fit_ratios(replace(found.problem, segments=laid_out), start, iterations=SETTINGS.iterations)
+    problem = replace(found.problem, segments=laid_out)
+    if problem.disturbance is not None:
+        problem = replace(problem, disturbance=driving_noise(problem, start))
+    return fit_ratios(problem, start, iterations=SETTINGS.iterations)
 
 
 def _lengthened(found: RatioFit, near: float) -> list[_Piece] | None:

@@ -6,7 +6,7 @@ same as absolute angles with the correlated noise that a relative joint 2 gives 
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.dynamics.segments import Segments, segments
 from dpr_lab.effects import effect_params
 from dpr_lab.fitting.cut import partition
+from dpr_lab.fitting.disturbance import disturbance
 from dpr_lab.fitting.estimate import (
     ZERO,
     Estimate,
@@ -29,6 +30,7 @@ from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, fit
 from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods import RodsAlone, by_start, followed
+from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.identification.preprocess import PreprocessedRun
 from dpr_lab.rig import Rig
 
@@ -46,6 +48,8 @@ class ShortSegments:
     """Converges from any start inside bounds 20 % wide."""
     working_segment_s: float = 0.5
     """Fitted next: long enough that a wrong reading cannot be followed."""
+    noise_alone: float = 20.0
+    """Reduced chi-square from which the model is so wrong that noise of what drives the rods is not what matters."""
 
 
 SHORT = ShortSegments()
@@ -169,7 +173,19 @@ def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
     problem, initial = segmented(runs, rig, SHORT.first_segment_s)
     first = fit_ratios(problem, rods_estimate(start, initial))
     problem, initial = segmented(runs, rig, SHORT.working_segment_s)
-    return fit_ratios(problem, rods_estimate(first.fit.estimate.ratios, initial))
+    found = fit_ratios(problem, rods_estimate(first.fit.estimate.ratios, initial))
+    noise = driving_noise(found.problem, found.fit.estimate)
+    if noise is None:
+        return found
+    noisy = fit_ratios(replace(problem, disturbance=noise), found.fit.estimate)
+    return noisy if noisy.chi2_per_dof < SHORT.noise_alone else found
+
+
+def driving_noise(problem: Problem, at: Estimate) -> Disturbance | None:
+    """What noise of an arm's known motion does to the readings of the rods alone."""
+    if all(setup.arm is None for setup in problem.segments.setups):
+        return None
+    return disturbance(problem, at, begins=lambda first: first)
 
 
 def information(problem: Problem, at: Estimate) -> Array:

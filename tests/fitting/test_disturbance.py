@@ -20,13 +20,14 @@ def test_innovations_are_the_readings_over_the_root_of_their_covariance() -> Non
     rng, offsets = np.random.default_rng(1), np.array([0, 9, 16])
     steps, out, weight = rng.normal(size=(16, 4, 2)), rng.normal(size=(16, 2, 4)), rng.uniform(0.5, 2.0, (16, 2))
     walk, values, weight[3, 1] = steps @ steps.transpose(0, 2, 1), rng.normal(size=(16, 2, 3)), 0.0
-    found = padded(values, weight, offsets)
-    innovations(found, weight, offsets, walk, out)
+    shared, found = rng.normal(size=(16, 2)), padded(values, weight, offsets)
+    innovations(found, weight, offsets, walk, out, shared)
     for s, (i, j) in enumerate([(0, 9), (9, 16)]):
         reach, scale = np.cumsum(walk[i:j], axis=0), (weight[i:j, :, None] * out[i:j]).reshape(-1, 4)
         owner = np.repeat(np.arange(j - i), 2)
         between = reach[np.minimum(owner[:, None], owner)]
-        covariance = np.eye(2 * (j - i)) + np.einsum("ma,mnab,nb->mn", scale, between, scale)
+        at_once = (owner[:, None] == owner) * np.outer(*[(weight[i:j] * shared[i:j]).ravel()] * 2)
+        covariance = np.eye(2 * (j - i)) + np.einsum("ma,mnab,nb->mn", scale, between, scale) + at_once
         weighed = (weight[i:j, :, None] * values[i:j]).reshape(-1, 3)
         whitened = np.linalg.solve(np.linalg.cholesky(covariance), weighed)
         assert np.allclose(found[s, : j - i].reshape(-1, 3), whitened)

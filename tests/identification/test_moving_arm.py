@@ -8,7 +8,7 @@ import pytest
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
 from dpr_lab.estimation.arm_motion import prescribed_arm
 from dpr_lab.identification.compare import compare_run
-from dpr_lab.identification.identify import FRICTION_NAMES, identify
+from dpr_lab.identification.identify import identify
 from dpr_lab.rig import load_rig
 from sim_device.plant.config import ArmConfig, load_plant
 from sim_device.trials.offline_recorder import record
@@ -27,9 +27,9 @@ def test_a_rig_whose_arm_moves_is_identified_and_compared() -> None:
     truth = ratios(base_parameters(plant.Z, rig.L1, rig.g))
     for name, true in zip(RATIOS, truth.tolist(), strict=True):
         found = model.ratios[name]
-        assert abs(found.value / true - 1) < 0.03, name
-        if name not in FRICTION_NAMES:  # the noise of the arm's encoder is in no interval, and shows in friction
-            assert abs(found.value - true) < 3.5 * found.std, name
+        assert abs(found.value / true - 1) < 0.01, name
+        if name != "c1/b":  # the noise of the arm's encoder biases it beside
+            assert abs(found.value - true) < 2 * found.std, name
     seen, held = (compare_run(run, rig, model) for run in (carried[2], recorded[2]))
     assert seen.held_out
     assert (seen.segment_rms_rad < 1.3 * seen.noise_rad).all()
