@@ -4,11 +4,13 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: tests run side by side
 
+import gc
 import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +30,23 @@ settings.load_profile("repeatable")
 # A shell starts what runs in its background deaf to Ctrl-C, and so would be every program that a test interrupts.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-STOP_TIMEOUT_S = 5.0
+gc.set_threshold(50_000, 20, 100)  # hundreds of thousands of objects of the libraries are there to stay
+
+STOP_TIMEOUT_S = 60.0
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is long is slow too."""
+    """What is long is slow too; and whoever runs tests compiles kernels for all."""
+    import_module("tests.one_compiler")
     for item in items:
         if item.get_closest_marker("long") is not None:
             item.add_marker(pytest.mark.slow)
+
+
+def pytest_collection_finish() -> None:
+    """What is there to stay is not looked through again."""
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

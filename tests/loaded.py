@@ -78,6 +78,7 @@ for module in pkgutil.walk_packages(dpr_lab.__path__, "dpr_lab."):
         import_module(module.name)
 for module in ("assemble", "serve", "options", "plant.plant", "links.open_link"):
     import_module(f"sim_device.{module}")
+import_module("tests.one_compiler")
 child_process.subprocess = SimpleNamespace(  # pyright: ignore[reportAttributeAccessIssue]
     Popen=started, PIPE=subprocess.PIPE, TimeoutExpired=subprocess.TimeoutExpired
 )

@@ -34,7 +34,7 @@ def slow(number: int) -> int:
     return number
 
 
-def gone(pid: int, within_s: float = 10.0) -> bool:
+def gone(pid: int, within_s: float = 60.0) -> bool:
     deadline = time.monotonic() + within_s
     while time.monotonic() < deadline:
         try:
@@ -104,7 +104,7 @@ def test_workers_share_out_calls_and_end_when_nobody_waits() -> None:
     began = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         broken_off()
-    assert time.monotonic() - began < 30
+    assert time.monotonic() - began < 300  # each call takes ten minutes
 
 
 def broken_off() -> None:

@@ -113,7 +113,7 @@ def test_what_cannot_be_said_is_fitted_again_in_simpler_words(corrected: Model, 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "formats",
-    [("python", "urdf"), pytest.param(("python", "mjcf", "sdf", "fmu", "fmu2"), marks=pytest.mark.slow)],
+    [("python", "urdf"), pytest.param(("python", "mjcf", "sdf", "fmu", "fmu2"), marks=pytest.mark.long)],
     ids="+".join,
 )
 def test_an_export_is_replayed_where_it_runs(saved, formats, tmp_path: Path):

@@ -23,7 +23,7 @@ def names(effects) -> str:
     return "+".join(effects)
 
 
-@pytest.mark.parametrize("effects", thinned(IN_THE_RODS, 3), ids=names)
+@pytest.mark.parametrize("effects", thinned(IN_THE_RODS, 6), ids=names)
 def test_the_module_swings_as_the_lab_does(paper: Rig, tmp_path: Path, effects):
     chosen = {name: values for effect in effects for name, values in typical(effect).items()}
     module = run_source(python_module(model_of(paper, chosen), paper), tmp_path)
@@ -31,7 +31,7 @@ def test_the_module_swings_as_the_lab_does(paper: Rig, tmp_path: Path, effects):
     assert module["simulate"](X0, t) == pytest.approx(lab_states(paper, chosen, t), abs=1e-9)
 
 
-@pytest.mark.parametrize("effects", thinned(IN_ENCODERS, 2), ids=names)
+@pytest.mark.parametrize("effects", thinned(IN_ENCODERS, 3), ids=names)
 def test_the_module_s_encoders_read_what_the_lab_s_do(paper: Rig, tmp_path: Path, effects):
     chosen = {name: values for effect in effects for name, values in typical(effect).items()}
     module = run_source(python_module(model_of(paper, chosen), paper), tmp_path)

@@ -103,7 +103,7 @@ def test_a_host_stopped_for_300_ms_loses_nothing(link: str, tmp_path: Path, wron
 
 @pytest.mark.parametrize("link", ["serial", pytest.param("CAN", marks=pytest.mark.long)])
 def test_a_disk_that_fills_up(link: str, tmp_path: Path, wrong_samples, matrix) -> None:
-    process = start(tmp_path, link, "--duration", "20", preexec=small_disk)
+    process = start(tmp_path, link, "--duration", "20", clock="fast", preexec=small_disk)
     said = last_line(process)
     assert process.returncode == 3, said
     (path,) = tmp_path.glob("*.mcap")

@@ -13,7 +13,7 @@ from dpr_lab.storage.inspect import info, recover, verify
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.sidecar import sidecar_of
 
-RANDOM_CUTS, EVERY_CHUNK = (2000, 1) if os.environ.get("DPR_LAB_FULL") == "1" else (8, 3)
+RANDOM_CUTS, EVERY_CHUNK = (2000, 1) if os.environ.get("DPR_LAB_FULL") == "1" else (4, 6)
 """Cuts anywhere; of the chunks every so manieth is cut at its end and one byte before it, the last one always."""
 
 

@@ -47,7 +47,7 @@ SOURCES = Path(firmware_protocol.__file__).parent / "c"
 INFO = DeviceInfo("1.0.0", "00a385000000dead", (16384, 16384, 16384), rate_max_hz=4000, rate_default_hz=1000)
 DRIVEN = replace(INFO, torque_kinds=tuple(TorqueKind), torque_unit_uNm=100)
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 """For something that is sure to come."""
 
 

@@ -22,7 +22,7 @@ DIAGNOSES, IDENTIFICATIONS, REAL_RIGS = (
     json.loads((cases.FOLDER / f"{name}.json").read_text(encoding="utf-8")) for name in ("diagnose", "identify", "real")
 )
 
-EACH = 12
+EACH = 20
 """All of the frozen answers take five minutes of a core."""
 
 needs_records = pytest.mark.skipif(not cases.REAL.is_dir(), reason=f"no recordings of real rigs at {cases.REAL}")

@@ -101,7 +101,7 @@ def test_the_folder_holds_page_json_tables_and_figures(tmp_path: Path, paper: Ri
     assert [len(kept["searches"][0][key]) for key in ("best", "percent", "ratio_percent")] == [9, 9, 5]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_prints_one_json_object(tmp_path: Path):
     done = CliRunner().invoke(
         app,

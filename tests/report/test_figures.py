@@ -9,6 +9,7 @@ from matplotlib.colors import to_rgb
 from dpr_lab.errors import DprError
 from dpr_lab.report import style
 from dpr_lab.report.figures import error_figure, evolution_figure, response_figure, save_figures
+from tests.thinned import thinned
 
 
 def line(axes, label):
@@ -103,9 +104,9 @@ def test_the_evolution_has_a_logarithmic_cost_and_both_fitnesses(model):
     assert population.get_xlabel() == "generation"
 
 
-@pytest.mark.parametrize("history", [{}, {"best_cost": []}, {"best_cost": [0.0]}, {"best_cost": [3.0, 0.0]}])
-def test_a_search_without_a_usable_history_is_still_drawn(history, model, tmp_path):
-    whole = model()
+@pytest.mark.parametrize("best_cost", thinned([None, [], [0.0], [3.0, 0.0]], 2))
+def test_a_search_without_a_usable_history_is_still_drawn(best_cost, model, tmp_path):
+    whole, history = model(), {} if best_cost is None else {"best_cost": best_cost}
 
     save_figures(
         whole.model_copy(update={"search": whole.search.model_copy(update={"history": history})}), [], tmp_path
@@ -162,7 +163,7 @@ def test_nothing_to_compare_gives_pictures_that_say_so(model, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("samples", [0, 1])
+@pytest.mark.parametrize("samples", thinned([0, 1], 2))
 def test_a_run_of_almost_nothing_is_drawn(samples, model, comparison, tmp_path):
     made = comparison()
     cut = {name: getattr(made, name)[:samples] for name in ("t", "measured", "free_run", "tracked")}
@@ -177,7 +178,7 @@ def test_a_simulation_that_is_no_number_is_drawn(model, comparison, tmp_path):
     save_figures(model(), [replace(made, free_run=np.full_like(made.free_run, np.nan))], tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_users_matplotlib_settings_neither_matter_nor_change(model, comparison, tmp_path):
     with matplotlib.rc_context({"text.usetex": True, "figure.dpi": 10, "lines.linewidth": 20}):
         before = dict(matplotlib.rcParams)

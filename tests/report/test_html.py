@@ -5,6 +5,7 @@ import pytest
 
 from dpr_lab.report.figures import save_figures
 from dpr_lab.report.html import write_report
+from tests.thinned import thinned
 
 VOID = {"meta", "link", "img", "br", "hr"}
 
@@ -89,7 +90,7 @@ def test_pictures_are_inside_and_described(one):
     assert all(len(picture["alt"]) > 40 for picture in pictures)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pictures_that_exist_are_not_drawn_again(model, comparison, tmp_path):
     drawn = save_figures(model(), [comparison()], tmp_path / "figures")
 
@@ -99,7 +100,7 @@ def test_pictures_that_exist_are_not_drawn_again(model, comparison, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("empty", ["runs", "warnings"])
+@pytest.mark.parametrize("empty", thinned(["runs", "warnings"], 2))
 def test_a_report_without_comparisons_runs_or_warnings(empty, report):
     _, page = report([], **{empty: []})
 

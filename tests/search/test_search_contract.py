@@ -1,6 +1,6 @@
 """What every algorithm promises; joining `ALGORITHMS` is joining these tests."""
 
-from itertools import islice, pairwise
+from itertools import islice, pairwise, product
 
 import numpy as np
 import pytest
@@ -11,6 +11,15 @@ from tests.thinned import thinned
 NOMINAL = np.array([0.2, 0.2, 0.1, 0.1, 0.208, 0.001, 0.001, 0.00133, 0.00133])
 BOX = np.array([0.8 * NOMINAL, 1.2 * NOMINAL])
 OFF_GRID = np.array([0.137, 0.521, 0.863, 0.294, 0.448, 0.712, 0.369, 0.081, 0.655])
+
+
+def by_turns(names, cases):
+    """Every algorithm in every case; `make test` tries each algorithm, and each case, by turns."""
+    argnames = ("algorithm", *names)
+    some = thinned(list(product(cases, ALGORITHMS)), 3)
+    values = [pytest.param(ALGORITHMS[a], *c, marks=p.marks, id=f"{c[0]}-{a}") for p in some for c, a in [p.values[0]]]
+    return pytest.mark.parametrize(argnames, values)
+
 
 every_algorithm = pytest.mark.parametrize("algorithm", ALGORITHMS.values(), ids=ALGORITHMS)
 
@@ -87,8 +96,7 @@ def test_best_is_real_and_never_gets_worse(algorithm):
         assert 0 < g.population_fitness <= 1
 
 
-@every_algorithm
-@pytest.mark.parametrize("failure", [np.inf, np.nan, 1e300])
+@by_turns(["failure"], [(np.inf,), (np.nan,), (1e300,)])
 def test_failed_candidate_never_wins(algorithm, failure):
     def objective(z):
         errors = np.tile(bowl(z), 3)
@@ -160,8 +168,7 @@ def test_population_of_identical_costs_is_no_trouble(algorithm):
     assert last.population_fitness == 1
 
 
-@every_algorithm
-@pytest.mark.parametrize("level", [1.0, 0.0, np.inf], ids=["finite", "perfect", "failed"])
+@by_turns(["level"], [(1.0,), (0.0,), (np.inf,)])
 def test_stops_when_nothing_improves_if_asked_to(algorithm, level):
     def flat(z):
         return np.full((len(z), 1), level)
@@ -178,8 +185,7 @@ def test_goes_on_while_it_improves(algorithm):
     assert slow == [False] * (len(slow) - 1) + [True]
 
 
-@every_algorithm
-@pytest.mark.parametrize(("aggregate", "optimum", "worse"), [("sum", 0.5, 0), ("max", 0.5, 1e-3), ("min", 0.2, 3)])
+@by_turns(["aggregate", "optimum", "worse"], [("sum", 0.5, 0), ("max", 0.5, 1e-3), ("min", 0.2, 3)])
 def test_aggregate_decides_between_poses(algorithm, aggregate, optimum, worse):
     def objective(z):  # the first pose likes 0.2, the second 0.8 and is worse; the mean of both is best at 0.5
         wants_low, wants_high = (share(z) - 0.2) ** 2, (share(z) - 0.8) ** 2

@@ -27,7 +27,7 @@ def drawn(wanted: EffectRequest, seed: int, rig):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", thinned(LEVELS, 2))
 @pytest.mark.parametrize(
     "name", thinned(["coulomb_joint1", "latency_joint2", "missed_counts", "encoder_eccentricity_joint2"], 3)
 )
@@ -52,7 +52,7 @@ def test_the_smaller_of_two_effects_is_a_fifth_as_visible(paper):
     assert small > 1.9
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_three_effects_are_none_of_them_the_same(paper):
     names = list(drawn(EffectRequest("triple"), 2, paper).effects)
     assert len(names) == 3
@@ -64,20 +64,20 @@ def test_what_a_swing_cannot_show_is_never_drawn():
     assert len(visible_effects()) >= len(OF_FREE_SWINGS) - 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_seed_alone_decides(paper):
     one, same, other = (drawn(EffectRequest("single"), seed, paper) for seed in (11, 11, 12))
     assert one == same
     assert one.parameters != other.parameters
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_drawn_plant_can_be_built_and_read_back(paper):
     plant = drawn(EffectRequest("form", effects=("power_drag_outer",)), 3, paper)
     assert type(plant).model_validate_json(plant.model_dump_json()) == plant
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_foreign_effects_are_drawn_from_the_half_asked_for(paper):
     for text, held_back in (("outside:clear:held_back", True), ("outside:clear:tuning", False)):
         (name,) = drawn(parse_request(text), 3, paper).foreign

@@ -80,7 +80,7 @@ def test_child_does_not_outlive_a_killed_parent() -> None:
     assert wait_for_end(child)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ctrl_c_at_the_terminal_does_not_reach_the_child() -> None:
     with closing(open_transport("sim://?clock=fast")) as link:
         assert os.getpgid(link._child.pid) != os.getpgid(os.getpid())
@@ -91,8 +91,8 @@ def test_ctrl_c_at_the_terminal_does_not_reach_the_child() -> None:
     ("query", "sentence"),
     [
         ("plant=nowhere", "did not start: .*nowhere"),
-        ("fault=gremlins=1", "did not start: .*gremlins"),
-        ("rig=/no/such/rig.toml", r"did not start: .*rig\.toml"),
+        pytest.param("fault=gremlins=1", "did not start: .*gremlins", marks=pytest.mark.long),
+        pytest.param("rig=/no/such/rig.toml", r"did not start: .*rig\.toml", marks=pytest.mark.long),
     ],
 )
 def test_child_that_cannot_start_says_why(query: str, sentence: str) -> None:

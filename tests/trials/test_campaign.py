@@ -235,7 +235,7 @@ def test_a_killed_campaign_leaves_no_process_and_goes_on_where_it_was(tmp_path: 
     )
     wait_until(lambda: file.exists() and file.read_bytes().count(b"\n") >= 1)
     process.send_signal(signal.SIGKILL)
-    process.wait(10)
+    process.wait(60)
     wait_until(lambda: not members(process.pid), 60)
     assert not list(temporary.iterdir())
     with file.open("ab") as cut:
@@ -260,7 +260,7 @@ def dask(*words: str) -> Iterator[subprocess.Popen[str]]:
         finally:
             process.terminate()
             try:
-                process.wait(20)
+                process.wait(60)
             except subprocess.TimeoutExpired:
                 process.kill()
 

@@ -38,7 +38,7 @@ from sim_device.trials.offline_recorder import record
 DATA = Path(__file__).parent / "data"
 SNAPSHOTS = Path(__file__).parent / "snapshots"
 PATIENCE_S = 300.0
-DRAWN_S = 30.0
+DRAWN_S = 60.0
 """What a loaded machine may need until the last chart is drawn."""
 
 Lab = Callable[..., AbstractAsyncContextManager[Pilot[None]]]
@@ -218,10 +218,11 @@ def until() -> Until:
     """(pilot, condition) -> waits until the condition holds, and fails only after minutes."""
 
     async def waited(pilot: Pilot[None], condition: Callable[[], object]) -> None:
-        give_up = time.monotonic() + PATIENCE_S
+        begun = time.monotonic()
         while not condition():
-            assert time.monotonic() < give_up, "waited in vain"
-            await pilot.pause(0.05)
+            waited_s = time.monotonic() - begun
+            assert waited_s < PATIENCE_S, "waited in vain"
+            await pilot.pause(min(0.02 + waited_s / 8, 0.4))  # each look is drawn anew
         await pilot.pause()
 
     return waited

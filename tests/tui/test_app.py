@@ -17,6 +17,7 @@ from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.widgets.dialogs import HelpScreen, Question
 from dpr_lab.tui.widgets.stepper import Stepper
 from dpr_lab.tui.workspace import Workspace
+from tests.thinned import thinned
 
 
 class Faulty(Step):
@@ -78,6 +79,7 @@ async def test_every_step_is_reached_by_number_and_by_next(tmp_path: Path, size:
         assert app.current.NAME == "Diagnose"
 
 
+@pytest.mark.long
 async def test_a_click_on_the_stepper_goes_there(app: DprApp) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.click(Stepper, offset=(16, 0))
@@ -256,7 +258,7 @@ async def test_a_key_that_does_nothing_says_so_and_old_notices_make_room(tmp_pat
         assert said(app) == ""
 
 
-@pytest.mark.parametrize("desktop", [True, False], ids=["a desktop", "no desktop"])
+@pytest.mark.parametrize("desktop", thinned([True, False], 2))
 async def test_the_report_is_opened_by_key(tmp_path: Path, said, monkeypatch, until, desktop: bool) -> None:
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
@@ -274,7 +276,7 @@ async def test_the_report_is_opened_by_key(tmp_path: Path, said, monkeypatch, un
     assert opened == ([page.as_uri()] if desktop or sys.platform != "linux" else [])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_nothing_that_computes_is_imported_before_it_is_needed(tmp_path: Path) -> None:
     script = """
 import asyncio, pathlib, sys
@@ -302,7 +304,7 @@ def test_without_a_terminal_the_command_says_what_else_there_is(tmp_path: Path) 
     assert "needs a terminal; without one use capture, identify, compare and diagnose" in done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_wrong_keys_stop_the_command_with_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "keys.toml").write_text("[capture]\nrelease = 'k'\n")
     environment = os.environ | {"DPR_LAB_STATE": str(tmp_path), "DPR_LAB_CONFIG": str(tmp_path)}

@@ -162,7 +162,7 @@ def test_work_ends_when_nobody_is_left_to_work_for(begin) -> None:
     job = begin(tell_pid)
     next(job.events())
     job._process.pipe.close()
-    job._process.wait(30)
+    job._process.wait(60)
     assert not job.alive
 
 

@@ -132,7 +132,7 @@ def test_a_cancelled_recording_is_kept_as_incomplete(recorder, tmp_path: Path, r
     assert recover(partial, tmp_path / "whole.mcap") >= seen
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_screen_that_does_not_read_costs_no_sample(recorder, rig) -> None:
     process = recorder(rig())
     asked(process, CaptureOptions(duration=4.0))

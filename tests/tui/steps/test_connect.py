@@ -89,7 +89,7 @@ async def test_a_wrong_link_says_what_to_do(app: DprApp, until, said) -> None:
             assert app.steps[0].outcome() == ""
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_wrong_baud_rate_says_so(app: DprApp, until, rig) -> None:
     url = rig().replace("921600", "115200")
     async with app.run_test(size=(80, 24)) as pilot:
@@ -112,7 +112,7 @@ async def test_a_device_that_goes_away_while_idle_is_noticed(app: DprApp, until,
         await until(pilot, lambda: app.device.connected)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_another_rig_greets_the_device_again(app: DprApp, until, tmp_path: Path, rig) -> None:
     other = tmp_path / "other.toml"
     text = (Path(__file__).parents[3] / "configs/rigs/paper.toml").read_text()

@@ -303,7 +303,7 @@ async def test_not_every_run_can_be_held_out(lab) -> None:
         assert "hold out fewer" in notice.message
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_model_of_another_rig_is_refused(
     lab, until, recorded: list[Path], fixed_model: Path, tmp_path: Path
 ) -> None:
@@ -318,7 +318,7 @@ async def test_a_model_of_another_rig_is_refused(
         assert pilot.app.workspace.diagnosis is None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_recording_cannot_be_held_out_from_itself(lab, until, recorded: list[Path], tmp_path: Path) -> None:
     copy = Path(shutil.copy(recorded[0], tmp_path / "copy.mcap"))
     async with lab(DiagnoseStep, runs=recorded, held_out=[copy]) as pilot:

@@ -73,7 +73,7 @@ async def test_a_paused_search_waits_and_a_stopped_one_keeps_its_best(lab, until
         assert pilot.app.workspace.model.is_file()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_model_that_is_found_meanwhile_is_told_and_taken_up(lab, until, recorded: list[Path]) -> None:
     async with lab(IdentifyStep, CompareStep, runs=recorded) as pilot:
         await pilot.press("s", "n")
@@ -98,7 +98,7 @@ async def test_cancelling_keeps_the_model_from_before(lab, until, recorded: list
         assert not (pilot.app.workspace.out / "model.json").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_run_that_cannot_be_read_is_named(lab, until, recorded: list[Path], tmp_path: Path) -> None:
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(recorded[0].read_bytes()[:3000])
@@ -110,7 +110,7 @@ async def test_a_run_that_cannot_be_read_is_named(lab, until, recorded: list[Pat
         assert str(broken) in text(pilot.app, "#state")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_recording_chosen_twice_is_refused(lab, until, recorded: list[Path], tmp_path: Path) -> None:
     copy = Path(shutil.copy(recorded[0], tmp_path / "copy.mcap"))
     async with lab(IdentifyStep, runs=[*recorded, copy]) as pilot:

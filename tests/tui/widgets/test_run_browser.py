@@ -92,7 +92,7 @@ async def test_a_cut_run_is_recovered_by_key(lab, until, folder: Path) -> None:
     assert (folder / "torn-recovered.mcap").is_file()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_leaving_changes_nothing(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         answer = await opened(pilot, until, folder, [folder / "third.mcap"])
@@ -114,7 +114,7 @@ async def test_the_filter_narrows_what_is_shown_and_chosen(lab, until, folder: P
         assert answer.given == [folder / f"{name}.mcap" for name in ("first", "second", "third")]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_all_shown_and_then_none(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         answer = await opened(pilot, until, folder, [])
@@ -122,7 +122,7 @@ async def test_all_shown_and_then_none(lab, until, folder: Path) -> None:
         assert answer.given == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_a_run_from_elsewhere_stays_chosen(lab, until, folder: Path, recorded: list[Path]) -> None:
     async with lab(Nothing) as pilot:
         answer = await opened(pilot, until, folder, [recorded[0]])
