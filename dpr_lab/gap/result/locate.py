@@ -152,7 +152,8 @@ def _place(problem: Problem, base: Hypothesis, along: Trajectory, joint: int, na
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
     """What a map looks like, in words."""
     where = {"torque": f"a torque in {site}", "friction": f"friction of {site}", "error": f"an error of {site}"}[kind]
-    said = [f"{share:.0%} of the excess can lie in {where} that depends on {coordinate}"]
+    by = "load or on the direction of motion alone" if coordinate == "load" else coordinate
+    said = [f"{share:.0%} of the excess can lie in {where} that depends on {by}"]
     if coordinate == "speed":
         said.append(_speed_shape(knots, values, std))
     elif coordinate == "angle":
@@ -160,6 +161,8 @@ def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array,
     elif coordinate == "time":
         drift = values[-3:].mean() - values[:3].mean()
         said.append("growing with time" if drift > 0 else "falling with time")
+    elif coordinate == "load":
+        said.append(_load_shape(knots, values, std))
     return ", ".join(said) + "."
 
 
@@ -173,6 +176,18 @@ def _speed_shape(knots: Array, values: Array, std: Array) -> str:
     if odd[slowest] < 0:
         return "opposite in both directions, braking most at low speed"
     return "opposite in both directions, braking more than viscous friction at high speed"
+
+
+def _load_shape(knots: Array, values: Array, std: Array) -> str:
+    # The map knows the direction of motion, so it follows plain dry friction too: as a radius that falls with load.
+    loaded = knots > 0
+    radius, weight = values[loaded], np.maximum(std[loaded], 1e-150) ** -2.0
+    plain = 1.0 / knots[loaded]
+
+    def left(shape: Array) -> float:
+        return float(np.sum(weight * (radius - shape * (weight @ (radius * shape)) / (weight @ shape**2)) ** 2))
+
+    return "much the same at any load" if left(plain) < left(np.ones_like(plain)) else "growing with load"
 
 
 def _smooth(values: Array) -> bool:

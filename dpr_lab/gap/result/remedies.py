@@ -35,5 +35,8 @@ def remedies(
         )
         said.append(f"For {item.name}: {remedy(sizes[item.name], rig, EFFECTS[item.name].joints[0])}{unless}.")
     if simulated:
-        said.append(f"Give the simulator {listed(simulated)}: the exported models have the sizes found.")
+        said.append(
+            f"Give the simulator {listed(simulated)}: model.json in the folder of this diagnosis, and the models for"
+            " other programs beside it, have the sizes found."
+        )
     return said

@@ -376,13 +376,14 @@ def _label(comparison: "Comparison") -> str:
 
 def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
     """The numbers of `dpr-lab compare`'s table, inner and outer rod."""
-    from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows
+    from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows, to_the_end
 
     row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))
+    until = "to the end of the record" if to_the_end(comparison) else f"up to {row['horizon (s)']} s"
     return (
         f"{row['role']}, {row['segments']} segments, θ1, θ2: rms {row['rms (mrad)']} {unit.small},"
         f" {row['times noise']} times the noise; free run from the release {row['free run (mrad)']} {unit.small}"
-        f" up to {row['horizon (s)']} s"
+        f" {until}"
     )
 
 

@@ -124,7 +124,7 @@ async def test_a_run_that_cannot_be_read_is_named_and_the_others_are_compared(
         assert np.allclose(series(pilot.app, "#angle")["free run"], np.degrees(expected.theta[:, 1]), rtol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 async def test_with_no_run_left_nothing_is_compared(lab, until, said, fixed_model: Path) -> None:
     async with lab(CompareStep, runs=[Path("gone.mcap")], model=fixed_model) as pilot:
         await until(pilot, lambda: step(pilot.app).job is None)
@@ -132,7 +132,7 @@ async def test_with_no_run_left_nothing_is_compared(lab, until, said, fixed_mode
         assert "gone.mcap: cannot be read" in said(pilot.app)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_following_once_gives_the_same_comparison(recorded: list[Path], modelled: Path, paper: Rig) -> None:
     run, model = load_run(recorded[0]), load_model(modelled)
     once, again = compare_run(run, paper, model), compare_followed(follow(run, paper, model))
@@ -140,7 +140,7 @@ def test_following_once_gives_the_same_comparison(recorded: list[Path], modelled
     assert once.horizon_s == again.horizon_s
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_free_runs_from_later_start_on_the_measurement(recorded: list[Path], modelled: Path, paper: Rig) -> None:
     run, model = load_run(recorded[1]), load_model(modelled)
     with_effect = model.model_copy(update={"effects": {"coulomb_joint1": {"torque_Nm": 1e-7}}})
@@ -167,8 +167,10 @@ async def test_axis_view_and_run_are_picked_by_keys(lab) -> None:
         assert series(pilot.app, "#angle")["measured"].max() > 280  # outer rod, degrees
         await pilot.press("j")
         assert series(pilot.app, "#angle")["measured"].max() < 230
+        assert figures(pilot.app).endswith("up to 3.20 s")
         await pilot.press("o")
         assert figures(pilot.app).startswith("held out")
+        assert figures(pilot.app).endswith("to the end of the record")  # it said "up to ≥ 5.00 s"
         await pilot.press("v", "v")
         await pilot.pause()
         assert not pilot.app.query_one("#angle", Chart).display
