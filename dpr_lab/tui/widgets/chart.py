@@ -1,5 +1,6 @@
 """A line chart for the terminal: series, a noise band, marks; zoom and pan by keyboard or mouse."""
 
+import asyncio
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +14,6 @@ from textual.binding import Binding, BindingType
 from textual.color import Color, ColorParseError
 from textual.containers import Grid, Vertical
 from textual.events import Resize
-from textual.timer import Timer
 from textual.widgets import Static
 from textual_plot import HiResMode, PlotWidget
 from textual_plot.plot_widget import Legend
@@ -159,7 +159,7 @@ class Chart(Vertical, can_focus=True):
         self._x_view: tuple[float, float] | None = None
         self._y_view: tuple[float, float] | None = None
         self._drawn_at = 0.0
-        self._pending: Timer | None = None
+        self._pending: asyncio.TimerHandle | None = None
 
     def show(
         self,
@@ -259,7 +259,8 @@ class Chart(Vertical, can_focus=True):
     def _draw_soon(self) -> None:
         if self._pending is None and self._can_draw():
             wait = self._drawn_at + 1 / FRAMES_PER_S - time.monotonic()
-            self._pending = self.set_timer(max(wait, 0.001), self._draw)
+            # A timer of Textual never fires where the machine was busy for as long as it was set for.
+            self._pending = asyncio.get_running_loop().call_later(wait, self.call_later, self._draw)
 
     def _can_draw(self) -> bool:
         return self.is_running and self.is_attached and self._plot.is_mounted and self._plot.is_running

@@ -1,5 +1,7 @@
 """The line chart: what it draws, zooming, panning, and calls before it is there and after it is gone."""
 
+from itertools import count
+
 import numpy as np
 import pytest
 from textual.app import App, ComposeResult
@@ -40,6 +42,18 @@ async def test_what_was_shown_before_it_was_there_is_drawn(settled) -> None:
         assert any("\u2800" < mark <= "\u28ff" for mark in drawn(pilot.app))
         assert "angle (rad) / time (s)" in legend(pilot.app)
         assert "wave" in legend(pilot.app)
+
+
+async def test_on_a_busy_machine_the_last_is_drawn_too(settled, monkeypatch) -> None:
+    # Busy for a millisecond at the wrong time, a chart stayed for good as it was: a swing of 10 s ended at 3 s.
+    late = (0.01 * number for number in count())
+    monkeypatch.setattr("textual.timer._time.get_time", lambda: next(late))
+    async with Charted().run_test(size=(80, 24)) as pilot:
+        chart = pilot.app.query_one(Chart)
+        for last in (3.0, 10.0):
+            chart.show([Series("ramp", T, T * last / T[-1])], x_label="", y_label="")
+            await settled(pilot)
+        assert max(line.y.max() for line in pilot.app.query_one(PlotWidget)._datasets) == 10.0
 
 
 async def test_a_long_record_is_drawn_by_two_points_a_column_and_no_peak_is_lost(settled) -> None:
