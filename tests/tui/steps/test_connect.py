@@ -7,7 +7,11 @@ from textual.pilot import Pilot
 from textual.widgets import Input, OptionList, Static
 
 from dpr_lab.tui.app import DprApp
+from dpr_lab.tui.recorder.messages import Connected, Exercised
 from dpr_lab.tui.widgets.dialogs import Question
+from firmware_protocol.identity import DeviceInfo
+
+SIMULATED_TIME = DeviceInfo("1.0.0", "000051d000000001", (16384, 16384, 16384), 4000, 1000, simulated_time=True)
 
 
 def shown(app: DprApp, selector: str) -> str:
@@ -52,13 +56,12 @@ async def test_link_test_counts_samples_and_fits_the_clock(app: DprApp, until, r
 
 
 @pytest.mark.slow
-async def test_simulated_time_has_no_clock_fit(app: DprApp, until, rig) -> None:
-    async with app.run_test(size=(80, 24)) as pilot:
-        await connect(pilot, rig(clock="fast"))
-        await until(pilot, lambda: app.device.connected)
-        await pilot.press("l")
-        await until(pilot, lambda: "clock " in shown(app, "#device"))
-        assert "this device's time is simulated" in shown(app, "#device")
+async def test_simulated_time_has_no_clock_fit(app: DprApp) -> None:
+    async with app.run_test(size=(80, 24)):
+        app.device.connected = Connected("socket://rig:5000", SIMULATED_TIME, 1000, (), "")
+        app.steps[0].hear(Exercised(1000, {}, None))
+        assert "this device's time is simulated" in " ".join(shown(app, "#device").split())
+        app.device.connected = None
 
 
 @pytest.mark.slow
