@@ -198,7 +198,9 @@ class DprApp(Guarded, App[None]):
     def redraw(self) -> None:
         """Draw the stepper as things stand now."""
         keys, here = self.services.keys, self.workspace.step
-        status = [StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == here, s.stale()) for s in self.steps]
+        status = [
+            StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == here, s.stale(), bool(s.work)) for s in self.steps
+        ]
         page = self.current.report()
         report = keys.of("app.report") if page is not None and page.is_file() else ""
         self.query_one(Stepper).show(status, keys.of("app.next"), report)

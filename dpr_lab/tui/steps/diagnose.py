@@ -121,8 +121,13 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
                     yield Static(id=f"{name}-text")
 
     def outcome(self) -> str:
-        """The verdict in two words."""
-        return self._found.verdict.replace("_", " ") if self._found is not None else ""
+        """The verdict in a few words."""
+        if self._found is None:
+            return ""
+        named = len(self._found.effects)
+        if self._found.verdict == "named":
+            return f"{named} effect{'s' * (named > 1)} named"
+        return self._found.verdict.replace("_", " ")
 
     def enter(self) -> None:
         """Show what is held out, and the workspace's diagnosis."""

@@ -150,6 +150,7 @@ class JobStep(Step):
         if self.display:
             self.focus()  # what had it may be in a tab that is no longer shown, and no key would steer the work
         self.refresh_bindings()
+        self.post_message(self.Done())
 
     def take_keys(self) -> None:
         """Have the step's keys work where what had the focus is no longer shown."""
@@ -245,6 +246,7 @@ class JobStep(Step):
             return
         self.job = None
         self.refresh_bindings()
+        self.post_message(self.Done())
         match message.event:
             case JobFinished(result):
                 self.made()

@@ -20,6 +20,8 @@ class StepStatus:
     here: bool
     stale: str = ""
     """What changed since the outcome was made; it stays readable."""
+    working: bool = False
+    """Whether its work is under way."""
 
     @property
     def symbol(self) -> str:
@@ -74,7 +76,7 @@ def _row(steps: Sequence[StepStatus], told: int) -> Text:
 def _words(steps: Sequence[StepStatus], next_key: str, report_key: str) -> Text:
     index = next((i for i, step in enumerate(steps) if step.here), 0)
     here = steps[index]
-    words = here.missing or f"{here.name}: {here.outcome or 'to be done'}"
+    words = here.missing or f"{here.name}: {here.outcome or ('under way' if here.working else 'to be done')}"
     if here.outcome and report_key:
         words += f" · {report_key}: report"
     if here.outcome and here.stale:
