@@ -30,7 +30,17 @@ VERDICTS = {"no_gap", "named", "partly_explained", "unexplained"}
 def worn(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
     """Three releases of a rig whose bearings have dry friction besides the viscous."""
     out = tmp_path_factory.mktemp("worn")
-    words = ("--rig", "paper", "--link", "sim://?plant=dry&clock=fast&seed=4", "--out", out, "--json")
+    words = (
+        "--rig",
+        "paper",
+        "--link",
+        "sim://?plant=dry&clock=fast&seed=4",
+        "--out",
+        out,
+        "--json",
+        "--duration",
+        "5",
+    )
     done = cli("capture", *words)
     assert done.code == 0, done.err
     return [Path(run["file"]) for run in done.json["runs"]]
@@ -96,6 +106,7 @@ def test_the_page_and_the_exports_are_written(told: dict[str, Any]) -> None:
     assert json.loads(Path(told["files"]["model"]).read_text())
 
 
+@pytest.mark.long
 def test_same_seed_same_answer(worn: list[Path], cli) -> None:
     words = ("diagnose", *worn, "--rig", "paper", "--library", "coulomb_joint1,coulomb_joint2", "--seed", 3, "--json")
     once, again = cli(*words).json, cli(*words).json
@@ -127,6 +138,7 @@ def test_a_run_held_out_only_measures(worn: list[Path], cli) -> None:
     assert closed["held_out"][worn[2].stem] > 0.9
 
 
+@pytest.mark.long
 def test_the_library_bounds_what_can_be_named(worn: list[Path], cli) -> None:
     words = ("--library", "coulomb_joint1,coulomb_joint2,detent_joint1", "--without", "coulomb_joint2")
     told = cli("diagnose", *worn, "--rig", "paper", *words, "--max-effects", 1, "--json").json
@@ -135,6 +147,7 @@ def test_the_library_bounds_what_can_be_named(worn: list[Path], cli) -> None:
     assert {effect["name"] for effect in told["effects"]} <= {"coulomb_joint1", "detent_joint1"}
 
 
+@pytest.mark.long
 def test_an_identified_model_is_a_start(worn: list[Path], model: Path, cli) -> None:
     words = ("--model", model, "--library", "coulomb_joint1,coulomb_joint2", "--json")
     told = cli("diagnose", *worn, "--rig", "paper", *words).json

@@ -51,7 +51,7 @@ def test_friction_that_the_rods_alone_do_not_know_passes(recorded, paper: Rig) -
         (lambda a, b: (b, a), "exchanged"),
         pytest.param(lambda a, b: (a, b - a + PI), "--angles relative", marks=pytest.mark.long),
         pytest.param(lambda a, b: (a, b + a - PI), "--angles absolute", marks=pytest.mark.long),
-        (lambda a, b: (np.degrees(a), np.degrees(b)), "--unit deg"),
+        pytest.param(lambda a, b: (np.degrees(a), np.degrees(b)), "--unit deg", marks=pytest.mark.long),
         pytest.param(
             lambda a, b: (PI + np.radians(a - PI), PI + np.radians(b - PI)), "--unit rad", marks=pytest.mark.long
         ),
