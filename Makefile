@@ -14,11 +14,10 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(STAMP)  ## record a simulated pendulum through the real protocol, identify it, compare, draw; then a blind trial
 	$(BIN)/dpr-lab demo --out $(OUT)
 
-# Tests of one file share what they record and identify, so one process gets them all. Slow ones wait for devices and
-# terminals: more at a time than there are processors.
+# Tests of one file share what they record and identify, so one process gets them all.
 test: $(STAMP)  ## fast tests first, then the slow ones
 	$(BIN)/pytest -m "not slow and not hardware" -n $(CORES) --dist loadfile
-	$(BIN)/pytest -m "slow and not long and not hardware" -n $$(($(CORES) + 1)) --dist loadfile
+	$(BIN)/pytest -m "slow and not long and not hardware" -n $(CORES) --dist loadfile
 
 test-all: test  ## and the long ones: every case of every table, before a release
 	DPR_LAB_FULL=1 $(BIN)/pytest -m "slow and not hardware" -n $$(($(CORES) + 1)) --dist loadfile
