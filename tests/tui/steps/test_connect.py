@@ -69,6 +69,7 @@ async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, 
     ours, theirs = os.openpty()  # nobody answers
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, f"serial://{os.ttyname(theirs)}?baud=921600")
+        await until(pilot, lambda: app.device.opening)
         await pilot.press("l")
         assert "A connection is under way: wait, or give it up with z" in said(app)
         await pilot.press("z")
