@@ -1,3 +1,4 @@
+import ast
 import math
 import re
 from pathlib import Path
@@ -6,6 +7,7 @@ import pytest
 from textual.binding import Binding
 from textual.widgets import Markdown
 
+import dpr_lab.tui
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import load_rig
 from dpr_lab.tui.app import KEYED, DprApp
@@ -16,6 +18,7 @@ from dpr_lab.tui.steps.capture import CaptureStep
 from dpr_lab.tui.workspace import Workspace
 from firmware_protocol.identity import DeviceInfo
 
+TUI = Path(dpr_lab.tui.__file__).parent
 INFO = DeviceInfo("1.0.0", "000051d000000001", (16384, 16384, 16384), 4000, 1000)
 CONNECTED = Connected("serial:///dev/ttyACM0?baud=921600", INFO, 1000, (), "")
 
@@ -124,6 +127,25 @@ async def test_every_text_names_the_key_as_it_is(tmp_path: Path) -> None:
 )
 def test_no_help_names_a_key_by_itself(place: type) -> None:
     assert re.findall(r"`[a-z/\[\]]`", place.HELP) == []
+
+
+NAMED_KEY = re.compile(r"\b[Pp]ress (?:[a-zA-Z/]|f\d+)\b|(?:^|[ (])(?:[a-zA-Z/]|f\d+): [a-z]")
+"""A key said as it is, `press s` or `k: keep it`, where `{capture.keep}` would be said as the keymap has it."""
+
+
+def texts(path: Path) -> set[str]:
+    """Every text of a file but docstrings."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    strings = (node for node in ast.walk(tree) if isinstance(node, ast.Constant) and id(node) not in said)
+    return {node.value for node in strings if isinstance(node.value, str)}
+
+
+def test_no_text_of_any_screen_names_a_key_by_itself() -> None:
+    assert NAMED_KEY.search("Press r to RELEASE")
+    assert NAMED_KEY.search("good. k: keep it")
+    found = {(path.name, text) for path in TUI.rglob("*.py") for text in texts(path) if NAMED_KEY.search(text)}
+    assert found == set()
 
 
 def test_the_config_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
