@@ -97,8 +97,9 @@ def ranges(kind: Any, metadata: list[Any]) -> Iterator[str]:
         for other in get_args(kind):
             yield from ranges(other, metadata) if other is not NoneType else ()
     elif get_origin(kind) is tuple:
-        inner = "; ".join(dict.fromkeys(text for other in get_args(kind) for text in ranges(other, [])))
-        yield f"{len(get_args(kind))} times {inner}"
+        parts = [other for other in get_args(kind) if other is not Ellipsis]
+        inner = "; ".join(dict.fromkeys(text for other in parts for text in ranges(other, [])))
+        yield f"{len(parts)} times {inner}" if len(parts) == len(get_args(kind)) else f"list of {inner}"
     elif get_origin(kind) is Literal:
         yield " or ".join(f"`{shown(value)}`" for value in get_args(kind))
     elif kind is bool:
