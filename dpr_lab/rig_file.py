@@ -173,6 +173,9 @@ joint2 = {_text(m.joint2)}  # the outer rod's encoder: relative to the inner rod
 # noise_counts = 0.5       # standard deviation of a reading at rest
 # rezeroed = true          # where joints 1 and 2 are set to zero before each recording
 
+# [joints]
+# geared = [1, 2]          # where a geared motor stays on these joints
+
 # Where the rods are held before a release, rad: high ones swing widely and tell most.
 [poses.X1]
 theta1 = 3.141592653589793
