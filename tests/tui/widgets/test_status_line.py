@@ -35,7 +35,8 @@ async def test_every_step_shows_that_a_recording_runs_and_how_long_work_takes(
             assert len("  ".join(str(line.render()).split("  ")[:2])) < 78
         monkeypatch.setattr(STEPS[3], "work", "Identify 40 s, search at most 30 s more")
         app.device.connected, app.device.seen = SIMULATED, Sighting(latched=True, at=math.inf)
-        await until(pilot, lambda: "Identify 40 s" not in str(line.render()))
+        words = ("SIMULATED", "latch", "● REC X1 3 of 10 s", "Identify, Diagnose")
+        await until(pilot, lambda: all(word in str(line.render()) for word in words))
         shown = str(line.render())
+        assert "Identify 40 s" not in shown
         assert len(shown) <= 78
-        assert all(word in shown for word in ("SIMULATED", "latch", "● REC X1 3 of 10 s", "Identify, Diagnose"))
