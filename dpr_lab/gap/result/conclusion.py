@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
-from dpr_lab.effects.families import expected_of
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
 from dpr_lab.fitting.problem import Problem
@@ -254,10 +253,8 @@ def _zeros(found: Findings) -> list[str]:
 
 def _geared(found: Findings) -> list[str]:
     """What is in the model because the rig is known to have it."""
-    geared = found.recordings.rig.joints.geared
-    chosen = found.selection.chosen.effects
-    names = [name for name in expected_of(geared) if name in chosen]
-    joints = listed([f"joint {joint}" for joint in geared])
+    names = [name for name in found.selection.chosen.effects if name in found.selection.expected]
+    joints = listed([f"joint {joint}" for joint in found.recordings.rig.joints.geared])
     told = (
         f"The rig file has a geared motor on {joints}: {{}} {{}} in the model, large or small, whatever speaks for it."
     )

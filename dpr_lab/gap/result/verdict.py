@@ -63,6 +63,8 @@ def sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPos
     """What the operator reads first."""
     share, left = selection.share_explained, selection.chosen.residuals.noise_ratio
     carrying = [item for item in posteriors if item.name not in carried.withdrawn]
+    likely = [item for item in carrying if item.name not in selection.expected or item.probability >= RULES.rather]
+    carrying = likely or carrying  # the assumptions tell of what is only known to be there
     if kind == "no_gap":
         return _no_gap(selection.base)
     if kind == "named":
@@ -72,9 +74,9 @@ def sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPos
             f" nothing above the noise floor is left; {how_far(carried)}."
         )
     if kind == "partly_explained":
-        likely = listed([_class(item) + _unsure(item) for item in carrying])
+        named = listed([_class(item) + _unsure(item) for item in carrying])
         return (
-            f"Partly explained by {likely}: {how_far(carried)}. Of the excess in the fitted recordings {share:.1%} is"
+            f"Partly explained by {named}: {how_far(carried)}. Of the excess in the fitted recordings {share:.1%} is"
             f" explained; a remainder of {left:.2g} times the noise has another cause or another form."
             f"{_doubts(carried)}"
         )

@@ -227,7 +227,9 @@ def _selection(search: ModelSearch, wanted: Hypothesis) -> Selection:
         at = less[weakest]
     last = search.test(chosen)
     misleading = tuple(name for name in wanted.effects if name not in chosen.effects)
-    return Selection(search.bare, chosen, search.fitted, last, without, around, tuple(reversed(path)), misleading)
+    return Selection(
+        search.bare, chosen, search.fitted, last, without, around, tuple(reversed(path)), search.expected, misleading
+    )
 
 
 def _try_alternatives(search: ModelSearch, less: Hypothesis, test: ScoreTest, name: str, chosen: Hypothesis) -> None:

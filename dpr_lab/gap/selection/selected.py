@@ -25,6 +25,8 @@ class Selection:
     """The score test beside each of those."""
     path: tuple[tuple[str, Hypothesis], ...]
     """From the bare model to the chosen set, one effect at a time, the most telling first."""
+    expected: frozenset[str] = frozenset()
+    """Effects that the rig is known to have, whatever the recordings say of them."""
     misleading: tuple[str, ...] = ()
     """Effects without which the runs held out are foretold better, and which therefore are not in the chosen set."""
 
