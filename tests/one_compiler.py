@@ -1,4 +1,7 @@
-"""Importing this lets one process at a time compile kernels: the others wait, and load what it has compiled."""
+"""Importing this lets one process at a time compile kernels: the others wait, and load what it has compiled.
+
+What is compiled already is loaded at once: a host that talks to a device in real time must not wait for it.
+"""
 
 import fcntl
 from collections.abc import Iterator
@@ -29,8 +32,18 @@ def alone() -> Iterator[None]:
             depth -= 1
 
 
+def compiled_before(self: Any, sig: Any) -> bool:
+    """Whether a kernel is in the cache for arguments of these types."""
+    cache = self._cache
+    return hasattr(cache, "_cache_file") and (
+        cache._index_key(sig, self.targetctx.codegen()) in cache._cache_file._load_index()
+    )
+
+
 def compile_or_load(self: Any, sig: Any) -> Any:
     """As Numba does."""
+    if compiled_before(self, sig):
+        return compiled_alone(self, sig)
     with alone():
         return compiled_alone(self, sig)
 
