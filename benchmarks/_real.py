@@ -11,7 +11,8 @@ from _bars import Bar, at_least, at_most
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.rig import PARAMETERS, Encoders, Joints, Parameter, Rig, RigGeometry, load_rig
+from dpr_lab.rig import PARAMETERS, Rig, load_rig
+from dpr_lab.rig_tables import Encoders, Joints, Parameter, RigGeometry
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 

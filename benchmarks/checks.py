@@ -17,7 +17,8 @@ from _trial_cases import Case, hidden, opened
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease, Diagnosis
 from dpr_lab.gap.result.take_back import candidates, take_runs, take_value
-from dpr_lab.rig import Pose, Rig
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.trials.truth import Truth
 from sim_device.plant.config import PlantConfig

@@ -36,9 +36,9 @@ from dpr_lab.gap.inference.free_run import own_zeros
 from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.selection.hypothesis import free_parameters
 from dpr_lab.rig import Rig, parse_rig
-from dpr_lab.rig_file import Measure, RigMeasures, draft_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.workflows.rig_file import Measure, RigMeasures, draft_rig
 
 Array = NDArray[np.float64]
 Foretell = Callable[[Array, Array], Array]
@@ -148,8 +148,8 @@ def zeros(run: Run, at: Estimate, rig: Rig) -> Array:
 
 def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
     """Ratios, scale, friction, rotor and drives, fitted to some records."""
-    recordings = Recordings(tuple(record(run, rig) for run in in_pieces(runs, ())[0]), rig)
-    _, problem, bare = fit_bare_model(recordings, nominal_ratios(rig), exact_torques=True)
+    recordings = Recordings(tuple(record(run, rig) for run in in_pieces(runs, ())[0]), rig, exact_torques=True)
+    _, problem, bare = fit_bare_model(recordings, nominal_ratios(rig))
     at, names = bare.fit.estimate, list[str]()
     for some in DRIVE:  # one after the other, from a little of each
         names += some

@@ -27,9 +27,9 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.inference.free_run import free_run_errors
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.rig import PARAMETERS, Rig, load_rig, parse_rig
-from dpr_lab.rig_file import Measure, RigMeasures, draft_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.workflows.rig_file import Measure, RigMeasures, draft_rig
 
 PAGE = Path(__file__).parents[1] / "docs" / "real-rigs.md"
 HANGING = ImportOptions(zero="hanging", unit=None, time_unit=None)

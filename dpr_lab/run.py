@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig import AddedMass, Mounting
+from dpr_lab.rig_tables import AddedMass, Mounting
 from dpr_lab.setup import ArmMotion, Setup, Torques
 from dpr_lab.shown import Shown
 

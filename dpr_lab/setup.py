@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.rig import AddedMass, Mounting
+from dpr_lab.rig_tables import AddedMass, Mounting
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,7 +38,8 @@ from dpr_lab.acquisition.recording import Recording
 from dpr_lab.acquisition.rest import at_rest
 from dpr_lab.acquisition.settings import CAPTURE_SETTINGS, CaptureSettings
 from dpr_lab.errors import ConfigError, DeviceLost, DprError, LinkError, RunError
-from dpr_lab.rig import Pose, Rig
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Pose
 from dpr_lab.storage.layout import SUFFIX
 from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.room import check_room

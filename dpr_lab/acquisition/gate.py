@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from dpr_lab.acquisition.rest import RODS, pose_error, rest_motion
 from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
 from dpr_lab.dynamics.base import base_parameters
-from dpr_lab.rig import Pose, Rig
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Pose
 from dpr_lab.run import MOUNTED, Run, clock_error, elbow_turn
 
 

@@ -14,7 +14,8 @@ from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.rest import RODS, pose_error, rest_motion
 from dpr_lab.acquisition.settings import CaptureSettings
 from dpr_lab.errors import DeviceFault, LinkError, SafetyStop
-from dpr_lab.rig import JOINTS, Pose, Rig
+from dpr_lab.rig import JOINTS, Rig
+from dpr_lab.rig_tables import Pose
 from firmware_protocol.messages import Event, EventKind, Message, Position, State, Status, explain, explain_fault
 
 HANGING = Pose(theta1=np.pi, theta2=np.pi)

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.acquisition.settings import RestLimits
-from dpr_lab.rig import Pose, Rig
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Pose
 
 RODS = ("inner rod", "outer rod")
 

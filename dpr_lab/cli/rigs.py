@@ -12,7 +12,7 @@ from dpr_lab.cli.console import emit, json_mode, line, table, text
 from dpr_lab.cli.listing import Listing
 
 if TYPE_CHECKING:
-    from dpr_lab.rig_file import Measure
+    from dpr_lab.workflows.rig_file import Measure
 
 app = typer.Typer(
     help="Rig files: built in, new, checked (docs/rig-file.md says every key).",
@@ -87,7 +87,7 @@ def new(
     Example: dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12 --out my_rig.toml
     """
     json_mode(as_json)
-    from dpr_lab.rig_file import RigMeasures, new_rig
+    from dpr_lab.workflows.rig_file import RigMeasures, new_rig
 
     ask = sys.stdin.isatty() and sys.stderr.isatty() and None in (name, l1, l2, m1, m2)
     name = name or _asked(ask, "--name", "Name of the rig", "my_rig")
@@ -130,7 +130,7 @@ def check(
     Example: dpr-lab rig check my_rig.toml
     """
     json_mode(as_json)
-    from dpr_lab.rig_file import check_rig
+    from dpr_lab.workflows.rig_file import check_rig
 
     findings = check_rig(rig)
     wrong = any(finding.state == "wrong" for finding in findings)
@@ -154,7 +154,7 @@ def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind
 
 def _measure(flag: str, text: str) -> "Measure":
     """`0.21`, or `0.21+-0.001` for a weighed value that is to be held."""
-    from dpr_lab.rig_file import Measure
+    from dpr_lab.workflows.rig_file import Measure
 
     value, _, std = text.replace("±", "+-").partition("+-")
     try:

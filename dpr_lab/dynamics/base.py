@@ -25,7 +25,8 @@ Nine parameters Z are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.rig import PARAMETERS, AddedMass
+from dpr_lab.rig import PARAMETERS
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.setup import Setup
 
 BASE = ("a", "b", "d", "e1", "c1", "c2")

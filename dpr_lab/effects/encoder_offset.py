@@ -18,7 +18,7 @@ def remedy(params: Params, rig: RigConstants, joint: int) -> str:
 
 
 _PARAMETERS = (EffectParameter("offset_rad", "rad", 5e-3),)
-_SOURCE = "Definition of an encoder's zero, `dpr_lab.rig.Encoders`."
+_SOURCE = "Definition of an encoder's zero, `dpr_lab.rig_tables.Encoders`."
 
 ENCODER_OFFSET_JOINT1 = Effect(
     name="encoder_offset_joint1",

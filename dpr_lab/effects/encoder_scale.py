@@ -30,5 +30,5 @@ ENCODER_SCALE = pair(
     site="sensor",
     stage="encoder",
     bench_check="Turn rod {j} by hand through ten whole turns to the same mark: the counts give the scale.",
-    source="Definition of counts per turn, `dpr_lab.rig.Encoders`; counters are zero where the rods hang.",
+    source="Definition of counts per turn, `dpr_lab.rig_tables.Encoders`; counters are zero where the rods hang.",
 )

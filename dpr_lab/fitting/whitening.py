@@ -54,12 +54,8 @@ def innovations(
 ) -> None:
     """Whiten what was `padded`, in place, under a disturbance of the same samples."""
     many = found.shape[3]
-    C, PC, P, z = (
-        np.empty(5),
-        np.empty(5),
-        np.empty((5, 5)),
-        np.empty((5, many)),
-    )  # the fifth is shared, and new each time
+    # four numbers of the walk; the fifth is what both readings of a sample share, new each time
+    C, PC, P, z = np.empty(5), np.empty(5), np.empty((5, 5)), np.empty((5, many))
     for s in range(len(offsets) - 1):
         P[:], z[:] = 0.0, 0.0
         for n in range(offsets[s], offsets[s + 1]):

@@ -106,7 +106,7 @@ def diagnose(
     apart, selection = choose(recordings, problem, bare)
     if problem.disturbance is not None and far_from_noise(selection.chosen):
         # What is left is no noise of the torques: it adds up along a segment, where to whiten is to look away from it.
-        recordings, problem, bare = fit_bare_model(recordings, begun, exact_torques=True)
+        recordings, problem, bare = fit_bare_model(replace(recordings, exact_torques=True), begun)
         places = locate(problem, bare)
         apart, selection = choose(recordings, problem, bare)
     unseen = replace(unseen, ratios=recordings.ratios)

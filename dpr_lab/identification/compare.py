@@ -165,10 +165,9 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
     index = max(int(np.searchsorted(laid_out.t[laid_out.offsets[:-1]], at_s, side="right")) - 1, 0)
     t = laid_out.t[laid_out.offsets[index] :]
     begun = replace(followed.estimate, initial=followed.estimate.initial[index : index + 1])
-    readings = followed.simulated.predict(segments([t], setups=laid_out.setups, step=followed.step), begun)
-    readings = readings + begun.zeros.sum(axis=0)  # of the one run, or none
-    theta = followed.bare.problem.joints.to_rods(readings)
-    return FreeRun(t, theta, predictable_until(followed.bare, index, t))
+    onward = segments([t], setups=laid_out.setups, step=followed.step)
+    problem = replace(followed.bare.problem, segments=onward, model=followed.simulated)
+    return FreeRun(t, problem.joints.to_rods(problem.predict(begun)), predictable_until(followed.bare, index, t))
 
 
 def compare_followed(followed: Followed) -> Comparison:

@@ -16,7 +16,8 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods import ratios_of_run
 from dpr_lab.identification.preprocess import PreprocessedRun
 from dpr_lab.identification.ratio_fit import information, rods_estimate, segmented
-from dpr_lab.rig import Pose, Rig
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.setup import Setup
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import added_base, base_jacobian, base_parameters, ratio_slopes, ratios
 from dpr_lab.identification.expected import information_root, ratio_information
-from dpr_lab.rig import PARAMETERS, AddedMass, Rig
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.rig_tables import AddedMass
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from dpr_lab.progress import FitBegan, GenerationDone, LocalFitBegan, ScoreTestB
 if TYPE_CHECKING:
     from dpr_lab.acquisition.capture import Captured, Progress
     from dpr_lab.identification.compare import Comparison
-    from dpr_lab.rig import Pose
+    from dpr_lab.rig_tables import Pose
     from dpr_lab.trials.campaign import Failure
     from dpr_lab.trials.score import TrialOutcome
     from firmware_protocol.identity import DeviceInfo

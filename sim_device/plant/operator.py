@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.rig import JOINTS, Pose
+from dpr_lab.rig import JOINTS
+from dpr_lab.rig_tables import Pose
 from sim_device.plant.config import OperatorConfig
 from sim_device.random_streams import RandomStream, generator
 

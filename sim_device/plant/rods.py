@@ -8,7 +8,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.rig import Pose, Rig
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Pose
 from sim_device.faults import Faults
 from sim_device.plant import sampling_faults
 from sim_device.plant.drives import JointDrives

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import MASSES, PARAMETERS, Parameter, Rig
+from dpr_lab.rig import MASSES, PARAMETERS, Rig
+from dpr_lab.rig_tables import Parameter
 from sim_device.plant.config import PlantConfig
 from sim_device.random_streams import RandomStream, generator
 

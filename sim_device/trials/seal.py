@@ -12,15 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
+from sim_device.options import SEALED_FILE, SEALED_TORQUES
 
 if TYPE_CHECKING:
     from sim_device.plant.config import PlantConfig
     from sim_device.plant.drives import JointDrives
     from sim_device.plant.hidden import HiddenPlant
 
-PLANT = "plant.toml"
-TORQUES = "torques.csv"
-"""What the drives of a plant replay, where it has any."""
 TRUTH = "truth.json"
 
 
@@ -67,9 +65,9 @@ def keep(plant: "PlantConfig", told: dict[str, Any], folder: Path, drives: "Join
 
     try:
         folder.mkdir(mode=0o700, parents=True)
-        (folder / PLANT).write_text(toml_text(plant.model_dump(mode="json")), encoding="utf-8")
+        (folder / SEALED_FILE.name).write_text(toml_text(plant.model_dump(mode="json")), encoding="utf-8")
         if drives is not None:
-            write_table(drives, folder / TORQUES)
+            write_table(drives, folder / SEALED_TORQUES.name)
         (folder / TRUTH).write_text(json.dumps(told), encoding="utf-8")
     except FileExistsError as error:
         raise ConfigError(f"{folder}: is there already; a sealed plant is never replaced") from error

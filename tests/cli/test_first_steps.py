@@ -11,7 +11,8 @@ from dpr_lab.cli.checks import EFFECT_NAMES, OBJECTIVE_NAMES, SEARCHES, built_in
 from dpr_lab.configs import BUILTIN
 from dpr_lab.effects import EFFECTS
 from dpr_lab.identification.objectives import OBJECTIVES, objective_words
-from dpr_lab.rig import AddedMass, Encoders, LinkSettings, Parameter, Pose, RigGeometry, load_rig
+from dpr_lab.rig import load_rig
+from dpr_lab.rig_tables import AddedMass, Encoders, LinkSettings, Parameter, Pose, RigGeometry
 from dpr_lab.search import ALGORITHMS, search_words
 
 ROOT = Path(__file__).parents[2]

@@ -13,7 +13,8 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params
 from dpr_lab.effects.effect_kernels import active_effects
-from dpr_lab.rig import AddedMass, load_rig
+from dpr_lab.rig import load_rig
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.setup import Setup
 from tests.dynamics.scalar_readings import read_segments
 

@@ -13,7 +13,8 @@ from dpr_lab.effects import effect_params
 from dpr_lab.fitting.estimate import Estimate, ratio_parameters, unknown_ratios, visible_ratios
 from dpr_lab.fitting.rods import RodsAlone
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
-from dpr_lab.rig import AddedMass, load_rig
+from dpr_lab.rig import load_rig
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.setup import Setup
 from tests.dynamics.scalar_readings import read_segments
 

@@ -9,7 +9,8 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.effects import EFFECTS, SIZE, effect_params
-from dpr_lab.rig import AddedMass, load_rig
+from dpr_lab.rig import load_rig
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.setup import BOTH, Setup
 
 RIG = load_rig("paper")

@@ -20,7 +20,8 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import trajectory
 from dpr_lab.fitting.rods import RodsAlone
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
-from dpr_lab.rig import Mounting, load_rig
+from dpr_lab.rig import load_rig
+from dpr_lab.rig_tables import Mounting
 from dpr_lab.setup import ArmMotion, Setup
 
 RIG = load_rig("paper")

@@ -57,7 +57,8 @@ def test_torques_count_as_exact_where_what_is_left_is_far_from_noise(screened, p
     runs = driven_runs(paper, 100, fault=DriveFault("torque_offset_joint1", {"offset_Nm": (0.03, 0.0)}))[1][:2]
     other = {"coulomb_joint2": EFFECTS["coulomb_joint2"]}
     found = diagnose(runs, paper, library=other)
-    _, problem, exact = fit_bare_model(screened(runs), nominal_ratios(paper), exact_torques=True)
+    _, problem, exact = fit_bare_model(replace(screened(runs), exact_torques=True), nominal_ratios(paper))
     assert problem.disturbance is None
+    assert found.exact_torques
     assert found.verdict in ("unexplained", "partly_explained")
     assert found.chi2_per_dof > 0.1 * exact.residuals.chi2 / exact.residuals.dof > 20

@@ -8,8 +8,11 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.families import FAMILIES, expected_of
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.rig import Joints, Rig
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Joints
 from dpr_lab.run import Run
+from sim_device.plant.config import load_plant
+from sim_device.trials.offline_recorder import record
 
 ROTOR, FRICTION = "rotor_inertia_joint2", "coulomb_joint2"
 
@@ -48,6 +51,15 @@ def test_a_drive_that_the_rig_file_tells_of_is_in_the_model_whatever_speaks_for_
     assert ROTOR in found.model_effects
     assert ROTOR not in diagnose(runs, paper, library=library).model_effects
     assert any("a geared motor on joint 2" in told for told in found.assumptions)
+
+
+@pytest.mark.slow
+def test_what_a_geared_rig_cannot_show_is_not_in_the_model(paper: Rig):
+    alone = paper.model_copy(update={"joints": Joints(geared=(1, 2))}).with_rods("inner")
+    runs = record(load_plant("paper", 3), alone, 4.0, 500)
+    found = diagnose(runs, alone, library={name: EFFECTS[name] for name in expected_of((1, 2))})
+    assert found.verdict == "no_gap"
+    assert not [name for name in found.model_effects if name.endswith("joint2")]
 
 
 @pytest.mark.slow

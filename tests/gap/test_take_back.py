@@ -12,7 +12,8 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.advise import told_bits
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis, load_diagnosis
 from dpr_lab.gap.result.take_back import candidates, find_check, take_runs, take_value
-from dpr_lab.rig import Pose, load_rig
+from dpr_lab.rig import load_rig
+from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.workflows.check import CheckRequest, take_check

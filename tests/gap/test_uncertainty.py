@@ -6,7 +6,8 @@ import pytest
 from dpr_lab.dynamics.base import BASE, base_parameters
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.rig import Parameter, Rig
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Parameter
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed as weighed_rig

@@ -14,7 +14,8 @@ from dpr_lab.identification.expected import Releases, expected_information, expe
 from dpr_lab.identification.identifiability import Identifiability, identifiability, summary
 from dpr_lab.identification.instruments import INSTRUMENTS
 from dpr_lab.identification.prior_update import update_prior
-from dpr_lab.rig import PARAMETERS, AddedMass, Parameter, Rig
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.rig_tables import AddedMass, Parameter
 
 TRUE = np.array([0.21, 0.19, 0.104, 0.093, 0.215, 0.00107, 0.00093, 0.00139, 0.00128])
 STD = {"l": 5e-4, "m": 1e-4, "c": 1e-5, "J": 1e-5}

@@ -3,7 +3,8 @@ import pytest
 
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.identification.prior_update import update_prior
-from dpr_lab.rig import PARAMETERS, Parameter, Rig
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.rig_tables import Parameter
 
 TRUE = np.array([0.21, 0.19, 0.104, 0.093, 0.215, 0.00107, 0.00093, 0.00139, 0.00128])
 EXACT = np.zeros((5, 5))

@@ -18,7 +18,8 @@ from dpr_lab.identification.profile import profile90
 from dpr_lab.identification.ratio_fit import RatioFit, fit_ratios, rods_estimate, segmented
 from dpr_lab.identification.uncertainty import uncertainty
 from dpr_lab.joint_angles import JointAngles
-from dpr_lab.rig import AddedMass, Rig
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.run import Run
 
 NOISE = 2e-4

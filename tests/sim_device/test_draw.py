@@ -5,7 +5,7 @@ import pytest
 
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import Parameter
+from dpr_lab.rig_tables import Parameter
 from sim_device.plant.config import EncoderConfig, load_plant
 from sim_device.plant.foreign import FOREIGN, FORMS, OUTSIDE
 from sim_device.random_streams import RandomStream, generator

@@ -14,14 +14,14 @@ from dpr_lab.effects import effect_params
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup, Torques
-from sim_device.options import Options
+from sim_device.options import SEALED_FILE, SEALED_TORQUES, Options
 from sim_device.plant.config import DriveConfig, load_plant
 from sim_device.plant.drives import JointDrives, load_drives
 from sim_device.plant.plant import Plant
 from sim_device.trials.draw import draw_plant
 from sim_device.trials.driven import done_by_drives, drawn_drives, drawn_fault, driven
 from sim_device.trials.request import parse_request, with_kind
-from sim_device.trials.seal import TORQUES, opened
+from sim_device.trials.seal import opened
 from sim_device.trials.trial import sealed_trial
 
 
@@ -56,8 +56,8 @@ def test_a_sealed_driven_plant_keeps_its_torques_and_tells_them_with_its_recordi
     told = sealed_trial(asked, tmp_path / "device")
     truth = opened(tmp_path / "device")["truth"]
     assert list(truth["effects"]) == ["torque_ripple_joint1"]
-    plant = load_plant(tmp_path / "device" / "plant.toml")
-    kept, drawn = load_drives(tmp_path / "device" / TORQUES, plant.drives, plant.seed), drawn_drives(plant)
+    plant = load_plant(tmp_path / SEALED_FILE)
+    kept, drawn = load_drives(tmp_path / SEALED_TORQUES, plant.drives, plant.seed), drawn_drives(plant)
     assert np.array_equal(kept.joints, drawn.joints)
     assert np.array_equal(kept.t, drawn.t)
     assert "runs" not in told

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dpr_lab.rig import Pose
+from dpr_lab.rig_tables import Pose
 from sim_device.plant.config import OperatorConfig
 from sim_device.plant.encoders import BLOCK, NoisyEncoders, standard_noise
 from sim_device.plant.operator import HeldRods, placement, release_speed

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig import Rig, RigGeometry
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import RigGeometry
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.export import export
 from dpr_lab.storage.metadata import RunMetadata, RunSummary

@@ -13,7 +13,8 @@ import pytest
 from scipy.io import savemat
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig import Rods, load_rig
+from dpr_lab.rig import load_rig
+from dpr_lab.rig_tables import Rods
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.export import JOINT_STATE, JOINT_STATE_DEFINITION, export

@@ -58,6 +58,8 @@ class Recordings:
     rig: Rig
     ratios: Array | None = None
     """(7,) ratios, b and p/b by which the rods answer to noise of what drives them; none until they are known."""
+    exact_torques: bool = False
+    """Whether known torques are taken for exact."""
 
     @property
     def constants(self) -> RigConstants:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +69,7 @@ def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
     problem, initial = recordings.cut(LENGTHS.working)
     begun = descend(problem, replace(base.fit.estimate, initial=initial), (), iterations=20).estimate.initial
 
+    @cache
     def chi2(item: Hypothesis) -> Array:
         found = descend(problem, replace(item.fit.estimate, initial=begun), (), iterations=20)
         return problem.chi2_by_segment(problem.predict(found.estimate))

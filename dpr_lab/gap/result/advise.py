@@ -27,7 +27,7 @@ from dpr_lab.gap.data.recordings import LENGTHS, Recordings
 from dpr_lab.gap.inference.posterior import CALIBRATION, Alternative, EffectPosterior
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease
 from dpr_lab.gap.selection.hypothesis import Hypothesis
-from dpr_lab.rig import AddedMass
+from dpr_lab.rig_tables import AddedMass
 
 Array = NDArray[np.float64]
 

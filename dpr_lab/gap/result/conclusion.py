@@ -110,6 +110,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         ratio_covariance=_ratio_covariance(found).tolist(),
         p_over_b=float(at.ratios[ON_ELBOW]) if any(setup.alone for setup in found.problem.segments.setups) else None,
         chi2_per_dof=residuals.chi2 / residuals.dof,
+        exact_torques=found.recordings.exact_torques,
         segments=len(found.problem.segments),
         scale_b=float(at.ratios[SCALE]),
         model_effects=named_params(at.params),
@@ -240,6 +241,8 @@ def _assumptions(found: Findings) -> list[str]:
         made.append("Encoder 0 saw the arm stand still, so a compliant arm was not considered.")
     elif any(item.arm_moves is None for item in records):
         made.append("The arm's angle was not recorded.")
+    if found.recordings.exact_torques:
+        made.append("Measured torques were taken for exact: what is left is far above what their noise does.")
     return [*made, *_zeros(found), *_geared(found), *_misleading(found)]
 
 

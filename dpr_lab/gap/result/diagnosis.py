@@ -13,7 +13,7 @@ from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.trust import Trust
-from dpr_lab.rig import AddedMass
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.shown import Row, Shown
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -206,6 +206,8 @@ class Diagnosis(Shown, _Record):
     """(5, 5) of the ratios, in their order."""
     chi2_per_dof: Number
     """Of the corrected model, over segments of 0.5 s."""
+    exact_torques: bool = False
+    """Whether measured torques were taken for exact: what is left is far above what their noise does."""
     segments: int
     scale_b: Number
     """kg m^2: a free swing does not fix the common scale of torques; all are relative to this b of the rig file."""

@@ -28,7 +28,6 @@ from dpr_lab.gap.selection.bare_model import fit_bare_model
 from dpr_lab.gap.selection.hypothesis import Hypothesis, free_parameters, hypothesis, refit_with
 from dpr_lab.gap.selection.score import score_test
 from dpr_lab.gap.selection.steps import recorded
-from dpr_lab.gap.selection.thresholds import THRESHOLDS
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, torque_kinds
 
@@ -148,11 +147,8 @@ def _fitted(
     diagnosis: Diagnosis, about: str, names: Sequence[str], runs: Sequence[Run], rig: Rig
 ) -> dict[str, Hypothesis]:
     """Each candidate fitted to new runs, beside the other named effects."""
-    recordings, problem, bare = fit_bare_model(
-        Recordings(tuple(record(run, rig) for run in runs), rig),
-        diagnosis.unknowns,
-        exact_torques=diagnosis.chi2_per_dof > THRESHOLDS.far,
-    )
+    recordings = Recordings(tuple(record(run, rig) for run in runs), rig, exact_torques=diagnosis.exact_torques)
+    recordings, problem, bare = fit_bare_model(recordings, diagnosis.unknowns)
     others = {name: dict(values) for name, values in diagnosis.model_effects.items() if name != about}
     less = bare
     if others:

@@ -40,9 +40,7 @@ def scale(unknown: Array, rig: Rig) -> ParameterValue:
     return base["b"]
 
 
-def fit_bare_model(
-    recordings: Recordings, start: Array, *, exact_torques: bool = False
-) -> tuple[Recordings, Problem, Hypothesis]:
+def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Hypothesis]:
     """Fit the ratios, robustly at the first length and then at the working length.
 
     Single readings that are off the swing are left out from then on: at a low rate only a model shows them.
@@ -50,7 +48,6 @@ def fit_bare_model(
     Args:
         recordings: the runs
         start: (7,) ratios, b and p/b to start from
-        exact_torques: whether known torques are taken for exact
 
     Returns:
         the runs without such readings, what is fitted at the working length, and the bare model
@@ -63,7 +60,7 @@ def fit_bare_model(
     free = free_parameters(at, (), short)
     rough = fit(short, at, free)
     _all_followed(recordings, short, rough)
-    if not exact_torques:
+    if not recordings.exact_torques:
         short = replace(short, disturbance=disturbance(short, rough.estimate))
     first = fit(short.weighted(np.sqrt(student_weights(short, rough))), rough.estimate, free)
     found = first.estimate.ratios
@@ -71,7 +68,7 @@ def fit_bare_model(
     b = float(found[SCALE]) if driven else scale(found, recordings.rig).value
     recordings = recordings.without(short, lone_readings(short, first.estimate))
     at = replace(first.estimate, ratios=with_scale(found, b))
-    recordings = replace(recordings, ratios=None if exact_torques else at.ratios)
+    recordings = replace(recordings, ratios=None if recordings.exact_torques else at.ratios)
     return recordings, *lengthened(recordings, short, at, LENGTHS.working)
 
 

@@ -33,7 +33,7 @@ LOST = 10.0
 """Factor of chi2 from which a linear guess is worse to start from than what it was made of."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
     """A set of effects, fitted."""
 

@@ -85,11 +85,10 @@ class ModelSearch:
         return [name for name in at.effects if name not in self.expected]
 
     def begun(self) -> Hypothesis:
-        """The bare model with what the rig is known to have, one after the other, the most telling first."""
+        """The bare model with what the rig is known to have and these recordings show, the most telling first."""
         at = self.bare
-        while left := self.expected - at.key:
-            scores = [item for name in left if (item := self.test(at).of(name)) is not None]
-            at = self.with_one(at, max(scores, key=lambda item: item.gain))
+        while scores := [item for item in self.test(at).ranking if item.effect.name in self.expected and item.gain > 0]:
+            at = self.with_one(at, scores[0])
         return self.escaped(at) if at.effects else at
 
     def test(self, at: Hypothesis) -> ScoreTest:

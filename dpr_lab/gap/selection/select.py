@@ -98,11 +98,9 @@ def _begun_short(search: ModelSearch, max_effects: int) -> Hypothesis:
 def _prune(search: ModelSearch, grown: Hypothesis) -> Hypothesis:
     """Drop, one by one, effects that are hardly missed; the first one stays for its share of the whole."""
     current = grown
-    while len(current.effects) > 1:
-        fewer = [search.without(current, name) for name in search.unexpected(current)]
+    while len(current.effects) > 1 and (weighed := search.unexpected(current)):
+        fewer = [search.without(current, name) for name in weighed]
         needs = [need(search.bare, current, less) for less in fewer]
-        if not fewer:
-            break
         less = fewer[needs.index(min(needs))]
         if min(needs) >= 1 and less.cost - current.cost > significance(search.bare, less, current):
             break
@@ -206,8 +204,11 @@ def _with_own_part(search: ModelSearch, chosen: Hypothesis) -> Hypothesis:
 def _overtaken(search: ModelSearch, chosen: Hypothesis) -> Hypothesis | None:
     """A set no larger that turned out to explain more, while alternatives were compared and sets taken apart."""
     kept = chosen.key & search.expected
-    others = [item for item in search.fitted.values() if item.effects and len(item.effects) <= len(chosen.effects)]
-    others = [item for item in others if kept <= item.key]
+    others = [
+        item
+        for item in search.fitted.values()
+        if item.effects and len(item.effects) <= len(chosen.effects) and kept <= item.key
+    ]
     best = min(others, key=_cost, default=chosen)
     found = chosen.cost - best.cost > significance(search.bare, chosen, best) and best.key != chosen.key
     return best if found and at_noise_floor(best) >= at_noise_floor(chosen) else None

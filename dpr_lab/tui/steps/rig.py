@@ -16,7 +16,8 @@ from dpr_lab.configs import BUILTIN, find_config
 from dpr_lab.errors import ConfigError
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.tables import PARAMETER_UNITS
-from dpr_lab.rig import PARAMETERS, Parameter, Rig, load_rig
+from dpr_lab.rig import PARAMETERS, Rig, load_rig
+from dpr_lab.rig_tables import Parameter
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.rig_editor import RigEditor

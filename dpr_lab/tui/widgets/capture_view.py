@@ -14,7 +14,8 @@ from dpr_lab.acquisition.gate import QualityReport
 from dpr_lab.acquisition.rest import pose_error
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.tables import run_name
-from dpr_lab.rig import Pose, Rig
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Pose
 from dpr_lab.tui.keys import KeyNames
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.sighting import Sighting

@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import MASSES, Parameter, Rig, load_rig, parse_rig
+from dpr_lab.rig import MASSES, Rig, load_rig, parse_rig
+from dpr_lab.rig_tables import Parameter
 from dpr_lab.whole_file import write_text
 
 
