@@ -45,13 +45,14 @@ def with_encoder_errors(
         segments: when the angles were read
     """
     rows = np.array(params, dtype=np.float64, order="C")
-    return _with_errors(
-        np.array(angles, order="C"), segments.t, segments.offsets, segments.run, constants, rows, active_effects(rows)
-    )
+    read = np.empty((len(rows), len(segments.t), 2))
+    angles, active = np.array(angles, order="C"), active_effects(rows)
+    _fill_errors(angles, segments.t, segments.offsets, segments.run, constants, rows, active, read)
+    return read
 
 
-@njit
-def _with_errors(
+@njit(allocates=False)
+def _fill_errors(
     angles: NDArray[np.float64],
     t: NDArray[np.float64],
     offsets: NDArray[np.int64],
@@ -59,15 +60,14 @@ def _with_errors(
     constants: RigConstants,
     params: NDArray[np.float64],
     active: NDArray[np.bool_],
-) -> NDArray[np.float64]:
-    read = np.empty((len(params), len(t), 2))
+    read: NDArray[np.float64],
+) -> None:
     for c in range(len(params)):
         for s in range(len(run)):
             for k in range(offsets[s], offsets[s + 1]):
                 angle1, angle2 = angles[k, 0], angles[k, 1]
                 error1, error2 = encoder_errors(angle1, angle2, t[k], run[s], constants, params[c], active[c])
                 read[c, k, 0], read[c, k, 1] = angle1 + error1, angle2 + error2
-    return read
 
 
 @njit

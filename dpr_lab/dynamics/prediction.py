@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.dynamics.base import WHOLE, base_of_run
 from dpr_lab.dynamics.lanes.driving import drive_of
-from dpr_lab.dynamics.lanes.readings import PAD, Candidates, Laid, follow, segment_start
+from dpr_lab.dynamics.lanes.readings import PAD, Candidates, Laid, follow, segment_start, work
 from dpr_lab.dynamics.lanes.stepping import advance
 from dpr_lab.dynamics.lanes.tracks import tracks_of
 from dpr_lab.dynamics.rig_constants import constants_of_run
@@ -126,7 +126,8 @@ def _followed(
         tracks = tracks._replace(acts=tracks.acts._replace(carried=known))
     angles, begun = np.zeros((n, len(segments.t), columns)), np.zeros((n, count, len(INTERNAL)))
     rig = RigConstants(*map(float, constants))
-    follow((0, len(tracks.active)), advance(), tracks, _laid(segments, rig), asked, rig, angles, begun)
+    laid = _laid(segments, rig)
+    follow((0, len(tracks.active)), advance(), tracks, laid, asked, rig, angles, begun, work(laid, angles))
     return angles, begun
 
 

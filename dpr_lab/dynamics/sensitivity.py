@@ -98,9 +98,7 @@ def driven(
     if any(setup.arm is not None for setup in segments.setups):
         pushes[:, 2] *= rig.L0 / rig.g  # (54)
     gravity = rig.g / rig.L1
-    return _integrate(
-        np.ascontiguousarray(values), gravity, starts, segments.held, pushes, segments.offsets, step, count, of
-    )
+    return _integrated(np.ascontiguousarray(values), gravity, starts, segments, pushes, step, count, of)
 
 
 def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> NDArray[np.float64]:
@@ -118,10 +116,28 @@ def _followed(
     free[:, :RATIOS] = values
     step, count = sample_steps(segments.t, segments.offsets, segments.step)
     starts, still = initial_states(initial, segments), np.zeros((len(segments.t), 4))
-    return _integrate(free, g / L1, starts, segments.held, still, segments.offsets, step, count, of)[:2]
+    return _integrated(free, g / L1, starts, segments, still, step, count, of)[:2]
 
 
-@njit
+def _integrated(
+    ratios: NDArray[np.float64],
+    gravity: float,
+    starts: NDArray[np.float64],
+    segments: Segments,
+    pushes: NDArray[np.float64],
+    step: NDArray[np.float64],
+    count: NDArray[np.int64],
+    of: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """(samples, 4) states and (samples, `of`, 9) derivatives, and (samples, `of`) those by what pushes count by."""
+    states, by_push = np.empty((len(step), STATES)), np.empty((len(step), of))
+    slopes, x, rows = np.empty((len(step), of, COLUMNS)), np.empty(STATES), np.empty(ROWS if of else 0)
+    held, offsets = segments.held, segments.offsets
+    _integrate(ratios, gravity, starts, held, pushes, offsets, step, count, of, x, rows, states, slopes, by_push)
+    return states, slopes, by_push
+
+
+@njit(allocates=False)
 def _integrate(
     ratios: NDArray[np.float64],
     gravity: float,
@@ -132,11 +148,18 @@ def _integrate(
     step: NDArray[np.float64],
     count: NDArray[np.int64],
     of: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    states, by_push = np.empty((len(step), STATES)), np.zeros((len(step), of))
-    slopes = np.empty((len(step), of, COLUMNS))
+    x: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    states: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    by_push: NDArray[np.float64],
+) -> None:
+    """Fill in states, slopes and `by_push`; x and rows are room to work in."""
     for segment in range(len(starts)):
-        x, rows = starts[segment].copy(), np.zeros(ROWS if of else 0)
+        for i in range(STATES):
+            x[i] = starts[segment, i]
+        for i in range(len(rows)):
+            rows[i] = 0.0
         for i in range(STATES if of else 0):
             rows[S + i * WIDTH + RATIOS + i] = 1.0
         for sample in range(offsets[segment], offsets[segment + 1]):
@@ -148,7 +171,6 @@ def _integrate(
                 for j in range(COLUMNS):
                     slopes[sample, i, j] = rows[S + i * WIDTH + j]
                 by_push[sample, i] = rows[S + i * WIDTH + COLUMNS]
-    return states, slopes, by_push
 
 
 @subroutine

@@ -3,7 +3,7 @@
 The order of `EFFECTS` fixes the flat parameter vector. An effect is on while one of its amplitudes is not zero.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +84,17 @@ SLICES = slices(EFFECTS.values())
 
 SIZE = sum(len(effect.parameters) for effect in EFFECTS.values())
 
+_PLACES = {
+    (effect.name, parameter.name): SLICES[effect.name].start + i
+    for effect in EFFECTS.values()
+    for i, parameter in enumerate(effect.parameters)
+}
+
+_AMPLITUDES = {
+    effect.name: [_PLACES[effect.name, parameter.name] for parameter in effect.amplitudes]
+    for effect in EFFECTS.values()
+}
+
 _DEFAULTS = np.array([parameter.default for effect in EFFECTS.values() for parameter in effect.parameters])
 
 
@@ -108,12 +119,12 @@ def effect_params(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float
     return params
 
 
-def named_params(params: NDArray[np.float64]) -> dict[str, dict[str, float]]:
-    """Named coefficients of the effects that are on; the inverse of `effect_params`."""
+def named_params(params: NDArray[np.float64], among: Iterable[str] = EFFECTS) -> dict[str, dict[str, float]]:
+    """Named coefficients of the effects that are on, of all or `among` some; the inverse of `effect_params`."""
     return {
-        name: dict(zip((p.name for p in effect.parameters), params[SLICES[name]].tolist(), strict=True))
-        for name, effect in EFFECTS.items()
-        if any(params[param_index(name, p.name)] != 0.0 for p in effect.amplitudes)
+        name: dict(zip((p.name for p in EFFECTS[name].parameters), params[SLICES[name]].tolist(), strict=True))
+        for name in among
+        if params[_AMPLITUDES[name]].any()
     }
 
 
@@ -122,7 +133,7 @@ def oversized(params: NDArray[np.float64]) -> tuple[str, ...]:
     return tuple(
         name
         for name, effect in EFFECTS.items()
-        if any(abs(params[param_index(name, p.name)]) > p.most for p in effect.amplitudes)
+        if any(abs(params[at]) > p.most for at, p in zip(_AMPLITUDES[name], effect.amplitudes, strict=True))
     )
 
 
@@ -139,10 +150,10 @@ def param_index(effect: str, parameter: str) -> int:
     Raises:
         ValueError: the effect has no such parameter.
     """
-    known = [p.name for p in EFFECTS[effect].parameters]
-    if parameter not in known:
-        raise ValueError(f"effect {effect} has no parameter {parameter!r}; it has: {', '.join(known)}")
-    return SLICES[effect].start + known.index(parameter)
+    if (effect, parameter) not in _PLACES:
+        known = ", ".join(p.name for p in EFFECTS[effect].parameters)
+        raise ValueError(f"effect {effect} has no parameter {parameter!r}; it has: {known}")
+    return _PLACES[effect, parameter]
 
 
 def proposed_shapes(effect: Effect, recorded: Recorded) -> list[Shape] | None:

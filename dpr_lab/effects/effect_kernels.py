@@ -213,9 +213,9 @@ class Acting(NamedTuple):
     dry2: Any
 
 
-_ASKING = Acting(
-    *(
-        np.array([holds(effect) for effect in _ALL])
+_ASKING = np.array(
+    [
+        [holds(effect) for effect in _ALL]
         for holds in (
             *(
                 lambda effect, stage=stage: effect.stage == stage
@@ -226,8 +226,9 @@ _ASKING = Acting(
             lambda effect: bool(effect.internal),
             *(lambda effect, joint=joint: effect.dry and joint in effect.joints for joint in (0, 1)),
         )
-    )
+    ]
 )
+"""(fields of `Acting`, effects)"""
 
 
 def active_effects(params: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -237,4 +238,5 @@ def active_effects(params: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 def acting(active: NDArray[np.bool_]) -> Acting:
     """What is asked for by effects that are on, (..., effects); each field (...)."""
-    return Acting(*((active & asking).any(axis=-1) for asking in _ASKING))
+    asked = np.logical_or.reduce(active[..., None, :] & _ASKING, axis=-1)
+    return Acting(*(asked[..., i] for i in range(len(_ASKING))))

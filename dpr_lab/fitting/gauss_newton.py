@@ -4,7 +4,8 @@
 
 Each step solves the projected normal equations of `dpr_lab.fitting.linearise`; the initial states follow. A step that
 does not lower the cost is shortened, and a segment that alone gets worse takes less of its own share: one swing that
-passes near the upright would otherwise hold back all others. Where no length helps, damping grows.
+passes near the upright would otherwise hold back all others. Where no length helps, damping grows; a step that promises
+no more than what ends the iteration is tried once.
 
 A fit without free parameters moves initial states alone, as for a run that is held out.
 """
@@ -29,8 +30,8 @@ class GaussNewton:
 
     converged: float = 1e-4
     """Relative fall of the cost in a whole step that ends the iteration: a small part of what noise leaves of it."""
-    tries: int = 10
-    """Shorter steps before one counts as failed: 0.3^10 of a step is none."""
+    tries: int = 6
+    """Lengths of a step before it counts as failed: of 1817 steps of 15 diagnoses one was found beyond."""
     shorter: float = 0.3
     """Factor of a step that did not lower the cost."""
     shorter_segment: float = 0.1
@@ -134,10 +135,11 @@ def descend(
         if predicted is not None:
             linear, predicted = linearise(problem, at, free, predicted), None
         step = _step(linear, at, free, damping)
-        found = _search(problem, at, free, step, linear, settings)
+        promising = not chi2 - linear.left(step) <= settings.converged * chi2
+        found = _search(problem, at, free, step, linear, settings, settings.tries if promising else 1)
         if found is None:
             damping *= settings.damping_raised
-            converged = damping > settings.most_damping
+            converged = not promising or damping > settings.most_damping
             continue
         at, predicted, after = found
         converged = chi2 - after <= settings.converged * chi2
@@ -160,15 +162,16 @@ def _search(
     step: Array,
     linear: Linearisation,
     settings: GaussNewton,
+    tries: int,
 ) -> tuple[Estimate, Array, float] | None:
-    """The first estimate along the step that lowers the cost, its readings and its cost."""
+    """The first estimate along the step that lowers the cost, its readings and its cost; none in so many tries."""
     before = linear.chi2_by_segment
     followed = np.isfinite(before)
     if not followed.any():
         return None
     initial_steps = linear.initial_steps(step)
     share, own = 1.0, np.ones(len(before))
-    for attempt in range(settings.tries):
+    for attempt in range(tries):
         trial = moved(at, free, share * step, (share * own)[:, None] * initial_steps)
         predicted = problem.predict(trial)
         after = problem.chi2_by_segment(predicted)

@@ -71,7 +71,8 @@ class Linearisation:
 
     def projected(self, columns: Array) -> Array:
         """(segments, m, k) whitened columns without their part along the initial states."""
-        return columns - self.Q @ (self.Q.transpose(0, 2, 1) @ columns)
+        along = self.Q @ (self.Q.transpose(0, 2, 1) @ columns)
+        return np.subtract(columns, along, out=along)
 
     def carried(self, problem: Problem, predicted: Array) -> "Linearisation | None":
         """The same slopes about readings, (samples, 2), a little further; none where a segment is not followed."""
@@ -83,6 +84,10 @@ class Linearisation:
     def chosen(self, columns: Sequence[int]) -> "Linearisation":
         """The same with only some of the free parameters."""
         return replace(self, A=self.A[:, :, columns], onto=self.onto[:, :, columns])
+
+    def left(self, step: Array) -> float:
+        """Sum of squared residuals that a step of the free parameters, and the initial states' own, would leave."""
+        return float(np.sum((self.e - self.A @ step) ** 2))
 
     def initial_steps(self, step: Array) -> Array:
         """(segments, 4) the initial states' own least-squares steps, given that of the free parameters."""
@@ -115,6 +120,7 @@ def linearise(
     R[lost | blind] = np.eye(4) / BLIND  # nothing says where its initial state lies: it stays
     slopes = J[:, :, :-4]
     onto = Q.transpose(0, 2, 1) @ slopes
-    found = Linearisation(residual, residual, slopes - Q @ onto, onto, Q, R)
+    along = Q @ onto
+    found = Linearisation(residual, residual, np.subtract(slopes, along, out=along), onto, Q, R)
     e = found.projected(np.where(lost[:, None], 0.0, residual)[:, :, None])[:, :, 0]
     return replace(found, e=e)

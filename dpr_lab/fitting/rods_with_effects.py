@@ -36,6 +36,10 @@ ENCODER_AMPLITUDES = [
 """Places of the amplitudes of what encoders misread."""
 
 
+STEP_LIMITS = {name: effect.longest_step for name, effect in EFFECTS.items() if effect.longest_step is not None}
+"""Effect -> the longest step that follows it, s, of its parameters."""
+
+
 @dataclass(frozen=True, slots=True)
 class RodsWithEffects:
     """Two rods with every effect of the library."""
@@ -70,13 +74,16 @@ class RodsWithEffects:
         angles[moving] = swings[:-1]
         angles[[*still, -1]] = with_encoder_errors(swings[-1], params[[*still, -1]], self.constants, coarse)
         steps = np.array([*(parameter.step for parameter in free), *INITIAL_STEPS])
-        return np.moveaxis((angles[:-1] - angles[-1]) / steps[:, None, None], 0, -1)
+        slopes = angles[:-1]
+        slopes -= angles[-1]
+        slopes /= steps[:, None, None]
+        return np.moveaxis(slopes, 0, -1)
 
 
 def resolved(segments: Segments, params: Array) -> Segments:
     """The segments with steps short enough for every effect that is on."""
-    active = ((EFFECTS[name].longest_step, values) for name, values in named_params(params).items())
-    limits = [longest(values) for longest, values in active if longest is not None]
+    named = named_params(params, among=STEP_LIMITS)
+    limits = [STEP_LIMITS[name](values) for name, values in named.items()]
     return replace(segments, step=np.minimum(segments.step, min(limits))) if limits else segments
 
 

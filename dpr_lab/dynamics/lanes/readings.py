@@ -1,5 +1,6 @@
 """Following tracks: lanes of candidates and segments that go through their steps together and read the encoders."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,6 +52,36 @@ class Laid(NamedTuple):
     """What drove the joints."""
 
 
+class Work(NamedTuple):
+    """Room to work in."""
+
+    w: NDArray[np.float64]
+    """The workspace of the lanes."""
+    after: NDArray[np.float64]
+    """(LANES, internal) internal states at the end of the segment before."""
+    run: NDArray[np.int64]
+    """(LANES,)"""
+    place: NDArray[np.int64]
+    """(LANES,) where known torques were looked up last."""
+    samples: LaneSamples
+
+
+def work(laid: Laid, angles: NDArray[np.float64]) -> Work:
+    """Room to work in for segments whose readings, (n, N, columns), are to be filled in."""
+    longest, none = int(np.diff(laid.offsets).max()), partial(np.zeros, LANES, dtype=np.int64)
+    samples = LaneSamples(
+        t1=np.zeros((LANES, longest)),
+        t2=np.zeros((LANES, longest)),
+        out=angles.reshape(-1),
+        columns=angles.shape[2],
+        first=none(),
+        next1=none(),
+        next2=none(),
+        size=none(),
+    )
+    return Work(np.zeros(WORKSPACE), np.zeros((LANES, len(AT_RELEASE))), none(), none(), samples)
+
+
 class Candidates(NamedTuple):
     """What is to be predicted."""
 
@@ -64,7 +95,7 @@ class Candidates(NamedTuple):
     """(n, S, internal) nan where it is taken over from the segment before."""
 
 
-@njit
+@njit(allocates=False)
 def follow(
     blocks: tuple[int, int],
     advance: Any,
@@ -74,6 +105,7 @@ def follow(
     rig: RigConstants,
     angles: NDArray[np.float64],
     begun: NDArray[np.float64],
+    room: Work,
 ) -> None:
     """Fill in (n, N, 2 or 3) readings, rad, and (n, S, internal) internal states at the starts of segments.
 
@@ -86,22 +118,9 @@ def follow(
         rig: its constants
         angles: to fill in
         begun: to fill in
+        room: of `work`, to work in
     """
-    longest = 0
-    for s in range(len(laid.run)):
-        longest = max(longest, laid.offsets[s + 1] - laid.offsets[s])
-    w, after = np.zeros(WORKSPACE), np.zeros((LANES, len(AT_RELEASE)))
-    run, place = np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
-    samples = LaneSamples(
-        np.zeros((LANES, longest)),
-        np.zeros((LANES, longest)),
-        angles.reshape(angles.size),
-        angles.shape[2],
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES, dtype=np.int64),
-    )
+    w, after, run, place, samples = room
     for block in range(blocks[0], blocks[1]):
         first, last = tracks.edges[block], tracks.edges[block + 1]
         active, acts = tracks.active[block], _acting(tracks.acts, block)
@@ -154,7 +173,7 @@ def _load(
     w[At.step + k], w[At.drive1 + k], w[At.drive2 + k] = laid.step[0], 0.0, 0.0
     w[At.direction1 + k], w[At.direction2 + k] = np.nan, np.nan
     w[At.carried + k], w[At.whirl + k] = 0.0, 0.0
-    params = _params(c, r, asked)
+    params = asked.params[c, _own(r, asked)]
     for i in range(len(params)):
         w[At.params + i * LANES + k] = params[i]
     arm = arm_model(constants_at(w, k, rig), HELD_ARM, params, active)
@@ -163,9 +182,9 @@ def _load(
 
 
 @subroutine
-def _params(c: int, r: int, asked: Candidates) -> NDArray[np.float64]:
-    """(SIZE,) effects of a candidate in a run."""
-    return asked.params[c, r if asked.params.shape[1] > 1 else 0]
+def _own(r: int, asked: Candidates) -> int:
+    """Where the effects of run r are among a candidate's."""
+    return r if asked.params.shape[1] > 1 else 0
 
 
 @njit
@@ -199,7 +218,7 @@ def _begin(
     `internal` are the internal states at the end of the segment before, `begun` becomes those at the start of this.
     """
     i, j, x = laid.offsets[s], laid.offsets[s + 1], asked.initial[c, s]
-    params, count = _params(c, laid.run[s], asked), j - i
+    params, count = asked.params[c, _own(laid.run[s], asked)], j - i
     until = laid.t[min(j, len(laid.t) - 1)]
     samples.first[k] = (c * len(laid.t) + i) * samples.columns
     for n in range(count):
@@ -340,7 +359,7 @@ def _add_errors(
     angles: NDArray[np.float64],
 ) -> None:
     """Add the errors of the encoders to what candidate c reads on segment s."""
-    params = _params(c, laid.run[s], asked)
+    params = asked.params[c, _own(laid.run[s], asked)]
     for i in range(laid.offsets[s], laid.offsets[s + 1]):
         angle1, angle2 = angles[c, i, 0], angles[c, i, 1]
         error1, error2 = encoder_errors(angle1, angle2, laid.t[i], laid.run[s], rig, params, active)

@@ -42,8 +42,9 @@ def tracks_of(
         chains: (runs with segments + 1,) where runs begin among the segments
     """
     n, runs, _ = active.shape
-    kinds, kind = np.unique(np.packbits(active.reshape(n * runs, -1), axis=1), axis=0, return_inverse=True)
-    kind = kind.reshape(n, runs)
+    rows = [row.tobytes() for row in active.reshape(n * runs, -1)]
+    kinds = {row: i for i, row in enumerate(dict.fromkeys(rows))}
+    kind = np.array([kinds[row] for row in rows]).reshape(n, runs)
     alone = np.arange(len(run))
     parts = [_parts(~chained, kind, run, alone, alone + 1), _parts(chained, kind, run, chains[:-1], chains[1:])]
     group, candidate, first, last = np.concatenate(parts, axis=1)
@@ -52,8 +53,7 @@ def tracks_of(
     begins = np.flatnonzero(np.diff(group, prepend=-1))
     ends = np.append(begins[1:], len(group))
     edges = np.concatenate([*(np.arange(i, j, LANES) for i, j in zip(begins, ends, strict=True)), [len(group)]])
-    on = np.unpackbits(kinds, axis=1, count=active.shape[2]).astype(np.bool_)
-    on = on[group[edges[:-1]]]
+    on = np.array([np.frombuffer(row, dtype=np.bool_) for row in kinds])[group[edges[:-1]]]
     return Tracks(candidate[order], first[order], last[order], edges, on, acting(on))
 
 
