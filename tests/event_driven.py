@@ -53,7 +53,7 @@ class Rods:
         return found[:2], lambdas
 
     def sides(self, x):
-        """Which way each joint slides or will slide at once; 0 where it stays at rest."""
+        """Which way each joint slides or will slide at once; 0 where it rests, 1 where nothing could hold it."""
         sides, limits = np.sign(JOINTS @ x[2:]), np.array([law(0.0) for law in self.laws])
         rest = np.flatnonzero((sides == 0) & (limits > 0))
         inverse = np.linalg.inv(self.mass(x[:2]))
@@ -64,7 +64,7 @@ class Rods:
             lambdas = lsq_linear(root.T, -np.linalg.solve(root, free[rest]), bounds, method="bvls", tol=1e-14).x
             at_limit = np.abs(lambdas) >= limits[rest] * (1 - 1e-9)
             sides[rest] = np.where(at_limit, -np.sign(lambdas), 0.0)
-        return np.where((limits == 0) & (sides == 0), np.sign(free), sides)
+        return np.where(limits == 0, 1.0, sides)
 
 
 def _event(rods: Rods, sides, j: int) -> Any:
@@ -85,9 +85,9 @@ def _slope(rods: Rods, sides):
 def swing(rods: Rods, start, t, error=1e-11):
     """(n, 4) states at t, from rest to sliding and back, each stretch between two events by itself."""
     x, now, found = np.array(start, dtype=float), t[0], [np.array(start, dtype=float)]
-    sides = rods.sides(x)
+    sides, dry = rods.sides(x), [j for j in (0, 1) if rods.laws[j](0.0) > 0]
     while len(found) < len(t):
-        events: list[Any] = [_event(rods, tuple(sides), j) for j in (0, 1)]
+        events: list[Any] = [_event(rods, tuple(sides), j) for j in dry]
         solved = solve_ivp(
             _slope(rods, tuple(sides)),
             (now, t[-1]),
@@ -95,18 +95,19 @@ def swing(rods: Rods, start, t, error=1e-11):
             "DOP853",
             rtol=error,
             atol=error,
-            events=events,
+            events=events or None,
             dense_output=True,
         )
         until = solved.t[-1]
         found += [solved.sol(at) for at in t[len(found) :] if at <= until]
         x, now = solved.y[:, -1].copy(), until
-        stopped = [len(events) > 0 and sides[j] != 0 for j, events in enumerate(solved.t_events)]
+        happened = {j: len(times) > 0 for j, times in zip(dry, solved.t_events or (), strict=True)}
+        stopped = [happened.get(j, False) and sides[j] != 0 for j in (0, 1)]
         for j in (0, 1):
             x[2 + j] = (x[2] if j else 0.0) if sides[j] == 0 or stopped[j] else x[2 + j]
         released = False
         for j in (0, 1):
-            if len(solved.t_events[j]) and not stopped[j]:
+            if happened.get(j, False) and not stopped[j]:
                 sides[j], released = -np.sign(rods.accelerations(x, sides)[1][j]), True
         if not released:
             sides = rods.sides(x)
