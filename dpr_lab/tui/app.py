@@ -18,7 +18,7 @@ from textual.binding import Binding, BindingType
 from textual.dom import DOMNode
 from textual.driver import Driver
 from textual.screen import Screen
-from textual.widgets import ContentSwitcher, Footer, Static
+from textual.widgets import ContentSwitcher, Static
 from textual.worker import WorkerFailed
 
 from dpr_lab.errors import DprError
@@ -26,6 +26,7 @@ from dpr_lab.report.angles import UNITS
 from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.guard import Guarded, log
 from dpr_lab.tui.keys import Keymap, KeyNames, about_keys, actions
+from dpr_lab.tui.line_breaks import keep_units_whole
 from dpr_lab.tui.recorder.connection import DeviceConnection
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.capture import CaptureStep
@@ -45,6 +46,7 @@ from dpr_lab.tui.texts import NOTICES
 from dpr_lab.tui.themes import THEMES
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.dialogs import HELP_KEY, HelpScreen, Question
+from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.tui.widgets.run_browser import RunBrowser
 from dpr_lab.tui.widgets.slider import Slider
 from dpr_lab.tui.widgets.status_line import StatusLine
@@ -101,6 +103,7 @@ class DprApp(Guarded, App[None]):
         allow_release: bool = False,
     ) -> None:
         super().__init__()
+        keep_units_whole()
         self._filters.append(Plain())
         self.terminal = Display(lambda: self._driver, self.console._color_system, allow_release)
         self.workspace = workspace
@@ -124,7 +127,7 @@ class DprApp(Guarded, App[None]):
         with ContentSwitcher(id="steps"):
             yield from self.steps
         yield Static(id="too-small")
-        yield Footer(show_command_palette=False, compact=True)
+        yield KeyLine()
 
     def on_mount(self) -> None:
         """Resume at the step shown last."""
@@ -251,8 +254,10 @@ class DprApp(Guarded, App[None]):
         if step.NAME != self.workspace.step:
             self.clear_notifications()  # they were about what is left now
         self.workspace.step = step.NAME
-        self.query_one("#steps", ContentSwitcher).current = step.id
-        step.focus()
+        with self.batch_update():  # a step and its keys come in one frame
+            self.query_one("#steps", ContentSwitcher).current = step.id
+            step.screen.set_focus(step)
+            self.query_one(KeyLine).show()
         try:
             step.enter()
         finally:

@@ -2,7 +2,6 @@
 
 import time
 from contextlib import suppress
-from textwrap import wrap
 from typing import ClassVar
 
 from textual import on, work
@@ -18,6 +17,7 @@ from dpr_lab.kernel_cache import simulator_compiled
 from dpr_lab.rig import load_rig
 from dpr_lab.transports import TRANSPORTS
 from dpr_lab.transports.discover import Links, SerialPortFound, discover
+from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.messages import Connected, Exercise, Exercised, Idle, RecorderFailed, RecorderReport
 from dpr_lab.tui.recorder.sighting import SETTINGS as SIGHTING
 from dpr_lab.tui.services import Services
@@ -26,14 +26,12 @@ from dpr_lab.tui.texts import NOTICES
 from dpr_lab.tui.widgets.dialogs import Question
 from dpr_lab.tui.widgets.readout import BAD, GOOD, old_text
 
-WIDTH = 68
-"""Columns of what a row says: beside its name on a screen of 80."""
-
 SIMULATED = TRANSPORTS["sim"].example
 CONNECTING = "connecting ({connect.disconnect}: give up)"
 COMPILING = "compiling the simulated rig, once on this computer: about half a minute ({connect.disconnect}: give up)"
 OWN = "or the URL of another link ({connect.edit} writes it here); empty: the rig file's own"
-UNTESTED = "not done: press {connect.exercise} (closes the latch)"
+UNTESTED = "not done: press {connect.exercise}"
+CLOSES = " (closes the latch)"
 LINKS = "\n".join(f"- {kind.name}: `{kind.example}`" for kind in TRANSPORTS.values() if kind.example != SIMULATED)
 
 
@@ -208,7 +206,7 @@ follows this computer's. That closes the latch, and leaves it closed.
         return offers | {SIMULATED: "simulated rig, no hardware needed"}
 
     def _draw(self) -> None:
-        shown, lines = self.query_one("#device", Static), Content("\n").join(self._lines())
+        shown, lines = self.query_one("#device", Static), Hanging(Content("\n").join(self._lines()))
         if shown.content != lines:
             shown.update(lines)
 
@@ -235,7 +233,8 @@ follows this computer's. That closes the latch, and leaves it closed.
 
     def _clock(self) -> list[Content]:
         if isinstance(self._exercised, str):
-            return [_row("link test", self._exercised or self.worded(UNTESTED))]
+            closes = "" if self.device.seen.latched else CLOSES
+            return [_row("link test", self._exercised or self.worded(UNTESTED) + closes)]
         lost = ", ".join(f"{n} {cause.replace('_', ' ')}" for cause, n in self._exercised.lost.items() if n)
         arrived = f"{self._exercised.samples} samples, {lost or 'none lost'}"
         return [_row("link test", f"{BAD if lost else GOOD} {arrived}"), _row("clock", _clock_fit(self._exercised))]
@@ -267,5 +266,4 @@ def _clock_fit(exercised: Exercised) -> str:
 
 
 def _row(name: str, value: str) -> Content:
-    lines = wrap(value, WIDTH, break_long_words=False, break_on_hyphens=False)
-    return Content(f"{name:<10} " + f"\n{'':<10} ".join(lines))
+    return Content(f"{name:<10} {value}")

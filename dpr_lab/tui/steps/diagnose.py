@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from rich.console import Group, RenderableType
+from rich.padding import Padding
 from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
@@ -320,17 +321,16 @@ def _which(found: "Diagnosis", unit: AngleUnit) -> Group:
     return Group(*shown)
 
 
-def _effect(row: Sequence[str]) -> Text:
+def _effect(row: Sequence[str]) -> Group:
     """A named effect: how sure, its twins, its size with 90 % intervals."""
     from dpr_lab.report.gap import tables as gap_tables
 
     name, twins, probability, share, parameters = row
-    text = Text(name, "bold").append(
-        f": probability {probability}, {share} of the excess comes back without it\n", "not bold"
-    )
-    if twins != gap_tables.ALONE:
-        text.append(f"    cannot be told from: {twins}\n", "not bold")
-    return text.append(f"    90 % interval: {parameters}\n", "not bold")
+    told = f": probability {probability}, {share} of the excess comes back without it"
+    below = [f"cannot be told from: {twins}"] if twins != gap_tables.ALONE else []
+    below.append(f"90 % interval: {parameters}")
+    indented = (Padding(Text(line), (0, 0, 0, 4)) for line in below)
+    return Group(Text(name, "bold").append(told, "not bold"), *indented, "")
 
 
 def _far(found: "Diagnosis", unit: AngleUnit) -> Group:

@@ -7,7 +7,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.screen import ModalScreen
-from textual.widgets import Footer, Input, Static, TextArea
+from textual.widgets import Input, Static, TextArea
 
 from dpr_lab.configs import BUILTIN
 from dpr_lab.errors import ConfigError
@@ -15,6 +15,7 @@ from dpr_lab.rig import parse_rig
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.widgets.dialogs import Question
+from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.whole_file import write_text
 
 
@@ -51,7 +52,7 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
             yield Input(target, id="target", suggester=PathSuggester(".toml"), compact=True)
             yield TextArea(self._text, show_line_numbers=True)
             yield Static(id="verdict", markup=False)
-            yield Footer(show_command_palette=False, compact=True)
+            yield KeyLine()
 
     def on_mount(self) -> None:
         """The text is to be edited."""

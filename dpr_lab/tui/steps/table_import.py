@@ -9,7 +9,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
 from textual.content import Content
 from textual.screen import ModalScreen
-from textual.widgets import Footer, Input, Static
+from textual.widgets import Input, Static
 
 from dpr_lab.errors import DprError, RunError
 from dpr_lab.report.text_plot import text_plot
@@ -17,6 +17,7 @@ from dpr_lab.storage.csv_import import Angles, ArmKind, ImportOptions, TimeUnit,
 from dpr_lab.storage.tables.columns import AXES
 from dpr_lab.storage.tables.preview import Preview
 from dpr_lab.tui.guard import Guarded
+from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.workflows.import_table import ImportRequest, import_table, preview_table
 
 WORDS = {"angles": Angles, "zero": Zero, "unit": Unit, "time_unit": TimeUnit}
@@ -58,7 +59,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
             yield Input(placeholder=HINT, id="said", compact=True)
             with VerticalScroll():
                 yield Static("reading", id="understood", markup=False)
-            yield Footer(show_command_palette=False, compact=True)
+            yield KeyLine()
 
     async def on_mount(self) -> None:
         """Look at the file as it is."""

@@ -17,6 +17,7 @@ from dpr_lab.report.tables import run_name
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.tui.keys import KeyNames
+from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.sighting import Sighting
 from dpr_lab.tui.widgets import readout
@@ -26,6 +27,7 @@ from dpr_lab.tui.widgets.pendulum import Lengths, Pendulum
 from dpr_lab.tui.widgets.readout import BAD, GOOD, Placement
 
 BEGIN = "press {capture.start}: the latch closes and you are guided to the pose"
+BEGIN_HELD = "the latch is closed; press {capture.start} to be guided to the pose"
 ALL_DONE = "all poses are recorded: {app.next} goes on. {capture.start} records this one again"
 CHOICE = "{capture.keep}: keep it  {capture.again}: put it aside and repeat"
 TONES = {Phase.READY: "bold $success", Phase.RECORDING: "bold $primary"}
@@ -60,6 +62,17 @@ class CaptureState:
     obstacle: str
     """Why no attempt can begin; empty when one can."""
 
+    @property
+    def all_done(self) -> bool:
+        """Whether every pose is recorded as often as it is wanted, and none anew."""
+        recorded = bool(self.done) and all(number >= self.repeats for number in self.done.values())
+        return self.attempt is None and recorded
+
+    @property
+    def held(self) -> bool:
+        """Whether the latch is known to hold the rods now."""
+        return self.live and self.seen.latched is True
+
 
 class CaptureView(Vertical):
     """Shows the state of a capture."""
@@ -79,7 +92,7 @@ class CaptureView(Vertical):
         self.set_class(swung is not None and swung.phase is Phase.RECORDING and state.live, "-swinging")
         for name, content in (
             ("headline", headline(state)),
-            ("readout", Content("\n").join(_readout(state))),
+            ("readout", Hanging(Content("\n").join(_readout(state)))),
             ("checklist", _plan(state)),
         ):
             shown = self.query_one(f"#{name}", Static)
@@ -91,7 +104,7 @@ class CaptureView(Vertical):
     def _show_rods(self, state: CaptureState) -> None:
         rig, attempt = state.rig, state.attempt
         swinging = attempt is not None and attempt.phase in (Phase.RECORDING, Phase.JUDGED)
-        wanted = rig.poses.get(state.pose) if not swinging and state.live else None
+        wanted = rig.poses.get(state.pose) if not swinging and state.live and not state.all_done else None
         lengths = Lengths(rig.L0, rig.L1, rig.L2 or rig.L1)
         pose = None if wanted is None else wanted.theta.tolist()
         self.query_one(Pendulum).show(state.seen.theta, pose, lengths, old=not state.live)
@@ -117,8 +130,8 @@ def headline(state: CaptureState) -> Content:
     if attempt is None and state.undecided:
         return Content.styled(f"{state.undecided}: not decided yet. {state.keys.fill(CHOICE)}", "bold $warning")
     if attempt is None:
-        done = bool(state.done) and all(number >= state.repeats for number in state.done.values())
-        text = state.obstacle or state.keys.fill(ALL_DONE if done else BEGIN)
+        begin = ALL_DONE if state.all_done else BEGIN_HELD if state.held else BEGIN
+        text = state.obstacle or state.keys.fill(begin)
         return Content.styled(
             f"{state.pose}: {text}" if state.pose else text, "bold $warning" if state.obstacle else ""
         )
@@ -178,6 +191,9 @@ def _judgement(verdict: QualityReport) -> Iterator[Content]:
 
 
 def _placement(state: CaptureState) -> Placement | None:
+    """Where the rods are to go; nowhere once all poses are recorded."""
+    if state.all_done:
+        return None
     if state.attempt is not None:
         pose, error = state.attempt.pose, state.attempt.error
     else:

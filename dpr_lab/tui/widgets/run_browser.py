@@ -12,7 +12,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.events import Key
 from textual.screen import ModalScreen
-from textual.widgets import DataTable, Footer, Input, OptionList, Static
+from textual.widgets import DataTable, Input, OptionList, Static
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.report.tables import local_time, recorded
@@ -26,6 +26,7 @@ from dpr_lab.tui.jobs.jobs import RunSurveyed
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.widgets.dialogs import HELP_KEY
+from dpr_lab.tui.widgets.key_line import KeyLine
 
 if TYPE_CHECKING:
     from dpr_lab.storage.inspect import RunInfo
@@ -115,7 +116,7 @@ none. Why is said below the list.
             yield DataTable[Text](cursor_type="row", zebra_stripes=True)
             yield Static(id="about", markup=False)
             yield Static(id="result", markup=False)
-            yield Footer(show_command_palette=False, compact=True)
+            yield KeyLine()
 
     def on_mount(self) -> None:
         """List the files at once, what is in them as it is read."""

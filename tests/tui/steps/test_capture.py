@@ -6,7 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from textual.content import Content
 from textual.pilot import Pilot
+from textual.style import Style
+from textual.visual import RenderOptions
 from textual.widgets import Static
 
 from dpr_lab.acquisition.capture import CaptureOptions
@@ -18,13 +21,16 @@ from dpr_lab.storage.inspect import info, recover, verify
 from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
 from dpr_lab.tui.app import DprApp
+from dpr_lab.tui.line_breaks import Hanging, keep_units_whole
 from dpr_lab.tui.recorder.attempt import Phase
-from dpr_lab.tui.recorder.messages import AttemptSeen
+from dpr_lab.tui.recorder.messages import AttemptSeen, Connected, Idle
+from dpr_lab.tui.recorder.sighting import Sighting
 from dpr_lab.tui.steps.capture import CaptureStep
 from dpr_lab.tui.widgets.countdown import Countdown
 from dpr_lab.tui.widgets.dialogs import Question
 from dpr_lab.tui.widgets.readout import rest_text
 from dpr_lab.tui.workspace import load
+from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import State
 
 SIM = "sim://?seed=1"
@@ -236,6 +242,30 @@ async def test_length_and_repeats_are_chosen_by_keys(app: DprApp, until) -> None
         assert step.attempt is None
 
 
+async def test_the_page_asks_for_what_is_left_to_do(app: DprApp, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The latch was told to close that was closed, and red arrows turned rods that had nowhere to go any more.
+    monkeypatch.setattr(Sighting, "fresh", lambda *_: True)
+    async with app.run_test(size=(80, 24)) as pilot:
+        app.device.connected = Connected(SIM, DeviceInfo("1.0.0", "1", (16384,) * 3, 4000, 1000), 1000, (), "")
+        await pilot.press("3")
+        step, readout = app.query_one(CaptureStep), app.query_one("#readout", Static)
+
+        def seen(latched: bool) -> str:
+            app.device.note(idle := Idle((0.0, 1.0, 1.0), latched, time.monotonic()))
+            step.hear(idle)
+            return headline(app)
+
+        assert seen(False) == "X1: press s: the latch closes and you are guided to the pose"
+        assert seen(True) == "X1: the latch is closed; press s to be guided to the pose"
+        assert "turn" in str(readout.render())
+        app.workspace.runs = [Path(f"20261121T101500Z_X{n}_1.mcap") for n in (1, 2, 3)]
+        assert "all poses are recorded" in seen(False)
+        assert "turn" not in str(readout.render())
+        assert "θ1 +57.3°" in str(readout.render())
+        await pilot.press("f")
+        assert "turn" in str(readout.render())
+
+
 def test_the_limit_that_failed_is_named(paper) -> None:
     # "moving (limit 0.02 rad/s), 0.014 rad/s": the limit that was shown had been kept.
     shaking = RestReading((0.0, 3.1, 0.1), (0.0, 0.0), 0.05, 0.014, 0.01, False, "")
@@ -244,6 +274,22 @@ def test_the_limit_that_failed_is_named(paper) -> None:
     assert "rad/s" not in str(rest_text(shaking, paper, UNITS["radians"]))
     assert "drift 0.0300 rad/s (limit 0.0200 rad/s)" in str(rest_text(drifting, paper, UNITS["radians"]))
     assert "shaking" not in str(rest_text(drifting, paper, UNITS["radians"]))
+
+
+def test_what_follows_a_label_or_a_mark_stays_below_the_text(paper) -> None:
+    keep_units_whole()
+    reading = rest_text(RestReading((0.0, 3.1, 0.1), (0.0, 0.0), 0.05, 0.03, 0.0, False, ""), paper, UNITS["radians"])
+    reason = Content("✘ lost by cause: crc 12, 0.12 % of the samples")
+    shown = Hanging(Content("\n").join([reading, Content.styled("plain words that are long", "bold"), reason]))
+    style, options = Style(), RenderOptions(lambda _: Style(), {})
+    assert [strip.text.rstrip() for strip in shown.render_strips(30, None, style, options)] == [
+        "rest   ✘ drift 0.0300 rad/s",
+        "         (limit 0.0200 rad/s)",
+        "plain words that are long",
+        "✘ lost by cause: crc 12,",
+        "  0.12 % of the samples",
+    ]
+    assert shown.get_height({}, 30) == 5
 
 
 @pytest.mark.slow

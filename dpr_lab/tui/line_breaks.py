@@ -1,0 +1,66 @@
+"""Where a line may end on the screen: never between a number and its unit, and what follows stands below the text."""
+
+import re
+from dataclasses import dataclass
+
+from rich import _wrap
+from textual.content import Content
+from textual.css.styles import RulesMap
+from textual.strip import Strip
+from textual.style import Style
+from textual.visual import RenderOptions, Visual
+
+_ATOM = r"(?:[kMmµc]?(?:rad|Hz|Nm?|m|s|g|B)(?:[²³]|\^\d)?)"
+_UNIT = rf"(?:[°%]|ppm|{_ATOM})(?:[ /]{_ATOM})*(?!\w)"
+_WORD = re.compile(rf"\s*(?:\S*\d\)? {_UNIT}\S*|\S+)\s*")
+
+_BEFORE = re.compile(r"(?: +|[a-z][a-z ]*? {2,})?(?:[•✔✘?■□] |\d+\. )?")
+"""What stands before the text of a line: blanks or a label in a column, and a mark or a number."""
+
+NARROWEST = 16
+"""Columns of text; where a label leaves fewer, what follows begins at the edge."""
+
+
+def keep_units_whole() -> None:
+    """From now on `0.80 mN m` is one word to whatever breaks lines: Rich, and Textual by Rich's rule."""
+    _wrap.re_word = _WORD
+
+
+@dataclass(frozen=True, slots=True)
+class Hanging(Visual):
+    """Lines whose continuations are indented as far as their text."""
+
+    content: Content
+
+    def __str__(self) -> str:
+        return self.content.plain
+
+    def render_strips(self, width: int, height: int | None, style: Style, options: RenderOptions) -> list[Strip]:
+        """As Textual asks."""
+        return self._broken(width).render_strips(width, height, style, options)
+
+    def get_optimal_width(self, rules: RulesMap, container_width: int) -> int:
+        """As Textual asks."""
+        return self.content.get_optimal_width(rules, container_width)
+
+    def get_minimal_width(self, rules: RulesMap) -> int:
+        """As Textual asks."""
+        return self.content.get_minimal_width(rules)
+
+    def get_height(self, rules: RulesMap, width: int) -> int:
+        """As Textual asks."""
+        return self._broken(width).get_height(rules, width)
+
+    def _broken(self, width: int) -> Content:
+        lines = self.content.split("\n", allow_blank=True)
+        return Content("\n").join(part for line in lines for part in _hung(line, width))
+
+
+def _hung(line: Content, width: int) -> list[Content]:
+    """One line, in as many as it needs."""
+    found = _BEFORE.match(line.plain)
+    indent = found.end() if found is not None else 0
+    if line.cell_length <= width or width - indent < NARROWEST:
+        return [line]
+    first, *more = line[indent:].wrap(width - indent)
+    return [line[:indent] + first, *(Content(" " * indent) + part for part in more)]

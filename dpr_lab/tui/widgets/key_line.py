@@ -1,0 +1,66 @@
+"""The row at the foot: the keys that work where the operator is."""
+
+from typing import ClassVar
+
+from rich.text import Text
+from textual.binding import Binding
+from textual.screen import Screen
+from textual.widget import Widget
+
+
+class KeyLine(Widget):
+    """The active keys in one text, drawn in the same frame as what they belong to.
+
+    Textual's footer has a widget for each key and makes them anew some frames after the focus moved: until then it
+    shows the keys of the step before.
+    """
+
+    ALLOW_SELECT = False
+    COMPONENT_CLASSES: ClassVar[set[str]] = {"key-line--key", "key-line--words"}
+    DEFAULT_CSS = """
+    KeyLine {
+        dock: bottom;
+        height: 1;
+        color: $footer-foreground;
+        background: $footer-background;
+        .key-line--key { color: $footer-key-foreground; background: $footer-key-background; text-style: bold; }
+        .key-line--words { color: $footer-description-foreground; background: $footer-description-background; }
+    }
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.set_reactive(Widget.auto_links, False)  # a link has a colour of its own
+        self._keys: list[tuple[Binding, bool]] = []
+
+    def on_mount(self) -> None:
+        """Follow the focus."""
+        self.screen.bindings_updated_signal.subscribe(self, self._follow)
+
+    def show(self) -> None:
+        """Draw the keys that are active now, with the first key of each action."""
+        shown: dict[str, tuple[Binding, bool]] = {}
+        for active in self.screen.active_bindings.values():
+            if active.binding.show:
+                shown.setdefault(active.binding.action, (active.binding, active.enabled))
+        if self._keys != (keys := [*shown.values()]):
+            self._keys = keys
+            self.refresh()
+
+    def render(self) -> Text:
+        """Keys with their words; a click on them is the key."""
+        line = Text(no_wrap=True)
+        for binding, enabled in self._keys:
+            line.append_text(self._worded(binding, enabled)).append(" ")
+        return line
+
+    def _worded(self, binding: Binding, enabled: bool) -> Text:
+        key, words = (self.get_component_rich_style(f"key-line--{part}") for part in ("key", "words"))
+        text = Text.assemble((self.app.get_key_display(binding), key), (f" {binding.description}", words))
+        if not enabled:
+            text.stylize("dim")
+        return text.on({"@click": f"app.simulate_key({binding.key!r})"})
+
+    def _follow(self, screen: Screen[object]) -> None:
+        if screen.app.app_focus and self.is_attached:
+            self.show()
