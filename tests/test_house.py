@@ -12,7 +12,7 @@ CONSTANTS = 120
 FILES_IN_A_FOLDER = 15
 TABLES = ("dpr_lab/effects", "dpr_lab/search", "dpr_lab/cli", "dpr_lab/workflows")
 """Folders with one file for each row of a table: they may grow."""
-LINES = 46_500
+LINES = 46_700
 """Of dpr_lab: 26 238 before its rooms were cleared; since then numbers are fields with their meaning and source."""
 
 
