@@ -11,15 +11,18 @@ import numpy as np
 import pytest
 
 import firmware_protocol
-from dpr_lab.acquisition.capture import CaptureOptions, capture
+from dpr_lab.acquisition.capture import Captured, CaptureOptions, capture
 from dpr_lab.acquisition.device import Device
-from dpr_lab.errors import LinkTimeout
+from dpr_lab.errors import DprError, LinkTimeout
 from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
 from firmware_protocol.messages import State, Status
 from firmware_protocol.session import LEASE_S
 
 pytestmark = pytest.mark.slow
+
+ATTEMPTS = 8
+STARVED = "heard nothing from the host"
 
 PORT = Path(firmware_protocol.__file__).parent / "c" / "ports" / "mps2_an385"
 
@@ -71,18 +74,35 @@ def connected(url: str) -> Device:
     return device
 
 
-@pytest.mark.parametrize(("pose", "rate_hz"), [("X1", 1000), ("X2", 1000), ("X3", 4000)])
-def test_a_capture_has_every_count_as_it_was_read(pose, rate_hz, device, swing, paper, tmp_path):
-    options = CaptureOptions(rate_hz=rate_hz, duration=2.0, rest_timeout=60.0)
-    captured = capture(device, paper, pose, options, tmp_path, confirm=lambda: True)
+def captured_at_last(url: str, *asked) -> tuple[str, Captured]:
+    """The device's name and a capture; a machine under load may leave QEMU without its host for longer than the lease.
+
+    The device then stops, as it must, whatever it had sent until then.
+    """
+    for attempt in range(ATTEMPTS):
+        with connected(url) as device:
+            try:
+                return device.info.uid, capture(device, *asked, confirm=lambda: True)
+            except DprError as error:
+                if STARVED not in str(error) or attempt == ATTEMPTS - 1:
+                    raise
+    raise AssertionError
+
+
+@pytest.mark.parametrize(
+    ("pose", "rate_hz"), [("X1", 1000), pytest.param("X2", 1000, marks=pytest.mark.long), ("X3", 4000)]
+)
+def test_a_capture_has_every_count_as_it_was_read(pose, rate_hz, board, swing, paper, tmp_path):
+    options = CaptureOptions(rate_hz=rate_hz, duration=1.0, rest_timeout=60.0)
+    uid, captured = captured_at_last(board.url, paper, pose, options, tmp_path)
     # An emulated timer is no crystal: a busy computer slows it down.
     assert {check.name for check in captured.quality.checks if not check.ok} <= {"clock"}, captured.quality.sentence
     assert sum(captured.lost.values()) == 0
     counts = load_run(captured.run_file).swing.counts
     assert counts is not None
-    assert len(counts) == 2 * rate_hz + 1
+    assert len(counts) == rate_hz + 1
     assert np.array_equal(counts, swing(1 + list(paper.poses).index(pose), rate_hz, len(counts)))
-    assert device.info.uid == "00a385000000dead"
+    assert uid == "00a385000000dead"
 
 
 def test_a_driver_that_goes_away_leaves_the_rods_held(board, device):
