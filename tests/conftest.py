@@ -99,7 +99,7 @@ def recorded(paper: Rig) -> Callable[..., list[Any]]:
     from sim_device.plant.config import EncoderConfig, PlantConfig, load_plant
     from sim_device.trials.offline_recorder import record
 
-    def made(effects: Any, seed: int = 1, duration: float = 5.0, **encoders: object) -> list[Any]:
+    def made(effects: Any, seed: int = 1, duration: float = 4.0, **encoders: object) -> list[Any]:
         plant = load_plant("paper", seed).model_dump()
         told = {"effects": effects, "encoders": EncoderConfig.model_validate(encoders)}
         return record(PlantConfig.model_validate(plant | told), paper, duration)

@@ -20,8 +20,8 @@ from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
 from firmware_protocol.messages import NUMBERS, Hello, Ping, Release, State, Status
 from sim_device.links.tcp_port import TcpServerPort
+from tests.house import PACKAGES, tree_of
 
-PACKAGES = ("dpr_lab", "firmware_protocol", "sim_device")
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
@@ -94,7 +94,7 @@ def test_release_is_sent_from_one_place() -> None:
         (path.relative_to(ROOT).as_posix(), node.lineno)
         for path in SOURCES
         if path.is_relative_to(ROOT / "dpr_lab")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.Call)
         and (
             (isinstance(node.func, ast.Name) and node.func.id == "Release")
@@ -142,7 +142,7 @@ def test_nothing_else_listens() -> None:
     listening = [
         path.relative_to(ROOT).as_posix()
         for path in SOURCES
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.Attribute) and node.attr in ("bind", "create_server", "start_server")
     ]
     assert listening == ["sim_device/links/tcp_port.py"]
@@ -158,7 +158,7 @@ def test_no_source_runs_what_a_file_says() -> None:
     found: set[str] = set()
     for path in SOURCES:
         name = path.relative_to(ROOT).as_posix()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree_of(path)):
             match node:
                 case ast.Call(func=ast.Name(id=called)) if called in RUNS_CODE:
                     found.add(name)

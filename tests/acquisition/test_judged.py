@@ -13,7 +13,7 @@ from dpr_lab.run import LOSS_CAUSES
 from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
 
-SHORT = CaptureOptions(duration=2.0, pose_timeout=3.0, rest_timeout=3.0)
+SHORT = CaptureOptions(duration=1.0, pose_timeout=3.0, rest_timeout=3.0)
 
 
 def test_lost_samples_are_counted_and_degrade_the_run(paper: Rig, tmp_path: Path, bench, agree) -> None:
@@ -77,7 +77,7 @@ def test_samples_the_board_was_too_late_for_are_counted_as_its_own(paper: Rig, t
 
 @pytest.mark.slow
 def test_until_rest_ends_when_both_rods_are_still(paper: Rig, tmp_path: Path, bench, agree) -> None:
-    options = CaptureOptions(until_rest=True, max_duration=600)
+    options = CaptureOptions(rate_hz=250, until_rest=True, max_duration=600)
     with bench(plant="dry") as (device, _):
         captured = capture(device, paper, "X1", options, tmp_path, confirm=agree)
     run = load_run(captured.run_file)

@@ -14,7 +14,7 @@ from dpr_lab.rig import Rig
 from firmware_protocol.messages import NUMBERS, Fault, Release, State, Status
 from firmware_protocol.stream import Row
 
-SHORT = CaptureOptions(duration=2.0, pose_timeout=3.0, rest_timeout=3.0)
+SHORT = CaptureOptions(duration=1.0, pose_timeout=3.0, rest_timeout=3.0)
 
 
 def test_rods_off_the_pose_are_never_released(paper: Rig, tmp_path: Path, bench, settled, agree) -> None:

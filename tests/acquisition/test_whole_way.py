@@ -16,11 +16,12 @@ from dpr_lab.storage.inspect import verify
 from dpr_lab.storage.reader import load_run
 from dpr_lab.workflows.reading import read_runs
 from firmware_protocol.messages import NUMBERS, Hold, Sample, State
+from tests.thinned import thinned
 
-SHORT = CaptureOptions(duration=2.0, pose_timeout=3.0, rest_timeout=3.0)
+SHORT = CaptureOptions(duration=1.0, pose_timeout=3.0, rest_timeout=3.0)
 
 
-@pytest.mark.parametrize("pose", ["X1", "X2", "X3"])
+@pytest.mark.parametrize("pose", thinned(["X2", "X1", "X3"], 3))
 def test_capture_leads_from_pose_to_a_judged_complete_run(
     pose: str, paper: Rig, tmp_path: Path, bench, settled, agree
 ) -> None:
@@ -34,8 +35,8 @@ def test_capture_leads_from_pose_to_a_judged_complete_run(
     assert len(spy.releases) == 1  # however often it was repeated
     run = load_run(captured.run_file, paper)
     assert run.complete
-    assert (run.pose, run.rate_hz, captured.duration) == (pose, 1000, 2.0)
-    assert run.t[-1] == 2.0
+    assert (run.pose, run.rate_hz, captured.duration) == (pose, 1000, 1.0)
+    assert run.t[-1] == 1.0
     assert run.t[0] < -0.9
     assert np.array_equal(np.round(np.diff(run.t) * 1000), np.ones(len(run.t) - 1))
     assert captured.pose_measured == pytest.approx(run.rest.mean(axis=0), abs=1e-6)
@@ -53,7 +54,7 @@ def test_same_seed_gives_the_same_counts_over_every_link(paper: Rig, tmp_path: P
         counts = load_run(captured.run_file).swing.counts
         assert counts is not None
         swings.append(counts)
-    assert len(swings[0]) == 2001
+    assert len(swings[0]) == 1001
     for other in swings[1:]:
         assert np.array_equal(other, swings[0])
 
@@ -86,7 +87,7 @@ def test_the_release_is_told_until_it_is_heard(lost: int, paper: Rig, tmp_path: 
     with bench(fault=(f"lose_events={lost}",)) as (device, _):
         captured = capture(device, paper, "X1", SHORT, tmp_path, confirm=agree)
     assert captured.quality.ok, captured.quality.sentence
-    assert load_run(captured.run_file).t[-1] == 2.0
+    assert load_run(captured.run_file).t[-1] == 1.0
     with captured.run_file.open("rb") as file:
         events = [json.loads(m.data) for _, _, m in make_reader(file).iter_messages("/events")]
     assert [event["kind"] for event in events] == ["RELEASED"]

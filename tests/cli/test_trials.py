@@ -9,7 +9,7 @@ import pytest
 from dpr_lab.trials.score import read_outcome
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(400)
 def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Path, cli) -> None:
     folder = tmp_path / "my trial"
@@ -46,7 +46,7 @@ def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Pa
     assert "opened already" in late.err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(400)
 def test_a_campaign_ends_with_scores_and_a_page(tmp_path: Path, cli) -> None:
     words = ("trials", "campaign", "--n", 2, "--kind", "clean", "--kind", "single", "--jobs", 1, "--out", tmp_path)
@@ -89,6 +89,18 @@ def test_the_demo_ends_near_the_plant_and_with_a_withheld_effect_opened_and_scor
     reports = [Path(done.json["report"]), Path(trial["report"])]
     assert [report.name for report in reports] == ["report.html", "diagnosis.html"]
     assert all(report.is_file() for report in reports)
+    folder = reports[1].parents[1]
+    told = cli("trials", "open", folder)
+    assert told.code == 0, told.err
+    assert "the seal holds" in told.out
+    assert "there was wrong length, inner rod [wrong_length_L1]; the diagnosis said" in told.out
+    late = cli("trials", "run", folder)
+    assert late.code == 3
+    assert "opened already" in late.err
+    (folder / "diagnosis.json").unlink()
+    early = cli("trials", "open", folder, "--json")
+    assert early.code == early.json["exit_code"] == 3
+    assert f"dpr-lab trials run {folder}" in early.err
 
 
 def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:

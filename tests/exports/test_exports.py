@@ -1,6 +1,7 @@
 """The corrected model for other programs: it swings as the lab says, and what a file said is data in it, never code."""
 
 import ast
+from itertools import product
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -62,9 +63,9 @@ def plain(paper: Rig) -> dict[Any, list[Any]]:
     return {mjcf: tags(mjcf(model, paper)), **statements} | {made: tags(made(model, paper, {})) for made in (urdf, sdf)}
 
 
-@pytest.mark.parametrize("said", thinned(HOSTILE, 2))
-@pytest.mark.parametrize("where", ["rig", "effect", "parameter"])
-def test_what_a_file_said_stays_data(said: str, where: str, plain, paper: Rig, tmp_path: Path, monkeypatch):
+@pytest.mark.parametrize("tampered", thinned(product(HOSTILE, ("rig", "effect", "parameter")), 4))
+def test_what_a_file_said_stays_data(tampered: tuple[str, str], plain, paper: Rig, tmp_path: Path, monkeypatch):
+    said, where = tampered
     monkeypatch.chdir(tmp_path)
     effects = {"coulomb_joint1": {"torque_Nm": 1e-3}}
     if where != "rig":

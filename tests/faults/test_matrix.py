@@ -14,7 +14,7 @@ from dpr_lab.storage.inspect import info, recover, verify
 SERIAL, CAN, BUS = "serial", "CAN", "CAN, virtual"
 LINKS = {SERIAL: "pty", CAN: "slcan", BUS: "virtual:faults"}
 BOTH = (SERIAL, CAN)
-SHORT = ("--duration", "2")
+SHORT = ("--duration", "1")
 LONG = ("--duration", "60")
 """Long enough that the fault ends it."""
 IN_THE_SWING_S = "5"

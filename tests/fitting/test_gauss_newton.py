@@ -18,7 +18,7 @@ from sim_device.plant.config import load_plant
 
 @pytest.fixture(scope="module")
 def clean(recorded, bare):
-    return bare(recorded({}))
+    return bare(recorded({}, duration=5.0))
 
 
 def test_ratios_of_the_plant_come_back(clean, paper):

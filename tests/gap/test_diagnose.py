@@ -102,7 +102,7 @@ def test_twins_are_one_class_and_the_bench_is_asked(recorded, paper: Rig):
 def test_a_cause_outside_the_library_is_not_given_a_name(recorded, paper: Rig):
     effects = {"detent_joint2": {"cos1_Nm": 2e-3, "order": 9.0}}
     library = {name: effect for name, effect in EFFECTS.items() if not name.startswith("detent")}
-    found = diagnose(recorded(effects), paper, library=library)
+    found = diagnose(recorded(effects, duration=3.0), paper, library=library)
     assert found.verdict in ("unexplained", "partly_explained")
     assert all(item.probability < 0.5 for item in found.effects)
 

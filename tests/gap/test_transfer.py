@@ -24,7 +24,7 @@ DRY = {"coulomb_joint2": {"torque_Nm": 1e-3}}
 
 @pytest.fixture(scope="module")
 def dry(recorded: Recorded) -> list[Run]:
-    return recorded(DRY)
+    return recorded(DRY, duration=5.0)
 
 
 def test_one_release_says_that_it_was_not_tested_on_another(dry: list[Run], paper: Rig):
@@ -55,7 +55,7 @@ def test_a_name_that_does_not_carry_over_to_a_held_out_run_is_withdrawn(dry: lis
 @pytest.mark.slow
 def test_an_effect_that_misleads_on_held_out_runs_is_left_out_of_the_model(dry: list[Run], recorded, paper: Rig):
     library = {name: EFFECTS[name] for name in ("coulomb_joint2", "spring_joint1")}
-    sprung = recorded({**DRY, "spring_joint1": {"stiffness_Nm_per_rad": 4e-4}})
+    sprung = recorded({**DRY, "spring_joint1": {"stiffness_Nm_per_rad": 4e-4}}, duration=5.0)
     found = diagnose(sprung[:2], paper, held_out=dry[2:], library=library)
     assert [effect.name for effect in found.effects] == ["coulomb_joint2"]
     assert found.assumptions[-1].startswith("spring_joint1 was left out of the model")

@@ -151,7 +151,7 @@ def test_pictures_of_six_long_runs_stay_small(model, comparison, tmp_path):
 
 @pytest.mark.slow
 def test_a_run_may_have_any_name(model, comparison, tmp_path):
-    names = ["costs $x_{$", "two\nlines", "実行", "bytes \udcff\x07", "long " * 60, ""]
+    names = ["costs $x_{$\n実行", "bytes \udcff\x07", "long " * 60, ""]
 
     save_figures(model(), [comparison(name, samples=200) for name in names], tmp_path)
 

@@ -115,7 +115,7 @@ def test_the_folder_is_the_devices_alone(told, device: Path) -> None:
 def test_a_sealed_plant_is_never_replaced(told, device: Path) -> None:
     before = (device / "truth.json").read_bytes()
     with pytest.raises(ConfigError, match="never replaced"):
-        sealed_trial(WANTED, device)
+        sealed_trial(Options(draw_effects="clean"), device)
     assert (device / "truth.json").read_bytes() == before
 
 
