@@ -139,11 +139,11 @@ def _catches(pid: int, number: int) -> bool:
 
 @pytest.fixture(scope="session")
 def runs(cli: Cli, made_once: MadeOnce) -> list[Path]:
-    """Three releases of one seeded plant over the serial protocol."""
+    """Three releases of one seeded plant over the serial protocol, 5 s each."""
 
     def capture(out: Path) -> None:
-        poses = [word for pose in ("X1", "X2", "X3") for word in ("--pose", pose)]
-        done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast&seed=3", *poses, "--out", out, "--json")
+        words = ["--duration", "5", *(word for pose in ("X1", "X2", "X3") for word in ("--pose", pose))]
+        done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast&seed=3", *words, "--out", out, "--json")
         assert done.code == 0, done.err
         (out / "told.json").write_text(done.out)
 
