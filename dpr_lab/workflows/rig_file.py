@@ -1,16 +1,17 @@
 """A rig file written from a few measures, and one looked through before it is used."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
-
-import numpy as np
+from typing import TYPE_CHECKING, Literal
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import MASSES, Rig, load_rig, parse_rig
-from dpr_lab.rig_tables import Parameter
 from dpr_lab.whole_file import write_text
+
+if TYPE_CHECKING:
+    from dpr_lab.rig import Rig
+    from dpr_lab.rig_tables import Parameter
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +74,8 @@ def draft_rig(measures: RigMeasures) -> str:
     Raises:
         ConfigError: measures that no rig file may hold.
     """
+    from dpr_lab.rig import parse_rig
+
     m, s = measures, DRAFT
     rods = m.m1.value + m.m2.value
     mb = m.mb or Measure(s.elbow[1] * rods)
@@ -129,7 +132,7 @@ def _inertia(mass: Bounds, length: float) -> Bounds:
 
 
 def _friction(inertia: float, stiffness: float) -> Bounds:
-    lower, guess, upper = (2 * z * np.sqrt(inertia * stiffness) for z in DRAFT.damping)
+    lower, guess, upper = (2 * z * math.sqrt(inertia * stiffness) for z in DRAFT.damping)
     return lower, guess, upper
 
 
@@ -231,6 +234,8 @@ USUAL = Usual()
 
 def check_rig(name: str | Path) -> list[RigFinding]:
     """What is wrong, missing or odd in a rig file; none where nothing is."""
+    from dpr_lab.rig import load_rig
+
     try:
         rig = load_rig(name)
     except ConfigError as error:
@@ -238,7 +243,9 @@ def check_rig(name: str | Path) -> list[RigFinding]:
     return [*_missing(rig), *_odd_geometry(rig), *_odd_parameters(rig), *_odd_poses(rig)]
 
 
-def _missing(rig: Rig) -> Iterator[RigFinding]:
+def _missing(rig: "Rig") -> Iterator[RigFinding]:
+    from dpr_lab.rig import MASSES
+
     if not rig.poses:
         yield RigFinding("missing", "poses", "none: capture has nothing to release from; imported tables are fine")
     if all(rig.parameters[name].measured is None for name in MASSES) and rig.added_mass is None:
@@ -248,7 +255,7 @@ def _missing(rig: Rig) -> Iterator[RigFinding]:
         yield RigFinding("missing", "rig.L2", "drawings and exports guess the outer rod's length without it")
 
 
-def _odd_geometry(rig: Rig) -> Iterator[RigFinding]:
+def _odd_geometry(rig: "Rig") -> Iterator[RigFinding]:
     yield from _outside("rig.g", rig.g, USUAL.gravity, "m/s^2, and on earth it is 9.78 to 9.83")
     yield from _outside("rig.L1", rig.L1, USUAL.length, "m: was it measured in another unit?")
     if rig.L2 is not None:
@@ -259,12 +266,14 @@ def _odd_geometry(rig: Rig) -> Iterator[RigFinding]:
         yield RigFinding("odd", "link.rate_hz", f"{rig.link.rate_hz} Hz is too slow to follow a fast rod")
 
 
-def _odd_parameters(rig: Rig) -> Iterator[RigFinding]:
+def _odd_parameters(rig: "Rig") -> Iterator[RigFinding]:
+    from dpr_lab.rig import MASSES
+
     for name, p in rig.parameters.items():
         key = f"parameters.{name}"
         if name in MASSES:
             yield from _outside(key, p.measured or p.nominal, USUAL.mass, "kg: was it weighed in another unit?")
-        if p.std is not None and p.std > USUAL.relative_std * (p.measured or np.inf):
+        if p.std is not None and p.std > USUAL.relative_std * (p.measured or math.inf):
             yield RigFinding("odd", key, f"std {p.std:g} is {p.std / (p.measured or 1):.0%} of the measured value")
         if p.lower is not None and p.upper is not None and p.measured is None:
             yield from _odd_bounds(name, p)
@@ -272,7 +281,7 @@ def _odd_parameters(rig: Rig) -> Iterator[RigFinding]:
         yield from _odd_rod(rig, rod, length)
 
 
-def _odd_bounds(name: str, p: Parameter) -> Iterator[RigFinding]:
+def _odd_bounds(name: str, p: "Parameter") -> Iterator[RigFinding]:
     assert p.lower is not None
     assert p.upper is not None
     key = f"parameters.{name}"
@@ -282,7 +291,7 @@ def _odd_bounds(name: str, p: Parameter) -> Iterator[RigFinding]:
         yield RigFinding("odd", key, f"bounds {p.lower:g} to {p.upper:g} are very wide: is the unit right?")
 
 
-def _odd_rod(rig: Rig, rod: int, length: float | None) -> Iterator[RigFinding]:
+def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]:
     """Its centre beyond its end, or an inertia that no distribution of its mass along it has: J <= m l (L - l)."""
     centre, mass, inertia = (rig.parameters[f"{name}{rod}"] for name in "lmJ")
     at, m, J = (p.measured or p.nominal for p in (centre, mass, inertia))
@@ -296,10 +305,10 @@ def _odd_rod(rig: Rig, rod: int, length: float | None) -> Iterator[RigFinding]:
         yield RigFinding("odd", f"parameters.J{rod}", said)
 
 
-def _odd_poses(rig: Rig) -> Iterator[RigFinding]:
+def _odd_poses(rig: "Rig") -> Iterator[RigFinding]:
     for name, pose in rig.poses.items():
         key = f"poses.{name}"
-        if np.cos(pose.theta[1:]).max() < -0.99:
+        if max(map(math.cos, pose.theta[1:])) < -0.99:
             yield RigFinding("odd", key, "both rods hang: nothing swings when they are let go (0 = upright)")
         if pose.tolerance > USUAL.tolerance:
             yield RigFinding("odd", key, f"a tolerance of {pose.tolerance:g} rad is no pose")
