@@ -82,15 +82,21 @@ def _slope(rods: Rods, sides):
     return lambda t, x: np.concatenate([x[2:], rods.accelerations(x, sides)[0]])
 
 
+BEGINS_S = 1e-6
+"""How long a joint that begins to slide does so before it can stop: a first step of any length begins at no speed."""
+
+
 def swing(rods: Rods, start, t, error=1e-11):
     """(n, 4) states at t, from rest to sliding and back, each stretch between two events by itself."""
     x, now, found = np.array(start, dtype=float), t[0], [np.array(start, dtype=float)]
     sides, dry = rods.sides(x), [j for j in (0, 1) if rods.laws[j](0.0) > 0]
     while len(found) < len(t):
-        events: list[Any] = [_event(rods, tuple(sides), j) for j in dry]
+        begins = any(sides[j] != 0 and JOINTS[j] @ x[2:] == 0 for j in dry)
+        looked_at = [] if begins else dry
+        events: list[Any] = [_event(rods, tuple(sides), j) for j in looked_at]
         solved = solve_ivp(
             _slope(rods, tuple(sides)),
-            (now, t[-1]),
+            (now, min(now + BEGINS_S, t[-1]) if begins else t[-1]),
             x,
             "DOP853",
             rtol=error,
@@ -101,7 +107,7 @@ def swing(rods: Rods, start, t, error=1e-11):
         until = solved.t[-1]
         found += [solved.sol(at) for at in t[len(found) :] if at <= until]
         x, now = solved.y[:, -1].copy(), until
-        happened = {j: len(times) > 0 for j, times in zip(dry, solved.t_events or (), strict=True)}
+        happened = {j: len(times) > 0 for j, times in zip(looked_at, solved.t_events or (), strict=True)}
         stopped = [happened.get(j, False) and sides[j] != 0 for j in (0, 1)]
         for j in (0, 1):
             x[2 + j] = (x[2] if j else 0.0) if sides[j] == 0 or stopped[j] else x[2 + j]
@@ -109,6 +115,6 @@ def swing(rods: Rods, start, t, error=1e-11):
         for j in (0, 1):
             if happened.get(j, False) and not stopped[j]:
                 sides[j], released = -np.sign(rods.accelerations(x, sides)[1][j]), True
-        if not released:
+        if not (released or begins):
             sides = rods.sides(x)
     return np.array(found)
