@@ -185,8 +185,9 @@ class QemuRole:
         return self._answers(self._barrier())
 
     def set_fault(self, fault: int, answers: int) -> list[Message]:
+        """The device looks for faults once a round, and may have answered a mark before."""
         self.board.set_fault(fault)
-        return self._answers(self._barrier())
+        return self.fall_silent(0.0, answers)
 
     def status(self) -> Status:
         self._barrier()
