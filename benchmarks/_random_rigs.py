@@ -1,5 +1,6 @@
 """Random rigs for benchmarks: a truth drawn near the rig `paper`, its three recordings, boxes to search in."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,12 +63,19 @@ def boxed(box: str) -> Rig:
 
 def _record(rig: Rig, base: Array, pose: str, rate_hz: int, rng: np.random.Generator) -> tuple[Run, Array]:
     """A run of counts, and its true start state."""
+    return recorded(rig, pose, lambda start, t: simulate(base, rig.L1, rig.g, start, t, TRUTH_STEP), rate_hz, rng)
+
+
+def recorded(
+    rig: Rig, pose: str, swing: Callable[[Array, Array], Array], rate_hz: int, rng: np.random.Generator
+) -> tuple[Run, Array]:
+    """The counts of a swing, (n, 4) states of start state and instants, released by hand; and its true start state."""
     t = np.arange(-round(REST_S * rate_hz), round(SWING_S * rate_hz) + 1) / rate_hz
     start = np.append(rig.poses[pose].theta[1:], np.zeros(2))
     start += rng.normal(0, [PLACEMENT_STD] * 2 + [RELEASE_SPEED_STD] * 2)
     theta = np.zeros((len(t), 3))
     theta[t < 0, 1:] = start[:2]
-    theta[t >= 0, 1:] = simulate(base, rig.L1, rig.g, start, t[t >= 0], TRUTH_STEP)[:, :2]
+    theta[t >= 0, 1:] = swing(start, t[t >= 0])[:, :2]
     noise = rng.normal(0, rig.encoders.noise_counts, theta.shape)
     counts = np.rint(rig.positions(theta) + noise).astype(np.int64)
     return Run(pose, t, rig.theta(counts), counts, pose, rig.name, "", rate_hz), start

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from _bars import Bar, at_least, at_most, options, show
-from _random_rigs import PLACEMENT_STD, RELEASE_SPEED_STD, REST_S, SWING_S, WITHIN
+from _random_rigs import RATE_HZ, WITHIN, recorded
 
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.gap.diagnose import diagnose
@@ -26,7 +26,6 @@ from dpr_lab.run import Run
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.event_driven import JOINTS, Rods, swing
 
-RATE_HZ = 200
 ERROR = 1e-8
 """Of the integration, relative and absolute, in each step: ten thousandths of a count."""
 DRY_NM = (3e-4, 3e-3)
@@ -70,9 +69,9 @@ def _between(rng: np.random.Generator, bounds: tuple[float, float]) -> float:
 
 def drawn(kind: str, seed: int) -> tuple[Rig, list[Run], int, float]:
     """A rig file with weighed masses, three recordings of the true rig, and what ails it: joint (0, 1) and size."""
-    rng, described = np.random.default_rng([seed, len(kind)]), load_rig("paper").model_dump(exclude_none=True)
-    nominal = load_rig("paper").nominal
-    true = nominal * rng.uniform(1 - WITHIN, 1 + WITHIN, len(PARAMETERS))
+    rng, paper = np.random.default_rng([seed, len(kind)]), load_rig("paper")
+    described = paper.model_dump(exclude_none=True)
+    true = paper.nominal * rng.uniform(1 - WITHIN, 1 + WITHIN, len(PARAMETERS))
     for name, value in zip(PARAMETERS, true.tolist(), strict=True):
         if name in MASSES:
             described["parameters"][name].update(measured=value, std=1e-3 * value)
@@ -86,17 +85,8 @@ def drawn(kind: str, seed: int) -> tuple[Rig, list[Run], int, float]:
     else:
         size, rest = _between(rng, STIFFNESS), float(rng.choice([-1.0, 1.0]) * rng.uniform(*REST_RAD))
         rods = Sprung(base, rig.g / rig.L1, joint=joint, stiffness=size, rest=rest)
-    return rig, [_recorded(rods, rig, pose, rng) for pose in rig.poses], joint, size
-
-
-def _recorded(rods: Rods, rig: Rig, pose: str, rng: np.random.Generator) -> Run:
-    t = np.arange(-round(REST_S * RATE_HZ), round(SWING_S * RATE_HZ) + 1) / RATE_HZ
-    start = np.append(rig.poses[pose].theta[1:] + rng.normal(0, PLACEMENT_STD, 2), rng.normal(0, RELEASE_SPEED_STD, 2))
-    theta = np.zeros((len(t), 3))
-    theta[t < 0, 1:] = start[:2]
-    theta[t >= 0, 1:] = swing(rods, start, t[t >= 0], ERROR)[:, :2]
-    counts = np.rint(rig.positions(theta) + rng.normal(0, rig.encoders.noise_counts, theta.shape)).astype(np.int64)
-    return Run(pose, t, rig.theta(counts), counts, pose, rig.name, "", RATE_HZ)
+    swings = [recorded(rig, pose, lambda start, t: swing(rods, start, t, ERROR), RATE_HZ, rng) for pose in rig.poses]
+    return rig, [run for run, _ in swings], joint, size
 
 
 def told(kind: str, seed: int) -> Told:

@@ -31,7 +31,7 @@ class GaussNewton:
     converged: float = 1e-4
     """Relative fall of the cost in a whole step that ends the iteration: a small part of what noise leaves of it."""
     tries: int = 6
-    """Lengths of a step before it counts as failed: of 1817 steps of 15 diagnoses one was found beyond."""
+    """Lengths of a step before it counts as failed: of 1817 steps of 15 diagnoses three were found beyond."""
     shorter: float = 0.3
     """Factor of a step that did not lower the cost."""
     shorter_segment: float = 0.1
