@@ -24,7 +24,7 @@ from dpr_lab.gap.data.pieces import in_pieces
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.inference.free_run import free_run_errors
+from dpr_lab.gap.inference.free_run import free_runs
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.rig import PARAMETERS, Rig, load_rig, parse_rig
 from dpr_lab.run import Run
@@ -190,7 +190,7 @@ def _beside(case: Case, found: Diagnosis, published: Published) -> tuple[list[st
     _, unseen, _ = in_pieces(case.runs, case.held_out)
     base = base_parameters([published.Z[name] for name in PARAMETERS], case.rig.L1, case.rig.g)
     at = Estimate(unknown_ratios(base), effect_params(published.effects), np.zeros((0, 4)))
-    theirs = free_run_errors(Recordings(tuple(record(run, case.rig) for run in unseen), case.rig), at)
+    theirs = free_runs(Recordings(tuple(record(run, case.rig) for run in unseen), case.rig), at).errors_rad
     tried = [run.name for run in unseen if run.name in found.gap.free_run_rad]
     errors = np.array([[theirs[name], *found.gap.free_run_rad[name].values()] for name in tried])
     rows = [[name, *_four(row)] for name, row in zip(tried, errors, strict=True)]

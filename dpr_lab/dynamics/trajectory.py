@@ -49,7 +49,10 @@ def effect_torques_along(
     params, rig = _c(params), RigConstants(*map(float, constants))
     active = active_effects(params)
     used = np.flatnonzero(np.logical_or.reduce(active, axis=0)[EFFECT_OF])
-    return _effect_torques(_c(t), _c(theta), _c(omega), _c(drive), named, rig, params, active, used)
+    found = np.empty((len(t), 2, len(params)))
+    swing = _c(t), _c(theta), _c(omega), _c(drive)
+    _effect_torques(*swing, named, rig, params, active, used, np.zeros(WORKSPACE), found)
+    return found
 
 
 def arm_torques_along(
@@ -81,7 +84,7 @@ def arm_torques_along(
     return -(cosine * levers)[:, :, None] * swing[:, None, :]
 
 
-@njit
+@njit(allocates=False)
 def _effect_torques(
     t: Array,
     theta: Array,
@@ -92,9 +95,10 @@ def _effect_torques(
     params: Array,
     active: NDArray[np.bool_],
     used: NDArray[np.int64],
-) -> Array:
+    w: Array,
+    found: Array,
+) -> None:
     """Instants side by side in the lanes, one effect vector after the other; `used` are the parameters of any."""
-    found, w = np.empty((len(t), 2, len(params))), np.zeros(WORKSPACE)
     for first in range(0, len(t), LANES):
         for k in range(LANES):
             i = min(first + k, len(t) - 1)
@@ -107,7 +111,6 @@ def _effect_torques(
             _exert(w, rig, active[c])
             for k in range(min(LANES, len(t) - first)):
                 found[first + k, 0, c], found[first + k, 1, c] = w[At.torque1 + k], w[At.torque2 + k]
-    return found
 
 
 @subroutine
@@ -145,22 +148,24 @@ def _put(
 @njit
 def _driven(t: Array, run: NDArray[np.int64], force: Array, friction: Array, stiffness: Array) -> Array:
     """(n, k) accelerations of oscillators of mass 1 that rest until t = 0, by the trapezoidal rule."""
-    found = np.zeros((len(t), len(stiffness)))
-    for k in range(len(stiffness)):
-        x, v = 0.0, 0.0
-        for i in range(len(t)):
-            if t[i] < 0.0:
-                continue
-            h, before = 0.0, 0.0
-            if i == 0 or run[i] != run[i - 1] or t[i - 1] < 0.0:
-                x, v = 0.0, 0.0
-            else:
-                h, before = max(t[i] - t[i - 1], 0.0), found[i - 1, k]
-            ahead, onward = x + h * v + 0.25 * h * h * before, v + 0.5 * h * before
+    many = len(stiffness)
+    found, x, v = np.zeros((len(t), many)), np.empty(many), np.empty(many)
+    for i in range(len(t)):
+        if t[i] < 0.0:
+            continue
+        h, since = 0.0, i
+        if i == 0 or run[i] != run[i - 1] or t[i - 1] < 0.0:
+            x[:], v[:] = 0.0, 0.0
+        else:
+            h, since = max(t[i] - t[i - 1], 0.0), i - 1
+        half, quarter = 0.5 * h, 0.25 * h * h
+        for k in range(many):
+            before = found[since, k]
+            ahead, onward = x[k] + h * v[k] + quarter * before, v[k] + half * before
             now = (force[i] - friction[k] * onward - stiffness[k] * ahead) / (
-                1.0 + 0.5 * h * friction[k] + 0.25 * h * h * stiffness[k]
+                1.0 + half * friction[k] + quarter * stiffness[k]
             )
-            x, v = ahead + 0.25 * h * h * now, onward + 0.5 * h * now
+            x[k], v[k] = ahead + quarter * now, onward + half * now
             found[i, k] = now
     return found
 

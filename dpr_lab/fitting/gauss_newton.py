@@ -30,6 +30,10 @@ class GaussNewton:
 
     converged: float = 1e-4
     """Relative fall of the cost in a whole step that ends the iteration: a small part of what noise leaves of it."""
+    straight: float = 0.1
+    """Relative difference of a step's fall from what it promised up to which its slopes are kept for the next one."""
+    settled: float = 3e-6
+    """Relative fall that ends the iteration where slopes were kept: what then is left falls step by step alike."""
     tries: int = 6
     """Lengths of a step before it counts as failed: of 1817 steps of 15 diagnoses three were found beyond."""
     shorter: float = 0.3
@@ -129,20 +133,27 @@ def descend(
     """The iteration of `fit` alone, for where it leads: arguments as there."""
     at, free, predicted = problem.begun(start), problem.all_free(free), None
     linear = first or linearise(problem, at, free)
-    chi2, damping, converged, done = linear.chi2, settings.least_damping, False, 0
+    chi2, damping, done = linear.chi2, settings.least_damping, 0
+    converged, straight, kept = False, False, False
     while done < iterations and not converged:
         done += 1
         if predicted is not None:
-            linear, predicted = linearise(problem, at, free, predicted), None
+            same = linear.carried(problem, predicted) if straight else None
+            linear, kept, predicted = same or linearise(problem, at, free, predicted), same is not None, None
         step = _step(linear, at, free, damping)
-        promising = not chi2 - linear.left(step) <= settings.converged * chi2
+        promise, enough = chi2 - linear.left(step), (settings.settled if kept else settings.converged) * chi2
+        promising = not promise <= enough
         found = _search(problem, at, free, step, linear, settings, settings.tries if promising else 1)
+        if found is None and kept and promising:
+            linear, kept = linearise(problem, at, free), False
+            continue
         if found is None:
             damping *= settings.damping_raised
             converged = not promising or damping > settings.most_damping
             continue
         at, predicted, after = found
-        converged = chi2 - after <= settings.converged * chi2
+        converged = chi2 - after <= enough
+        straight = abs(chi2 - after - promise) <= settings.straight * promise
         chi2 = after
         damping = max(damping * settings.damping_fallen, settings.least_damping)
     return Descent(at, predicted, chi2, linear, converged, done)

@@ -93,10 +93,14 @@ class Problem:
         Where noise drives the rods these are innovations: of unit variance too, one independent of the others.
         """
         columns = values.reshape(*self.weight.shape, -1)
-        found = padded(columns, self.weight, self.segments.offsets)
+        found = self.decorrelated(padded(columns, self.weight, self.segments.offsets))
+        return found.reshape(*found.shape[:2], *values.shape[2:])
+
+    def decorrelated(self, weighed: Array) -> Array:
+        """(segments, m, k) whitened, from (segments, longest, 2, k) weighed and padded, which is overwritten."""
         if (noise := self.disturbance) is not None:
-            innovations(found, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
-        return found.reshape(len(found), -1, *values.shape[2:])
+            innovations(weighed, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
+        return weighed.reshape(len(weighed), -1, weighed.shape[3])
 
     def by_sample(self, whitened: Array) -> Array:
         """(samples, 2) from (segments, m)."""

@@ -55,6 +55,27 @@ class ColumnSpace:
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
+    def gains_beside(self, across: Array, own: Array, gradient: Array, positive: bool) -> Array:
+        """(sets,) fall of |e|^2 by each of many small sets of columns, all of these being fitted too.
+
+        Args:
+            across: (k, sets, n) products of these columns with those of the sets
+            own: (sets, n, n) products within each set
+            gradient: (sets, n) products with the residual
+            positive: whether the x of sets of one column may not be negative
+        """
+        scale = 1 / np.maximum(np.sqrt(np.diagonal(own, axis1=1, axis2=2)), TINY)
+        across = across * self.scale[:, None, None] * scale
+        flat = across.reshape(len(self), -1)
+        out = np.linalg.solve(_ridged(self.H), np.column_stack([flat, self.gradient]))
+        taken = np.einsum("ksi,ksj->sij", across, out[:, :-1].reshape(across.shape))
+        H = own * scale[:, :, None] * scale[:, None] - taken + RIDGE * np.eye(own.shape[1])
+        left = gradient * scale - np.einsum("ksi,k->si", across, out[:, -1])
+        x = np.linalg.solve(H, left[:, :, None])[:, :, 0]
+        if positive:
+            x = np.maximum(x, 0.0)
+        return np.asarray(2 * np.einsum("si,si->s", x, left) - np.einsum("si,sij,sj->s", x, H, x))
+
     def solution(self, lower: Array | None = None, damping: float = 0.0) -> Array:
         """(k,) the x that explains most, none below its bound (k,)."""
         return self._unit_solution(lower, damping) * self.scale

@@ -9,7 +9,7 @@ them: maps of torque over angle, speed, time, and shapes (orders, frequencies) t
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -31,14 +31,22 @@ from dpr_lab.setup import Setup
 
 Array = NDArray[np.float64]
 
-GRID_S = 2.5e-3
-"""Spacing of a trajectory: trapezoids of torques then err by a thousandth."""
 
-WILDEST = 1e6
-"""rad and rad/s that no swing reaches."""
+@dataclass(frozen=True, slots=True)
+class TrajectorySettings:
+    """How a trajectory is laid out, and what counts as lost."""
 
-SINGULAR = 1e-9
-"""Determinant of a sensitivity below which a torque cannot be told from an initial state any more."""
+    grid_s: float = 2.5e-3
+    """Spacing: trapezoids of torques then err by a thousandth."""
+    coarse_s: float = 5e-3
+    """The same where torques are only compared, or told in two digits."""
+    wildest: float = 1e6
+    """rad and rad/s that no swing reaches."""
+    singular: float = 1e-9
+    """Determinant of a sensitivity below which a torque cannot be told from an initial state any more."""
+
+
+TRAJECTORY = TrajectorySettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +80,13 @@ class Trajectory:
     first: NDArray[np.int64]
     """(segments + 1,) where they begin among the samples."""
 
-    def readings(self, torque: Array) -> Array:
-        """(samples, 2, k) change of the encoder readings under generalised torques, (n, 2, k), N m."""
-        torque = np.ascontiguousarray(torque)
-        return _answer(self.t, self.into, self.out, self.at, self.edges, self.first, torque)
+    def answer(self, problem: Problem, torque: Array) -> Array:
+        """(segments, m, k) whitened change of the encoder readings under generalised torques, (n, 2, k), N m."""
+        torque, many = np.ascontiguousarray(torque), torque.shape[2]
+        found = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), 2, many))
+        grid, rows = (self.t, self.into, self.out, self.at, self.edges, self.first), found.reshape(len(found), -1, many)
+        _answer(*grid, problem.weight, torque, np.empty((2, 4, many)), rows)
+        return problem.decorrelated(found)
 
     def torques(self, stage: Stage, constants: RigConstants, params: Array) -> Array:
         """(n, 2, k) generalised torques of effects (k, SIZE) of a stage of `TRAJECTORY_TORQUES`, N m."""
@@ -99,21 +110,6 @@ class Trajectory:
         return TRAJECTORY_TORQUES[stage](*swing, base, hanging, effects_of_run(params, setup))
 
     @property
-    def coarser(self) -> "Trajectory":
-        """On every second point of the grid, for what is only compared; each segment has an odd number of them."""
-        begins = np.repeat(self.edges[:-1], np.diff(self.edges))
-        kept = np.flatnonzero((np.arange(len(self.t)) - begins) % 2 == 0)
-        edges = np.append(0, np.cumsum((np.diff(self.edges) + 1) // 2))
-        owner = np.repeat(np.arange(len(edges) - 1), np.diff(self.first))
-        swing = (self.t, self.run, self.theta, self.omega, self.alpha, self.drive)
-        t, run, theta, omega, alpha, drive = (values[kept] for values in swing)
-        at = edges[owner] + 0.5 * (self.at - self.edges[owner])
-        return replace(
-            self, t=t, run=run, theta=theta, omega=omega, alpha=alpha, drive=drive, into=self.into[kept], at=at,
-            edges=edges,
-        )  # fmt: skip
-
-    @property
     def joint_angle(self) -> Array:
         """(n, 2) angle of joint 1 and of joint 2, 0 = hanging straight, rad."""
         return np.stack([self.theta[:, 0] - np.pi, self.theta[:, 1] - self.theta[:, 0]], axis=1)
@@ -124,25 +120,28 @@ class Trajectory:
         return np.stack([self.omega[:, 0], self.omega[:, 1] - self.omega[:, 0]], axis=1)
 
 
-def trajectory(problem: Problem, at: Estimate, begins: Callable[[float], float] = segment_start) -> Trajectory:
+def trajectory(
+    problem: Problem, at: Estimate, begins: Callable[[float], float] = segment_start, spacing: float = TRAJECTORY.grid_s
+) -> Trajectory:
     """Follow the swings of an estimate, with its ratios and initial states; its effects are small and left out.
 
     Args:
         problem: their segments
         at: the estimate
         begins: when a segment starts whose first reading is at an instant, s
+        spacing: of the grid, at most, s
     """
     rig, samples = problem.model.constants, problem.segments.offsets
     spans = [(begins(float(problem.t[i])), float(problem.t[j - 1])) for i, j in pairwise(samples)]
-    instants = [_grid(first, last) for first, last in spans]
+    instants = [_grid(first, last, spacing) for first, last in spans]
     setups = problem.segments.setups
-    laid_out = segments(instants, problem.segments.run, setups, step=GRID_S)
+    laid_out = segments(instants, problem.segments.run, setups, step=TRAJECTORY.grid_s)
     bases = np.array([base_of_run(at.whole, setup, rig.L1, rig.g) for setup in setups])
     states, slopes = follow(at.ratios, laid_out, at.initial, rig, of=4)
     phi = slopes[:, :, len(RATIOS) :]
-    lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < WILDEST).all(axis=1))
+    lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < TRAJECTORY.wildest).all(axis=1))
     phi[lost], states[lost] = np.eye(4), 0.0
-    lost |= np.abs(np.linalg.det(phi)) < SINGULAR
+    lost |= np.abs(np.linalg.det(phi)) < TRAJECTORY.singular
     owner = np.repeat(np.arange(len(laid_out)), np.diff(laid_out.offsets))
     own, pushes = bases[laid_out.run][owner], laid_out.pushes
     drive = pushes[:, :2] + (_carried(own, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0)
@@ -177,8 +176,8 @@ def trajectory(problem: Problem, at: Estimate, begins: Callable[[float], float] 
     )
 
 
-def _grid(first: float, last: float) -> Array:
-    return np.linspace(first, last, 2 * max(1, int(np.ceil((last - first) / GRID_S / 2))) + 1)
+def _grid(first: float, last: float, spacing: float) -> Array:
+    return np.linspace(first, last, max(1, int(np.ceil((last - first) / spacing))) + 1)
 
 
 def _carried(bases: Array, rig: RigConstants, states: Array, arm: Array) -> Array:
@@ -211,7 +210,7 @@ def _accelerations(
     return inverse, (inverse @ (right + drive)[:, :, None])[:, :, 0]
 
 
-@njit
+@njit(allocates=False)
 def _answer(
     t: Array,
     into: Array,
@@ -219,31 +218,47 @@ def _answer(
     at: Array,
     edges: NDArray[np.int64],
     first: NDArray[np.int64],
+    weight: Array,
     torque: Array,
-) -> Array:
-    """The integral by trapezoids from each segment's start, read at the samples; torques run in the inner loop."""
-    many = torque.shape[2]
-    answer = np.empty((len(at), 2, many))
-    before, total = np.empty((4, many)), np.empty((4, many))
-    for s in range(len(edges) - 1):
-        total[:], n = 0.0, first[s]
+    sums: Array,
+    answer: Array,
+) -> None:
+    """The integral by trapezoids from each segment's start, weighed at the samples; torques run in the inner loop.
+
+    Filled in is `answer`, (segments, m, k), where short segments end in zeros; `sums` (2, 4, k) is room to work in.
+    """
+    many, before, total = torque.shape[2], sums[0], sums[1]
+    for s in range(len(first) - 1):
+        n = first[s]
+        for j in range(4):
+            for k in range(many):
+                total[j, k] = 0.0
         for i in range(edges[s] + 1, edges[s + 1]):
             half = 0.5 * (t[i] - t[i - 1])
             for j in range(4):
                 a1, a2 = half * into[i - 1, j, 0], half * into[i - 1, j, 1]
                 b1, b2 = half * into[i, j, 0], half * into[i, j, 1]
                 for k in range(many):
-                    before[j, k] = total[j, k]
-                    total[j, k] += a1 * torque[i - 1, 0, k] + a2 * torque[i - 1, 1, k]
-                    total[j, k] += b1 * torque[i, 0, k] + b2 * torque[i, 1, k]
+                    x = total[j, k]
+                    before[j, k] = x
+                    total[j, k] = (
+                        x
+                        + (a1 * torque[i - 1, 0, k] + a2 * torque[i - 1, 1, k])
+                        + (b1 * torque[i, 0, k] + b2 * torque[i, 1, k])
+                    )
             while n < first[s + 1] and (at[n] < i or i == edges[s + 1] - 1):
                 share = at[n] - (i - 1)
                 for axis in range(2):
+                    u, v = weight[n, axis] * (1.0 - share), weight[n, axis] * share
+                    o0, o1, o2, o3 = out[n, axis, 0], out[n, axis, 1], out[n, axis, 2], out[n, axis, 3]
+                    u0, u1, u2, u3 = u * o0, u * o1, u * o2, u * o3
+                    v0, v1, v2, v3 = v * o0, v * o1, v * o2, v * o3
+                    row = 2 * (n - first[s]) + axis
                     for k in range(many):
-                        answer[n, axis, k] = 0.0
-                    for j in range(4):
-                        here, there = (1.0 - share) * out[n, axis, j], share * out[n, axis, j]
-                        for k in range(many):
-                            answer[n, axis, k] += here * before[j, k] + there * total[j, k]
+                        answer[s, row, k] = (
+                            u0 * before[0, k] + u1 * before[1, k] + u2 * before[2, k] + u3 * before[3, k]
+                        ) + (v0 * total[0, k] + v1 * total[1, k] + v2 * total[2, k] + v3 * total[3, k])
                 n += 1
-    return answer
+        for row in range(2 * (first[s + 1] - first[s]), answer.shape[1]):
+            for k in range(many):
+                answer[s, row, k] = 0.0

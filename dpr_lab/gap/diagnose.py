@@ -16,6 +16,7 @@ from dpr_lab.gap.data.pieces import in_pieces
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.evidence.evidence import evidence
+from dpr_lab.gap.inference.free_run import free_runs
 from dpr_lab.gap.inference.out_of_sample import Unseen, held_out_runs
 from dpr_lab.gap.inference.posterior import effect_posterior
 from dpr_lab.gap.inference.transfer import transfer
@@ -115,7 +116,10 @@ def diagnose(
     begin("how far")
     transferred = transfer(recordings, apart, problem, selection, np.random.default_rng(seed))
     posteriors = transferred.judged(posteriors)
-    size = gap(recordings, unseen, problem, selection, transferred)
+    everything = recordings.only([*recordings.records, *unseen.records])
+    models = {"before": selection.base, "after": selection.chosen}
+    freely = {name: free_runs(everything, at.fit.estimate) for name, at in models.items()}
+    size = gap(recordings, problem, selection, transferred, freely)
     begin("advice")
     advice = advise(recordings, selection.chosen, posteriors)
     spread = covariance(problem, selection.chosen, rig)
@@ -123,5 +127,5 @@ def diagnose(
         recordings, problem, selection, posteriors, transferred, places, size, tuple(advice), spread, cut
     )
     begin("evidence")
-    rests_on = evidence(recordings, unseen, problem, selection, transferred)
+    rests_on = evidence(recordings, unseen, problem, selection, transferred, freely)
     return conclude(findings, rests_on, seconds=time.perf_counter() - began)

@@ -27,7 +27,7 @@ from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.data.screen import Screened
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.inference.free_run import run_freely
+from dpr_lab.gap.inference.free_run import free_runs
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.trust import NOTHING, REFUSED, ConfusionCell, Trust, TrustShare, TrustTrial
 from dpr_lab.rig import Rig
@@ -153,8 +153,8 @@ def _as_found(found: Diagnosis) -> Effects:
 
 def _original(run: Run, rig: Rig, at: Estimate) -> _Original:
     item = record(run, rig)
-    forecast = run_freely(Recordings((item,), rig), item, at)
-    return _Original(run, item.screened, forecast.begun.initial, segment_start(float(forecast.item.t[0])))
+    freely = free_runs(Recordings((item,), rig), at)
+    return _Original(run, item.screened, freely.begun.initial, segment_start(float(freely.items[0].t[0])))
 
 
 def _another(found: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:

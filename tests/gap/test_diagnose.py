@@ -169,7 +169,7 @@ PIECE = 2668
 @pytest.mark.timeout(600)
 @pytest.mark.skipif(not REAL.is_file(), reason="the real recording is not here")
 def test_a_real_rig_is_predicted_three_and_a_half_times_better_than_by_viscous_friction(screened):
-    from dpr_lab.gap.inference.free_run import free_run_errors
+    from dpr_lab.gap.inference.free_run import free_runs
     from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
     from dpr_lab.gap.selection.select import select
     from dpr_lab.gap.selection.thresholds import at_noise_floor
@@ -187,7 +187,7 @@ def test_a_real_rig_is_predicted_three_and_a_half_times_better_than_by_viscous_f
     _, problem, base = fit_bare_model(seen, nominal_ratios(rig))
     chosen = select(seen, problem, base, OF_FREE_SWINGS, max_effects=5).chosen
     viscous, corrected = (
-        np.median(list(free_run_errors(unseen, item.fit.estimate).values())) for item in (base, chosen)
+        np.median(list(free_runs(unseen, item.fit.estimate).errors_rad.values())) for item in (base, chosen)
     )
     assert viscous / corrected > 3.5
     dry = {name for name in chosen.effects if name.startswith(DRY)}

@@ -10,6 +10,7 @@ from dpr_lab.gap.evidence.exclusions import exclusions
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.inference.detectable import detectable
+from dpr_lab.gap.inference.free_run import free_runs
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.selection.score import score_test
 from dpr_lab.report.gap.figures import save_gap_figures
@@ -33,7 +34,9 @@ def looked_at(recorded: Callable[..., Any], screened: Callable[..., Any], bare: 
 def test_error_stays_within_its_uncertainty_until_something_is_missing(looked_at: Any):
     for effects, within in (({}, True), (DRY, False)):
         recordings, problem, model = looked_at(effects)
-        budget, curves = validation(recordings, recordings.only([]), problem, {"before": model, "after": model})
+        models = {"before": model, "after": model}
+        freely = {name: free_runs(recordings, at.fit.estimate) for name, at in models.items()}
+        budget, curves = validation(recordings, problem, models, freely)
 
         assert (budget.error_after_rad < 2 * budget.u_after_rad) is within, budget
         squares = sum(source.after_rad**2 for source in budget.sources)

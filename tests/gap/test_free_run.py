@@ -12,7 +12,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.data.record import Record, record
 from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.free_run import free_run_errors
+from dpr_lab.gap.inference.free_run import free_runs
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -30,7 +30,7 @@ def swing(rig: Rig, rate_hz: float) -> Record:
 def error(rig: Rig, item: Record) -> float:
     base = base_parameters(rig.nominal, rig.L1, rig.g)
     at = Estimate(unknown_ratios(base), np.zeros(SIZE), np.zeros((0, 4)))
-    return free_run_errors(Recordings((item,), rig), at)["x"]
+    return free_runs(Recordings((item,), rig), at).errors_rad["x"]
 
 
 @pytest.mark.parametrize("rate_hz", [200.0, 20.0, 10.0])

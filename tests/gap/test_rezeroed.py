@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.free_run import free_run_errors
+from dpr_lab.gap.inference.free_run import free_runs
 from dpr_lab.gap.inference.out_of_sample import left_out
 from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.rig import Rig, load_rig
@@ -58,7 +58,7 @@ def test_each_recording_has_zeros_of_its_own(runs: list[Run]) -> None:
     assert at.ratios[:3] == pytest.approx(nominal_ratios(REZEROED)[:3], rel=0.01)
     assert bare.residuals.chi2 < 2 * bare.residuals.dof
     unseen = recordings(runs[2:], REZEROED)
-    assert max(free_run_errors(unseen, at).values()) < 5e-3
+    assert max(free_runs(unseen, at).errors_rad.values()) < 5e-3
     foretold = left_out(kept, problem)
     assert (foretold.chi2(bare) < 4 * foretold.dof).all()
     _, _, staying = fit_bare_model(recordings(runs[:2], STAYING), nominal_ratios(STAYING))

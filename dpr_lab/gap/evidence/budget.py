@@ -30,7 +30,7 @@ from dpr_lab.gap.selection.hypothesis import Hypothesis
 from dpr_lab.rig import MASSES, Rig
 
 if TYPE_CHECKING:
-    from dpr_lab.gap.evidence.free_swing import FreeSwing
+    from dpr_lab.gap.evidence.free_swing import FreeSwings
 
 Array = NDArray[np.float64]
 
@@ -61,8 +61,8 @@ class _Source:
     name: str
     kind: Kind
     how: str
-    variance: Callable[["FreeSwing"], Array]
-    """(n, 2) rad^2."""
+    variance: Callable[["FreeSwings"], list[Array]]
+    """(n, 2) of each recording, rad^2."""
     left: float = 1.0
     """Share of the standard uncertainty put in that the recordings leave."""
 
@@ -77,26 +77,29 @@ def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
         seen = at.fit.linear.projected(change[:, :, None])[:, :, 0] + at.fit.linear.A @ step
         return step, float((1 + np.sum(seen**2) / at.residuals.inflation) ** -0.5)
 
-    def moved(step: Array, factor: float, change: Callable[["FreeSwing"], Array]) -> Callable[["FreeSwing"], Array]:
-        return lambda swing: (
-            (factor * swing.settled((change(swing) + swing.by_values @ step)[:, :, None])[:, :, 0]) ** 2
-        )
+    def moved(
+        step: Array, factor: float, changes: Callable[["FreeSwings"], list[Array]]
+    ) -> Callable[["FreeSwings"], list[Array]]:
+        return lambda swings: [
+            (factor * swing.settled((change + swing.by_values @ step)[:, :, None])[:, :, 0]) ** 2
+            for swing, change in zip(swings.each, changes(swings), strict=True)
+        ]
 
     halved = replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
-    finer = moved(fitted_anew(halved)[0], ASSUMED.richardson, lambda swing: swing.otherwise(finer=2.0))
+    finer = moved(fitted_anew(halved)[0], ASSUMED.richardson, lambda swings: swings.otherwise(finer=2.0))
     how = "halving the step of the Runge-Kutta method, the values fitted anew"
     found = [_Source("integrator", "numerical", how, finer)]
     for name, how, constants in _inputs(problem.model.constants, rig, problem.always):
         step, left = fitted_anew(replace(problem, model=problem.model.with_constants(constants)))
-        moves = moved(step, left, lambda swing, c=constants: swing.otherwise(c))
+        moves = moved(step, left, lambda swings, c=constants: swings.otherwise(c))
         found.append(_Source(name, "input", how, moves, left))
     level, rho = at.residuals.level, at.residuals.noise_correlation
     noise = level * (1 + rho) / (1 - rho)
     spread = considered(at.fit, noise)
 
-    def along(swing: "FreeSwing") -> Array:
-        D = swing.settled(swing.by_values)
-        return np.einsum("nij,jk,nik->ni", D, spread, D)
+    def along(swings: "FreeSwings") -> list[Array]:
+        moves = [swing.settled(swing.by_values) for swing in swings.each]
+        return [np.einsum("nij,jk,nik->ni", D, spread, D) for D in moves]
 
     return [
         *found,
@@ -105,13 +108,15 @@ def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
             "start state",
             "input",
             "noise of the readings that it is fitted to",
-            lambda swing: noise * swing.start_variance(),
+            lambda swings: [noise * swing.start_variance() for swing in swings.each],
         ),
         _Source(
             "readings",
             "data",
             "noise of the readings compared",
-            lambda swing: np.where(swing.weight > 0, level / np.maximum(swing.weight, 1e-140) ** 2, 0.0),
+            lambda swings: [
+                np.where(swing.weight > 0, level / np.maximum(swing.weight, 1e-140) ** 2, 0.0) for swing in swings.each
+            ],
         ),
     ]
 
@@ -130,11 +135,9 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
             yield name, f"{1e3 * weighed:.2g} g, from the rig file", changed
 
 
-def mean_squares(
-    found: Sequence[_Source], swings: Sequence["FreeSwing"], compared: Sequence[NDArray[np.bool_]]
-) -> Array:
+def mean_squares(found: Sequence[_Source], swings: "FreeSwings", compared: Sequence[NDArray[np.bool_]]) -> Array:
     """(sources, swings) mean variance over what is compared of each, (n, 2), rad^2."""
-    each = [[item.variance(swing)[own] for swing, own in zip(swings, compared, strict=True)] for item in found]
+    each = [[values[own] for values, own in zip(item.variance(swings), compared, strict=True)] for item in found]
     return np.array([[float(values.mean()) if len(values) else 0.0 for values in row] for row in each])
 
 

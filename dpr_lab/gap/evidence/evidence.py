@@ -1,5 +1,6 @@
 """All that a diagnosis rests on, gathered once it is made."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 
 from dpr_lab.fitting.problem import Problem
@@ -9,6 +10,7 @@ from dpr_lab.gap.evidence.exclusions import exclusions
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.inference.detectable import detectable
+from dpr_lab.gap.inference.free_run import FreeRuns
 from dpr_lab.gap.inference.transfer import Transfer
 from dpr_lab.gap.result.evidence import Closing, Evidence, RecordingUsed
 from dpr_lab.gap.selection.selected import Selection
@@ -16,7 +18,12 @@ from dpr_lab.version import __version__
 
 
 def evidence(
-    recordings: Recordings, unseen: Recordings, problem: Problem, selection: Selection, carried: Transfer
+    recordings: Recordings,
+    unseen: Recordings,
+    problem: Problem,
+    selection: Selection,
+    carried: Transfer,
+    freely: Mapping[str, FreeRuns],
 ) -> Evidence:
     """Gather it.
 
@@ -26,9 +33,10 @@ def evidence(
         problem: the segments of the fitted runs
         selection: the chosen set of effects
         carried: how it does on recordings that took no part
+        freely: all recordings, fitted and held out, as the models before and after run along them
     """
     models = {"before": selection.base, "after": selection.chosen}
-    budget, curves = validation(recordings, unseen, problem, models)
+    budget, curves = validation(recordings, problem, models, freely)
     least = detectable(selection.chosen, selection.last)
     rig = recordings.rig
     return Evidence(

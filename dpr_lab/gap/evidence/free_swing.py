@@ -17,8 +17,7 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import ZERO
 from dpr_lab.fitting.linearise import UNKNOWN_STARTS, UNREAD_STARTS
 from dpr_lab.gap.data.record import Record
-from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.free_run import FREE_RUN, Forecast, run_freely
+from dpr_lab.gap.inference.free_run import FREE_RUN, FreeRuns
 from dpr_lab.gap.selection.hypothesis import Hypothesis
 
 Array = NDArray[np.float64]
@@ -28,33 +27,19 @@ Array = NDArray[np.float64]
 class FreeSwing:
     """A free run of one model along one recording."""
 
+    item: Record
+    t: Array
+    """(n,) since the first reading, s."""
+    measured: Array
+    """(n, 2) readings of the joints, rad."""
+    weight: Array
+    """(n, 2) one over the noise, 1/rad; zero where nothing is read."""
     predicted: Array
     """(n, 2) rad."""
     by_values: Array
     """(n, 2, free) slopes along the fitted values."""
     by_start: Array
     """(n, 2, 4) along the start state."""
-    forecast: Forecast
-
-    @property
-    def item(self) -> Record:
-        """The recording."""
-        return self.forecast.item
-
-    @property
-    def t(self) -> Array:
-        """(n,) since the first reading, s."""
-        return self.forecast.since
-
-    @property
-    def measured(self) -> Array:
-        """(n, 2) readings of the joints, rad."""
-        return self.forecast.problem.measured
-
-    @property
-    def weight(self) -> Array:
-        """(n, 2) one over the noise, 1/rad; zero where nothing is read."""
-        return self.forecast.problem.weight
 
     @property
     def head(self) -> NDArray[np.bool_]:
@@ -84,24 +69,42 @@ class FreeSwing:
         inner = np.linalg.inv(self._normal[0])
         return np.einsum("nij,jk,nik->ni", self.by_start, inner, self.by_start)
 
-    def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> Array:
-        """(n, 2) by how much the readings change for a rig measured otherwise, or with finer steps, same start."""
-        known = self.forecast.problem
+
+@dataclass(frozen=True, slots=True)
+class FreeSwings:
+    """Those of one model along all recordings."""
+
+    runs: FreeRuns
+    each: tuple[FreeSwing, ...]
+
+    def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> list[Array]:
+        """(n, 2) of each by how much its readings change for a rig measured otherwise, or with finer steps."""
+        known = self.runs.problem
         laid = replace(known.segments, step=known.segments.step / finer)
         model = known.model if constants is None else known.model.with_constants(constants)
-        changed = replace(known, segments=laid, model=model).predict(self.forecast.begun)
-        return np.nan_to_num(changed - self.predicted)
+        changed = replace(known, segments=laid, model=model).predict(self.runs.begun)
+        change = np.nan_to_num(changed - self.runs.predicted)
+        return [change[own] for own in self.runs.rows]
 
 
-def free_swing(recordings: Recordings, item: Record, at: Hypothesis) -> FreeSwing:
-    """Fit the start state of a recording to its first readings, and simulate on."""
-    forecast, free = run_freely(recordings, item, at.fit.estimate), at.fit.free
-    problem, begun = forecast.problem, forecast.begun
-    slopes = np.zeros((len(problem.t), 2, len(free) + 4))  # a zero of this very run was fitted with its start
+def free_swings(runs: FreeRuns, at: Hypothesis) -> FreeSwings:
+    """How free runs of a model answer to all that is unsure."""
+    free, problem = at.fit.free, runs.problem
+    slopes = np.zeros((len(problem.t), 2, len(free) + 4))  # a zero of these very runs was fitted with their starts
     moves = [i for i, parameter in enumerate(free) if parameter.effect != ZERO]
-    slopes[:, :, [*moves, *range(len(free), len(free) + 4)]] = problem.slopes(begun, [free[i] for i in moves])
-    slopes = np.nan_to_num(slopes)
-    return FreeSwing(problem.predict(begun), slopes[:, :, :-4], slopes[:, :, -4:], forecast)
+    slopes[:, :, [*moves, *range(len(free), len(free) + 4)]] = problem.slopes(runs.begun, [free[i] for i in moves])
+    slopes, t = np.nan_to_num(slopes), problem.t
+    parts = [
+        (t[own] - t[own.start], problem.measured[own], problem.weight[own], runs.predicted[own]) for own in runs.rows
+    ]
+    by_values, by_start = slopes[:, :, :-4], slopes[:, :, -4:]
+    return FreeSwings(
+        runs,
+        tuple(
+            FreeSwing(item, *of_run, by_values[own], by_start[own])
+            for item, of_run, own in zip(runs.items, parts, runs.rows, strict=True)
+        ),
+    )
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:

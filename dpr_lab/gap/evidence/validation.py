@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.evidence.budget import mean_squares, sources, uncertainty_sources
-from dpr_lab.gap.evidence.free_swing import FreeSwing, free_swing, growth_rate, horizon
-from dpr_lab.gap.inference.free_run import FREE_RUN
+from dpr_lab.gap.evidence.free_swing import FreeSwing, free_swings, growth_rate, horizon
+from dpr_lab.gap.inference.free_run import FREE_RUN, FreeRuns
 from dpr_lab.gap.result.evidence import Budget, Curves, RunBudget
 from dpr_lab.gap.selection.hypothesis import Hypothesis
 
@@ -44,23 +44,28 @@ CURVE = CurveSettings()
 
 
 def validation(
-    recordings: Recordings, unseen: Recordings, problem: Problem, models: Mapping[str, Hypothesis]
+    recordings: Recordings,
+    problem: Problem,
+    models: Mapping[str, Hypothesis],
+    freely: Mapping[str, FreeRuns],
 ) -> tuple[Budget, list[Curves]]:
     """Free runs of the models before and after along all recordings.
 
     Args:
         recordings: the fitted runs
-        unseen: runs held out; may be empty
         problem: the segments of the fitted runs
         models: before and after
+        freely: by model all recordings, the fitted ones first
     """
-    everything = recordings.only([*recordings.records, *unseen.records])
-    swings = [{name: free_swing(everything, item, at) for name, at in models.items()} for item in everything.records]
+    by_model = {name: free_swings(freely[name], at) for name, at in models.items()}
+    swings = [
+        dict(zip(by_model, pair, strict=True)) for pair in zip(*(of.each for of in by_model.values()), strict=True)
+    ]
     ends = [horizon(pair["after"]) for pair in swings]
     until = [FREE_RUN.length_s if end is None else end for end in ends]
     compared = [_compared(pair, end) for pair, end in zip(swings, until, strict=True)]
     found = {name: sources(problem, at, recordings.rig) for name, at in models.items()}
-    squares = {n: mean_squares(found[n], [pair[n] for pair in swings], compared) for n in models}
+    squares = {n: mean_squares(found[n], by_model[n], compared) for n in models}
     errors = {n: np.array([_error(pair[n], own) for pair, own in zip(swings, compared, strict=True)]) for n in models}
     counts = np.array([own.sum() for own in compared], dtype=np.float64)
     share = counts / max(counts.sum(), 1.0)

@@ -1,6 +1,8 @@
 """A model that runs free along a recording: a start state fitted to its first readings, nothing after."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,49 +31,62 @@ class FreeRunSettings:
 FREE_RUN = FreeRunSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class Forecast:
-    """What a model says of one recording."""
+@dataclass(frozen=True)
+class FreeRuns:
+    """Recordings as one model runs along them."""
 
-    item: Record
-    """From where it can be followed: before a break there may be too few readings for a start state."""
+    items: tuple[Record, ...]
+    """Each from where it can be followed: before a break there may be too few readings for a start state."""
     problem: Problem
-    """What is compared, as one segment."""
+    """What is compared, a segment of each."""
     begun: Estimate
-    """The model with the start state, and with the zeros of this run where they are put anew."""
+    """The model with a start state of each, and with its zeros where they are put anew."""
+
+    @cached_property
+    def predicted(self) -> Array:
+        """(samples, 2) what the model says of the readings, rad."""
+        return self.problem.predict(self.begun)
 
     @property
-    def since(self) -> Array:
-        """(n,) since the first reading, s."""
-        return self.problem.t - self.problem.t[0]
+    def rows(self) -> list[slice]:
+        """Where each recording's samples are."""
+        return [slice(i, j) for i, j in pairwise(self.problem.segments.offsets)]
+
+    @property
+    def errors_rad(self) -> dict[str, float]:
+        """Run -> root mean square after the readings that its start state was fitted to."""
+        error, t = self.problem.measured - self.predicted, self.problem.t
+        unseen = [error[own][t[own] - t[own.start] >= FREE_RUN.settle_s] for own in self.rows]
+        read = [1 if item.run.setup.alone else 2 for item in self.items]
+        rms = [float(np.sqrt(np.mean(of_run[:, :n] ** 2))) for of_run, n in zip(unseen, read, strict=True)]
+        return dict(zip((item.run.name for item in self.items), rms, strict=True))
 
 
-def run_freely(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings = FREE_RUN) -> Forecast:
-    """Let a model run along a recording.
+def free_runs(recordings: Recordings, at: Estimate, settings: FreeRunSettings = FREE_RUN) -> FreeRuns:
+    """Let a model run along recordings.
 
     Args:
-        recordings: whose rig it is
-        item: the recording; where its first readings are few, `MIN_SAMPLES` of them are fitted
+        recordings: the recordings; where the first readings of one are few, `MIN_SAMPLES` of them are fitted
         at: ratios and effects to simulate with
         settings: what is fitted and compared
     """
-    item = item.only(slice(cut(item.t, np.inf, item.breaks)[0].start, None))
-    since = item.t - item.t[0]
-    head = since < settings.settle_s
+    items = tuple(item.only(slice(cut(item.t, np.inf, item.breaks)[0].start, None)) for item in recordings.records)
+    begun = [_begun(recordings, item, at, settings) for item in items]
+    compared = [replace(item.only(item.t - item.t[0] <= settings.length_s), breaks=np.zeros(0)) for item in items]
+    whole, _ = recordings.only(compared).cut(np.inf)
+    starts = np.concatenate([one.initial[:1] for one in begun])
+    return FreeRuns(items, whole, replace(at, initial=starts, zeros=np.concatenate([one.zeros for one in begun])))
+
+
+def _begun(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings) -> Estimate:
+    """The model with the start state that the first readings of a recording show."""
+    head = item.t - item.t[0] < settings.settle_s
     head[:MIN_SAMPLES] = True
     short = item.only(head)
     problem, initial = recordings.only([short]).cut(max(settings.settle_s, float(np.ptp(short.t))))
     zeros = own_zeros(recordings.only([item]), at, settings.iterations)
     fixed = replace(problem, rezeroed=False)
-    begun = fit(fixed, replace(at, initial=initial, zeros=zeros), (), iterations=settings.iterations).estimate
-    compared = replace(item.only(since <= settings.length_s), breaks=np.zeros(0))
-    whole, _ = recordings.only([compared]).cut(np.inf)
-    return Forecast(item, whole, replace(begun, initial=begun.initial[:1]))
-
-
-def free_run_errors(recordings: Recordings, at: Estimate) -> dict[str, float]:
-    """Run -> rms error of its free run after the readings that the start state was fitted to, rad."""
-    return {item.run.name: _error(run_freely(recordings, item, at)) for item in recordings.records}
+    return fit(fixed, replace(at, initial=initial, zeros=zeros), (), iterations=settings.iterations).estimate
 
 
 def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
@@ -81,10 +96,3 @@ def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
     problem, initial = recordings.cut(LENGTHS.working)
     begun = replace(at, initial=initial, zeros=np.zeros((0, 2)))
     return descend(problem, begun, (), iterations=iterations).estimate.zeros
-
-
-def _error(run: Forecast) -> float:
-    unseen = run.since >= FREE_RUN.settle_s
-    read = 1 if run.item.run.setup.alone else 2
-    error = run.problem.measured - run.problem.predict(run.begun)
-    return float(np.sqrt(np.mean(error[unseen, :read] ** 2)))

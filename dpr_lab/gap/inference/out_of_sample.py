@@ -87,12 +87,18 @@ def reduction(above: Array, rng: np.random.Generator) -> GapReduction:
     """How far the gap closes: (2, segments) chi2 above the noise, before and after."""
     sums = np.add.reduceat(above, np.arange(0, above.shape[1], BOOTSTRAP.block), axis=1)
     blocks = sums.shape[1]
-    drawn = [share(sums[:, rng.integers(0, blocks, blocks)]) for _ in range(BOOTSTRAP.draws)]
+    drawn = _shares(sums[:, rng.integers(0, blocks, (BOOTSTRAP.draws, blocks))])
     low, high = np.quantile(drawn, [0.05, 0.95])
     return GapReduction(share(above), (float(low), float(high)))
 
 
 def share(above: Array) -> float:
     """Share of the gap that closes, from (2, segments) chi2 above the noise, before and after."""
-    before, after = np.maximum(above.sum(axis=1), 0.0)
-    return max(float(1 - np.sqrt(after / before)), -1.0) if before > 0 else 0.0
+    return float(_shares(above))
+
+
+def _shares(above: Array) -> Array:
+    """(...) shares from (2, ..., segments)."""
+    before, after = np.maximum(above.sum(axis=-1), 0.0)
+    left = np.sqrt(after / np.where(before > 0, before, 1.0))
+    return np.where(before > 0, np.maximum(1 - left, -1.0), 0.0)

@@ -1,10 +1,12 @@
 """How large the gap is, before and after the named effects, on fitted and on unseen recordings."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.free_run import free_run_errors
+from dpr_lab.gap.inference.free_run import FreeRuns
 from dpr_lab.gap.inference.transfer import Transfer
 from dpr_lab.gap.result.diagnosis import ClosedShare, Gap
 from dpr_lab.gap.result.gap_size import by_horizon, floor_rad, gap_rad, gap_torque
@@ -13,24 +15,23 @@ from dpr_lab.gap.selection.selected import Selection
 
 def gap(
     recordings: Recordings,
-    held_out: Recordings,
     problem: Problem,
     selection: Selection,
     carried: Transfer,
+    freely: Mapping[str, FreeRuns],
 ) -> Gap:
     """Every size of the gap that a diagnosis tells.
 
     Args:
         recordings: the fitted runs
-        held_out: runs that took no part; may be empty
         problem: the segments of the fitted runs
         selection: the chosen set of effects
         carried: how the chosen set does on recordings that took no part
+        freely: all recordings, also those that took no part, as the models before and after run along them
     """
     base, chosen = selection.base, selection.chosen
     models = {"before": base, "after": chosen}
-    everything = recordings.only([*recordings.records, *held_out.records])
-    freely = {name: free_run_errors(everything, at.fit.estimate) for name, at in models.items()}
+    errors = {name: runs.errors_rad for name, runs in freely.items()}
     return Gap(
         floor_rad=floor_rad(problem),
         before_rad=gap_rad(problem, base),
@@ -44,10 +45,7 @@ def gap(
             held_out={name: share.estimate for name, share in carried.held_out.items()},
         ),
         by_horizon=by_horizon(recordings, problem, models),
-        free_run_rad={
-            item.run.name: {name: errors[item.run.name] for name, errors in freely.items()}
-            for item in everything.records
-        },
+        free_run_rad={run: {name: of_model[run] for name, of_model in errors.items()} for run in errors["before"]},
         waterfall=[
             {"effect": name, "rms_rad": float(np.linalg.norm(list(gap_rad(problem, item).values())))}
             for name, item in selection.path

@@ -11,7 +11,7 @@ from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import TINY, ColumnSpace
-from dpr_lab.fitting.response import trajectory
+from dpr_lab.fitting.response import TRAJECTORY, trajectory
 from dpr_lab.gap.data.recordings import LENGTHS, Recordings
 from dpr_lab.gap.data.screen import AXES
 from dpr_lab.gap.selection.hypothesis import Hypothesis
@@ -45,8 +45,8 @@ def gap_torque(problem: Problem, at: Hypothesis) -> dict[str, float]:
     In every segment a torque in each joint, piecewise linear in time, is fitted to the residual; the variance that
     noise alone gives to it is taken off.
     """
-    along, linear = trajectory(problem, at.fit.estimate), at.fit.linear
-    columns = linear.projected(problem.whitened(along.readings(_hats(along.edges))))
+    along, linear = trajectory(problem, at.fit.estimate, spacing=TRAJECTORY.coarse_s), at.fit.linear
+    columns = linear.projected(along.answer(problem, _hats(along.edges)))
     spaces = [ColumnSpace.of(A, e) for A, e in zip(columns, linear.e, strict=True)]
     values = np.array([space.solution() for space in spaces])
     variance = np.array([np.diag(space.covariance()) for space in spaces]) * at.residuals.level

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dpr_lab.effects.quantities import SMOOTHING
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
-from dpr_lab.fitting.response import Trajectory, trajectory
+from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.selection.coordinates import (
     angle_hats,
     encoder_angle,
@@ -60,7 +60,7 @@ def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
     """All maps, the one that explains most first; empty where there is no gap to locate."""
     if base.residuals.z < WORTH_SAYING:
         return ()
-    along = trajectory(problem, base.fit.estimate)
+    along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
     places = [_place(problem, base, along, joint, name, make) for joint in (0, 1) for name, make in MAPS.items()]
     return tuple(sorted(places, key=lambda place: -place.share))
 
@@ -80,47 +80,47 @@ def where_sentence(places: tuple[Place, ...]) -> str:
 @dataclass(frozen=True, slots=True)
 class _Columns:
     readings: Array
-    """(samples, 2, k)"""
+    """(segments, m, k) whitened"""
     knots: Array
     unit: str
 
 
 def _torque_by_angle(problem: Problem, along: Trajectory, joint: int) -> _Columns:
     hats, knots = angle_hats(along.joint_angle[:, joint])
-    return _Columns(under_torque(along, joint, hats), knots, "N m")
+    return _Columns(under_torque(problem, along, joint, hats), knots, "N m")
 
 
 def _torque_by_speed(problem: Problem, along: Trajectory, joint: int) -> _Columns:
     hats, knots = speed_hats(along.joint_speed[:, joint])
-    return _Columns(under_torque(along, joint, hats), knots, "N m")
+    return _Columns(under_torque(problem, along, joint, hats), knots, "N m")
 
 
 def _friction_by_time(problem: Problem, along: Trajectory, joint: int) -> _Columns:
     hats, knots = time_hats(along.t)
-    return _Columns(under_torque(along, joint, -hats * along.joint_speed[:, joint, None]), knots, "N m s/rad")
+    return _Columns(under_torque(problem, along, joint, -hats * along.joint_speed[:, joint, None]), knots, "N m s/rad")
 
 
 def _friction_by_load(problem: Problem, along: Trajectory, joint: int) -> _Columns:
     force = joint_force(problem, along, joint)
     hats, knots = load_hats(force)
     slides = np.tanh(along.joint_speed[:, joint] / SMOOTHING)
-    return _Columns(under_torque(along, joint, -hats * (force * slides)[:, None]), knots, "m")
+    return _Columns(under_torque(problem, along, joint, -hats * (force * slides)[:, None]), knots, "m")
 
 
 def _error_by_angle(problem: Problem, along: Trajectory, joint: int) -> _Columns:
     hats, knots = angle_hats(encoder_angle(problem, joint))
-    return _Columns(_read(hats, joint), knots, "rad")
+    return _Columns(_read(problem, hats, joint), knots, "rad")
 
 
 def _error_by_speed(problem: Problem, along: Trajectory, joint: int) -> _Columns:
     hats, knots = speed_hats(encoder_speed(along, joint))
-    return _Columns(_read(hats, joint), knots, "rad")
+    return _Columns(_read(problem, hats, joint), knots, "rad")
 
 
-def _read(hats: Array, joint: int) -> Array:
+def _read(problem: Problem, hats: Array, joint: int) -> Array:
     readings = np.zeros((len(hats), 2, hats.shape[1]))
     readings[:, joint] = hats
-    return readings
+    return problem.whitened(readings)
 
 
 Map = Callable[[Problem, Trajectory, int], _Columns]
@@ -138,7 +138,7 @@ MAPS: Mapping[str, Map] = {
 
 def _place(problem: Problem, base: Hypothesis, along: Trajectory, joint: int, name: str, make: Map) -> Place:
     columns, linear, held = make(problem, along, joint), base.fit.linear, len(base.fit.free)
-    seen = linear.projected(problem.whitened(columns.readings))
+    seen = linear.projected(columns.readings)
     space = ColumnSpace.of(np.concatenate([linear.A, seen], axis=2), linear.e)
     space = space.beside(slice(0, held), slice(held, None))
     values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * base.residuals.inflation)

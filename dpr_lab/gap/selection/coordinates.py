@@ -83,7 +83,7 @@ def encoder_speed(along: Trajectory, joint: int) -> Array:
     return np.interp(along.at, np.arange(len(along.t)), along.joint_speed[:, joint])
 
 
-def under_torque(along: Trajectory, joint: int, torque: Array) -> Array:
-    """(samples, 2, k) change of the readings under torques of a joint, (n, k), N m."""
+def under_torque(problem: Problem, along: Trajectory, joint: int, torque: Array) -> Array:
+    """(segments, m, k) whitened change of the readings under torques of a joint, (n, k), N m."""
     pair = np.stack([torque, np.zeros_like(torque)] if joint == 0 else [-torque, torque], axis=1)
-    return along.readings(pair)
+    return along.answer(problem, pair)

@@ -41,8 +41,9 @@ def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, item: Score) 
         item: the effect, from that
     """
     along, linear = trajectory(problem, less.fit.estimate), test.linear
-    readings = np.concatenate([_other_forms(problem, along, less, name) for name in less.effects], axis=2)
-    forms = linear.projected(problem.whitened(readings))
+    forms = linear.projected(
+        np.concatenate([_other_forms(problem, along, less, name) for name in less.effects], axis=2)
+    )
     held, own = linear.A[:, :, list(test.held)], linear.A[:, :, list(item.columns)]
     space = ColumnSpace.of(np.concatenate([held, own, forms], axis=2), linear.e)
     places = np.split(np.arange(len(space)), np.cumsum([held.shape[2], own.shape[2]]))
@@ -53,25 +54,25 @@ def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, item: Score) 
 
 
 def _other_forms(problem: Problem, along: Trajectory, at: Hypothesis, name: str) -> Array:
-    """(samples, 2, k) readings under what an effect of a set would do in other forms."""
+    """(segments, m, k) whitened readings under what an effect of a set would do in other forms."""
     effect, estimate = EFFECTS[name], at.fit.estimate
     if effect.stage == "load":
         (joint,) = effect.joints
         force = joint_force(problem, along, joint)
         slides = np.sign(along.joint_speed[:, joint])
-        return under_torque(along, joint, load_hats(force)[0] * (force * slides)[:, None])
+        return under_torque(problem, along, joint, load_hats(force)[0] * (force * slides)[:, None])
     if effect.stage not in TRAJECTORY_TORQUES:
         without = replace(estimate, params=without_effect(estimate.params, name))
         error = np.nan_to_num(problem.predict(estimate) - problem.predict(without))
         free = [_free(encoder_angle(problem, j), encoder_speed(along, j), problem.t) for j in effect.joints]
-        return error[:, :, None] * np.concatenate(free, axis=1)[:, None, :]
+        return problem.whitened(error[:, :, None] * np.concatenate(free, axis=1)[:, None, :])
     alone = np.zeros_like(estimate.params)
     alone[SLICES[name]] = estimate.params[SLICES[name]]
     torque = along.torques(effect.stage, problem.model.constants, alone[None])
     free = [_free(along.joint_angle[:, j], along.joint_speed[:, j], along.t) for j in effect.joints]
-    found = [along.readings(torque * np.concatenate(free, axis=1)[:, None, :])]
+    found = [along.answer(problem, torque * np.concatenate(free, axis=1)[:, None, :])]
     if effect.potential:
-        found += [under_torque(along, j, angle_hats(along.joint_angle[:, j])[0]) for j in effect.joints]
+        found += [under_torque(problem, along, j, angle_hats(along.joint_angle[:, j])[0]) for j in effect.joints]
     return np.concatenate(found, axis=2)
 
 

@@ -34,7 +34,7 @@ class ScanSettings:
     """Shapes tried between those of the grid: its peak is as narrow as the record is long."""
     reach: float = 0.75
     """How far on either side, in steps of the grid."""
-    block: int = 16
+    block: int = 32
     """Columns at a time, to stay within the cache."""
     amplitudes: int = 2
     """Leading amplitudes of an effect that a scan fits."""
@@ -83,19 +83,32 @@ def _between(effect: Effect, kept: list[Shape], problem: Problem, fit: Fit, alon
 
 def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along: Trajectory) -> Array:
     """(shapes,) fall of chi2 that the leading amplitudes promise, what is fitted already projected out."""
-    amplitudes = effect.amplitudes[: SCAN.amplitudes]
-    lower = np.array([0.0 if p.sign == "positive" else -np.inf for p in amplitudes])
-    gains: list[float] = []
-    for first in range(0, len(every), SCAN.block):
-        chosen = every[first : first + SCAN.block]
+    amplitudes, linear = effect.amplitudes[: SCAN.amplitudes], fit.linear
+    fitted, many = ColumnSpace.of(*linear.flat), len(amplitudes)
+    rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
+    onto_initial = rows @ linear.Q
+    positive = [p.sign == "positive" for p in amplitudes] == [True]
+    gains: list[Array] = []
+    for first in range(0, len(every), SCAN.block // many):
+        chosen = every[first : first + SCAN.block // many]
         params = np.array([_unit(effect, p.name, shape) for shape in chosen for p in amplitudes])
-        readings = along.readings(along.torques(effect.stage, problem.model.constants, params))
-        columns = fit.linear.projected(problem.whitened(readings))
-        together = ColumnSpace.of(np.concatenate([fit.linear.A, columns], axis=2), fit.linear.e)
-        beside = together.beside(slice(0, len(fit.free)), slice(len(fit.free), None))
-        own = (slice(i, i + len(amplitudes)) for i in range(0, len(params), len(amplitudes)))
-        gains += [beside.chosen(mine).gain(lower if len(amplitudes) == 1 else None) for mine in own]
-    return np.array(gains)
+        columns = along.answer(problem, along.torques(effect.stage, problem.model.constants, params))
+        products = rows @ columns
+        initial = products[:, -4:].copy()
+        products -= onto_initial @ initial  # as if the columns had been projected, which would cost a pass over them
+        *across, gradient = products[:, :-4].sum(axis=0).reshape(-1, len(chosen), many)
+        own = _within(columns, columns, many) - _within(initial, initial + products[:, -4:], many)
+        gains.append(fitted.gains_beside(np.array(across), own, gradient, positive))
+    return np.concatenate(gains)
+
+
+def _within(columns: Array, others: Array, many: int) -> Array:
+    """(shapes, many, many) products of columns (segments, rows, shapes * many) of a shape with others of the same."""
+    apart = [np.einsum("smk,smk->k", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(many)]
+    found = np.empty((columns.shape[2] // many, many, many))
+    for i, j in product(range(many), repeat=2):
+        found[:, i, j] = apart[abs(i - j)][min(i, j) :: many]
+    return found
 
 
 def _unit(effect: Effect, amplitude: str, shape: Shape) -> Array:

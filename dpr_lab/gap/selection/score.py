@@ -20,7 +20,7 @@ from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
-from dpr_lab.fitting.response import trajectory
+from dpr_lab.fitting.response import TRAJECTORY, trajectory
 from dpr_lab.gap.selection.scan import shapes
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ def score_test(problem: Problem, found: Fit, library: Iterable[Effect], recorded
         library: the effects to try
         recorded: what the recordings tell of shapes
     """
-    along = trajectory(problem, found.estimate).coarser
+    along = trajectory(problem, found.estimate, spacing=TRAJECTORY.coarse_s)
     candidates = [
         (effect, shape, effect_parameters(effect, overrides=shape))
         for effect in library
