@@ -1,8 +1,11 @@
 """Write docs/rig-file.md from the model of a rig file: `python docs/rig_file.py`."""
 
+import ast
 from collections.abc import Iterator
-from inspect import cleandoc
+from inspect import cleandoc, getsource
+from itertools import pairwise
 from pathlib import Path
+from textwrap import dedent
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -59,7 +62,8 @@ def section(name: str, field: FieldInfo) -> str:
     if name == "parameters":
         lines += [*(f"- `{key}`: {meaning}, {unit}" for key, (unit, meaning) in PARAMETER_UNITS.items()), ""]
     lines += ["| key | default | range | meaning |", "|---|---|---|---|"]
-    lines += [row(key, inner) for key, inner in model.model_fields.items()]
+    meanings = docstrings(model)
+    lines += [row(key, inner, meanings[key]) for key, inner in model.model_fields.items()]
     return "\n".join([*lines, *([f"\n{TAILS[name]}"] if name in TAILS else []), ""])
 
 
@@ -69,14 +73,23 @@ def as_prose(text: str | None) -> str:
     return kept
 
 
-def row(name: str, field: FieldInfo) -> str:
+def docstrings(model: type[BaseModel]) -> dict[str, str]:
+    """What the source says below each key of a table."""
+    (table,) = ast.parse(dedent(getsource(model))).body
+    assert isinstance(table, ast.ClassDef)
+    return {
+        key.target.id: said.value.value
+        for key, said in pairwise(table.body)
+        if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name)
+        if isinstance(said, ast.Expr) and isinstance(said.value, ast.Constant) and isinstance(said.value.value, str)
+    }
+
+
+def row(name: str, field: FieldInfo, meaning: str) -> str:
     """One key of a table."""
-    assert field.description, f"{name} has no docstring"
     default = "needed" if field.is_required() else "none" if field.default is None else f"`{shown(field.default)}`"
-    meaning = " ".join(field.description.split())
-    return (
-        f"| `{name}` | {default} | {'; '.join(dict.fromkeys(ranges(field.annotation, field.metadata)))} | {meaning} |"
-    )
+    may_be = "; ".join(dict.fromkeys(ranges(field.annotation, field.metadata)))
+    return f"| `{name}` | {default} | {may_be} | {' '.join(meaning.split())} |"
 
 
 def shown(value: Any) -> str:

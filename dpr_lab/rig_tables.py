@@ -29,7 +29,7 @@ Angle = Annotated[float, Field(ge=-100, le=100, strict=True)]
 class RigTable(BaseModel):
     """A table of a TOML file: unknown keys are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 class Parameter(RigTable):

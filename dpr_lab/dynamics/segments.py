@@ -50,6 +50,8 @@ class Segments:
         N m, then acceleration and squared speed of an arm that moves as prescribed, rad and s; zero in free swings.
         """
         found = np.zeros((len(self.t), 4))
+        if all(setup.free for setup in self.setups):
+            return found
         for s, setup in enumerate(self.setups[run] for run in self.run):
             mine = slice(*self.offsets[s : s + 2])
             if setup.torques is not None:
@@ -102,7 +104,13 @@ def segments(
     indices = np.zeros(len(arrays), dtype=np.int64) if run is None else np.array(run, dtype=np.int64)
     if not arrays or indices.shape != (len(arrays),):
         raise ValueError(f"there must be at least one segment, and one run index for each: {len(arrays)} segments")
-    if not all(t.ndim == 1 and len(t) and np.isfinite(t).all() and (np.diff(t) > 0).all() for t in arrays):
+    offsets = np.cumsum([0, *(t.size for t in arrays)])
+    if any(t.ndim != 1 for t in arrays) or not (np.diff(offsets) > 0).all():
+        raise ValueError("each segment needs finite, strictly increasing instants")
+    instants = np.concatenate(arrays)
+    later = instants[1:] > instants[:-1]
+    later[offsets[1:-1] - 1] = True
+    if not (np.isfinite(instants).all() and later.all()):
         raise ValueError("each segment needs finite, strictly increasing instants")
     firsts = np.array([t[0] for t in arrays])
     if (np.diff(indices) < 0).any() or (np.diff(firsts)[np.diff(indices) == 0] <= 0).any():
@@ -112,8 +120,7 @@ def segments(
         raise ValueError(f"a step must be positive, not {steps.min()}")
     runs = int(indices[-1]) + 1
     known = (*setups, *[BOTH] * (runs - len(setups)))
-    offsets = np.cumsum([0, *(len(t) for t in arrays)])
-    return Segments(np.concatenate(arrays), offsets, indices, known, steps)
+    return Segments(instants, offsets, indices, known, steps)
 
 
 def initial_states(states: ArrayLike, segments: Segments) -> NDArray[np.float64]:

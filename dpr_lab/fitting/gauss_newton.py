@@ -100,6 +100,7 @@ def fit(
     *,
     iterations: int = 12,
     first: Linearisation | None = None,
+    predicted: Array | None = None,
     settings: GaussNewton = SETTINGS,
 ) -> Fit:
     """Fit the free parameters and all initial states.
@@ -110,10 +111,11 @@ def fit(
         free: the unknowns besides the initial states
         iterations: at most
         first: the problem linearised at `start` where that is known already
+        predicted: the readings at `start`, (samples, 2), where only those are known
         settings: when to stop
     """
     free = problem.all_free(free)
-    end = descend(problem, start, free, iterations=iterations, first=first, settings=settings)
+    end = descend(problem, start, free, iterations=iterations, first=first, predicted=predicted, settings=settings)
     linear = end.linear
     if end.predicted is not None:
         same = linear.carried(problem, end.predicted) if end.converged else None
@@ -128,11 +130,12 @@ def descend(
     *,
     iterations: int,
     first: Linearisation | None = None,
+    predicted: Array | None = None,
     settings: GaussNewton = SETTINGS,
 ) -> Descent:
     """The iteration of `fit` alone, for where it leads: arguments as there."""
-    at, free, predicted = problem.begun(start), problem.all_free(free), None
-    linear = first or linearise(problem, at, free)
+    at, free = problem.begun(start), problem.all_free(free)
+    linear, predicted = first or linearise(problem, at, free, predicted), None
     chi2, damping, done = linear.chi2, settings.least_damping, 0
     converged, straight, kept = False, False, False
     while done < iterations and not converged:

@@ -67,7 +67,7 @@ class Linearisation:
     @property
     def flat(self) -> tuple[Array, Array]:
         """(rows, free) A and (rows,) e of all segments."""
-        return self.A.reshape(-1, self.A.shape[2]), self.e.ravel()
+        return self.A.reshape(self.e.size, self.A.shape[2]), self.e.ravel()
 
     def projected(self, columns: Array) -> Array:
         """(segments, m, k) whitened columns without their part along the initial states."""

@@ -36,7 +36,7 @@ class ColumnSpace:
     @classmethod
     def of(cls, A: Array, e: Array) -> "ColumnSpace":
         """From columns (..., k) and a residual (...)."""
-        flat = A.reshape(-1, A.shape[-1])
+        flat = A.reshape(e.size, A.shape[-1])
         H = flat.T @ flat
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
         return cls(scale, H * scale[:, None] * scale, (flat.T @ e.ravel()) * scale)
@@ -66,7 +66,7 @@ class ColumnSpace:
         """
         scale = 1 / np.maximum(np.sqrt(np.diagonal(own, axis1=1, axis2=2)), TINY)
         across = across * self.scale[:, None, None] * scale
-        flat = across.reshape(len(self), -1)
+        flat = across.reshape(len(self), scale.size)
         out = np.linalg.solve(_ridged(self.H), np.column_stack([flat, self.gradient]))
         taken = np.einsum("ksi,ksj->sij", across, out[:, :-1].reshape(across.shape))
         H = own * scale[:, :, None] * scale[:, None] - taken + RIDGE * np.eye(own.shape[1])

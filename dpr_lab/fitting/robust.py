@@ -35,7 +35,7 @@ def without_outstanding(problem: Problem, found: Fit, *, iterations: int = 12, o
     lighter = 1 / np.sqrt(np.maximum(worst, 1.0))
     eased = problem.weighted(lighter[problem.owner, None])
     there = descend(eased, found.estimate, found.free, iterations=iterations)
-    again = fit(problem, there.estimate, found.free, iterations=iterations)
+    again = fit(problem, there.estimate, found.free, iterations=iterations, predicted=there.predicted)
     return min(found, again, key=lambda one: one.chi2)
 
 

@@ -5,7 +5,7 @@ of 100 % stays below one standard deviation of all rows is free.
 """
 
 from collections.abc import Iterator, Mapping
-from itertools import chain, combinations
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,10 @@ _SCALED = np.array([name[0] in "mcJ" for name in PARAMETERS], dtype=np.float64)
 
 
 def _decompose(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Singular values, one for each column, and the (n, n) right singular vectors as rows."""
+    """(..., n) singular values of rows (..., m, n), one for each column, and the (..., n, n) right singular vectors."""
     _, s, Vt = np.linalg.svd(rows)
-    return np.pad(s, (0, len(Vt) - len(s))), Vt
+    missing = np.zeros((*s.shape[:-1], Vt.shape[-1] - s.shape[-1]))
+    return np.concatenate([s, missing], axis=-1), Vt
 
 
 def free_directions(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -59,10 +60,10 @@ def _simple_directions(free: NDArray[np.float64]) -> Iterator[NDArray[np.float64
     scale = _SCALED / np.linalg.norm(_SCALED)
     if np.linalg.norm(scale - free @ (free.T @ scale)) < UNREACHED:
         yield scale
-    for columns in chain.from_iterable(combinations(range(len(free)), count) for count in range(1, len(free))):
-        s, Vt = _decompose(np.delete(free, columns, axis=0))
-        if np.sum(s < 1e-6) == 1:
-            yield free @ Vt[-1]
+    for count in range(len(free) - 1, 0, -1) if free.size else ():
+        still = list(combinations(range(len(free)), count))[::-1]
+        s, Vt = _decompose(free[np.array(still)])
+        yield from Vt[np.sum(s < 1e-6, axis=1) == 1, -1] @ free.T
     yield from free.T
 
 

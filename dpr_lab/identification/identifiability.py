@@ -170,7 +170,7 @@ def identifiability(
         null_space=tuple(simple_basis(free_directions(known))),
         parameters=_parameters(known, bounds, rig, Z),
         helps=_helps(data, bounds, rig, Z),
-        advice=_ranked(answers, known, bounds),
+        advice=tuple(sorted(_advice(answers, known, bounds).values(), key=_worth, reverse=True)),
         sequence=_sequence(answers, known, bounds),
         length_error=_length_error(rig, Z) if lengths and rig.poses else None,
     )
@@ -238,20 +238,18 @@ def _helps(
 
 
 def _advice(
-    instrument: Instrument, answer: NDArray[np.float64], known: NDArray[np.float64], bounds: NDArray[np.float64]
-) -> Advice:
-    more = np.vstack([known, answer])
-    freed = np.isinf(spread(known)) & ~np.isinf(spread(more))
-    gain = np.sum(np.log2(_bounded_spread(known, bounds) / _bounded_spread(more, bounds)))
-    frees = tuple(name for name, is_freed in zip(PARAMETERS, freed, strict=True) if is_freed)
-    return Advice(instrument.name, instrument.how, frees, float(gain))
-
-
-def _ranked(
     answers: Mapping[Instrument, NDArray[np.float64]], known: NDArray[np.float64], bounds: NDArray[np.float64]
-) -> tuple[Advice, ...]:
-    every = [_advice(instrument, answer, known, bounds) for instrument, answer in answers.items()]
-    return tuple(sorted(every, key=_worth, reverse=True))
+) -> dict[Instrument, Advice]:
+    """What each instrument would add to what is known."""
+    loose, before = np.isinf(spread(known)), _bounded_spread(known, bounds)
+    found = {}
+    for instrument, answer in answers.items():
+        more = np.vstack([known, answer])
+        freed = loose & ~np.isinf(spread(more)) if loose.any() else loose
+        gain = np.sum(np.log2(before / _bounded_spread(more, bounds)))
+        frees = tuple(name for name, is_freed in zip(PARAMETERS, freed, strict=True) if is_freed)
+        found[instrument] = Advice(instrument.name, instrument.how, frees, float(gain))
+    return found
 
 
 def _worth(advice: Advice) -> tuple[int, float]:
@@ -263,7 +261,7 @@ def _sequence(
 ) -> tuple[Advice, ...]:
     left, taken = dict(answers), []
     while left and np.isinf(spread(known)).any():
-        advice = {instrument: _advice(instrument, answer, known, bounds) for instrument, answer in left.items()}
+        advice = _advice(left, known, bounds)
         best = max(advice, key=lambda instrument: _worth(advice[instrument]))
         if advice[best].gain_bits < SETTINGS.worthwhile_bits:
             break

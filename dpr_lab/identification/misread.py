@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 class MisreadSettings:
     """When a reading is doubted."""
 
-    looked_at_s: float = 10.0
+    looked_at_s: float = 5.0
     """Of each run; a wrong reading is wrong from the start."""
     suspicious: float = 0.02
     """Residual over the spread of the angle. Rods alone reach 2e-4 on a clean plant, 0.002 and 0.065 on rigs with much

@@ -30,6 +30,8 @@ class ObjectiveSettings:
     """Runge-Kutta step and sample spacing of the published search, s; none finer is needed to find the basin."""
     segment_s: float = 0.25
     """Length of a segment: too short for chaos to decide which candidate follows it."""
+    segments: int = 10
+    """Of a run, at most, spread over all of it: the basin is seen in these, and the local solver takes every one."""
 
 
 SETTINGS = ObjectiveSettings()
@@ -63,6 +65,7 @@ def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
         kept = _thinned(item.run.t)
         edges = np.searchsorted(kept, [stretch.start for stretch in partition(item.run, SETTINGS.segment_s)])
         groups = [group for group in np.split(kept, edges[1:]) if len(group) > 1]
+        groups = groups[:: -(-len(groups) // SETTINGS.segments)]
         swings = segments([item.run.t[group] for group in groups], step=SETTINGS.step)
         initial = item.states[[group[0] for group in groups]]
         targets = item.run.theta[np.concatenate(groups), 1:]

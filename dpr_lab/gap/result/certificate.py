@@ -45,7 +45,7 @@ TOLERANCES = Tolerances()
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 class CertifiedFile(_Part):

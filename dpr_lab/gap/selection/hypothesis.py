@@ -82,7 +82,7 @@ def begun_with(problem: Problem, before: Hypothesis, test: ScoreTest, item: Scor
     if not iterations:
         return first
     free = free_parameters(first.estimate, (*before.effects, item.effect.name), problem)
-    return descend(problem, first.estimate, free, iterations=iterations)
+    return descend(problem, first.estimate, free, iterations=iterations, predicted=first.predicted)
 
 
 def refit_with(
@@ -94,9 +94,10 @@ def refit_with(
     begun: Descent | None = None,
 ) -> Hypothesis:
     """Fit one effect more, from where its score puts it or from where a glimpse led."""
-    at = (begun or begun_with(problem, before, test, item)).estimate
-    effects = (*before.effects, item.effect.name)
-    return hypothesis(problem, effects, fit(problem, at, free_parameters(at, effects, problem), iterations=iterations))
+    begun = begun or begun_with(problem, before, test, item)
+    at, effects = begun.estimate, (*before.effects, item.effect.name)
+    free = free_parameters(at, effects, problem)
+    return hypothesis(problem, effects, fit(problem, at, free, iterations=iterations, predicted=begun.predicted))
 
 
 def refit_with_from_short(

@@ -96,9 +96,9 @@ def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along
         products = rows @ columns
         initial = products[:, -4:].copy()
         products -= onto_initial @ initial  # as if the columns had been projected, which would cost a pass over them
-        *across, gradient = products[:, :-4].sum(axis=0).reshape(-1, len(chosen), many)
+        across = products[:, :-4].sum(axis=0).reshape(-1, len(chosen), many)
         own = _within(columns, columns, many) - _within(initial, initial + products[:, -4:], many)
-        gains.append(fitted.gains_beside(np.array(across), own, gradient, positive))
+        gains.append(fitted.gains_beside(across[:-1], own, across[-1], positive))
     return np.concatenate(gains)
 
 
