@@ -113,7 +113,8 @@ def _followed(
         params = np.stack([effects_of_run(every[:, i], setup) for i, setup in enumerate(segments.setups)], axis=1)
     held = _shaped(np.asarray(np.nan if internal is None else internal), (n, count, len(INTERNAL)), "internal")
     wholes = _shaped(bases, (n, min(bases.shape[-1], len(WHOLE))), "bases")
-    by_run = np.stack([base_of_run(wholes, setup, constants.L1, constants.g) for setup in segments.setups], axis=1)
+    bases_of = {setup: base_of_run(wholes, setup, constants.L1, constants.g) for setup in set(segments.setups)}
+    by_run = np.stack([bases_of[setup] for setup in segments.setups], axis=1)
     begins = segments.turning_as_one(_shaped(initial, (n, count, 4), "initial"))
     asked = Candidates(by_run, params, begins, held)
     active = active_effects(params)

@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.dynamics.equation import coupled, solved
 from dpr_lab.dynamics.rollout import GUARD, turned
-from dpr_lab.dynamics.schedule import MAX_STEP, sample_steps
+from dpr_lab.dynamics.schedule import sample_steps
 from dpr_lab.dynamics.segments import Segments, initial_states
-from dpr_lab.dynamics.segments import segments as cut
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import njit, subroutine
 
@@ -32,28 +31,6 @@ two more to fill vector registers."""
 # Rows of the workspace, each `WIDTH` numbers: S, S at the stage, the sum of dk, and f_p for the two accelerations.
 S, AT, TOTAL, F_P = (row * WIDTH for row in (0, 4, 8, 12))
 ROWS = 14 * WIDTH
-
-
-def swing_sensitivity(
-    ratios: ArrayLike, L1: float, g: float, state: ArrayLike, t: ArrayLike, max_step: float = MAX_STEP
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """One swing and its derivative.
-
-    Args:
-        ratios: (5,) a/b, d/b, e1/b, c1/b, c2/b
-        L1: length of the inner rod, m
-        g: gravity, m/s^2
-        state: (4,) theta1, theta2, omega1, omega2 at t[0], rad and rad/s
-        t: (n,) increasing instants, s
-        max_step: longest Runge-Kutta step, s
-
-    Returns:
-        (n, 4) states and (n, 4, 9) their derivatives; not finite from where the swing is not
-
-    Raises:
-        ValueError: shapes that do not fit, or instants that do not increase.
-    """
-    return sensitivities(ratios, L1, g, cut([t], step=max_step), np.atleast_2d(np.asarray(state, dtype=np.float64)))
 
 
 def sensitivities(

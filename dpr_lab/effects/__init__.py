@@ -95,6 +95,8 @@ _AMPLITUDES = {
     for effect in EFFECTS.values()
 }
 
+_EVENTS = tuple(name for name, effect in EFFECTS.items() if effect.event)
+
 _DEFAULTS = np.array([parameter.default for effect in EFFECTS.values() for parameter in effect.parameters])
 
 
@@ -141,6 +143,13 @@ def without_effect(params: NDArray[np.float64], effect: str) -> NDArray[np.float
     """The flat vector with one effect as it is where nobody names it."""
     params = params.copy()
     params[SLICES[effect]] = _DEFAULTS[SLICES[effect]]
+    return params
+
+
+def without_events(params: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The flat vector without what happened once, in one run."""
+    for name in _EVENTS:
+        params = without_effect(params, name)
     return params
 
 

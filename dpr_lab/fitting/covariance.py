@@ -43,4 +43,4 @@ def shifted(fit: Fit, change: Array) -> Array:
 
 
 def _shift(inner: Array, A: Array, change: Array) -> Array:
-    return inner @ (A.reshape(-1, A.shape[2]).T @ change.ravel())
+    return inner @ (A.reshape(change.size, A.shape[2]).T @ change.ravel())

@@ -5,7 +5,8 @@
 Each step solves the projected normal equations of `dpr_lab.fitting.linearise`; the initial states follow. A step that
 does not lower the cost is shortened, and a segment that alone gets worse takes less of its own share: one swing that
 passes near the upright would otherwise hold back all others. Where no length helps, damping grows; a step that promises
-no more than what ends the iteration is tried once.
+no more than what ends the iteration is tried once. Where a step falls as its slopes promised, they are kept for the
+next.
 
 A fit without free parameters moves initial states alone, as for a run that is held out.
 """
@@ -33,7 +34,9 @@ class GaussNewton:
     straight: float = 0.1
     """Relative difference of a step's fall from what it promised up to which its slopes are kept for the next one."""
     settled: float = 3e-6
-    """Relative fall that ends the iteration where slopes were kept: what then is left falls step by step alike."""
+    """Relative fall that ends the iteration where slopes were kept, if less: what then is left falls step by step."""
+    grown: float = 0.2
+    """Relative change of an amplitude from which the slopes of its effect's shape are made anew at the end."""
     tries: int = 6
     """Lengths of a step before it counts as failed: of 1817 steps of 15 diagnoses three were found beyond."""
     shorter: float = 0.3
@@ -85,10 +88,12 @@ class Descent:
 
     estimate: Estimate
     predicted: Array | None
-    """(samples, 2) the readings there; none where no step was taken."""
+    """(samples, 2) the readings there; none where the last step failed, or none was taken."""
     chi2: float
     linear: Linearisation
-    """Of the last step, or where the iteration ended if that is no step further."""
+    """By which the last step was made."""
+    sloped: Estimate
+    """Where its slopes were made."""
     converged: bool
     iterations: int
 
@@ -116,11 +121,18 @@ def fit(
     """
     free = problem.all_free(free)
     end = descend(problem, start, free, iterations=iterations, first=first, predicted=predicted, settings=settings)
-    linear = end.linear
-    if end.predicted is not None:
-        same = linear.carried(problem, end.predicted) if end.converged else None
+    linear, alike = end.linear, end.converged and not _grown(end.sloped, end.estimate, free, settings)
+    if end.predicted is not None or not (alike or end.sloped is end.estimate):
+        same = linear.carried(problem, end.predicted) if alike and end.predicted is not None else None
         linear = same or linearise(problem, end.estimate, free, end.predicted)
     return Fit(end.estimate, free, linear, end.converged, end.iterations)
+
+
+def _grown(before: Estimate, after: Estimate, free: Sequence[FreeParameter], settings: GaussNewton) -> bool:
+    """Whether an amplitude has changed so far that the slopes of its shape, in proportion to it, have too."""
+    shaped = {parameter.effect for parameter in free if not parameter.amplitude}
+    pairs = [(p.read(before), p.read(after)) for p in free if p.amplitude and p.effect in shaped]
+    return any(abs(new - old) > settings.grown * abs(old) for old, new in pairs)
 
 
 def descend(
@@ -134,21 +146,24 @@ def descend(
     settings: GaussNewton = SETTINGS,
 ) -> Descent:
     """The iteration of `fit` alone, for where it leads: arguments as there."""
-    at, free = problem.begun(start), problem.all_free(free)
-    linear, predicted = first or linearise(problem, at, free, predicted), None
+    at, free, read = problem.begun(start), problem.all_free(free), predicted
+    linear, sloped, predicted = first or linearise(problem, at, free, read), at, None
     chi2, damping, done = linear.chi2, settings.least_damping, 0
-    converged, straight, kept = False, False, False
+    converged, straight = False, False
     while done < iterations and not converged:
         done += 1
         if predicted is not None:
             same = linear.carried(problem, predicted) if straight else None
-            linear, kept, predicted = same or linearise(problem, at, free, predicted), same is not None, None
+            linear, sloped = (same, sloped) if same else (linearise(problem, at, free, predicted), at)
+            read, predicted = predicted, None
+        kept = sloped is not at
         step = _step(linear, at, free, damping)
-        promise, enough = chi2 - linear.left(step), (settings.settled if kept else settings.converged) * chi2
-        promising = not promise <= enough
+        promise = chi2 - linear.left(step)
+        enough = (min(settings.settled, settings.converged) if kept else settings.converged) * chi2
+        promising = not (np.isfinite(chi2) and promise <= enough)
         found = _search(problem, at, free, step, linear, settings, settings.tries if promising else 1)
         if found is None and kept and promising:
-            linear, kept = linearise(problem, at, free), False
+            linear, sloped = linearise(problem, at, free, read), at
             continue
         if found is None:
             damping *= settings.damping_raised
@@ -159,7 +174,7 @@ def descend(
         straight = abs(chi2 - after - promise) <= settings.straight * promise
         chi2 = after
         damping = max(damping * settings.damping_fallen, settings.least_damping)
-    return Descent(at, predicted, chi2, linear, converged, done)
+    return Descent(at, predicted, chi2, linear, sloped, converged, done)
 
 
 def _step(linear: Linearisation, at: Estimate, free: tuple[FreeParameter, ...], damping: float) -> Array:

@@ -64,7 +64,8 @@ class ColumnSpace:
             gradient: (sets, n) products with the residual
             positive: whether the x of sets of one column may not be negative
         """
-        scale = 1 / np.maximum(np.sqrt(np.diagonal(own, axis1=1, axis2=2)), TINY)
+        norm = np.sqrt(np.maximum(np.diagonal(own, axis1=1, axis2=2), 0.0))  # a difference: rounding may leave less
+        scale = 1 / np.maximum(norm, TINY)
         across = across * self.scale[:, None, None] * scale
         flat = across.reshape(len(self), scale.size)
         out = np.linalg.solve(_ridged(self.H), np.column_stack([flat, self.gradient]))

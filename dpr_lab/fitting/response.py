@@ -165,7 +165,7 @@ def trajectory(
         theta=states[:, :2],
         omega=states[:, 2:],
         alpha=alpha,
-        drive=laid_out.pushes,
+        drive=pushes[:, :2],
         bases=bases,
         setups=setups,
         into=np.asarray(np.linalg.solve(phi, torque_only), dtype=np.float64),

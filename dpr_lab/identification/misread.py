@@ -81,7 +81,7 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     Raises:
         IdentificationError: they cannot; with the likely cause, which was tried.
     """
-    looked_at = [run.between(-np.inf, SETTINGS.looked_at_s) for run in runs]
+    looked_at = [run.between(-np.inf, np.max(run.t[:1], initial=0.0) + SETTINGS.looked_at_s) for run in runs]
     found = _fit(looked_at, rig)
     possible = found is not None and not impossible(found.ratios, rig)
     if found is not None and possible and _residual(found, looked_at) < SETTINGS.suspicious:

@@ -1,7 +1,7 @@
 """What the search minimises: the error of a candidate's simulated swings against the runs.
 
-`segments` starts every 0.25 s from the smoothed state, so that chaos cannot make the landscape noise. `paper` is
-equation (2) of docs/theory.md: one free run over the whole record, angles and speeds.
+`segments` starts from the smoothed state at most ten times a run, for 0.25 s each, so that chaos cannot make the
+landscape noise. `paper` is equation (2) of docs/theory.md: one free run over the whole record, angles and speeds.
 """
 
 from collections.abc import Callable, Sequence

@@ -5,7 +5,7 @@ from scipy.integrate import solve_ivp
 from dpr_lab.dynamics.base import base_from_ratios, base_parameters, ratios
 from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.dynamics.segments import segments
-from dpr_lab.dynamics.sensitivity import sensitivities, swing_sensitivity, swings
+from dpr_lab.dynamics.sensitivity import sensitivities, swings
 from dpr_lab.dynamics.simulate import simulate
 
 Z = np.array([0.21, 0.19, 0.11, 0.09, 0.2, 0.0011, 0.0009, 0.0014, 0.0012])
@@ -13,6 +13,10 @@ L1, G = 0.4, 9.81
 RATIOS = ratios(base_parameters(Z, L1, G))
 START = np.array([0.1, 3.0, 0.5, -2.0])
 T = np.concatenate([[0.0], np.sort(np.random.default_rng(2).uniform(0, 0.8, 25))])
+
+
+def swing_sensitivity(values, L1, g, state, t, max_step=MAX_STEP):
+    return sensitivities(values, L1, g, segments([t], step=max_step), np.atleast_2d(np.asarray(state, dtype=float)))
 
 
 def complex_rk4(values, t, max_step):

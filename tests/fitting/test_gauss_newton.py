@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.effects import EFFECTS, param_index
 from dpr_lab.fitting.estimate import effect_parameters
-from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.gauss_newton import GaussNewton, fit
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.projection import ColumnSpace, bounded_solution
 from dpr_lab.gap.selection.cross_validation import folds, left_out_chi2, predictive_loss
@@ -59,6 +59,52 @@ def test_columns_explain_beside_others_what_a_joint_solution_says(rng):
     nearest = A[:, own] @ np.linalg.lstsq(A[:, own], A[:, 0], rcond=None)[0]
     expected = np.linalg.norm(nearest) / np.linalg.norm(A[:, 0])
     assert space.cosine(np.ones(1), [0], own) == pytest.approx(expected)
+
+
+def test_many_small_sets_gain_what_each_gains_alone(rng):
+    held, sets, e = rng.normal(size=(40, 3)) * [1e-3, 1.0, 1e4], rng.normal(size=(5, 40, 2)), rng.normal(size=40)
+    sets[4, :, 1] = held[:, 0] + 1e-6 * sets[4, :, 1]  # nearly what is fitted already
+    space, across = ColumnSpace.of(held, e), np.einsum("rk,srn->ksn", held, sets)
+    own, gradient = np.einsum("sri,srj->sij", sets, sets), np.einsum("srn,r->sn", sets, e)
+    found = space.gains_beside(across, own, gradient, positive=False)
+    left = [np.linalg.lstsq(A, e, rcond=None)[1][0] for A in (held, *(np.column_stack([held, own]) for own in sets))]
+    assert found == pytest.approx(left[0] - np.array(left[1:]), rel=1e-3)
+    single = np.ix_(range(5), [0], [0])
+    found = space.gains_beside(across[:, :, :1], own[single], gradient[:, :1], positive=True)
+    alone = [ColumnSpace.of(np.column_stack([held, one[:, :1]]), e) for one in sets]
+    wrong = np.array([item.beside([0, 1, 2], [3]).solution()[0] < 0 for item in alone])
+    assert wrong.any()
+    assert (found[wrong] == 0).all()
+    assert found[~wrong] == pytest.approx([alone[i].gain() - space.gain() for i in np.flatnonzero(~wrong)])
+
+
+class Counting:
+    """An output model that counts how often its slopes are asked for."""
+
+    def __init__(self, model):
+        self.model, self.constants, self.asked = model, model.constants, 0
+
+    def predict(self, segments, at):
+        return self.model.predict(segments, at)
+
+    def slopes(self, segments, at, free):
+        self.asked += 1
+        return self.model.slopes(segments, at, free)
+
+
+def test_slopes_are_kept_while_steps_fall_as_promised_and_the_fit_ends_where_it_would(clean):
+    problem, base = clean
+    model = Counting(problem.model)
+    start = replace(base.fit.estimate, ratios=base.fit.estimate.ratios * 1.002)
+    free = free_parameters(start, (), problem)
+    found = fit(replace(problem, model=model), start, free)
+    exact = fit(problem, start, free, iterations=30, settings=GaussNewton(straight=-1.0, converged=1e-9))
+    A, _ = found.linear.flat
+    std = np.sqrt(np.diag(np.linalg.inv(A.T @ A)))
+    assert found.converged
+    assert model.asked < found.iterations
+    assert np.abs(found.values - exact.values).max() < np.abs(start.ratios[:5] - exact.values).max()
+    assert (np.abs(found.values - exact.values) < 0.05 * std).all()
 
 
 def test_eliminating_initial_states_changes_no_step(clean):

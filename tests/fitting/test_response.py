@@ -36,3 +36,10 @@ def test_the_scan_finds_the_arms_frequency_between_the_points_of_its_grid(record
     along = trajectory(problem, base.fit.estimate)
     found = shapes(EFFECTS["arm_compliance"], problem, base.fit, along, Recorded((None,), lambda: []))
     assert dict(found[0])[param_index("arm_compliance", "frequency_hz")] == pytest.approx(7.2, rel=0.1)
+
+
+def test_a_scan_does_not_lose_the_order_that_is_nearly_gravity(recorded, bare):
+    problem, base = bare(recorded({"com_offset_link1": {"offset_m": 2e-3}}))
+    along = trajectory(problem, base.fit.estimate)
+    found = shapes(EFFECTS["detent_joint1"], problem, base.fit, along, Recorded((None,), lambda: []))
+    assert dict(found[0])[param_index("detent_joint1", "order")] == 1.0

@@ -1,5 +1,6 @@
 """Which candidates and segments go through the lanes together."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -46,13 +47,13 @@ def tracks_of(
     kinds = {row: i for i, row in enumerate(dict.fromkeys(rows))}
     kind = np.array([kinds[row] for row in rows]).reshape(n, runs)
     alone = np.arange(len(run))
-    parts = [_parts(~chained, kind, run, alone, alone + 1), _parts(chained, kind, run, chains[:-1], chains[1:])]
+    parts = [] if chained.all() else [_parts(~chained, kind, run, alone, alone + 1)]
+    parts += [_parts(chained, kind, run, chains[:-1], chains[1:])] if chained.any() else []
     group, candidate, first, last = np.concatenate(parts, axis=1)
     order = np.argsort(group, kind="stable")
     group = group[order]
-    begins = np.flatnonzero(np.diff(group, prepend=-1))
-    ends = np.append(begins[1:], len(group))
-    edges = np.concatenate([*(np.arange(i, j, LANES) for i, j in zip(begins, ends, strict=True)), [len(group)]])
+    begins = [0, *(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
+    edges = np.array([*(i for ends in pairwise(begins) for i in range(*ends, LANES)), len(group)])
     on = np.array([np.frombuffer(row, dtype=np.bool_) for row in kinds])[group[edges[:-1]]]
     return Tracks(candidate[order], first[order], last[order], edges, on, acting(on))
 

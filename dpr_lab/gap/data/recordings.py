@@ -73,8 +73,9 @@ class Recordings:
 
     def cut(self, length: float) -> tuple[Problem, Array]:
         """Segments of about a length, s, and (segments, 4) initial states guessed from the readings."""
-        stretches = [(i, s) for i, item in enumerate(self.records) for s in cut(item.t, length, item.breaks)]
         records = self.records
+        cuts = [cut(item.t, length, item.breaks) for item in records]
+        stretches = [(i, s) for i, own in enumerate(cuts) for s in own]
         problem = Problem(
             segments=segments(
                 [records[i].t[s] for i, s in stretches],
@@ -91,7 +92,9 @@ class Recordings:
             noise_correlation=float(np.mean([item.noise_correlation for item in records])),
         )
         relative2 = self.rig.encoders.joint2 == "relative"
-        initial = np.array([_initial_state(records[i], s, relative2) for i, s in stretches])
+        initial = np.concatenate(
+            [_initial_states(item, own, relative2) for item, own in zip(records, cuts, strict=True)]
+        )
         if self.ratios is not None:
             at = Estimate(self.ratios, effect_params({}), initial)
             problem = replace(problem, disturbance=disturbance(problem, at))
@@ -112,24 +115,39 @@ class Recordings:
         return replace(self, records=tuple(chosen))
 
 
-def _initial_state(item: Record, stretch: slice, relative2: bool, guess: InitialGuess = GUESS) -> Array:
-    """(4,) state where the segment of a stretch starts, by a cubic through the readings; at the release, at rest.
+def _initial_states(item: Record, stretches: Sequence[slice], relative2: bool, guess: InitialGuess = GUESS) -> Array:
+    """(stretches, 4) states where the segments of stretches start, by cubics through the readings; at rest if released.
 
     Returns:
         theta1, theta2, omega1, omega2, rad and rad/s
     """
-    first_read = float(item.t[stretch.start])
-    at = segment_start(first_read)
-    if at == 0.0 and len(item.run.rest):
-        return np.append(item.run.rest[:, 1:].mean(axis=0), [0.0, 0.0])
-    first, last = np.searchsorted(item.t, _between(item.breaks, first_read))
-    near = np.arange(first, last)[np.abs(item.t[first:last] - at) < guess.near_s]
-    if len(near) < guess.fewest:
-        near = np.arange(max(first, stretch.start - guess.before), min(last, stretch.start + guess.fewest))
-    powers = np.vander(item.t[near] - at, 4, increasing=True)
-    value, slope = np.linalg.lstsq(powers, item.joints[near], rcond=None)[0][:2]
-    turn = np.array([0.0, float(relative2)])
-    return np.concatenate([value + turn * value[0], slope + turn * slope[0]])
+    begins = np.array([segment_start(float(item.t[s.start])) for s in stretches])
+    near = [_near(item, s.start, at, guess) for s, at in zip(stretches, begins, strict=True)]
+    found = np.empty((len(stretches), 4))
+    sizes = np.array([len(window) for window in near])
+    for size in np.unique(sizes):
+        alike = np.flatnonzero(sizes == size)
+        windows = np.array([near[i] for i in alike])
+        since = item.t[windows] - begins[alike, None]
+        reach = np.abs(since).max(axis=1)
+        powers = (since / reach[:, None])[:, :, None] ** np.arange(4)
+        across = powers.transpose(0, 2, 1)
+        cubic = np.linalg.solve(across @ powers, across @ item.joints[windows])
+        found[alike, :2], found[alike, 2:] = cubic[:, 0], cubic[:, 1] / reach[:, None]
+    found[:, [1, 3]] += float(relative2) * found[:, [0, 2]]
+    if len(item.run.rest):
+        found[begins == 0.0] = np.append(item.run.rest[:, 1:].mean(axis=0), [0.0, 0.0])
+    return found
+
+
+def _near(item: Record, start: int, at: float, guess: InitialGuess) -> NDArray[np.int64]:
+    """Readings about an instant, on its side of breaks; or those about the first of its segment where they are few."""
+    first, last = np.searchsorted(item.t, _between(item.breaks, float(item.t[start]))).tolist()
+    i = max(first, int(np.searchsorted(item.t, at - guess.near_s, side="right")))
+    j = min(last, int(np.searchsorted(item.t, at + guess.near_s)))
+    if j - i < guess.fewest:
+        i, j = max(first, start - guess.before), min(last, start + guess.fewest)
+    return np.arange(i, j)
 
 
 def _between(breaks: Array, t: float) -> tuple[float, float]:

@@ -90,19 +90,17 @@ class FreeSwings:
 def free_swings(runs: FreeRuns, at: Hypothesis) -> FreeSwings:
     """How free runs of a model answer to all that is unsure."""
     free, problem = at.fit.free, runs.problem
-    slopes = np.zeros((len(problem.t), 2, len(free) + 4))  # a zero of these very runs was fitted with their starts
+    slopes = np.zeros((len(problem.t), 2, len(free) + 4))  # zeros of these very runs count as known
     moves = [i for i, parameter in enumerate(free) if parameter.effect != ZERO]
     slopes[:, :, [*moves, *range(len(free), len(free) + 4)]] = problem.slopes(runs.begun, [free[i] for i in moves])
     slopes, t = np.nan_to_num(slopes), problem.t
-    parts = [
-        (t[own] - t[own.start], problem.measured[own], problem.weight[own], runs.predicted[own]) for own in runs.rows
-    ]
-    by_values, by_start = slopes[:, :, :-4], slopes[:, :, -4:]
+    parts = (t, problem.measured, problem.weight, runs.predicted, slopes[:, :, :-4], slopes[:, :, -4:])
+    each = ((t[own.start], [values[own] for values in parts]) for own in runs.rows)
     return FreeSwings(
         runs,
         tuple(
-            FreeSwing(item, *of_run, by_values[own], by_start[own])
-            for item, of_run, own in zip(runs.items, parts, runs.rows, strict=True)
+            FreeSwing(item, since - first, *of_run)
+            for item, (first, (since, *of_run)) in zip(runs.items, each, strict=True)
         ),
     )
 

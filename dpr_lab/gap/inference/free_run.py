@@ -7,9 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.effects import without_events
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.fitting.gauss_newton import descend, fit
+from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.record import Record
 from dpr_lab.gap.data.recordings import LENGTHS, Recordings
@@ -62,31 +63,35 @@ class FreeRuns:
         return dict(zip((item.run.name for item in self.items), rms, strict=True))
 
 
-def free_runs(recordings: Recordings, at: Estimate, settings: FreeRunSettings = FREE_RUN) -> FreeRuns:
+def free_runs(recordings: Recordings, at: Estimate) -> FreeRuns:
     """Let a model run along recordings.
 
     Args:
         recordings: the recordings; where the first readings of one are few, `MIN_SAMPLES` of them are fitted
         at: ratios and effects to simulate with
-        settings: what is fitted and compared
     """
     items = tuple(item.only(slice(cut(item.t, np.inf, item.breaks)[0].start, None)) for item in recordings.records)
-    begun = [_begun(recordings, item, at, settings) for item in items]
-    compared = [replace(item.only(item.t - item.t[0] <= settings.length_s), breaks=np.zeros(0)) for item in items]
-    whole, _ = recordings.only(compared).cut(np.inf)
+    begun = [_begun(recordings, item, at) for item in items]
+    compared = []
+    for item in items:
+        within = item.t - item.t[0] <= FREE_RUN.length_s
+        within[:MIN_SAMPLES] = True
+        compared.append(replace(item.only(within), breaks=np.zeros(0)))
+    whole, _ = replace(recordings, ratios=None).only(compared).cut(np.inf)  # nothing is fitted: noise has no weight
     starts = np.concatenate([one.initial[:1] for one in begun])
     return FreeRuns(items, whole, replace(at, initial=starts, zeros=np.concatenate([one.zeros for one in begun])))
 
 
-def _begun(recordings: Recordings, item: Record, at: Estimate, settings: FreeRunSettings) -> Estimate:
-    """The model with the start state that the first readings of a recording show."""
-    head = item.t - item.t[0] < settings.settle_s
+def _begun(recordings: Recordings, item: Record, at: Estimate) -> Estimate:
+    """The model with the start state that the first readings of a recording show; by itself it is the first run."""
+    at = replace(at, params=without_events(at.params))
+    head = item.t - item.t[0] < FREE_RUN.settle_s
     head[:MIN_SAMPLES] = True
     short = item.only(head)
-    problem, initial = recordings.only([short]).cut(max(settings.settle_s, float(np.ptp(short.t))))
-    zeros = own_zeros(recordings.only([item]), at, settings.iterations)
+    problem, initial = recordings.only([short]).cut(max(FREE_RUN.settle_s, float(np.ptp(short.t))))
+    zeros = own_zeros(recordings.only([item]), at, FREE_RUN.iterations)
     fixed = replace(problem, rezeroed=False)
-    return fit(fixed, replace(at, initial=initial, zeros=zeros), (), iterations=settings.iterations).estimate
+    return descend(fixed, replace(at, initial=initial, zeros=zeros), (), iterations=FREE_RUN.iterations).estimate
 
 
 def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.effects import without_events
 from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.recordings import LENGTHS, Recordings
@@ -71,7 +72,9 @@ def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
 
     @cache
     def chi2(item: Hypothesis) -> Array:
-        found = descend(problem, replace(item.fit.estimate, initial=begun), (), iterations=20)
+        at = item.fit.estimate  # counts that a fitted run lost were lost in that run
+        at = replace(at, initial=begun, params=without_events(at.params))
+        found = descend(problem, at, (), iterations=20)
         return problem.chi2_by_segment(problem.predict(found.estimate))
 
     return _unseen(recordings, problem, chi2)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.fitting.cut import carried
-from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.gauss_newton import GaussNewton, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import TINY, ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, trajectory
@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
 """Lengths of segments over which the gap is told: from where no model fails to where chaos begins."""
+
+TOLD = GaussNewton(converged=1e-3)
+"""A gap by the horizon is told in two digits."""
 
 TORQUE_HATS = 3
 """Of each joint in each segment: one every quarter of a second, as many as its readings can tell."""
@@ -84,7 +87,7 @@ def by_horizon(
 def _left(problem: Problem, initial: Array, working: Problem, at: Hypothesis) -> ResidualStatistics:
     """What a model leaves once its segments are cut otherwise."""
     begun = carried(working.segments, at.fit.estimate.initial, problem.segments, initial)
-    return residual_statistics(problem, fit(problem, replace(at.fit.estimate, initial=begun), ()))
+    return residual_statistics(problem, fit(problem, replace(at.fit.estimate, initial=begun), (), settings=TOLD))
 
 
 def _mean(values: Array, problem: Problem) -> Array:

@@ -1,7 +1,7 @@
 """Instants at which the reading of an encoder stepped and stayed: screened ones, or what residuals speak for most."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from dpr_lab.effects.effect import Recorded
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.whitening import padded
 from dpr_lab.gap.data.record import Record
 
 STEPS_KEPT = 3
@@ -43,22 +44,21 @@ def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float
     A segment wholly after the step sees a constant, which its initial state nearly absorbs; the exact offset is left
     to the nonlinear fit.
     """
-    found = []
-    for s, (first, last) in enumerate(pairwise(problem.segments.offsets)):
-        for joint in range(2):
-            rows = 2 * np.arange(last - first) + joint
-            weight = problem.weight[first:last, joint]
-            e, Q = fit.linear.e[s, rows], fit.linear.Q[s, rows]
-            inner, onto = _from_end(e * weight), _from_end(Q * weight[:, None])
-            norm = _from_end(weight**2) - np.sum(onto**2, axis=1)
-            seen = norm > BLIND * weight.sum() ** 2 / len(weight)
-            gain = np.where(seen, inner**2 / np.where(seen, norm, 1.0), 0.0)
-            best = int(np.argmax(gain[1:])) + 1
-            at = float(problem.t[first + best] - BEFORE_S)
-            found.append((float(gain[best]), joint, int(problem.segments.run[s]), at))
+    segments, found = problem.segments, []
+    firsts, lengths = segments.offsets[:-1], np.diff(segments.offsets)
+    every = padded(np.ones((*problem.weight.shape, 1)), problem.weight, segments.offsets)[..., 0]
+    for joint in range(2):
+        weight, e, Q = every[:, :, joint], fit.linear.e[:, joint::2], fit.linear.Q[:, joint::2]
+        inner, onto = _from_end(e * weight), _from_end(Q * weight[:, :, None])
+        norm = _from_end(weight**2) - np.sum(onto**2, axis=2)
+        seen = norm > (BLIND * weight.sum(axis=1) ** 2 / lengths)[:, None]
+        gain = np.where(seen, inner**2 / np.where(seen, norm, 1.0), 0.0)
+        best = np.argmax(gain[:, 1:], axis=1) + 1
+        at, most = problem.t[firsts + best] - BEFORE_S, gain[np.arange(len(best)), best]
+        found += zip(most.tolist(), repeat(joint), segments.run.tolist(), at.tolist())
     return sorted(found, reverse=True)
 
 
 def _from_end(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cumulative sums from the last row on."""
-    return np.cumsum(values[::-1], axis=0)[::-1]
+    """Cumulative sums from the last sample on, of (segments, samples, ...)."""
+    return np.cumsum(values[:, ::-1], axis=1)[:, ::-1]

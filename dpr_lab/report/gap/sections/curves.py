@@ -13,7 +13,6 @@ from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evide
 from dpr_lab.report.gap.tables import run_words
 
 RODS = ("inner rod", "outer rod")
-MODELS = ("measured", "before", "after")
 LOOKS = {"before the effects": style.SIMULATED, "after the effects": style.RESIDUAL | {"linewidth": 1.1, "zorder": 4}}
 
 
