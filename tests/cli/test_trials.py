@@ -9,6 +9,17 @@ import pytest
 from dpr_lab.trials.score import read_outcome
 
 
+def opens_and_stays_open(folder: Path, cli) -> None:
+    """A trial of seed 5 that was diagnosed."""
+    shown = cli("trials", "open", folder)
+    assert shown.code == 0, shown.err
+    assert "the seal holds" in shown.out
+    assert "there was wrong length, inner rod [wrong_length_L1]; the diagnosis said" in shown.out
+    late = cli("trials", "run", folder)
+    assert late.code == 3
+    assert "opened already" in late.err
+
+
 @pytest.mark.long
 @pytest.mark.timeout(400)
 def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Path, cli) -> None:
@@ -36,14 +47,7 @@ def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Pa
     assert told.json["drawn"] == {"kind": "single", "level": "clear", "seed": 5}
     assert list(told.json["truth"]["effects"]) == ["wrong_length_L1"]
     assert read_outcome(told.json["score"]).first
-    shown = cli("trials", "open", folder)
-    assert shown.code == 0, shown.err
-    assert "the seal holds" in shown.out
-    assert "there was wrong length, inner rod [wrong_length_L1]; the diagnosis said" in shown.out
-
-    late = cli("trials", "run", folder)
-    assert late.code == 3
-    assert "opened already" in late.err
+    opens_and_stays_open(folder, cli)
 
 
 @pytest.mark.long
@@ -90,13 +94,7 @@ def test_the_demo_ends_near_the_plant_and_with_a_withheld_effect_opened_and_scor
     assert [report.name for report in reports] == ["report.html", "diagnosis.html"]
     assert all(report.is_file() for report in reports)
     folder = reports[1].parents[1]
-    told = cli("trials", "open", folder)
-    assert told.code == 0, told.err
-    assert "the seal holds" in told.out
-    assert "there was wrong length, inner rod [wrong_length_L1]; the diagnosis said" in told.out
-    late = cli("trials", "run", folder)
-    assert late.code == 3
-    assert "opened already" in late.err
+    opens_and_stays_open(folder, cli)
     (folder / "diagnosis.json").unlink()
     early = cli("trials", "open", folder, "--json")
     assert early.code == early.json["exit_code"] == 3

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
 """Lengths of segments over which the gap is told: from where no model fails to where chaos begins."""
 
-TOLD = GaussNewton(converged=1e-3)
+TOLD = GaussNewton(converged=1e-3, settled=1e-4)
 """A gap by the horizon is told in two digits."""
 
 TORQUE_HATS = 3
