@@ -42,14 +42,36 @@ def prune(root: Path, now: float) -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
+class ForeignFolder(OSError):
+    """A folder of another user, who could have put code there."""
+
+
 def open_cache(root: Path, name: str) -> Path | None:
-    """The folder `name` under `root`, made and marked as used; None where nothing can be written."""
+    """Make the folder `name` under `root`, for this user alone, and mark it as used.
+
+    Numba loads kernels with `pickle`, which runs what a file says. What another user could have written is therefore
+    not loaded: a folder of this user that was open to others is emptied and closed.
+
+    Returns:
+        None where nothing can be written.
+
+    Raises:
+        ForeignFolder: one of both folders belongs to another user.
+    """
     folder = root / name
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        root.mkdir(parents=True, exist_ok=True)
+        if _close(root) and folder.exists():
+            shutil.rmtree(folder)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if _close(folder):
+            shutil.rmtree(folder)
+            folder.mkdir(mode=0o700)
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(bytes(1 << 20))  # a full disk has room for a name
         os.utime(folder)
+    except ForeignFolder:
+        raise
     except OSError:
         return None
     with suppress(OSError):  # two processes may prune at once
@@ -57,16 +79,50 @@ def open_cache(root: Path, name: str) -> Path | None:
     return folder
 
 
-_ROOT = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("dpr-lab")) / "kernels"
-CACHE = open_cache(_ROOT, source_hash(Path(__file__).parent))
-"""Folder of the machine code of this version; None on a read-only home: kernels are then compiled in every process."""
+def _close(folder: Path) -> bool:
+    """Keep a folder to this user; true if others could write to it.
 
-COMPILING = (
+    Raises:
+        ForeignFolder: it belongs to another user.
+    """
+    if not hasattr(os, "getuid"):  # Windows: a profile's folders are its user's
+        return False
+    status = folder.stat()
+    if status.st_uid != os.getuid():
+        raise ForeignFolder(f"{folder}: belongs to another user")
+    open_to_others = bool(status.st_mode & 0o022)
+    if open_to_others:
+        folder.chmod(0o700)
+    return open_to_others
+
+
+def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
+    """The first folder `name` under `roots` that is this user's, and a sentence on those that are not.
+
+    Returns:
+        None where nothing can be written, and an empty sentence where no folder belongs to another user.
+    """
+    foreign = ""
+    for root in roots:
+        try:
+            return open_cache(root, name), foreign
+        except ForeignFolder as error:
+            foreign = f"{error}, so its compiled kernels are not loaded: they are code"
+    return None, foreign
+
+
+_NAMED = os.environ.get("NUMBA_CACHE_DIR")
+_ROOTS = [Path(folder) / "kernels" for folder in (_NAMED, user_cache_path("dpr-lab")) if folder]
+CACHE, FOREIGN = choose_cache(_ROOTS, source_hash(Path(__file__).parent))
+"""Folder of the machine code of this version, None on a read-only home: kernels are then compiled in every process;
+and a sentence where a folder of another user was passed over."""
+
+COMPILING = (f"{FOREIGN}. " if FOREIGN else "") + (
     "compiling the kernels, once on this computer: about a minute"
     if CACHE is not None
-    else "compiling the kernels: about a minute, every time, for the folder of the cache cannot be written"
+    else "compiling the kernels: about a minute, every time, because no folder of the cache can be written"
 )
-"""What whoever waits is told."""
+"""The sentence for whoever waits."""
 
 _SIMULATOR = "plant"
 _watching: list[Callable[[], None]] = []

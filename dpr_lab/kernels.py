@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, TypeVar, overload
 
 import numba
-from numba.core import config, event
+from numba.core import caching, config, event
 from numba.core.codegen import get_host_cpu_features
 from numba.extending import register_jitable
 
@@ -16,6 +16,12 @@ from dpr_lab.kernel_cache import CACHE, compiling
 # Threads that wait by spinning make a parallel kernel slower than a serial one wherever something else runs too. OpenMP
 # reads this when the first parallel kernel starts.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+# What Numba raises while it reads its own cache; this package itself loads no pickle.
+numba_caching: Any = caching
+UNPICKLING_ERROR: type[Exception] = numba_caching.pickle.UnpicklingError
+UNREADABLE = (UNPICKLING_ERROR, EOFError, ValueError, LookupError, AttributeError, TypeError, ImportError)
+"""What loading a kernel raises of a file that was cut off by a kill, a full disk or a power cut."""
 
 numba_config: Any = config
 if numba_config.CPU_FEATURES is None and "+avx512f" in (features := get_host_cpu_features()):
@@ -95,13 +101,34 @@ def _cached(compiled: Callable[..., Any], function: Callable[..., Any]) -> Any:
     # Numba reads the folder while it decorates; other libraries' kernels keep the folder they had.
     before, numba_config.CACHE_DIR = numba_config.CACHE_DIR, str(CACHE)
     try:
-        kernel = compiled(cache=True)(function)
+        kernel = _with_cache(compiled, function)
     except OSError:  # the disk is full
         return compiled()(function)
     finally:
         numba_config.CACHE_DIR = before
-    kernel._cache.save_overload = partial(_save_if_there_is_room, kernel._cache.save_overload)
+    cache = kernel._cache
+    cache.save_overload = partial(_save_if_there_is_room, cache.save_overload)
+    cache.load_overload = partial(_load_if_whole, cache, cache.load_overload)
     return kernel
+
+
+def _with_cache(compiled: Callable[..., Any], function: Callable[..., Any]) -> Any:
+    """A kernel with its cache; one that is loaded at once, from files that were cut off, is compiled again."""
+    try:
+        return compiled(cache=True)(function)
+    except UNREADABLE:
+        caching.FunctionCache(function).flush()
+        return compiled(cache=True)(function)
+
+
+def _load_if_whole(cache: Any, load: Callable[..., Any], *signature: Any) -> Any:
+    """A kernel from the cache; None, so that it is compiled again, where its files were cut off."""
+    try:
+        return load(*signature)
+    except UNREADABLE:
+        with suppress(OSError):
+            cache.flush()
+        return None
 
 
 def _save_if_there_is_room(save: Callable[..., None], *compiled: Any) -> None:

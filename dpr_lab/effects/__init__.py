@@ -37,6 +37,7 @@ from dpr_lab.effects.torque_ripple import TORQUE_RIPPLE
 from dpr_lab.effects.torque_scale import TORQUE_SCALE
 from dpr_lab.effects.viscous_ground import VISCOUS_GROUND
 from dpr_lab.effects.wrong_length import WRONG_LENGTH
+from dpr_lab.errors import unknown_name
 
 EFFECTS: dict[str, Effect] = {
     effect.name: effect
@@ -115,7 +116,7 @@ def effect_params(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float
     params = _DEFAULTS.copy()
     for name, coefficients in values.items():
         if name not in EFFECTS:
-            raise ValueError(f"no effect {name!r}; there are: {', '.join(EFFECTS)}")
+            raise ValueError(unknown_name(f"no effect {name!r}", name, EFFECTS))
         for parameter, value in coefficients.items():
             params[param_index(name, parameter)] = value
     return params
@@ -137,6 +138,19 @@ def oversized(params: NDArray[np.float64]) -> tuple[str, ...]:
         for name, effect in EFFECTS.items()
         if any(abs(params[at]) > p.most for at, p in zip(_AMPLITUDES[name], effect.amplitudes, strict=True))
     )
+
+
+def plausibility(params: NDArray[np.float64], effect: str) -> float:
+    """Prior of an effect's fitted size: one well below its scale, falling with the fourth power of the size above it.
+
+        w = 1 / (1 + u^4),    u = max over amplitudes | x | / s,    s the `prior_scale` of each
+
+    It is the prior density per unit of ln | x |. Indistinguishable effects explain the recordings equally well, and
+    each is as many standard deviations from zero as the other. So the ratio of their w is that of their posteriors.
+    """
+    amplitudes = EFFECTS[effect].amplitudes
+    u = max(abs(float(params[at])) / p.prior_scale for at, p in zip(_AMPLITUDES[effect], amplitudes, strict=True))
+    return 1.0 / (1.0 + min(u, 1e6) ** 4)  # not zero, so that ratios stay finite
 
 
 def without_effect(params: NDArray[np.float64], effect: str) -> NDArray[np.float64]:

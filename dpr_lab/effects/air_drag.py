@@ -6,7 +6,7 @@ joint 2, at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The force against it is k 
 
 import math
 
-from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import Motion, RigConstants, Terms, torques
 from dpr_lab.kernels import inlined
 
@@ -74,6 +74,9 @@ AIR_DRAG_OUTER = Effect(
     kernel=outer,
     dissipative=True,
     twins=("air_drag_both", "viscous_ground_link2"),
+    quantities=(
+        BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
+    ),
     bench_check=_BENCH_CHECK.format(rod="outer"),
     source=_SOURCE,
 )
@@ -89,6 +92,9 @@ AIR_DRAG_BOTH = Effect(
     dissipative=True,
     twins=("air_drag_outer", "viscous_ground_link2"),
     nested=("air_drag_outer",),
+    quantities=(
+        BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
+    ),
     bench_check=_BENCH_CHECK.format(rod="inner"),
     source=_SOURCE,
 )

@@ -2,7 +2,7 @@
 
 import math
 
-from dpr_lab.effects.effect import Effect, EffectParameter, InternalState, Params, Recorded, shape
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, InternalState, Params, Recorded, shape
 from dpr_lab.effects.quantities import ArmModel, RigConstants
 from dpr_lab.kernels import inlined
 
@@ -51,6 +51,14 @@ ARM_COMPLIANCE = Effect(
     internal=(InternalState("angle", "rad"), InternalState("speed", "rad/s")),
     propose=propose,
     longest_step=longest_step,
+    quantities=(
+        BenchQuantity(
+            "coupling of the arm",
+            "coupling",
+            ("coupling_per_kg",),
+            definition="L0^2 over the inertia of the arm with all masses at its tip",
+        ),
+    ),
     bench_check=(
         "Read the arm's encoder while the rods swing, clamp the arm to the table and repeat; tap the arm with the rods"
         " at rest and look for its frequency."

@@ -1,6 +1,6 @@
 """Play between joint 2 and its encoder: a loose coupling or a worn key."""
 
-from dpr_lab.effects.effect import Effect, EffectParameter, InternalState
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, InternalState
 from dpr_lab.kernels import inlined
 
 
@@ -25,6 +25,7 @@ BACKLASH_JOINT2 = Effect(
     remedy=lambda params, rig, joint: (
         f"tighten the coupling of encoder 2, which has {1e3 * abs(params['play_rad']):.3g} mrad of play"
     ),
+    quantities=(BenchQuantity("play of the encoder", "x", ("play_rad",)),),
     bench_check="Hold the outer rod and turn the encoder's shaft by hand: play is felt, and read off the counts.",
     source="Play operator: Visintin (1994), Differential Models of Hysteresis, ch. III.",
 )

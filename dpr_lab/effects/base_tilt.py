@@ -1,6 +1,6 @@
 """A base that does not stand level, in the plane in which the rods swing."""
 
-from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import BaseParameters, Motion, Terms, torques
 from dpr_lab.kernels import inlined
@@ -28,9 +28,10 @@ BASE_TILT = Effect(
     kernel=tilted,
     exported=lambda params: {"tilt": params["tilt_rad"]},
     twins=("encoder_offset_joint1",),
+    quantities=(BenchQuantity("tilt of the base", "tilt", ("tilt_rad",)),),
     bench_check=(
-        "Put a spirit level on the base, or turn the base by 180 degrees and repeat: a tilt changes sign, the zero of"
-        " an encoder stays."
+        "Put a spirit level on the base along the plane of the swing. Or read encoder 1 with the rods at rest, turn the"
+        " base by 180 degrees and read it again: half the change is the tilt; the zero of an encoder stays."
     ),
     source="Gravity turned in the plane of motion; a common fault of Furuta and cart rigs, e.g. arXiv 2202.01424.",
 )

@@ -2,7 +2,7 @@
 
 import math
 
-from dpr_lab.effects.effect import Effect, EffectParameter, shape
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, shape
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import BaseParameters, Motion, RigConstants, Terms, torques
 from dpr_lab.kernels import inlined
@@ -43,6 +43,7 @@ BASE_VIBRATION = Effect(
     site="base",
     stage="torque",
     kernel=shaken,
+    quantities=(BenchQuantity("peak acceleration of the base", "A", ("cos_m_per_s2", "sin_m_per_s2")),),
     bench_check=(
         "Put a phone's accelerometer on the base and look for the line in its spectrum; switch off what runs nearby"
         " (fans, pumps), or put the rig on the floor, and repeat."

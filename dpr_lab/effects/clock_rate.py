@@ -1,6 +1,6 @@
 """A device clock that runs fast or slow."""
 
-from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined
 
 
@@ -14,7 +14,7 @@ CLOCK_RATE = Effect(
     name="clock_rate",
     words="rate of the device's clock",
     equation="both encoders are read at t / (1 + x), t the device's time since the release",
-    parameters=(EffectParameter("excess", "1", 1e-3),),
+    parameters=(EffectParameter("excess", "1", 1e-3, plausible=1e-4),),
     site="timing",
     stage="timing",
     kernel=fast,
@@ -23,9 +23,17 @@ CLOCK_RATE = Effect(
         " off"
     ),
     twins=("wrong_length_L1",),
-    bench_check=(
-        "Compare ten minutes of the device's ticks with the host's clock (`dpr-lab run info` shows it); a crystal is"
-        " off by 0.01 % at most, so that an error above that is the length L1 (or gravity)."
+    quantities=(
+        BenchQuantity(
+            "rate error of the device's clock", "x", ("excess",), definition="device time over true time, minus 1"
+        ),
     ),
-    source="Equation (1) keeps its form when time is scaled, but for gravity.",
+    bench_check=(
+        "Compare ten minutes of the device's ticks with the host's clock (`dpr-lab run info` shows the rate error). A"
+        " crystal is off by 0.01 % at most: a larger error is rather one of the length L1 (or of gravity)."
+    ),
+    source=(
+        "Equation (1) keeps its form when time is scaled, but for gravity. Data sheets of crystals allow 20 to 100 ppm"
+        " for tolerance, temperature and age together."
+    ),
 )

@@ -4,7 +4,7 @@ The centroid lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot. For th
 difference angle D = t1 - t2, the kinetic energy gains p sin(D) w1 w2 and (m2 y^2 / 2) w2^2.
 """
 
-from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import Motion, RigConstants, Terms
 from dpr_lab.kernels import inlined
 
@@ -46,6 +46,7 @@ COM_OFFSET_LINK1 = Effect(
     exported=lambda params: {"offset": params["offset_m"]},
     joints=(0,),
     twins=("detent_joint1",),
+    quantities=(BenchQuantity("offset of the centroid across the inner rod", "y", ("offset_m",)),),
     bench_check=(
         "Hang the inner rod alone and compare where it rests with a plumb line. Clamp a known mass on its axis and"
         " repeat: the moment of the centroid stays as it was, and so does a detent's; take the motor off and the detent"
@@ -68,6 +69,7 @@ COM_OFFSET_LINK2 = Effect(
     exported=lambda params: {"offset": params["offset_m"]},
     joints=(1,),
     twins=("encoder_offset_joint2",),
+    quantities=(BenchQuantity("offset of the centroid across the outer rod", "y", ("offset_m",)),),
     bench_check=("Lay the outer rod on a knife edge along its axis: a centroid off the axis tips it to that side."),
     source=_SOURCE,
 )

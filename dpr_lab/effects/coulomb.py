@@ -1,6 +1,6 @@
 """Dry (Coulomb) friction in a rod joint."""
 
-from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 
@@ -22,6 +22,7 @@ COULOMB = pair(
     stage="torque",
     dry=True,
     dissipative=True,
+    quantities=(BenchQuantity("Coulomb friction torque", "F", ("torque_Nm",)),),
     bench_check=(
         "Let joint {j} alone swing by a few degrees until it rests: under dry friction the peaks fall along a straight"
         " line and the rod stops away from the vertical; viscous friction gives a decaying exponential."

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from dpr_lab.effects.effect import EffectParameter, Params, Words, pair, shape
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, pair, shape
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
@@ -39,6 +39,7 @@ _JOINT1, DETENT_JOINT2 = pair(
     ),
     stage="torque",
     potential=True,
+    quantities=(BenchQuantity("peak detent torque, first harmonic", "A1", ("cos1_Nm", "sin1_Nm")),),
     bench_check=(
         "Turn joint {j} slowly by hand with the rod balanced: a detent is felt at evenly spaced angles. Take the motor"
         " off and repeat: a detent goes, a centroid off the axis stays."

@@ -34,6 +34,23 @@ Shape = tuple[tuple[int, float], ...]
 """Shape parameters as (index in the flat vector, value)."""
 
 
+LEVERS = ("friction_radius_m", "offset_m")
+"""Lengths that make a torque of a force that the rig file's masses fix: they follow the scale as torques do."""
+
+
+_RATIO_UNITS = {
+    "N m": "1/s^2",
+    "N m/rad": "1/(s^2 rad)",
+    "N m/rad^3": "1/(s^2 rad^3)",
+    "N m s/rad": "1/s",
+    "kg m^2": "1",
+    "kg/m^2": "1/m^4",
+    "m": "1/(kg m)",
+    "1/kg": "m^2",
+}
+"""Unit of an amplitude -> unit of its ratio to b^k."""
+
+
 @dataclass(frozen=True, slots=True)
 class EffectParameter:
     """One coefficient.
@@ -61,8 +78,35 @@ class EffectParameter:
     """Blind trials draw this amplitude positive though either sign is physical: the other would drive the rods."""
     continuous: bool = False
     """Whether a shape parameter is refined after its scan; orders and instants are not."""
+    negative: str = ""
+    """What a value below zero means, in words: `friction falls during the swing`."""
     most: float = math.inf
     """Largest size of an amplitude that any rig could have, in `unit`: beyond it the cause is another."""
+    plausible: float | None = None
+    """Scale of the prior of an amplitude, in `unit`: sizes beyond it are rare (`dpr_lab.effects.plausibility`). None:
+    three times the typical size."""
+
+    @property
+    def prior_scale(self) -> float:
+        """Scale of the prior of an amplitude, in `unit`."""
+        return 3.0 * self.typical if self.plausible is None else self.plausible
+
+    @property
+    def scale_power(self) -> int:
+        """Power k of the common scale of torques and inertias in it: a free swing shows its ratio to b^k.
+
+        1 for a torque or an inertia, -1 for 1/kg, 0 for angles, times and shapes.
+        """
+        if self.role == "shape":
+            return 0
+        if self.unit.startswith("1/kg"):
+            return -1
+        return int(self.unit.startswith(("N m", "kg")) or self.name in LEVERS)
+
+    @property
+    def ratio_unit(self) -> str:
+        """Unit of its ratio to b^k; empty where k is 0."""
+        return _RATIO_UNITS[self.unit] if self.scale_power else ""
 
 
 def shape(
@@ -103,6 +147,20 @@ def shape(
         whole=whole,
         continuous=continuous,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class BenchQuantity:
+    """What a measurement on the bench gives of an effect."""
+
+    words: str
+    """The quantity as a person calls it: `extra friction at rest`."""
+    symbol: str
+    """As in the equation of the effect."""
+    parameters: tuple[str, ...]
+    """The amplitude that is measured; of several the root of the sum of their squares (cosine and sine: the peak)."""
+    definition: str = ""
+    """What exactly it is, where the words leave that open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +240,9 @@ class Effect:
     """Simpler effects to prefer when they explain as much."""
     adds: str = ""
     """The amplitude that those have none of, where one can be measured."""
+    quantities: tuple[BenchQuantity, ...] = ()
+    """What can be measured of it on the bench: the first for the effect itself; of `adds` the one that has it. None:
+    the amplitudes, by their names."""
     absorbed_by: tuple[str, ...] = ()
     """Base parameters that take this effect up exactly, so that a free swing cannot show it."""
     corrects: str = ""
@@ -205,6 +266,11 @@ class Effect:
     def amplitudes(self) -> tuple[EffectParameter, ...]:
         """The parameters that are zero when the effect is off."""
         return tuple(parameter for parameter in self.parameters if parameter.role == "amplitude")
+
+    def bench_quantity(self, parameter: str) -> BenchQuantity:
+        """The measured quantity that an amplitude is part of."""
+        own = (quantity for quantity in self.quantities if parameter in quantity.parameters)
+        return next(own, BenchQuantity(parameter, parameter, (parameter,)))
 
     @property
     def driven(self) -> bool:

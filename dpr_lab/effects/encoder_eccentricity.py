@@ -1,6 +1,6 @@
 """An encoder disc or magnet that sits off centre or tilted: an error that repeats with every turn."""
 
-from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import EncoderReading
 from dpr_lab.kernels import inlined
@@ -57,6 +57,7 @@ ENCODER_ECCENTRICITY = pair(
     ),
     site="sensor",
     stage="encoder",
+    quantities=(BenchQuantity("peak encoder error, one cycle per turn", "A_1", ("cos1_rad", "sin1_rad")),),
     bench_check=(
         "Take encoder {j} off, turn its disc or magnet by 90 degrees on its shaft and repeat: the error turns too."
     ),

@@ -1,6 +1,6 @@
 """An encoder whose zero is not where it was told to be."""
 
-from dpr_lab.effects.effect import Effect, EffectParameter, Params
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, Params
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import inlined
 
@@ -32,9 +32,12 @@ ENCODER_OFFSET_JOINT1 = Effect(
     remedy=remedy,
     joints=(0,),
     twins=("base_tilt", "encoder_eccentricity_joint1"),
+    quantities=(
+        BenchQuantity("zero error of the encoder", "x", ("offset_rad",), definition="angle read minus true angle"),
+    ),
     bench_check=(
-        "Put a spirit level on the base, or turn the base by 180 degrees and repeat: the zero of an encoder stays, a"
-        " tilt changes sign."
+        "Read encoder 1 with the rods at rest, turn the base by 180 degrees and read it again: half the sum is the zero"
+        " error; a tilt of the base changes sign and cancels."
     ),
     source=_SOURCE,
 )
@@ -51,6 +54,9 @@ ENCODER_OFFSET_JOINT2 = Effect(
     remedy=remedy,
     joints=(1,),
     twins=("com_offset_link2", "encoder_eccentricity_joint2"),
+    quantities=(
+        BenchQuantity("zero error of the encoder", "x", ("offset_rad",), definition="angle read minus true angle"),
+    ),
     bench_check=(
         "Take the outer rod off and turn it by 180 degrees about its long axis: the zero of the encoder stays, a"
         " centroid off the axis changes sides."

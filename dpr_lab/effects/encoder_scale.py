@@ -1,6 +1,6 @@
 """An encoder that counts more or less than it should for a turn: a belt, a gear, a wrong number in the rig file."""
 
-from dpr_lab.effects.effect import EffectParameter, Params, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, pair
 from dpr_lab.effects.quantities import EncoderReading, RigConstants
 from dpr_lab.kernels import inlined
 
@@ -26,9 +26,12 @@ ENCODER_SCALE = pair(
     remedy=remedy,
     twins=("spring",),
     equation="encoder {j} reads (1 + x) q{j}, q{j} its angle from hanging",
-    parameters=(EffectParameter("excess", "1", 1e-3),),
+    parameters=(EffectParameter("excess", "1", 1e-3, most=0.2),),
     site="sensor",
     stage="encoder",
+    quantities=(
+        BenchQuantity("scale error of the encoder", "x", ("excess",), definition="angle read over true angle, minus 1"),
+    ),
     bench_check="Turn rod {j} by hand through ten whole turns to the same mark: the counts give the scale.",
     source="Definition of counts per turn, `dpr_lab.rig_tables.Encoders`; counters are zero where the rods hang.",
 )

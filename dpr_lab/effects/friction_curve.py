@@ -3,7 +3,7 @@
 At rest it may differ between the two directions, as a skewed seal or a preloaded bearing does.
 """
 
-from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 
@@ -53,6 +53,11 @@ FRICTION_CURVE = pair(
     stage="torque",
     dry=True,
     dissipative=True,
+    quantities=(
+        BenchQuantity("friction torque at low speed, forward", "F forward", ("forward_Nm",)),
+        BenchQuantity("friction torque at low speed, backward", "F backward", ("backward_Nm",)),
+        BenchQuantity("rise of the friction torque from 0 to 0.3 rad/s", "rise_1", ("rise1_Nm",)),
+    ),
     bench_check=(
         "Drive joint {j} at constant speeds with a falling weight, or compare the decay of swings of different size:"
         " the loss at each speed gives the curve directly."

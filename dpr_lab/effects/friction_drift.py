@@ -1,6 +1,6 @@
 """Viscous friction that changes while the rods swing: grease that warms, a seal that runs in."""
 
-from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 
@@ -16,8 +16,17 @@ FRICTION_DRIFT = pair(
     words="friction that drifts, joint {j}",
     kernel=drifting,
     equation="tau = -r t u: c{j}(t) = c{j} + r t, t the time since the release",
-    parameters=(EffectParameter("rate_Nm_per_rad", "N m/rad", 2e-5, one_way=True),),
+    parameters=(
+        EffectParameter(
+            "rate_Nm_per_rad",
+            "N m/rad",
+            2e-5,
+            one_way=True,
+            negative="viscous friction falls during the swing, as of grease that warms",
+        ),
+    ),
     stage="torque",
+    quantities=(BenchQuantity("drift rate of the viscous friction coefficient", "r", ("rate_Nm_per_rad",)),),
     bench_check=(
         "Let the rods hang for ten minutes and repeat the first release last: friction of joint {j} that drifts differs"
         " between the two by more than they scatter."

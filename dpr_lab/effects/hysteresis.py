@@ -1,6 +1,6 @@
 """Presliding: before it slides, a bearing or a cable gives way like a spring (Dahl)."""
 
-from dpr_lab.effects.effect import EffectParameter, InternalState, pair, shape
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, InternalState, pair, shape
 from dpr_lab.effects.elementary import exp, tanh
 from dpr_lab.effects.quantities import SMOOTHING, Joint
 from dpr_lab.kernels import inlined
@@ -48,6 +48,7 @@ HYSTERESIS = pair(
     ),
     stage="torque",
     dissipative=True,
+    quantities=(BenchQuantity("friction torque at which presliding ends", "F", ("torque_Nm",)),),
     bench_check=(
         "Record the last small swings until joint {j} rests: with presliding the frequency rises as they shrink and"
         " the rod still rings before it stops; push it lightly at rest and it springs back."

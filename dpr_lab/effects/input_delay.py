@@ -1,6 +1,6 @@
 """Torques that act later than they were logged."""
 
-from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined
 
 
@@ -18,6 +18,7 @@ INPUT_DELAY = Effect(
     site="drive",
     stage="input",
     kernel=later,
+    quantities=(BenchQuantity("delay of the torques", "x", ("delay_s",)),),
     bench_check=(
         "Command a step of torque on a rod that hangs still and log its encoder at the highest rate: the rod starts to"
         " move a delay after the step."

@@ -1,6 +1,6 @@
 """Joint 2 read later than joint 1."""
 
-from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined
 
 
@@ -23,6 +23,7 @@ LATENCY_JOINT2 = Effect(
         f"latch both encoders on one edge, or take what encoder 2 reads for {1e3 * params['delay_s']:.3g} ms older than"
         " its time"
     ),
+    quantities=(BenchQuantity("delay of encoder 2 after encoder 1", "x", ("delay_s",)),),
     bench_check=(
         "Swap the two encoder cables at the board and repeat: a delay of the electronics changes sides; or latch both"
         " counters on one edge."

@@ -1,6 +1,6 @@
 """Friction that follows the force the bearing carries."""
 
-from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 
@@ -23,6 +23,11 @@ LOAD_FRICTION = pair(
     stage="load",
     dry=True,
     dissipative=True,
+    quantities=(
+        BenchQuantity(
+            "friction radius", "mu r", ("friction_radius_m",), definition="friction coefficient times bearing radius"
+        ),
+    ),
     bench_check="Clamp a known mass to the rod and repeat: friction of joint {j} that follows the load grows with it.",
     source=(
         "Duclos et al. (2024), BAM: better actuator models, arXiv 2410.08650, load-dependent friction; the joint force"

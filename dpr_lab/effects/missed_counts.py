@@ -2,7 +2,7 @@
 
 import math
 
-from dpr_lab.effects.effect import Effect, EffectParameter, Recorded, shape
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, Recorded, shape
 from dpr_lab.effects.quantities import EncoderReading
 from dpr_lab.kernels import inlined
 
@@ -39,6 +39,7 @@ MISSED_COUNTS = Effect(
         f"take {params['counts']:.0f} counts off joint {params['joint']:.0f} from {params['time_s']:.3g} s on in"
         f" release {params['run'] + 1:.0f}, and mend that encoder's shield or connector"
     ),
+    quantities=(BenchQuantity("counts that the encoder missed", "n", ("counts",)),),
     bench_check=(
         "Compare the angle at which the rods hang before and after the run: it has moved by whole counts. Check shield"
         " and connector of that encoder, and that its edges stay below the counter's highest rate."

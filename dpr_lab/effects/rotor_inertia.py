@@ -1,6 +1,6 @@
 """A rotor that turns with a joint: motor, gear or encoder disc."""
 
-from dpr_lab.effects.effect import Effect, EffectParameter, Params, Words
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, Params, Words
 from dpr_lab.effects.quantities import Terms
 from dpr_lab.kernels import inlined
 
@@ -35,6 +35,7 @@ ROTOR_INERTIA_JOINT1 = Effect(
     joints=(0,),
     exported=armature,
     absorbed_by=("a",),
+    quantities=(BenchQuantity("inertia of the rotor", "J", ("inertia_kgm2",)),),
     bench_check=(
         "A free swing cannot tell it from the inner rod's own inertia: take the rotor off, or swing the inner rod alone"
         " with and without it, and compare the periods."
@@ -52,6 +53,7 @@ ROTOR_INERTIA_JOINT2 = Effect(
     kernel=rotor2,
     joints=(1,),
     exported=armature,
+    quantities=(BenchQuantity("inertia of the rotor", "J", ("inertia_kgm2",)),),
     bench_check=(
         "Clamp the inner rod and swing the outer one with and without what turns in joint 2 (motor, gear, disc): the"
         " period gives its inertia."

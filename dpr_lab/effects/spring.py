@@ -2,7 +2,7 @@
 
 import math
 
-from dpr_lab.effects.effect import EffectParameter, Params, Words, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 
@@ -60,6 +60,10 @@ SPRING = pair(
     ),
     stage="torque",
     potential=True,
+    quantities=(
+        BenchQuantity("stiffness of the spring", "k", ("stiffness_Nm_per_rad",)),
+        BenchQuantity("constant torque of the spring", "C", ("constant_Nm",)),
+    ),
     bench_check="Take the cable of joint {j} off (or add a second one) and repeat: a spring goes (or doubles).",
     source="Elastic restoring torque with Duffing's cubic term, e.g. Nayfeh & Mook (1979), Nonlinear Oscillations.",
 )

@@ -1,6 +1,6 @@
 """Stribeck friction: more of it at rest than in motion."""
 
-from dpr_lab.effects.effect import EffectParameter, pair, shape
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair, shape
 from dpr_lab.effects.elementary import exp
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
@@ -31,9 +31,13 @@ STRIBECK = pair(
     stage="torque",
     dry=True,
     dissipative=True,
+    quantities=(
+        BenchQuantity("Coulomb friction torque while sliding", "F", ("torque_Nm",)),
+        BenchQuantity("extra friction torque at rest", "S", ("extra_at_rest_Nm",)),
+    ),
     bench_check=(
-        "Record the last small swings until joint {j} rests, several times: friction that grows towards rest shows"
-        " there and nowhere else."
+        "Pull the rod beyond joint {j} slowly with a spring scale: the torque at which it breaks loose, minus the"
+        " torque while it slides, is the extra friction at rest."
     ),
     source="Armstrong-Helouvry, Dupont & Canudas de Wit (1994), Automatica 30(7), 1083-1138 (Gaussian form).",
 )

@@ -1,6 +1,6 @@
 """A torque signal that does not read zero where the drive gives none."""
 
-from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.kernels import inlined
 
 
@@ -18,6 +18,7 @@ TORQUE_OFFSET = pair(
     parameters=(EffectParameter("offset_Nm", "N m", 5e-3),),
     site="drive",
     stage="drive",
+    quantities=(BenchQuantity("offset torque", "C", ("offset_Nm",)),),
     bench_check=(
         "Record joint {j} with the drive on and the rod hanging still: the mean of its torque is the offset. One that"
         " stays with the drive off is a cable or a tilt."

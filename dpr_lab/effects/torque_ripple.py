@@ -1,6 +1,6 @@
 """Ripple of a drive: its torque constant changes with the angle of its rotor."""
 
-from dpr_lab.effects.effect import EffectParameter, pair, shape
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair, shape
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
@@ -25,6 +25,9 @@ TORQUE_RIPPLE = pair(
     ),
     site="drive",
     stage="drive",
+    quantities=(
+        BenchQuantity("peak torque ripple", "A", ("cos_share", "sin_share"), definition="as a share of the torque"),
+    ),
     bench_check=(
         "Turn joint {j} slowly under a constant command against a spring scale: ripple comes and goes with the angle"
         " and grows with the command; a detent stays without any."

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from dpr_lab.effects.effect import EffectParameter, pair
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.kernels import inlined
 
 
@@ -17,9 +17,14 @@ _JOINT1, _JOINT2 = pair(
     words="torque constant, joint {j}",
     kernel=rescaled,
     equation="(1 + x) tau acts at joint {j} where tau is known",
-    parameters=(EffectParameter("excess", "1", 0.05),),
+    parameters=(EffectParameter("excess", "1", 0.05, most=0.9),),
     site="drive",
     stage="drive",
+    quantities=(
+        BenchQuantity(
+            "gain error of the torque", "x", ("excess",), definition="acting torque over known torque, minus 1"
+        ),
+    ),
     bench_check=(
         "Hold the rod beyond joint {j} level against a spring scale and command a torque: force times lever arm is what"
         " the drive gives. Or hang a known mass on: the scale of all torques is then known without the drives."

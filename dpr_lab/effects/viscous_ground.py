@@ -1,6 +1,6 @@
 """Viscous friction of the outer rod against the room instead of against the inner rod."""
 
-from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import Motion, Terms, torques
 from dpr_lab.kernels import inlined
 
@@ -22,6 +22,9 @@ VISCOUS_GROUND = Effect(
     joints=(1,),
     dissipative=True,
     twins=("air_drag_outer", "air_drag_both"),
+    quantities=(
+        BenchQuantity("viscous friction coefficient of the outer rod against the room", "c", ("friction_Nms",)),
+    ),
     bench_check=(
         "Tape a light card to the outer rod: resistance of the air grows several times, friction of a joint stays."
         " A release from upright covers the speeds at which linear and quadratic resistance part."

@@ -1,6 +1,6 @@
 """An inner rod that is longer than was measured."""
 
-from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import BaseParameters, Motion, RigConstants, Terms, torques
 from dpr_lab.kernels import inlined
 
@@ -25,6 +25,9 @@ WRONG_LENGTH = Effect(
     remedy=lambda params, rig, joint: (
         f"measure L1 again and set it in the rig file: these recordings say {rig.L1 + params['added_m']:.5g} m,"
         f" the file {rig.L1:.5g} m"
+    ),
+    quantities=(
+        BenchQuantity("error of the length L1", "x", ("added_m",), definition="true L1 minus L1 of the rig file"),
     ),
     bench_check=(
         "Measure L1 between the axes of the joints with a calliper and look up the local gravity; a crystal is off by"

@@ -22,6 +22,8 @@ MIN_SAMPLES = 8
 def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
     """Stretches of about equal length that cover the samples between breaks; those too short for a fit are left out.
 
+    Where samples are sparse, stretches are longer than wanted.
+
     Args:
         t: (n,) increasing instants of one run, s
         length: wanted length of a stretch, s
@@ -32,7 +34,7 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
     for first, last in pairwise(edges):
         if last - first < MIN_SAMPLES:
             continue
-        count = max(1, round(float(t[last - 1] - t[first]) / length))
+        count = max(1, min(round(float(t[last - 1] - t[first]) / length), (last - first) // MIN_SAMPLES))
         inner = first + np.searchsorted(t[first:last], np.linspace(t[first], t[last - 1], count + 1)[1:-1])
         found += [slice(i, j) for i, j in pairwise([first, *inner.tolist(), last]) if j - i >= MIN_SAMPLES]
     return found

@@ -2,14 +2,15 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.dynamics.base import BASE, RATIOS, base_from_ratios
 from dpr_lab.dynamics.base import ratios as base_ratios
-from dpr_lab.effects import SLICES
+from dpr_lab.effects import SIZE, SLICES
 from dpr_lab.effects.effect import Effect
 from dpr_lab.setup import Setup
 
@@ -20,6 +21,9 @@ UNKNOWN_RATIOS = (*RATIOS, "b", "p/b")
 
 SCALE, ON_ELBOW = UNKNOWN_RATIOS.index("b"), UNKNOWN_RATIOS.index("p/b")
 """Places of b, which only what has a known weight makes visible, and of p / b, which only the inner rod alone does."""
+
+EFFECTS_BEGIN, ZEROS_BEGIN = len(UNKNOWN_RATIOS), len(UNKNOWN_RATIOS) + SIZE
+"""Places in `Estimate.vector` at which the blocks `effects` and `zeros` begin."""
 
 FRICTION = tuple(i for i, name in enumerate(RATIOS) if name.startswith("c"))
 """Places of c1/b and c2/b, which cannot be negative."""
@@ -48,25 +52,69 @@ class DifferenceSteps:
 DIFFERENCE_STEPS = DifferenceSteps()
 
 
-ZERO = "zero of an encoder"
-"""What a zero that is put anew before each run belongs to, in place of an effect."""
-
 ZERO_SIZE = 0.02
-"""rad, of such a zero: what dry friction holds a hanging rod aside by."""
+"""Typical zero offset caused by stiction of a hanging rod, rad."""
+
+Block = Literal["ratios", "effects", "zeros"]
+"""Named blocks of `Estimate.vector`, in order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One value of everything unknown."""
+    """Values of all unknowns: a flat vector with named blocks, and the initial states of all segments."""
 
-    ratios: Array
-    """(7,) the five ratios, b, and p/b (nan where nobody asks), in the order of `UNKNOWN_RATIOS`."""
-    params: Array
-    """(SIZE,) parameters of all effects, SI."""
+    vector: Array
+    """(7 + SIZE + 2 runs,) the blocks `ratios`, `effects` and `zeros`, one after the other, SI."""
     initial: Array
-    """(segments, 4) theta1, theta2, omega1, omega2 where each segment starts, rad and rad/s."""
-    zeros: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """(runs, 2) by how much the encoders of joints 1 and 2 read more in each run, rad; empty where they keep zero."""
+    """(segments, 4) initial states theta1, theta2, omega1, omega2, rad and rad/s."""
+
+    @classmethod
+    def of(cls, ratios: Array, params: Array, initial: Array, zeros: Array | None = None) -> "Estimate":
+        """Join the blocks; without `zeros` no encoder is zeroed before each run.
+
+        Args:
+            ratios: (7,) see `ratios`
+            params: (SIZE,) see `params`
+            initial: (segments, 4)
+            zeros: (runs, 2) see `zeros`
+
+        Raises:
+            ValueError: a block of another length.
+        """
+        if (len(ratios), len(params)) != (EFFECTS_BEGIN, SIZE):
+            raise ValueError(f"an estimate needs {EFFECTS_BEGIN} ratios and {SIZE} effect parameters")
+        return cls(np.concatenate([ratios, params, np.zeros(0) if zeros is None else zeros.reshape(-1)]), initial)
+
+    def changed(
+        self,
+        *,
+        ratios: Array | None = None,
+        params: Array | None = None,
+        initial: Array | None = None,
+        zeros: Array | None = None,
+    ) -> "Estimate":
+        """Replace whole blocks."""
+        return Estimate.of(
+            self.ratios if ratios is None else ratios,
+            self.params if params is None else params,
+            self.initial if initial is None else initial,
+            self.zeros if zeros is None else zeros,
+        )
+
+    @property
+    def ratios(self) -> Array:
+        """(7,) the five ratios, b, and p/b (nan where it is not needed), in the order of `UNKNOWN_RATIOS`."""
+        return self.vector[:EFFECTS_BEGIN]
+
+    @property
+    def params(self) -> Array:
+        """(SIZE,) parameters of all effects, SI."""
+        return self.vector[EFFECTS_BEGIN:ZEROS_BEGIN]
+
+    @property
+    def zeros(self) -> Array:
+        """(runs, 2) zero offsets of encoders 1 and 2 in each run, rad; empty where they keep their zero."""
+        return self.vector[ZEROS_BEGIN:].reshape(-1, 2)
 
     @property
     def base(self) -> Array:
@@ -81,33 +129,27 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """One unknown besides the initial states."""
+    """One free entry of `Estimate.vector`: its place, its bound and its scale."""
 
     name: str
-    effect: str | None
-    """The effect it belongs to; none for a ratio, `ZERO` for a zero of one run."""
-    index: int
-    """Its place in `Estimate.ratios`, `Estimate.params` or the flat `Estimate.zeros`."""
+    block: Block
+    place: int
+    """Its place in `Estimate.vector`."""
     step: float
     """Forward step of its derivative."""
     lower: float = -np.inf
     size: float = 1.0
-    """How large it may be expected to be."""
+    """Expected order of magnitude."""
+    effect: str = ""
+    """The effect it belongs to, in the block `effects`."""
     overrides: tuple[tuple[int, float], ...] = ()
-    """Entries of the parameters that hold only while this one is moved: the shape of an effect that is off."""
+    """Places and values that hold only for the derivative by this parameter: the shape of an effect that is off."""
     amplitude: bool = True
-    """Whether it says how much, not how."""
+    """Whether it scales an effect, rather than shaping it."""
 
-    def read(self, at: Estimate) -> float:
+    def read(self, estimate: Estimate) -> float:
         """Its value in an estimate."""
-        return float(_holder(self, at.ratios, at.params, at.zeros)[self.index])
-
-
-def _holder(parameter: FreeParameter, ratios: Array, params: Array, zeros: Array) -> Array:
-    """The one of the three that a parameter is part of, flat."""
-    if parameter.effect is None:
-        return ratios
-    return zeros.reshape(-1) if parameter.effect == ZERO else params
+        return float(estimate.vector[self.place])
 
 
 def unknown_ratios(base: ArrayLike) -> Array:
@@ -155,26 +197,35 @@ def ratio_parameters(at: Estimate, visible: Iterable[int] = range(len(RATIOS))) 
     """Those of the unknown ratios that can be seen, by their places."""
     steps = DIFFERENCE_STEPS
     sizes = np.maximum(np.abs(at.ratios), steps.least_ratio).tolist()
+    lower = [0.0 if place in FRICTION else -np.inf for place in range(len(UNKNOWN_RATIOS))]
     return tuple(
-        FreeParameter(UNKNOWN_RATIOS[i], None, i, steps.ratio * sizes[i], 0.0 if i in FRICTION else -np.inf, sizes[i])
-        for i in visible
+        FreeParameter(UNKNOWN_RATIOS[place], "ratios", place, steps.ratio * sizes[place], lower[place], sizes[place])
+        for place in visible
     )
 
 
 def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
     """The zeros of the encoders that are read, of each run its own."""
+    own = [(run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2)]
+    names = [f"zero{joint + 1}_of_run{run + 1}_rad" for run, joint in own]
+    places = [ZEROS_BEGIN + 2 * run + joint for run, joint in own]
     return tuple(
-        FreeParameter(f"zero{joint + 1}_of_run{run + 1}_rad", ZERO, 2 * run + joint, 1.0, size=ZERO_SIZE)
-        for run, setup in enumerate(setups)
-        for joint in range(1 if setup.alone else 2)
+        FreeParameter(name, "zeros", place, 1.0, size=ZERO_SIZE) for name, place in zip(names, places, strict=True)
     )
 
 
 def effect_parameters(
     effect: Effect, *, refined: bool = False, overrides: tuple[tuple[int, float], ...] = ()
 ) -> tuple[FreeParameter, ...]:
-    """The amplitudes of an effect; where `refined`, also those shapes that vary continuously."""
-    found, steps = [], DIFFERENCE_STEPS
+    """The amplitudes of an effect; with `refined` also its continuous shape parameters.
+
+    Args:
+        effect: the effect
+        refined: whether continuous shape parameters are free
+        overrides: shape values, as (index in `Estimate.params`, value), that hold for these derivatives only
+    """
+    parameters, steps = [], DIFFERENCE_STEPS
+    places = tuple((EFFECTS_BEGIN + index, value) for index, value in overrides)
     for index, parameter in enumerate(effect.parameters, start=SLICES[effect.name].start):
         amplitude = parameter.role == "amplitude"
         if amplitude:
@@ -183,15 +234,23 @@ def effect_parameters(
             step, lower = steps.shape, steps.least_shape * parameter.scan[0]
         else:
             continue
-        size = parameter.typical
-        found.append(FreeParameter(parameter.name, effect.name, index, step * size, lower, size, overrides, amplitude))
-    return tuple(found)
+        size, place = parameter.typical, EFFECTS_BEGIN + index
+        parameters.append(
+            FreeParameter(parameter.name, "effects", place, step * size, lower, size, effect.name, places, amplitude)
+        )
+    return tuple(parameters)
 
 
-def moved(at: Estimate, free: Sequence[FreeParameter], step: Array, initial_step: Array) -> Estimate:
-    """The estimate a step further, no parameter beyond its bound."""
-    ratios, params, zeros = at.ratios.copy(), at.params.copy(), at.zeros.copy()
+def moved(estimate: Estimate, free: Sequence[FreeParameter], step: Array, initial_step: Array) -> Estimate:
+    """The estimate after a step, with no parameter beyond its bound.
+
+    Args:
+        estimate: before the step
+        free: the free parameters
+        step: (free,)
+        initial_step: (segments, 4)
+    """
+    vector = estimate.vector.copy()
     for parameter, change in zip(free, step.tolist(), strict=True):
-        values = _holder(parameter, ratios, params, zeros)
-        values[parameter.index] = max(values[parameter.index] + change, parameter.lower)
-    return replace(at, ratios=ratios, params=params, initial=at.initial + initial_step, zeros=zeros)
+        vector[parameter.place] = max(vector[parameter.place] + change, parameter.lower)
+    return Estimate(vector, estimate.initial + initial_step)

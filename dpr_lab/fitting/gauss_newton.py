@@ -1,18 +1,19 @@
-"""Damped Gauss-Newton with bounds: free parameters and the initial states of all segments.
+"""Damped Gauss-Newton with lower bounds, for the free parameters and the initial states of all segments.
 
     minimise  sum over segments s, samples k  | w_sk (y_sk - predicted(t_sk; p, x_s)) |^2
 
-Each step solves the projected normal equations of `dpr_lab.fitting.linearise`; the initial states follow. A step that
-does not lower the cost is shortened, and a segment that alone gets worse takes less of its own share: one swing that
-passes near the upright would otherwise hold back all others. Where no length helps, damping grows; a step that promises
-no more than what ends the iteration is tried once. Where a step falls as its slopes promised, they are kept for the
-next.
+An iteration (`iterate`) solves the projected normal equations of `dpr_lab.fitting.linearise` for the parameters; the
+initial states follow from them. A step that does not reduce the cost is shortened. A segment that alone gets worse
+takes a smaller share of its own step: one swing that passes near the upright would otherwise slow down all others.
+Where no length helps, the damping grows. If the predicted reduction is below the tolerance, only the full step is
+tried. If a step reduces the cost as predicted, the Jacobian is frozen: the next iteration uses it again.
 
-A fit without free parameters moves initial states alone, as for a run that is held out.
+A fit without free parameters moves the initial states only, as for a held-out run.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,32 +26,41 @@ from dpr_lab.fitting.projection import ColumnSpace
 Array = NDArray[np.float64]
 
 
+class StopReason(Enum):
+    """Why an iteration ended."""
+
+    CONVERGED = "the cost no longer falls, or no fall is predicted"
+    NO_DESCENT = "no step of any length or damping reduces the cost"
+    LOST = "the model can follow no segment from these initial states"
+    MAXIMUM_ITERATIONS = "the maximum number of iterations was reached"
+
+
 @dataclass(frozen=True, slots=True)
 class GaussNewton:
-    """When to stop, and how to shorten steps."""
+    """Tolerances and step control."""
 
     converged: float = 1e-4
-    """Relative fall of the cost in a whole step that ends the iteration: a small part of what noise leaves of it."""
-    straight: float = 0.1
-    """Relative difference of a step's fall from what it promised up to which its slopes are kept for the next one."""
-    settled: float = 3e-6
-    """Relative fall that ends the iteration where slopes were kept, if less: what then is left falls step by step."""
-    grown: float = 0.2
-    """Relative change of an amplitude from which the slopes of its effect's shape are made anew at the end."""
+    """Relative reduction of the cost by a full step that ends the iteration: a small part of the effect of noise."""
+    linearity: float = 0.1
+    """Relative difference between actual and predicted reduction up to which the Jacobian is frozen."""
+    converged_frozen: float = 3e-6
+    """Relative reduction that ends the iteration with a frozen Jacobian, if smaller: it converges linearly."""
+    amplitude_change: float = 0.2
+    """Relative change of an amplitude beyond which the Jacobian of its effect's shape is recomputed at the end."""
     tries: int = 6
-    """Lengths of a step before it counts as failed: of 1817 steps of 15 diagnoses three were found beyond."""
-    shorter: float = 0.3
-    """Factor of a step that did not lower the cost."""
-    shorter_segment: float = 0.1
-    """Factor of the initial step of a segment that got worse alone."""
+    """Lengths of a step before it counts as failed: of 1817 steps of 15 diagnoses three needed more."""
+    shorten: float = 0.3
+    """Factor of a step that did not reduce the cost."""
+    shorten_segment: float = 0.1
+    """Factor of the initial-state step of a segment that alone got worse."""
     least_damping: float = 1e-9
-    """Of unit columns, to begin with."""
-    damping_fallen: float = 0.1
-    """Factor after a step that helped."""
-    damping_raised: float = 1e3
-    """Factor after one that failed."""
+    """Initial damping, for columns of unit norm."""
+    lower_damping: float = 0.1
+    """Factor after a successful step."""
+    raise_damping: float = 1e3
+    """Factor after a failed step."""
     most_damping: float = 0.1
-    """Damping beyond which a step of no length helps: the estimate stays."""
+    """Damping beyond which no step is expected to help."""
 
 
 SETTINGS = GaussNewton()
@@ -58,13 +68,18 @@ SETTINGS = GaussNewton()
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Where the iteration ended."""
+    """A fitted estimate, linearised there."""
 
     estimate: Estimate
     free: tuple[FreeParameter, ...]
     linear: Linearisation
-    converged: bool
+    stop: StopReason
     iterations: int = 0
+
+    @property
+    def converged(self) -> bool:
+        """Whether more iterations would change nothing."""
+        return self.stop is not StopReason.MAXIMUM_ITERATIONS
 
     @property
     def chi2(self) -> float:
@@ -78,24 +93,29 @@ class Fit:
 
     @property
     def inside(self) -> list[int]:
-        """Places of the free parameters that are not held at their bounds."""
+        """Indices of the free parameters that are not at their bounds."""
         return [i for i, parameter in enumerate(self.free) if parameter.read(self.estimate) > parameter.lower]
 
 
 @dataclass(frozen=True, slots=True)
-class Descent:
-    """Where an iteration ended, not yet linearised there."""
+class Iteration:
+    """State of the solver after one iteration."""
 
     estimate: Estimate
     predicted: Array | None
-    """(samples, 2) the readings there; none where the last step failed, or none was taken."""
+    """(samples, 2) readings at the estimate; None where they were not computed apart from the linearisation."""
     chi2: float
     linear: Linearisation
-    """By which the last step was made."""
-    sloped: Estimate
-    """Where its slopes were made."""
-    converged: bool
-    iterations: int
+    """Residuals and Jacobian of the last step."""
+    linearised_at: Estimate
+    """Where this Jacobian was computed."""
+    current: bool
+    """Whether the residuals of `linear` are those of the estimate."""
+    damping: float
+    frozen_jacobian: bool = False
+    """Whether the last step was linear enough to use the Jacobian again."""
+    number: int = 0
+    stop: StopReason | None = None
 
 
 def fit(
@@ -108,31 +128,36 @@ def fit(
     predicted: Array | None = None,
     settings: GaussNewton = SETTINGS,
 ) -> Fit:
-    """Fit the free parameters and all initial states.
+    """Fit the free parameters and all initial states, and linearise the result.
 
     Args:
-        problem: what was measured
-        start: to start from; what is not free stays as it is
-        free: the unknowns besides the initial states
-        iterations: at most
-        first: the problem linearised at `start` where that is known already
-        predicted: the readings at `start`, (samples, 2), where only those are known
-        settings: when to stop
+        problem: measured readings, weights and model
+        start: initial estimate; parameters that are not free keep its values
+        free: free parameters besides the initial states
+        iterations: maximum number
+        first: linearisation at `start`, if known
+        predicted: (samples, 2) readings at `start`, if known
+        settings: tolerances
     """
     free = problem.all_free(free)
     end = descend(problem, start, free, iterations=iterations, first=first, predicted=predicted, settings=settings)
-    linear, alike = end.linear, end.converged and not _grown(end.sloped, end.estimate, free, settings)
-    if end.predicted is not None or not (alike or end.sloped is end.estimate):
-        same = linear.carried(problem, end.predicted) if alike and end.predicted is not None else None
-        linear = same or linearise(problem, end.estimate, free, end.predicted)
-    return Fit(end.estimate, free, linear, end.converged, end.iterations)
+    assert end.stop is not None
+    usable = end.stop is not StopReason.MAXIMUM_ITERATIONS and not _amplitude_changed(end, free, settings)
+    exact = end.current and end.linearised_at is end.estimate
+    if exact or (end.current and usable):
+        linear = end.linear
+    else:
+        shifted = end.linear.carried(problem, end.predicted) if usable and end.predicted is not None else None
+        linear = shifted or linearise(problem, end.estimate, free, end.predicted)
+    return Fit(end.estimate, free, linear, end.stop, end.number)
 
 
-def _grown(before: Estimate, after: Estimate, free: Sequence[FreeParameter], settings: GaussNewton) -> bool:
-    """Whether an amplitude has changed so far that the slopes of its shape, in proportion to it, have too."""
+def _amplitude_changed(end: Iteration, free: Sequence[FreeParameter], settings: GaussNewton) -> bool:
+    """Whether an amplitude changed so much that the derivatives by its shape, proportional to it, are outdated."""
     shaped = {parameter.effect for parameter in free if not parameter.amplitude}
-    pairs = [(p.read(before), p.read(after)) for p in free if p.amplitude and p.effect in shaped]
-    return any(abs(new - old) > settings.grown * abs(old) for old, new in pairs)
+    amplitudes = [parameter for parameter in free if parameter.amplitude and parameter.effect in shaped]
+    pairs = [(parameter.read(end.linearised_at), parameter.read(end.estimate)) for parameter in amplitudes]
+    return any(abs(new - old) > settings.amplitude_change * abs(old) for old, new in pairs)
 
 
 def descend(
@@ -144,71 +169,91 @@ def descend(
     first: Linearisation | None = None,
     predicted: Array | None = None,
     settings: GaussNewton = SETTINGS,
-) -> Descent:
-    """The iteration of `fit` alone, for where it leads: arguments as there."""
-    at, free, read = problem.begun(start), problem.all_free(free), predicted
-    linear, sloped, predicted = first or linearise(problem, at, free, read), at, None
-    chi2, damping, done = linear.chi2, settings.least_damping, 0
-    converged, straight = False, False
-    while done < iterations and not converged:
-        done += 1
-        if predicted is not None:
-            same = linear.carried(problem, predicted) if straight else None
-            linear, sloped = (same, sloped) if same else (linearise(problem, at, free, predicted), at)
-            read, predicted = predicted, None
-        kept = sloped is not at
-        step = _step(linear, at, free, damping)
-        promise = chi2 - linear.left(step)
-        enough = (min(settings.settled, settings.converged) if kept else settings.converged) * chi2
-        promising = not (np.isfinite(chi2) and promise <= enough)
-        found = _search(problem, at, free, step, linear, settings, settings.tries if promising else 1)
-        if found is None and kept and promising:
-            linear, sloped = linearise(problem, at, free, read), at
-            continue
-        if found is None:
-            damping *= settings.damping_raised
-            converged = not promising or damping > settings.most_damping
-            continue
-        at, predicted, after = found
-        converged = chi2 - after <= enough
-        straight = abs(chi2 - after - promise) <= settings.straight * promise
-        chi2 = after
-        damping = max(damping * settings.damping_fallen, settings.least_damping)
-    return Descent(at, predicted, chi2, linear, sloped, converged, done)
+) -> Iteration:
+    """Iterate as `fit` does, without the final linearisation; arguments as there."""
+    start, free = problem.begun(start), problem.all_free(free)
+    linear = first or linearise(problem, start, free, predicted)
+    state = Iteration(start, predicted, linear.chi2, linear, start, True, settings.least_damping)
+    while state.stop is None and state.number < iterations:
+        state = iterate(problem, free, state, settings)
+    return state if state.stop else replace(state, stop=StopReason.MAXIMUM_ITERATIONS)
 
 
-def _step(linear: Linearisation, at: Estimate, free: tuple[FreeParameter, ...], damping: float) -> Array:
+def iterate(
+    problem: Problem, free: tuple[FreeParameter, ...], state: Iteration, settings: GaussNewton = SETTINGS
+) -> Iteration:
+    """Take one damped step, with a new or a frozen Jacobian."""
+    state = replace(_linearised(problem, free, state), number=state.number + 1)
+    if not np.isfinite(state.linear.chi2_by_segment).any():
+        return replace(state, stop=StopReason.LOST)
+    frozen = state.linearised_at is not state.estimate
+    step = _step(state, free)
+    predicted_reduction = state.chi2 - state.linear.left(step)
+    tolerance = (min(settings.converged_frozen, settings.converged) if frozen else settings.converged) * state.chi2
+    worthwhile = not (np.isfinite(state.chi2) and predicted_reduction <= tolerance)
+    trial = _line_search(problem, free, state, step, settings, settings.tries if worthwhile else 1)
+    if trial is None and frozen and worthwhile:
+        return _linearised(problem, free, replace(state, current=False, frozen_jacobian=False))
+    if trial is None:
+        damping = state.damping * settings.raise_damping
+        stop = StopReason.NO_DESCENT if damping > settings.most_damping else None
+        return replace(state, damping=damping, stop=stop if worthwhile else StopReason.CONVERGED)
+    estimate, predicted, chi2 = trial
+    reduction = state.chi2 - chi2
+    return replace(
+        state,
+        estimate=estimate,
+        predicted=predicted,
+        chi2=chi2,
+        current=False,
+        damping=max(state.damping * settings.lower_damping, settings.least_damping),
+        frozen_jacobian=abs(reduction - predicted_reduction) <= settings.linearity * predicted_reduction,
+        stop=StopReason.CONVERGED if reduction <= tolerance else None,
+    )
+
+
+def _linearised(problem: Problem, free: tuple[FreeParameter, ...], state: Iteration) -> Iteration:
+    """The state with residuals at its estimate, and a new Jacobian unless the frozen one may be used."""
+    if state.current:
+        return state
+    if state.frozen_jacobian and state.predicted is not None:
+        shifted = state.linear.carried(problem, state.predicted)
+        if shifted is not None:
+            return replace(state, linear=shifted, current=True)
+    linear = linearise(problem, state.estimate, free, state.predicted)
+    return replace(state, linear=linear, linearised_at=state.estimate, current=True)
+
+
+def _step(state: Iteration, free: tuple[FreeParameter, ...]) -> Array:
+    """(free,) the damped step within the bounds."""
     if not free:
         return np.zeros(0)
-    lower = np.array([parameter.lower - parameter.read(at) for parameter in free])
-    return ColumnSpace.of(*linear.flat).solution(lower, damping)
+    lower = np.array([parameter.lower - parameter.read(state.estimate) for parameter in free])
+    return ColumnSpace.of(*state.linear.flat).solution(lower, state.damping)
 
 
-def _search(
+def _line_search(
     problem: Problem,
-    at: Estimate,
     free: tuple[FreeParameter, ...],
+    state: Iteration,
     step: Array,
-    linear: Linearisation,
     settings: GaussNewton,
     tries: int,
 ) -> tuple[Estimate, Array, float] | None:
-    """The first estimate along the step that lowers the cost, its readings and its cost; none in so many tries."""
-    before = linear.chi2_by_segment
+    """The first estimate along the step that reduces the cost, with its readings and cost; None if no try does."""
+    before = state.linear.chi2_by_segment
     followed = np.isfinite(before)
-    if not followed.any():
-        return None
-    initial_steps = linear.initial_steps(step)
-    share, own = 1.0, np.ones(len(before))
+    initial_steps = state.linear.initial_steps(step)
+    length, segment_length = 1.0, np.ones(len(before))
     for attempt in range(tries):
-        trial = moved(at, free, share * step, (share * own)[:, None] * initial_steps)
+        trial = moved(state.estimate, free, length * step, (length * segment_length)[:, None] * initial_steps)
         predicted = problem.predict(trial)
         after = problem.chi2_by_segment(predicted)
         if after[followed].sum() <= before[followed].sum():
             return trial, predicted, float(after.sum())
         worse = ~(after <= before)
         if attempt % 2 or worse.mean() > 0.5:
-            share *= settings.shorter
+            length *= settings.shorten
         else:
-            own[worse] *= settings.shorter_segment
+            segment_length[worse] *= settings.shorten_segment
     return None

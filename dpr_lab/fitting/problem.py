@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.fitting.estimate import ZERO, Estimate, FreeParameter, zero_parameters
+from dpr_lab.fitting.estimate import ZEROS_BEGIN, Estimate, FreeParameter, zero_parameters
 from dpr_lab.fitting.whitening import Disturbance, innovations, padded
 from dpr_lab.joint_angles import JointAngles
 
@@ -111,7 +111,7 @@ class Problem:
     def begun(self, at: Estimate) -> Estimate:
         """An estimate with zeros for the runs of these segments, where they are put anew: its own, or none yet."""
         runs = len(self.segments.setups)
-        return replace(at, zeros=np.zeros((runs, 2))) if self.rezeroed and len(at.zeros) != runs else at
+        return at.changed(zeros=np.zeros((runs, 2))) if self.rezeroed and len(at.zeros) != runs else at
 
     def all_free(self, free: Sequence[FreeParameter]) -> tuple[FreeParameter, ...]:
         """Unknowns besides the initial states, with the zeros that are put anew before each run."""
@@ -125,16 +125,16 @@ class Problem:
 
     def slopes(self, at: Estimate, free: Sequence[FreeParameter]) -> Array:
         """(samples, 2, free + 4) derivatives of that, the last four by the initial state of each own segment."""
-        zeros = [i for i, parameter in enumerate(free) if parameter.effect == ZERO]
-        of_model = self.model.slopes(self.segments, at, [p for p in free if p.effect != ZERO])
+        zeros = [i for i, parameter in enumerate(free) if parameter.block == "zeros"]
+        of_model = self.model.slopes(self.segments, at, [p for p in free if p.block != "zeros"])
         if not zeros:
             return of_model
-        found, run = np.zeros((*of_model.shape[:2], len(free) + 4)), self.segments.run[self.owner]
-        found[:, :, np.delete(np.arange(len(free) + 4), zeros)] = of_model
+        slopes, run = np.zeros((*of_model.shape[:2], len(free) + 4)), self.segments.run[self.owner]
+        slopes[:, :, np.delete(np.arange(len(free) + 4), zeros)] = of_model
         for i in zeros:
-            of_run, joint = divmod(free[i].index, 2)
-            found[run == of_run, joint, i] = 1.0
-        return found
+            of_run, joint = divmod(free[i].place - ZEROS_BEGIN, 2)
+            slopes[run == of_run, joint, i] = 1.0
+        return slopes
 
     def chi2_by_segment(self, predicted: Array) -> Array:
         """(segments,) sum of squared whitened residuals; inf where a segment cannot be followed."""

@@ -110,14 +110,28 @@ def _ridged(H: Array, ridge: float = RIDGE) -> Array:
 
 
 def bounded_solution(H: Array, gradient: Array, lower: Array) -> Array:
-    """The x >= lower of normal equations H x = gradient: coordinates that would cross their bound are held at it."""
+    """Minimise x^T H x / 2 - gradient^T x over x >= lower.
+
+    Active set: coordinates that would cross their bound are fixed there; then the fixed coordinate that would reduce
+    the cost most by leaving its bound is released, until none would (Karush-Kuhn-Tucker).
+
+    Args:
+        H: (k, k) symmetric positive definite
+        gradient: (k,)
+        lower: (k,) -inf where there is no bound
+    """
     free, x = np.ones(len(gradient), dtype=bool), np.zeros(len(gradient))
-    for _ in range(len(gradient) + 1):
+    for _ in range(3 * len(gradient) + 1):
         x = np.where(free, 0.0, lower)
         if free.any():
             x[free] = np.linalg.solve(H[np.ix_(free, free)], (gradient - H @ x)[free])
         below = free & (x < lower)
-        if not below.any():
+        if below.any():
+            free &= ~below
+            continue
+        multipliers = np.where(free, 0.0, gradient - H @ x)
+        release = int(np.argmax(multipliers))
+        if multipliers[release] <= RIDGE * float(np.abs(gradient).max()):
             break
-        free &= ~below
-    return x
+        free[release] = True
+    return np.maximum(x, lower)

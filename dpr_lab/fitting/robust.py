@@ -1,7 +1,5 @@
 """Fits that a few readings or segments would lead astray."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -55,12 +53,12 @@ def begun_again(problem: Problem, found: Fit, initial: Array, *, iterations: int
     chi2 = np.nan_to_num(found.linear.chi2_by_segment, nan=np.inf)
     if not (chi2 > lost * np.median(chi2)).any():
         return found
-    there = fit(problem, replace(found.estimate, initial=initial), (), iterations=iterations)
+    there = fit(problem, found.estimate.changed(initial=initial), (), iterations=iterations)
     better = 0.5 * lost * there.linear.chi2_by_segment < chi2
     if not better.any():
         return found
     states = np.where(better[:, None], there.estimate.initial, found.estimate.initial)
-    again = fit(problem, replace(found.estimate, initial=states), found.free, iterations=iterations)
+    again = fit(problem, found.estimate.changed(initial=states), found.free, iterations=iterations)
     return min(found, again, key=lambda one: one.chi2)
 
 

@@ -50,7 +50,7 @@ class RodsAlone:
         _, seen, by_push = driven(values, self.constants, segments, begins, 2)
         seen[:, 1] -= self.constants.relative2 * seen[:, 0]
         by_push[:, 1] -= self.constants.relative2 * by_push[:, 0]
-        columns = [parameter.index for parameter in free]
+        columns = [parameter.place for parameter in free]
         if columns == list(range(len(RATIOS))) and all(setup == BOTH for setup in segments.setups):
             return seen
         slopes = np.empty((len(seen), 2, len(free) + 4))

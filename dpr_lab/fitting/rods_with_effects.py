@@ -17,7 +17,7 @@ from dpr_lab.dynamics.prediction import internal_states, predict, predict_batch
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects import EFFECTS, named_params, param_index
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.fitting.estimate import Estimate, FreeParameter, whole_of
+from dpr_lab.fitting.estimate import EFFECTS_BEGIN, ZEROS_BEGIN, Estimate, FreeParameter, whole_of
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ class RodsWithEffects:
         coarse = replace(coarse, step=COARSER * coarse.step)
         ratios, params, initial = _varied(at, free)
         of_encoders = np.array(
-            [p.effect is not None and EFFECTS[p.effect].stage == "encoder" for p in free] + [False] * 4
+            [p.block == "effects" and EFFECTS[p.effect].stage == "encoder" for p in free] + [False] * 4
         )
         moving, still = np.flatnonzero(~of_encoders), np.flatnonzero(of_encoders)
         swung = np.append(moving, len(ratios) - 1)  # the estimate itself is the last row
@@ -93,12 +93,11 @@ def _varied(at: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array, 
     A row for each free parameter and each number of the initial states, moved by its step; the last as it is.
     """
     rows = len(free) + 5
-    ratios, params = np.tile(at.ratios, (rows, 1)), np.tile(at.params, (rows, 1))
-    initial = np.tile(at.initial, (rows, 1, 1))
+    vectors, initial = np.tile(at.vector, (rows, 1)), np.tile(at.initial, (rows, 1, 1))
     for i, parameter in enumerate(free):
-        for index, value in parameter.overrides:
-            params[i, index] = value
-        (ratios if parameter.effect is None else params)[i, parameter.index] += parameter.step
+        for place, value in parameter.overrides:
+            vectors[i, place] = value
+        vectors[i, parameter.place] += parameter.step
     for j in range(4):
         initial[len(free) + j, :, j] += INITIAL_STEPS[j]
-    return ratios, params, initial
+    return vectors[:, :EFFECTS_BEGIN], vectors[:, EFFECTS_BEGIN:ZEROS_BEGIN], initial

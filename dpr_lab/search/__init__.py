@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from dpr_lab.configs import find_config, read_config
-from dpr_lab.errors import ConfigError
+from dpr_lab.errors import ConfigError, unknown_name
 from dpr_lab.search.cma_es import CmaEsSettings, cma_es
 from dpr_lab.search.differential_evolution import DifferentialEvolutionSettings, differential_evolution
 from dpr_lab.search.iga import iga
@@ -48,5 +48,5 @@ def load_search(name: str | Path) -> SearchSettings:
     path = find_config("search", name)
     algorithm = read_config(path, _Choice).algorithm
     if algorithm not in ALGORITHMS:
-        raise ConfigError(f"{path}: algorithm = {algorithm!r}: unknown (there are: {', '.join(ALGORITHMS)})")
+        raise ConfigError(unknown_name(f"{path}: algorithm = {algorithm!r}: unknown", algorithm, ALGORITHMS))
     return read_config(path, ALGORITHMS[algorithm].settings)

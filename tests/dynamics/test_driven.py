@@ -1,7 +1,5 @@
 """Known torques, each held until the next logged instant, in both output models; the scale that they make visible."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -53,7 +51,7 @@ def swing(torques: np.ndarray) -> np.ndarray:
 
 
 def estimate(start: np.ndarray) -> Estimate:
-    return Estimate(unknown_ratios(whole_parameters(Z, RIG.L1, RIG.g)), effect_params({}), start[None])
+    return Estimate.of(unknown_ratios(whole_parameters(Z, RIG.L1, RIG.g)), effect_params({}), start[None])
 
 
 @pytest.mark.parametrize("model", [RodsAlone, RodsWithEffects], ids=["ratios", "lanes"])
@@ -76,10 +74,10 @@ def test_slopes_by_the_scale_are_those_of_the_readings(torques: np.ndarray):
         both = []
         for sign in (1, -1):
             ratios = at.ratios.copy()
-            ratios[parameter.index] *= 1 + sign * 1e-6
-            both.append(model.predict(laid_out, replace(at, ratios=ratios)))
+            ratios[parameter.place] *= 1 + sign * 1e-6
+            both.append(model.predict(laid_out, at.changed(ratios=ratios)))
         expected = (both[0] - both[1]) / 2e-6
-        assert slopes[:, :, column] * at.ratios[parameter.index] == pytest.approx(expected, rel=1e-4, abs=1e-5)
+        assert slopes[:, :, column] * at.ratios[parameter.place] == pytest.approx(expected, rel=1e-4, abs=1e-5)
 
 
 def recorded(torques: np.ndarray, swing: np.ndarray, seed: int) -> Run:

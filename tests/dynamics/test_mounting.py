@@ -56,7 +56,7 @@ def acceleration(mounting: str, elbow: float, Z=Z):
 def readings(model, setup: Setup, initial, whole=WHOLE, t=T, params=None):
     laid_out = segments([t], setups=[setup], step=1e-3)
     params = effect_params({}) if params is None else params
-    return model.predict(laid_out, Estimate(unknown_ratios(whole), params, np.array([initial])))
+    return model.predict(laid_out, Estimate.of(unknown_ratios(whole), params, np.array([initial])))
 
 
 @pytest.mark.parametrize("model", [RodsAlone, RodsWithEffects], ids=["ratios", "lanes"])
@@ -89,17 +89,17 @@ def test_a_rod_alone_keeps_its_energy_without_friction():
 def test_slopes_are_those_of_the_readings(setup: Setup):
     laid_out = segments([T, T + 2.0], setups=[setup], step=2.5e-3)
     model, initial = RodsAlone(rig_constants(RIG)), np.array([[1.1, 1.8, 2.0, 2.0], [2.0, 2.7, -1.0, -1.0]])
-    at = Estimate(unknown_ratios(WHOLE), effect_params({}), initial)
+    at = Estimate.of(unknown_ratios(WHOLE), effect_params({}), initial)
     free = ratio_parameters(at, range(7))
     slopes = model.slopes(laid_out, at, free)
     for column, parameter in enumerate(free):
         both = []
         for sign in (1, -1):
             ratios = at.ratios.copy()
-            ratios[parameter.index] += sign * 1e-6 * ratios[parameter.index]
-            both.append(model.predict(laid_out, Estimate(ratios, at.params, initial)))
+            ratios[parameter.place] += sign * 1e-6 * ratios[parameter.place]
+            both.append(model.predict(laid_out, Estimate.of(ratios, at.params, initial)))
         expected = (both[0] - both[1]) / 2e-6
-        assert slopes[:, :, column] * at.ratios[parameter.index] == pytest.approx(expected, rel=1e-4, abs=1e-5)
+        assert slopes[:, :, column] * at.ratios[parameter.place] == pytest.approx(expected, rel=1e-4, abs=1e-5)
 
 
 def test_no_swing_of_one_rod_shows_more_than_its_own():
@@ -129,7 +129,7 @@ def test_effects_act_in_the_lanes_as_in_the_simulator(mounting: str):
     params, constants = effect_params(coefficients), rig_constants(RIG)
     laid_out = segments([T], setups=[Setup(mounting, elbow=0.7)], step=2.5e-3)
     initial = np.array([[1.1, 1.8, 2.0, 2.0]])
-    found = RodsWithEffects(constants).predict(laid_out, Estimate(unknown_ratios(WHOLE), params, initial))
+    found = RodsWithEffects(constants).predict(laid_out, Estimate.of(unknown_ratios(WHOLE), params, initial))
     alone, _ = read_segments(WHOLE, params, constants, laid_out, initial)
     assert found == pytest.approx(alone[:, :2], abs=1e-9)
     assert np.ptp(found[:, 1]) < 1e-9

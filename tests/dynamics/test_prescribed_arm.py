@@ -1,6 +1,5 @@
 """An arm that moves as it is known to, against Lagrange's equations of point masses by sympy."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -94,7 +93,7 @@ def test_the_ratios_are_found_with_the_arm_s_encoder_alone(model, rng):
     arm = arm_motion(logged, moved(logged, np.cos) + noise * rng.standard_normal(len(logged)), "a run")
     seen = swung() + noise * rng.standard_normal((len(T), 2))
     truth = unknown_ratios(WHOLE)
-    begun = Estimate(truth * [1.05, 1, 1.03, 0.97, 1.2, 1, 1], effect_params({}), START[None])
+    begun = Estimate.of(truth * [1.05, 1, 1.03, 0.97, 1.2, 1, 1], effect_params({}), START[None])
     left = {}
     for known in (arm, None):
         laid_out = segments([T], setups=[Setup(arm=known)])
@@ -118,13 +117,13 @@ def test_slopes_are_differences_whatever_hangs_on_a_moving_arm(mounting: Mountin
     known = ArmMotion(t, moved(t, np.cos), 3.6 * np.sin(4 * t) + 1.8 * np.sin(9 * t))
     laid_out = segments([T[:100]], setups=[Setup(mounting, arm=known)], step=1e-3)
     start = START if mounting in ("both", "clamped") else np.array([2.6, 2.6, 0.0, 0.0])
-    at = Estimate(unknown_ratios(WHOLE), effect_params({}), start[None])
+    at = Estimate.of(unknown_ratios(WHOLE), effect_params({}), start[None])
     rods, lanes = RodsAlone(CONSTANTS), RodsWithEffects(CONSTANTS)
     free = ratio_parameters(at)
     slopes = rods.slopes(laid_out, at, free)
     for k, parameter in enumerate(free):
-        moved_by = 1e-5 * at.ratios[parameter.index]
-        either = [replace(at, ratios=at.ratios + sign * moved_by * np.eye(7)[parameter.index]) for sign in (1, -1)]
+        moved_by = 1e-5 * at.ratios[parameter.place]
+        either = [at.changed(ratios=at.ratios + sign * moved_by * np.eye(7)[parameter.place]) for sign in (1, -1)]
         apart = np.subtract(*(rods.predict(laid_out, other) for other in either)) / (2 * moved_by)
         assert slopes[:, :, k] == pytest.approx(apart, abs=1e-5 * max(1.0, np.abs(apart).max()))
     led = np.arange(segment_start(T[0]), T[0] - 1e-9, 5e-3)

@@ -8,7 +8,7 @@ import numba
 import pytest
 
 import dpr_lab
-from dpr_lab.kernel_cache import KEPT, KERNEL_SOURCES, PRUNE_AFTER_S, open_cache, prune, source_hash
+from dpr_lab.kernel_cache import KEPT, KERNEL_SOURCES, PRUNE_AFTER_S, choose_cache, open_cache, prune, source_hash
 
 PACKAGE = Path(dpr_lab.__file__).parent
 
@@ -138,3 +138,64 @@ def test_a_disk_that_fills_up_costs_the_cache_and_not_the_answer(tmp_path):
     run = subprocess.run([sys.executable, tmp_path / "program.py"], env=environment, capture_output=True, text=True)
     assert (run.returncode, run.stdout) == (0, "42\n"), run.stderr
     assert not list((tmp_path / "cache").rglob("*.nbc"))
+
+
+KERNELS = """
+from dpr_lab.kernels import behind_pointer, njit
+@njit
+def twice(x):
+    return 2 * x
+def nothing(x):
+    pass
+behind_pointer(nothing, 1.0)
+print(twice(21))
+"""
+
+
+def run_kernels(folder, cache):
+    (folder / "program.py").write_text(COMPILED + KERNELS)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
+    run = subprocess.run([sys.executable, folder / "program.py"], env=environment, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    *compiled, answer = run.stdout.splitlines()
+    assert answer == "42"
+    return [line for line in compiled if "numba" not in line]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("kept", [0.0, 0.5])
+def test_kernels_whose_cache_was_cut_off_are_compiled_again(tmp_path, suffix, kept):
+    cache = tmp_path / "cache"
+    assert run_kernels(tmp_path, cache)
+    files = list(cache.rglob(f"*{suffix}"))
+    assert len(files) == 2
+    for file in files:
+        os.truncate(file, int(kept * file.stat().st_size))
+    assert run_kernels(tmp_path, cache)
+    assert not run_kernels(tmp_path, cache)
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="folders with owners as POSIX has them")
+def test_a_cache_that_others_could_write_is_emptied_and_closed(tmp_path):
+    for opened in ("root", "root/hash"):
+        folder = tmp_path / "root" / "hash"
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "planted.nbi").touch()
+        (tmp_path / opened).chmod(0o777)
+        assert open_cache(tmp_path / "root", "hash") == folder
+        assert not list(folder.iterdir())
+        assert not folder.stat().st_mode & 0o022
+        assert not folder.parent.stat().st_mode & 0o022
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can give a folder away")
+@pytest.mark.parametrize("given", ["root", "root/hash"])
+def test_a_cache_of_another_user_is_passed_over_for_a_private_one(tmp_path, given):
+    (tmp_path / "root" / "hash").mkdir(parents=True)
+    os.chown(tmp_path / given, 12345, 12345)
+    cache, why = choose_cache([tmp_path / "root", tmp_path / "own"], "hash")
+    assert cache == tmp_path / "own" / "hash"
+    assert why == f"{tmp_path / given}: belongs to another user, so its compiled kernels are not loaded: they are code"
+    assert choose_cache([tmp_path / "own"], "hash") == (cache, "")
+    assert choose_cache([tmp_path / "root"], "hash")[0] is None

@@ -20,7 +20,8 @@ def test_a_compliant_arm_answers_as_the_whole_rig_does(recorded, screened, paper
     problem, initial = screened(recorded({}, duration=WHOLE_S)).cut(2 * WHOLE_S)
     arm = {"coupling_per_kg": COUPLING, "frequency_hz": frequency, "damping_ratio": 0.05}
     held, loose = (
-        Estimate(nominal_ratios(paper), effect_params({"arm_compliance": a} if a else {}), initial) for a in ({}, arm)
+        Estimate.of(nominal_ratios(paper), effect_params({"arm_compliance": a} if a else {}), initial)
+        for a in ({}, arm)
     )
     whole = problem.predict(loose) - problem.predict(held)
     along = trajectory(problem, held)

@@ -1,7 +1,5 @@
 """Derivatives of the readings where effects have internal states that are handed on from segment to segment."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -20,7 +18,7 @@ REMEMBERING = {
 def test_slopes_by_initial_states_are_those_of_wider_differences_with_the_internal_states_held(recorded, bare, effect):
     truth = {effect: REMEMBERING[effect]}
     problem, base = bare(recorded(truth, duration=3.0))
-    at = replace(base.fit.estimate, params=effect_params(truth))
+    at = base.fit.estimate.changed(params=effect_params(truth))
     known = at.base, at.params, problem.model.constants, problem.segments
     internal = internal_states(*known, at.initial)
     slopes = problem.model.slopes(problem.segments, at, ())

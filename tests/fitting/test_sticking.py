@@ -39,7 +39,7 @@ def test_friction_of_joints_that_come_to_rest_is_found(rng, first, second, start
     weight = np.full((chosen.size, 2), 1 / NOISE)
     problem = Problem(segments(list(t[chosen])), read[chosen.ravel()], weight, RodsWithEffects(constants))
     off = ratios(base) * [1.01, 0.99, 1.01, 1.2, 0.8]
-    at = Estimate(np.append(off, base[1]), coulomb(0.7 * first, 0.7 * second), initial)
+    at = Estimate.of(np.append(off, [base[1], np.nan]), coulomb(0.7 * first, 0.7 * second), initial)
     names = "coulomb_joint1", "coulomb_joint2"
     free = [*ratio_parameters(at), *(p for name in names for p in effect_parameters(EFFECTS[name]))]
     found = fit(problem, at, free, iterations=30)
