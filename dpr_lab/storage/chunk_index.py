@@ -1,12 +1,16 @@
-"""The index of a run file under way, kept on disk so that memory stays flat however long the recording lasts."""
+"""What `mcap.writer.Writer` lacks: an index on disk, so that memory stays flat, and many messages at once."""
 
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryFile
+from typing import Any
 
+import numpy as np
 from mcap.data_stream import ReadDataStream, RecordBuilder
-from mcap.records import ChunkIndex
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex, MessageIndex
 from mcap.writer import Writer
+from numpy.typing import NDArray
 
 
 class ChunkIndices:
@@ -41,6 +45,39 @@ class ChunkIndices:
         for _ in range(self._count):
             stream.read(9)  # the header of an MCAP record: its kind and its length
             yield ChunkIndex.read(stream)
+
+
+class RowIndex(MessageIndex):
+    """Where each message of a chunk stands: (n, 2) times and offsets, written as they are."""
+
+    def __init__(self, channel: int, entries: NDArray[np.int64]) -> None:
+        super().__init__(channel, [])
+        self._entries = entries
+
+    def write(self, stream: RecordBuilder) -> None:
+        """Write it as an MCAP record."""
+        stream.start_record(Opcode.MESSAGE_INDEX)
+        stream.write2(self.channel_id)
+        stream.write4(self._entries.nbytes)
+        stream.write(self._entries.astype("<u8").tobytes())
+        stream.finish_record()
+
+
+def write_rows(writer: Writer, channel: int, log_ns: NDArray[np.int64], records: NDArray[np.uint8]) -> None:
+    """Write (n, width) message records of (n,) increasing times as a chunk of their own."""
+    writer.flush()
+    chunk: Any = getattr(writer, "_Writer__chunk_builder")  # noqa: B009
+    statistics: Any = getattr(writer, "_Writer__statistics")  # noqa: B009
+    first, last, (n, width) = int(log_ns[0]), int(log_ns[-1]), records.shape
+    offsets = chunk.count + width * np.arange(n)
+    chunk.message_indices[channel] = RowIndex(channel, np.column_stack([log_ns, offsets]))
+    chunk.message_start_time, chunk.message_end_time, chunk.num_messages = first, last, n
+    chunk.record_writer.write(records.tobytes())
+    statistics.message_start_time = min(first, statistics.message_start_time) if statistics.message_count else first
+    statistics.message_end_time = max(last, statistics.message_end_time)
+    statistics.channel_message_counts[channel] += n
+    statistics.message_count += n
+    writer.flush()
 
 
 def keep_on_disk(writer: Writer, folder: Path) -> ChunkIndices:

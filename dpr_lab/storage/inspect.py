@@ -11,11 +11,11 @@ import numpy as np
 from dpr_lab.errors import RunError
 from dpr_lab.storage.layout import SAMPLES, TORQUE_KEYS
 from dpr_lab.storage.metadata import RunSummary
-from dpr_lab.storage.reader import lost_by_gaps
+from dpr_lab.storage.reader import lost_by_gaps, release_row
 from dpr_lab.storage.samples import Samples
 from dpr_lab.storage.scan import Scan, scan, stored_messages
 from dpr_lab.storage.sidecar import read_note, read_sidecar, sidecar_of
-from dpr_lab.storage.writer import whole_run
+from dpr_lab.storage.whole_run import whole_run
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +57,9 @@ class RunInfo:
     schema_hash: str
     versions: Mapping[str, str]
     created_utc: str
+    """When the file was begun; of an import not the recording."""
+    recorded_utc: str
+    """When it was recorded, ISO 8601 date, or date and time; empty where an import does not know it."""
     note: str
     notes: tuple[str, ...]
     extra: Mapping[str, str]
@@ -117,6 +120,7 @@ def info(path: Path | str) -> RunInfo:
         schema_hash=meta.schema_hash,
         versions=meta.versions,
         created_utc=meta.created_utc,
+        recorded_utc=meta.recorded_utc,
         note=read_note(found.path, meta.note),
         notes=summary.notes,
         extra=meta.extra,
@@ -185,7 +189,10 @@ def _duration(found: Scan, samples: Samples) -> float:
     if not len(samples.t):
         return 0.0
     release = found.release_tick
-    start = samples.t[0] if release is None else release / found.metadata.rate_hz
+    if found.metadata.time_source == "table":
+        start = samples.t[release_row(release, samples.ticks)]
+    else:
+        start = samples.t[0] if release is None else release / found.metadata.rate_hz
     return float(samples.t[-1] - start)
 
 

@@ -34,9 +34,11 @@ class FileLimits:
     record_bytes: int = 4 << 20
     """Of one record: far above any chunk the writer makes; a damaged or hostile length stops here."""
     expansion: int = 100
-    """Bytes in a chunk for each compressed one (rods at rest compress fifteenfold): all together stay bounded."""
-    small_chunk_bytes: int = 1 << 16
-    """A chunk may expand to this, however small it is."""
+    """Bytes in the chunks for each compressed one, all chunks together; rods at rest compress fifteenfold."""
+    small_chunk_bytes: int = 2 << 20
+    """A chunk may expand to this, however small it is: twice what the writer makes."""
+    surplus_bytes: int = 1 << 26
+    """What the chunks may expand to beyond that, all together: one that repeats a message compresses further."""
     ticks: int = 1 << 53
     """Seventy thousand years at 4 kHz, and exact as a float."""
 

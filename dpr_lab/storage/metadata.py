@@ -3,7 +3,6 @@
 import hashlib
 import json
 import platform
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -11,9 +10,9 @@ from importlib.metadata import version
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import ValidationError
 
-from dpr_lab.errors import RunError, printable
+from dpr_lab.configs import parse_config
+from dpr_lab.errors import ConfigError, RunError, printable
 from dpr_lab.rig import JOINTS, Rig
 from dpr_lab.storage.layout import FORMAT, LIMITS
 
@@ -62,6 +61,11 @@ class RunMetadata:
             raise ValueError(f"rate_hz must be positive, not {self.rate_hz}")
 
     @property
+    def recorded_utc(self) -> str:
+        """When it was recorded: ISO 8601 date, or date and time; empty for an import that does not know it."""
+        return self.created_utc if self.source == "device" else self.extra.get("recorded_at", "")
+
+    @property
     def rig_text(self) -> str:
         """The rig as TOML."""
         return rig_toml(self.rig)
@@ -94,9 +98,9 @@ class RunMetadata:
         if hashlib.sha256(rig_toml).hexdigest() != record["rig_sha256"]:
             raise RunError("the rig stored with the run is damaged, so its counts mean nothing")
         try:
-            rig = Rig.model_validate(tomllib.loads(rig_toml.decode()))
-        except (tomllib.TOMLDecodeError, ValidationError) as error:
-            raise RunError(f"the rig stored with the run does not fit this version: {error}") from error
+            rig = parse_config(rig_toml.decode(), "the rig stored with the run", Rig)
+        except ConfigError as error:
+            raise RunError(f"{error}; this version of dpr-lab reads no such rig") from error
         return RunMetadata(
             rig=rig,
             pose=record["pose"] or None,

@@ -1,16 +1,19 @@
 """Read a run file, whole or broken, as a `Run`."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import prescribed_arm
+from dpr_lab.estimation.held_rods import free_part_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_mounted
-from dpr_lab.storage.metadata import numbers
-from dpr_lab.storage.samples import Samples
+from dpr_lab.storage.metadata import RunMetadata, numbers
+from dpr_lab.storage.samples import STRANGE, Samples, json_object
 from dpr_lab.storage.scan import Scan, scan
 from dpr_lab.storage.sidecar import read_sidecar
 
@@ -49,7 +52,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     theta = samples.theta if samples.counts is None else own.theta(samples.counts)
     summary = found.summary
     torques, commanded = _torques(samples)
-    return Run(
+    run = Run(
         name=found.path.stem,
         t=t,
         theta=as_mounted(theta - full_turns(own, found.metadata.pose, t, theta), own.rods.mounting, str(path)),
@@ -70,9 +73,47 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         lost=dict(summary.lost) if summary is not None else lost_by_gaps(found, samples),
         file=found.path,
         sha256=found.sha256,
-        recorded_utc=found.metadata.created_utc if found.metadata.source == "device" else "",
-        notes=(*(summary.notes if summary is not None else ()), *_what_happened(found)),
+        recorded_utc=found.metadata.recorded_utc,
+        notes=(*(summary.notes if summary is not None else ()), *_what_happened(found), *_degraded(found)),
+        **of_a_table(found.metadata),
     )
+    return released(run) if run.keep_rest is False and t[0] == 0 else run
+
+
+def of_a_table(metadata: RunMetadata) -> dict[str, bool]:
+    """What a run of an imported table knows besides: `keep_rest` and `arm_read`; nothing of a device's."""
+    if metadata.time_source != "table":
+        return {}
+    options, columns = (_object(metadata.extra.get(key, "")) for key in ("options", "columns"))
+    return {"keep_rest": options.get("keep_rest") is True, "arm_read": not columns or "theta0" in columns}
+
+
+def _object(text: str) -> dict[str, Any]:
+    try:
+        return json_object(text.encode())
+    except STRANGE:
+        return {}
+
+
+def released(run: Run) -> Run:
+    """A table's run that does not know its release, from where its rods begin to move to where they are held again.
+
+    The run as it is where no such part can be named; `refuse_held` says why.
+    """
+    try:
+        part = free_part_of(run)
+    except RunError:
+        return run
+    if (part.start, part.stop) == (0, len(run.t)):
+        return run
+    release, last = float(run.t[part.start]), float(run.t[part.stop - 1])
+    cut = run.between(float(run.t[part.rest]), np.nextafter(last, np.inf))
+    arm = None if run.arm is None else replace(run.arm, t=run.arm.t - release)
+    note = f"the rods are held until {release:.4g} s" if part.start else ""
+    note += f"{' and ' if note else ''}{'after' if note else 'the rods are held after'} {last:.4g} s" * (
+        part.stop < len(run.t)
+    )
+    return replace(cut, t=cut.t - release, arm=arm, notes=(*run.notes, f"{note}: left out of the swing"))
 
 
 def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
@@ -116,13 +157,19 @@ def lost_by_gaps(found: Scan, samples: Samples) -> dict[str, int]:
 
 def _time(found: Scan, samples: Samples) -> NDArray[np.float64]:
     if found.metadata.time_source == "table":
-        return samples.t
+        return samples.t - samples.t[release_row(found.release_tick, samples.ticks)]
     release = found.release_tick
     if release is None:
         raise RunError(f"{found.path}: has no release: the latch was not opened while it was recorded{_because(found)}")
     if release > samples.ticks[-1]:
         raise RunError(f"{found.path}: ends at tick {samples.ticks[-1]}, before the release at tick {release}")
     return (samples.ticks - release) / found.metadata.rate_hz
+
+
+def release_row(release: int | None, ticks: NDArray[np.int64]) -> int:
+    """Row of an imported table in which the rods were released; the first where the file names none that it has."""
+    row = 0 if release is None else int(np.searchsorted(ticks, release))
+    return row if row < len(ticks) and ticks[row] == release else 0
 
 
 def full_turns(rig: Rig, pose: str | None, t: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -155,6 +202,12 @@ def _check_rig(found: Scan, rig: Rig) -> None:
 def _what_happened(found: Scan) -> list[str]:
     said = [f"recording stopped early: {found.stopped}"] if found.stopped else []
     return said + ([f"file {found.damage}"] if found.damage else [])
+
+
+def _degraded(found: Scan) -> list[str]:
+    """What the quality gate found wrong with a recording."""
+    gate = found.summary.gate if found.summary is not None else ""
+    return [f"the quality gate marked this recording as {gate}"] if gate.startswith("degraded") else []
 
 
 def _because(found: Scan) -> str:

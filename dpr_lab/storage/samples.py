@@ -1,6 +1,7 @@
 """The messages of a run file as numbers, gathered chunk by chunk; nothing in them is trusted."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
 from dpr_lab.storage.layout import CLOCK, EVENTS, LIMITS, RELEASED, SAMPLES, TORQUE_KEYS, Stored
+from dpr_lab.storage.row_text import sample_columns
 
 STRANGE = (ValueError, KeyError, TypeError, OverflowError, RecursionError, AttributeError)
 """What JSON raises that holds something else than it should."""
@@ -90,6 +92,22 @@ class Gathered:
         except STRANGE as error:
             self.strange_event = str(error) or type(error).__name__
 
+    def take_rows(self, texts: NDArray[np.uint8]) -> bool:
+        """The samples of (n, w) texts of a fixed width; false, and nothing taken, for other texts."""
+        if self.strange_sample:
+            return True
+        columns = sample_columns(texts)
+        if columns is None:
+            return False
+        tick, t, *rest = columns
+        counts, theta, *torques = map(_stacked, (rest[:3], rest[3:6], rest[6:8], rest[8:]))
+        whole = [tick] if counts is None else [tick, counts]
+        if theta is None or any(column is None or column.dtype.kind != "i" for column in whole):
+            return False
+        known = tuple(pair for pair in torques if pair is not None)
+        self._parts.append(Samples(np.asarray(tick), np.asarray(t), theta, counts, known))
+        return True
+
     @property
     def samples(self) -> Samples:
         """All of them, in the order of the file.
@@ -119,6 +137,12 @@ class Gathered:
         tick = event.get("tick")
         if self.release_tick is None and event.get("kind") == RELEASED and isinstance(tick, int):
             self.release_tick = tick if 0 <= tick < LIMITS.ticks else None
+
+
+def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
+    """(n, k) of k columns; None where they are not there."""
+    there = [column for column in columns if column is not None]
+    return np.column_stack(there) if there else None
 
 
 def _whole(values: list[Any], shape: tuple[int, ...]) -> NDArray[np.int64]:

@@ -9,17 +9,19 @@ import hashlib
 import mmap
 import os
 import struct
+import zlib
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 import zstandard
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message, Metadata, Statistics
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from dpr_lab.errors import RunError, printable
@@ -35,7 +37,9 @@ from dpr_lab.storage.layout import (
     unsealed,
 )
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
+from dpr_lab.storage.row_text import message_texts
 from dpr_lab.storage.samples import STRANGE, Gathered, Samples, json_object
+from dpr_lab.whole_file import regular
 
 DAMAGE = (
     McapError,
@@ -122,11 +126,31 @@ class Scan:
 
 
 @dataclass(slots=True)
+class _Room:
+    """How many bytes the chunks of a file may still expand to."""
+
+    left: int = LIMITS.surplus_bytes
+
+    def take(self, packed: int, expanded: int) -> None:
+        """Account for a chunk, before it is expanded.
+
+        Raises:
+            McapError: it, or all chunks together, expand beyond the limits.
+        """
+        credit = LIMITS.expansion * packed
+        most = min(LIMITS.record_bytes, credit + LIMITS.small_chunk_bytes, credit + self.left)
+        if expanded > most:
+            raise McapError(f"a chunk of {packed} bytes that would expand to {expanded}, {most} is the most")
+        self.left += credit - expanded
+
+
+@dataclass(slots=True)
 class _Collected:
     records: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     topics: dict[int, str] = field(default_factory=dict)
     read: Gathered = field(default_factory=Gathered)
+    room: _Room = field(default_factory=_Room)
     statistics: Statistics | None = None
     finished: bool = False
 
@@ -165,12 +189,13 @@ def scan(path: Path) -> Scan:
 def stored_messages(path: Path) -> Generator[Stored]:
     """The messages of a run file in file order, chunk by chunk, up to its end or first damage."""
     topics: dict[int, str] = {}
+    room = _Room()
     with mapped(path) as file:
-        reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LIMITS.record_bytes)  # pyright: ignore[reportArgumentType]
+        reader = _reader(file)
         try:
             for record in reader.records:
                 if isinstance(record, Chunk):
-                    yield from _messages(record, topics)
+                    yield from _messages(record, _expanded(record, room), topics)
         except DAMAGE:
             return
 
@@ -183,7 +208,7 @@ def _ending(path: Path, found: _Collected) -> tuple[RunSummary | None, str, int 
     try:
         return RunSummary.from_record(end), printable(end["stopped"]), int(end["samples"])
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError) as error:
-        raise RunError(f"{path}: its end record cannot be read: {error}") from error
+        raise RunError(f"{path}: its end record is not in the layout of a run: it is another program's") from error
 
 
 @contextmanager
@@ -194,7 +219,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
     file claim any size.
     """
     try:
-        with path.open("rb") as file:
+        with regular(path, RunError).open("rb") as file:
             length = _until_hole(file)
             if not length:
                 raise RunError(f"{path}: is empty: nothing was recorded")
@@ -216,22 +241,44 @@ def _until_hole(file: BinaryIO) -> int:
         return os.fstat(file.fileno()).st_size
 
 
+class _Reader(StreamReader):
+    """Passes over the index of each chunk, which costs more than its messages and is not used here."""
+
+    def _read_record(self, opcode: int, length: int) -> McapRecord | None:
+        return None if opcode == Opcode.MESSAGE_INDEX else super()._read_record(opcode, length)
+
+
+def _reader(file: mmap.mmap) -> StreamReader:
+    # The mapping reads, tells and seeks like a file but is not declared as one.
+    return _Reader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LIMITS.record_bytes)  # pyright: ignore[reportArgumentType]
+
+
 def _collect(file: mmap.mmap, found: _Collected) -> str:
     """Gather the records in file order; returns the damage that ended it, if any."""
-    # The mapping reads, tells and seeks like a file but is not declared as one.
-    reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LIMITS.record_bytes)  # pyright: ignore[reportArgumentType]
+    reader = _reader(file)
     try:
         for record in reader.records:
             _take(record, found)
     except DAMAGE as error:
-        return f"cut off or damaged near byte {file.tell()} of {len(file)} ({str(error) or type(error).__name__})"
+        return f"cut off or damaged near byte {file.tell()} of {len(file)}{_reason(error)}"
     return "" if found.finished else "cut off before its end"
+
+
+def _reason(error: Exception) -> str:
+    """What is wrong, in brackets, where a sentence of ours says it; a library's words help nobody at the bench."""
+    if type(error) is McapError and str(error):
+        return f" ({error})"
+    if isinstance(error, CRCValidationError):
+        return " (its content does not fit its check sum)"
+    return ""
 
 
 def _take(record: McapRecord, found: _Collected) -> None:
     match record:
         case Chunk():
-            found.read.take(_messages(record, found.topics))
+            content = _expanded(record, found.room)
+            if not _take_rows(content, found):
+                found.read.take(_messages(record, content, found.topics))
         case Metadata(name=name, metadata=content) if name in (PROVENANCE, END):
             read = unsealed(content)
             if read is None:
@@ -247,18 +294,37 @@ def _take(record: McapRecord, found: _Collected) -> None:
             pass
 
 
-def _messages(chunk: Chunk, topics: dict[int, str]) -> list[Stored]:
+def _expanded(chunk: Chunk, room: _Room) -> bytes:
+    """The records of a chunk, unpacked and checked.
+
+    Raises:
+        DAMAGE: it is not one that a run holds, or does not fit its CRC.
+    """
     expanded = chunk.uncompressed_size
     if chunk.compression == "zstd":
         expanded = max(expanded, zstandard.frame_content_size(chunk.data))
     elif chunk.compression:
         raise McapError(f"a chunk compressed with {chunk.compression[:20]!r}, which no run uses")
-    most = min(LIMITS.record_bytes, LIMITS.expansion * len(chunk.data) + LIMITS.small_chunk_bytes)
-    if expanded > most:
-        raise McapError(f"a chunk of {len(chunk.data)} bytes that would expand to {expanded}, {most} is the most")
+    room.take(len(chunk.data), expanded)
     if not chunk.uncompressed_crc:
         raise McapError("a chunk without a CRC")
-    records = breakup_chunk(chunk, validate_crc=True)
+    content = zstandard.decompress(chunk.data, expanded) if chunk.compression else chunk.data
+    if zlib.crc32(content) != chunk.uncompressed_crc:
+        raise McapError("a chunk that does not fit its CRC")
+    return content
+
+
+def _take_rows(content: bytes, found: _Collected) -> bool:
+    """Take the samples of a chunk that holds nothing but rows of one width; false for any other."""
+    rows = message_texts(content)
+    if rows is None or found.topics.get(rows[0]) != SAMPLES:
+        return False
+    return found.read.take_rows(rows[1])
+
+
+def _messages(chunk: Chunk, content: bytes, topics: dict[int, str]) -> list[Stored]:
+    """The messages of a chunk of this content."""
+    records = breakup_chunk(replace(chunk, compression="", data=content))
     topics.update({record.id: record.topic for record in records if isinstance(record, Channel)})
     messages = [record for record in records if isinstance(record, Message)]
     if any(message.channel_id not in topics for message in messages):
@@ -275,7 +341,7 @@ def _description(path: Path, found: _Collected, damage: str) -> tuple[RunMetadat
     try:
         return RunMetadata.from_record(record, found.attachments[RIG_ATTACHMENT]), record["rig_sha256"]
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        raise RunError(f"{path}: its description cannot be read: {error}") from error
+        raise RunError(f"{path}: its description is not in the layout of a run: it was changed") from error
     except RunError as error:
         raise RunError(f"{path}: {error}") from error
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dpr_lab.configs import sha256_of
 from dpr_lab.errors import RunError, printable
-from dpr_lab.whole_file import write_text
+from dpr_lab.whole_file import regular, write_text
 
 LONGEST_NOTE = 10_000
 """Characters that are read of a note."""
@@ -18,15 +18,15 @@ def sidecar_of(path: Path) -> Path:
     return path.with_name(path.name + ".sha256")
 
 
-def write_sidecar(path: Path) -> None:
-    """Hash a finished run and write the hash beside it."""
-    sidecar_of(path).write_text(f"{sha256_of(path)}  {path.name}\n", encoding="utf-8", newline="\n")
+def write_sidecar(path: Path, content: Path | None = None) -> None:
+    """Hash a finished run and write the hash beside it; `content` holds it where it has not got its name yet."""
+    sidecar_of(path).write_text(f"{sha256_of(content or path)}  {path.name}\n", encoding="utf-8", newline="\n")
 
 
 def read_sidecar(path: Path) -> str | None:
     """The hash written when the run was finished, lower-case hex; None when there is no sidecar."""
     try:
-        words = sidecar_of(path).read_text(encoding="utf-8", errors="replace").split()
+        words = regular(sidecar_of(path), RunError).read_text(encoding="utf-8", errors="replace").split()
     except OSError:
         return None
     return words[0].lower() if words else ""
@@ -49,6 +49,6 @@ def write_note(path: Path, note: str) -> None:
 def read_note(path: Path, recorded: str) -> str:
     """The note beside a run; the one that it was recorded with where there is none."""
     try:
-        return printable(note_of(path).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
+        return printable(regular(note_of(path), RunError).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
     except OSError:
         return recorded

@@ -3,9 +3,10 @@
 import json
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BufferedWriter
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
-from dpr_lab.storage.chunk_index import keep_on_disk
+from dpr_lab.storage.chunk_index import keep_on_disk, write_rows
 from dpr_lab.storage.layout import (
     CLOCK,
     END,
@@ -26,6 +27,7 @@ from dpr_lab.storage.layout import (
     NANOSECONDS,
     PROVENANCE,
     RAW,
+    RELEASED,
     RIG_ATTACHMENT,
     SAMPLES,
     SCHEMAS,
@@ -37,6 +39,7 @@ from dpr_lab.storage.layout import (
     sealed,
 )
 from dpr_lab.storage.metadata import RunMetadata, RunSummary, plain
+from dpr_lab.storage.row_text import message_records, sample_texts
 from dpr_lab.storage.sidecar import write_sidecar
 
 
@@ -48,6 +51,12 @@ class WriterSettings:
     """With a call every 50 ms no chunk is older than 250 ms when it reaches the operating system."""
     sync_s: float = 5.0
     """A killed process loses nothing that was flushed; only a power cut does, and syncing can stall for 100 ms."""
+    messages_a_chunk: int = 500
+    """Of each kind of event, and of states, between two flushes; what comes beyond is counted."""
+    block_rows: int = 8192
+    """Of a table, written at a time: about a chunk."""
+    many_rows: int = 1000
+    """Fewer rows of a table are written one by one, as a device's samples are."""
     theta_digits: int = 7
     """1e-7 rad, a thousandth of a count; counts are what a reader trusts."""
 
@@ -58,30 +67,40 @@ SETTINGS = WriterSettings()
 class RunWriter:
     """Append-only writer of one run file, a context manager; not for use from several threads.
 
-    The file carries its final name from the start. Leaving the `with` block without `finish`, or by an
-    exception, closes it as an incomplete run. Call some method (or `flush`) at least every 50 ms, so that no sample
-    waits in memory for longer than 250 ms.
+    The file carries its final name from the start, unless it is a `part`. Leaving the `with` block without `finish`,
+    or by an exception, closes it as an incomplete run. Call some method (or `flush`) at least every 50 ms, so that no
+    sample waits in memory for longer than 250 ms.
 
     Args:
         path: file to create; its folder is made when missing
         metadata: where the run comes from
         now: seconds that only grow, for the age of a chunk
+        part: where the file is written instead, which whoever asked for that gives its name and its hash
 
     Raises:
         RunError: the file exists already, or the disk refuses it. From any method: the disk failed while
             recording; what was written before is kept and can be recovered.
     """
 
-    def __init__(self, path: Path | str, metadata: RunMetadata, now: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        path: Path | str,
+        metadata: RunMetadata,
+        now: Callable[[], float] = time.monotonic,
+        part: Path | None = None,
+    ) -> None:
         self.path = Path(path)
+        self._part = part
         self.metadata = metadata
         self.samples_written = 0
         self._now = now
         self._last_tick = -1
+        self._kept: Counter[str] = Counter()
+        self._dropped: Counter[str] = Counter()
         self._first_host_ns: int | None = None
         self._open = True
         self._failure: RunError | None = None
-        self._file = _create(self.path)
+        self._file = _create(part or self.path)
         self._mcap = Writer(self._file, LIMITS.chunk_bytes, CompressionType.ZSTD, enable_data_crcs=True)
         with self._disk():
             self._indices = keep_on_disk(self._mcap, self.path.parent)
@@ -123,7 +142,9 @@ class RunWriter:
         rows = np.asarray(t, dtype=np.float64)
         tick = self._last_tick + 1 + np.arange(len(rows))
         count = None if counts is None else np.asarray(counts, dtype=np.int64)
-        self._append(tick, rows, np.asarray(theta, dtype=np.float64), count, _by_kind(torques))
+        angles = np.asarray(theta, dtype=np.float64)
+        angles = angles if count is None else np.round(angles, SETTINGS.theta_digits)
+        self._append(tick, rows, angles, count, _by_kind(torques))
 
     def raw(self, host_time_ns: int, data: bytes) -> None:
         """Append bytes exactly as the link delivered them."""
@@ -131,7 +152,12 @@ class RunWriter:
         self._flush_when_due()
 
     def event(self, host_time_ns: int, kind: str, tick: int | None = None, detail: str = "") -> None:
-        """Append what the device announced; `kind` is `layout.RELEASED` for the release, then with its tick."""
+        """Append what the device announced; `kind` is `layout.RELEASED` for the release, then with its tick.
+
+        Of a device that floods its host only so many of a kind are kept, and the others counted in the run's notes.
+        """
+        if kind != RELEASED and self._is_flood(f"events {kind}"):
+            return
         message: dict[str, Any] = {"kind": kind, "detail": detail}
         log_time = self._since_start(host_time_ns)
         if tick is not None:
@@ -140,7 +166,9 @@ class RunWriter:
         self._add_json(EVENTS, log_time, message, host_time_ns)
 
     def status(self, host_time_ns: int, status: Mapping[str, Any]) -> None:
-        """Append the device's state and counters (keys as in the `/status` schema)."""
+        """Append the device's state and counters (keys as in the `/status` schema); bounded as events are."""
+        if self._is_flood("states"):
+            return
         self._add_json(STATUS, self._since_start(host_time_ns), status, host_time_ns)
 
     def clock(self, host_time_ns: int, fit: Mapping[str, float]) -> None:
@@ -157,6 +185,7 @@ class RunWriter:
 
     def flush(self) -> None:
         """Hand everything appended so far to the operating system."""
+        self._kept.clear()
         with self._disk():
             self._mcap.flush()
             self._flushed = self._now()
@@ -165,11 +194,12 @@ class RunWriter:
 
     def finish(self, summary: RunSummary) -> None:
         """Complete the file, and write `<file>.sha256` beside it."""
-        self._close(summary.to_record(self.samples_written))
+        self._close(self._with_dropped(summary).to_record(self.samples_written))
 
     def abort(self, reason: str, summary: RunSummary | None = None) -> None:
         """Close the file as an incomplete run, saying why; what was recorded stays readable."""
-        self._close((summary or RunSummary()).to_record(self.samples_written, reason or "no reason given"))
+        summary = self._with_dropped(summary or RunSummary())
+        self._close(summary.to_record(self.samples_written, reason or "no reason given"))
 
     def __enter__(self) -> "RunWriter":
         return self
@@ -184,6 +214,19 @@ class RunWriter:
             return
         with suppress(RunError):  # the error on its way out says more than a second one from the disk
             self.abort(f"{kind.__name__}: {error}")
+
+    def _is_flood(self, kind: str) -> bool:
+        """Whether one more message of a kind is too many before the next flush; it is then counted."""
+        self._kept[kind] += 1
+        if self._kept[kind] <= SETTINGS.messages_a_chunk:
+            return False
+        self._dropped[kind] += 1
+        self._flush_when_due()
+        return True
+
+    def _with_dropped(self, summary: RunSummary) -> RunSummary:
+        notes = [f"{kind}: {n:,} more than a recording keeps, left out" for kind, n in self._dropped.items()]
+        return replace(summary, notes=(*summary.notes, *notes))
 
     def _write_preamble(self) -> dict[str, int]:
         rig_text = self.metadata.rig_text
@@ -221,14 +264,27 @@ class RunWriter:
             raise ValueError(f"ticks must increase: {tick[0]} to {tick[-1]} after {self._last_tick}")
         if not (np.isfinite(theta).all() and np.isfinite(t).all() and t.min() >= 0):
             raise ValueError("times must be finite and not negative, angles finite")
-        channel = self._channels[SAMPLES]
-        log_ns = np.round(t * NANOSECONDS).astype(np.int64).tolist()
-        with self._disk():
-            for at, message in zip(log_ns, _sample_messages(tick, t, theta, counts, torques), strict=True):
-                self._mcap.add_message(channel, at, message, at)
+        log_ns = np.round(t * NANOSECONDS).astype(np.int64)
+        for start in range(0, n, SETTINGS.block_rows):
+            rows = slice(start, start + SETTINGS.block_rows)
+            block = tick[rows], t[rows], theta[rows], None if counts is None else counts[rows], torques[:, rows]
+            with self._disk():
+                self._add_rows(log_ns[rows], *block)
+            if start:
+                self.flush()
         self._last_tick = int(tick[-1])
         self.samples_written += n
         self._flush_when_due()
+
+    def _add_rows(self, log_ns: NDArray[np.int64], *rows: Any) -> None:
+        """Add samples: many at once where they have a text of a fixed width."""
+        channel = self._channels[SAMPLES]
+        texts = sample_texts(*rows) if len(log_ns) >= SETTINGS.many_rows else None
+        if texts is not None and (np.diff(log_ns) >= 0).all():
+            write_rows(self._mcap, channel, log_ns, message_records(channel, log_ns, texts))
+            return
+        for at, message in zip(log_ns.tolist(), _sample_messages(*rows), strict=True):
+            self._mcap.add_message(channel, at, message, at)
 
     def _add_json(self, topic: str, log_time: int, message: Mapping[str, Any], host_time_ns: int) -> None:
         self._add(topic, log_time, json.dumps(plain(message), allow_nan=False).encode(), host_time_ns)
@@ -261,7 +317,8 @@ class RunWriter:
             self._file.close()
             self._indices.close()
             self._open = False
-            write_sidecar(self.path)
+            if self._part is None:
+                write_sidecar(self.path)
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
@@ -288,26 +345,6 @@ class RunWriter:
         for file in (self._file, self._indices):
             with suppress(OSError):
                 file.close()
-
-
-@contextmanager
-def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
-    """A writer of a run that another file holds already: when it fails, nothing is left of it.
-
-    Raises:
-        RunError: as of `RunWriter`.
-    """
-    path = Path(path)
-    there = path.exists()
-    try:
-        with RunWriter(path, metadata) as writer:
-            yield writer
-    except BaseException as error:
-        if not there:
-            path.unlink(missing_ok=True)
-        if isinstance(error, RunError) and isinstance(refused := error.__cause__, OSError) and not there:
-            raise RunError(f"{path}: cannot be written: {refused.strerror}; choose another folder") from refused
-        raise
 
 
 def _create(path: Path) -> BufferedWriter:

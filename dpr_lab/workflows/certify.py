@@ -1,65 +1,143 @@
-"""Runs in, a certified diagnosis out; and a certificate in, what of it holds out."""
+"""Write a certificate of a diagnosis, and verify one by repeating the diagnosis."""
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dpr_lab.errors import ConfigError
 from dpr_lab.workflows.checks import refuse_folder
 from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
-from dpr_lab.workflows.events import OnEvent, Warned, ignore
+from dpr_lab.workflows.events import OnEvent, ignore
 
 if TYPE_CHECKING:
-    from dpr_lab.gap.result.certificate import Certificate, Verified
+    from dpr_lab.certificate.document import Certificate
+    from dpr_lab.certificate.lines import Declared, Verified
+    from dpr_lab.certificate.policy import Required
 
 
-def certify(request: DiagnoseRequest, to: Path, on_event: OnEvent = ignore) -> "Certificate":
-    """Diagnose, and write a certificate that others can check; events and errors as of `diagnose`."""
-    from dpr_lab.gap.result.certificate import certificate
+@dataclass(frozen=True, slots=True)
+class Certified:
+    """A certificate that was written, and what its policy adds to it."""
+
+    certificate: "Certificate"
+    choices: "list[Declared]"
+    origin: "list[Declared]"
+    claims: "dict[str, Required]"
+    """With their tolerances."""
+
+
+@dataclass(frozen=True, slots=True)
+class VerifiedCertificate:
+    """Result of a verification."""
+
+    choices: "list[Declared]"
+    """What no repetition can confirm: the free choices."""
+    origin: "list[Declared]"
+    """What no repetition can confirm: code, libraries, machine and signature."""
+    lines: "list[Verified]"
+    """What was checked: files, signature and claims."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether every line holds."""
+        return all(line.holds for line in self.lines)
+
+
+def certify(
+    request: DiagnoseRequest,
+    to: Path,
+    on_event: OnEvent = ignore,
+    sign_with: Path | None = None,
+    passphrase: Callable[[], str] | None = None,
+) -> Certified:
+    """Diagnose, and write a certificate that others can verify; events and errors as of `diagnose`.
+
+    Args:
+        request: the diagnosis; it starts from the rig file, not from a model
+        to: the file to write
+        on_event: gets the events
+        sign_with: file of an Ed25519 private key; None: no signature
+        passphrase: asks for the key's passphrase
+
+    Raises:
+        ConfigError: the key cannot be used, nothing can be written there, or the request starts from a model.
+    """
+    from dpr_lab.certificate.code import made_with
+    from dpr_lab.certificate.declared import choices_of, origin_of
+    from dpr_lab.certificate.policy import required_claims
+    from dpr_lab.certificate.signature import load_private_key, sign
     from dpr_lab.whole_file import write_text
 
     refuse_folder(to)
-    found = diagnose(request, on_event).diagnosis
-    settings = {name: getattr(request, name) for name in _SETTINGS}
-    recordings = [*((path, False) for path in request.runs), *((path, True) for path in request.held_out)]
-    made = certificate(found, recordings, request.rig, settings, to.parent, _readings)
-    write_text(to, made.model_dump_json(indent=1, by_alias=True) + "\n")
-    return made
+    if request.model is not None:
+        raise ConfigError("a certified diagnosis starts from the rig file: leave out the model")
+    key = load_private_key(sign_with, passphrase) if sign_with else None
+    claims = required_claims(diagnose(request, on_event).diagnosis)
+    certificate = _certificate(request, to.parent, claims)
+    if key is not None:
+        certificate = sign(certificate, key)
+    write_text(to, certificate.to_text())
+    return Certified(certificate, choices_of(certificate), origin_of(certificate, made_with()), claims)
 
 
-def verify(path: Path, on_event: OnEvent = ignore) -> "list[Verified]":
-    """Make a certified diagnosis again and hold each claim against it; not where recordings or claims were changed.
+def _certificate(request: DiagnoseRequest, folder: Path, claims: "Mapping[str, Required]") -> "Certificate":
+    from dpr_lab.certificate.code import made_with
+    from dpr_lab.certificate.document import POLICY, Certificate, CertifiedChoices, MadeWith
+    from dpr_lab.certificate.files import certify_recording, certify_rig
+
+    recordings = [(path, False) for path in request.runs] + [(path, True) for path in request.held_out]
+    choices: dict[str, Any] = {name: getattr(request, name) for name in CertifiedChoices.model_fields}
+    return Certificate(
+        policy=POLICY,
+        recordings=[certify_recording(path, folder, held_out=held_out) for path, held_out in recordings],
+        rig=certify_rig(request.rig, folder),
+        choices=CertifiedChoices(**choices),
+        made_with=MadeWith(**made_with()),
+        claims={name: required.claim for name, required in claims.items()},
+        signature=None,
+    ).sealed()
+
+
+def verify(
+    path: Path, on_event: OnEvent = ignore, signed_by: Path | None = None, *, same_code: bool = False
+) -> VerifiedCertificate:
+    """Repeat a certified diagnosis and compare each claim that the policy requires.
+
+    The diagnosis is not repeated where files, seal, signature or, on request, code do not hold.
+
+    Args:
+        path: the certificate; its recordings lie where it says
+        on_event: gets the events
+        signed_by: file of the Ed25519 public key that must have signed it
+        same_code: whether code and libraries must be those of the certificate
 
     Raises:
-        RunError: it is no certificate.
-        ConfigError: its rig file is not there or not valid.
+        RunError: it is no certificate of this policy.
+        ConfigError: its rig file is not there or not valid, or the key cannot be used.
     """
-    from dpr_lab.gap.result.certificate import altered, compared, load_certificate, made_with, rig_of
+    from dpr_lab.certificate.code import compare_code, made_with
+    from dpr_lab.certificate.declared import choices_of, origin_of
+    from dpr_lab.certificate.document import load_certificate
+    from dpr_lab.certificate.files import compare_recording, compare_rig
+    from dpr_lab.certificate.policy import compare_claims
+    from dpr_lab.certificate.signature import compare_signature, load_public_key
 
-    certified = load_certificate(path)
-    lines = altered(certified, path.parent, _readings)
-    if not all(item.holds for item in lines):
-        return lines
-    for name, version in made_with().items():
-        if certified.made_with.get(name) != version:
-            on_event(Warned(f"{name}: certified with {certified.made_with.get(name)}, verified with {version}"))
-    runs, held_out = (
-        tuple(path.parent / item.file for item in certified.recordings if item.held_out is wanted)
-        for wanted in (False, True)
-    )
-    told = {name: certified.settings[name] for name in _SETTINGS if name in certified.settings}
-    settings: dict[str, Any] = {k: tuple(value) if isinstance(value, list) else value for k, value in told.items()}
-    request = DiagnoseRequest(runs, rig_of(certified, path.parent), held_out, **settings)
-    return [*lines, *compared(certified, diagnose(request, on_event).diagnosis)]
-
-
-def _readings(path: Path) -> str:
-    from dpr_lab.errors import RunError
-    from dpr_lab.storage.reader import load_run
-
-    try:
-        return load_run(path).readings_sha256
-    except RunError:
-        return ""
+    trusted = load_public_key(signed_by) if signed_by else None
+    certificate, here = load_certificate(path), made_with()
+    lines = [
+        *certificate.compare_seal(),
+        *compare_signature(certificate, trusted),
+        *(compare_code(certificate.made_with, here) if same_code else ()),
+        *(compare_recording(recording, path.parent) for recording in certificate.recordings),
+        compare_rig(certificate, path.parent),
+    ]
+    if all(line.holds for line in lines):
+        lines += compare_claims(certificate.claims, diagnose(_request(certificate, path.parent), on_event).diagnosis)
+    return VerifiedCertificate(choices_of(certificate), origin_of(certificate, here), lines)
 
 
-_SETTINGS = ("library", "without", "max_effects", "seed", "any_clock", "torque")
-"""Fields of a request that a certificate repeats."""
+def _request(certificate: "Certificate", folder: Path) -> DiagnoseRequest:
+    choices: dict[str, Any] = dict(certificate.choices)
+    runs, held_out = (certificate.runs(folder, held_out=wanted) for wanted in (False, True))
+    return DiagnoseRequest(runs, certificate.rig_in(folder), held_out, **choices)

@@ -1,4 +1,4 @@
-"""The result of an advised check in, a new diagnosis out."""
+"""Record the result of a recommended check: a diagnosis and a result in, an updated diagnosis out."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,41 +11,46 @@ from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
-    from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis
 
 
 @dataclass(frozen=True, slots=True)
 class CheckRequest:
-    """Which check was done, and what it gave."""
+    """A recommended check and its result: recordings, or a measured value."""
 
     diagnosis: Path
     """What `diagnose --json` printed."""
     check: str
     """Id of the check."""
     runs: tuple[Path, ...] = ()
-    value: float | None = None
-    std: float | None = None
+    value: float | str | None = None
+    """What was measured: a number in the unit of the check's quantity, or text with a unit, `6.1 mN m`."""
+    std: float | str | None = None
+    """Its standard uncertainty, likewise; text without a unit is in that of the value."""
     rig: str | None = None
     """Rig file, or the name of a built-in one; None: as stored with the first run."""
     out: Path | None = None
     """Folder of `diagnosis.json` and its page; None: none are written."""
     torque: str | None = None
     """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
+    confirmed: bool = False
+    """Whether to take a value that no candidate predicts."""
 
 
 def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis":
-    """Take the result of a check back: a new diagnosis that names its parent.
+    """Update a diagnosis with the result of a check; the new diagnosis names its parent.
 
-    Tells `RunRead`.
+    Emits `RunRead`.
 
     Raises:
         ConfigError: the rig is not valid, or a file stands where the folder is to be.
-        RunError: no diagnosis, no such check, or a result of another kind than it asks for.
+        RunError: no diagnosis, no such check, a result of another kind than it asks for, a value without unit, or one
+            that no candidate predicts and that is not confirmed.
         DprError: a result cannot be written.
     """
     from dpr_lab.configs import sha256_of
+    from dpr_lab.gap.checks.update import find_check, update_with_measurement, update_with_recordings
     from dpr_lab.gap.result.diagnosis import load_diagnosis
-    from dpr_lab.gap.result.take_back import find_check, take_runs, take_value
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.reader import stored_rig
 
@@ -54,16 +59,45 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
     diagnosis = load_diagnosis(request.diagnosis)
     check = find_check(diagnosis, request.check)
     if request.value is not None and request.std is not None:
-        found = take_value(diagnosis, check, request.value, request.std)
+        value, std = _read(check, request.value, request.std)
+        updated = update_with_measurement(diagnosis, check, value, std, confirmed=request.confirmed)
     elif request.runs:
         rig = load_rig(request.rig) if request.rig else stored_rig(request.runs[0])
-        found = take_runs(diagnosis, check, read_runs(request.runs, rig, on_event, torque=request.torque), rig)
+        runs = read_runs(request.runs, rig, on_event, torque=request.torque)
+        updated = update_with_recordings(diagnosis, check, runs, rig)
     else:
-        raise RunError(f"check {check.id} is a {check.kind} ({check.text}): give its result")
-    found = found.model_copy(update={"parent": sha256_of(request.diagnosis)})
+        raise RunError(f"check {check.id} is a {check.kind} ({check.text}): give its result, {_form(check)}")
+    updated = updated.model_copy(update={"parent": sha256_of(request.diagnosis)})
     if request.out:
-        _save(found, request.out)
-    return found
+        _save(updated, request.out)
+    return updated
+
+
+def _form(check: "AdvisedCheck") -> str:
+    """How the result of a check is given."""
+    return "its run files" if check.kind == "recording" else f'--value "{_example(check)}" --std "..."'
+
+
+def _example(check: "AdvisedCheck") -> str:
+    """A number with the unit of a check."""
+    unit = check.quantity.unit if check.quantity else ""
+    return "0.1 %" if unit == "1" else f"{check.amplitudes[0].typical:g} {unit}"
+
+
+def _read(check: "AdvisedCheck", value: float | str, std: float | str) -> tuple[float, float]:
+    """A value and its standard uncertainty in the unit of the check's quantity."""
+    from dpr_lab.effects.units import read_quantity, split_quantity
+
+    if check.quantity is None:
+        return float("nan"), float("nan")  # a recording: refused with its own sentence
+    unit, example = check.quantity.unit, _example(check)
+    try:
+        if isinstance(std, str) and isinstance(value, str) and not split_quantity(std)[1]:
+            std = f"{std} {split_quantity(value)[1]}"
+        first, second = (read_quantity(x, unit, example) if isinstance(x, str) else float(x) for x in (value, std))
+    except ValueError as error:
+        raise RunError(f"check {check.id} asks for the {check.quantity.label}: {error}") from error
+    return first, second
 
 
 def _save(found: "Diagnosis", out: Path) -> None:

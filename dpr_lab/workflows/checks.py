@@ -5,7 +5,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
-from dpr_lab.errors import ConfigError
+from dpr_lab.errors import ConfigError, unknown_name
 
 if TYPE_CHECKING:
     from dpr_lab.rig import Rig
@@ -76,5 +76,4 @@ def refuse_unknown_poses(rig: "Rig", names: Sequence[str]) -> None:
     """
     unknown = [name for name in names if name not in rig.poses]
     if unknown:
-        where, there = rig.path or rig.name, ", ".join(rig.poses) or "none"
-        raise ConfigError(f"{where}: has no pose {' and no pose '.join(map(repr, unknown))} (there are: {there})")
+        raise ConfigError(unknown_name(f"{rig.path or rig.name}: has no pose {unknown[0]!r}", unknown[0], rig.poses))

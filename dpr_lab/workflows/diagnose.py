@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError
+from dpr_lab.errors import ConfigError, unknown_name
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, TrustTrialDone, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
@@ -79,7 +79,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     """
     from dpr_lab.gap.diagnose import STAGES
     from dpr_lab.gap.diagnose import diagnose as diagnose_runs
-    from dpr_lab.identification.misread import refuse_misread
+    from dpr_lab.identification.misread.refuse import refuse_misread
     from dpr_lab.identification.model import load_model
     from dpr_lab.report.saving import save_diagnosis
     from dpr_lab.rig import load_rig
@@ -151,10 +151,10 @@ def chosen_library(names: Sequence[str] | None, without: Sequence[str]) -> "Mapp
     wanted = list(EFFECTS) if names is None else names
     unknown = [name for name in (*wanted, *without) if name not in EFFECTS]
     if unknown:
-        raise ConfigError(f"no effect named {', '.join(unknown)}; there are: {', '.join(EFFECTS)}")
+        raise ConfigError(unknown_name(f"no effect named {unknown[0]}", unknown[0], EFFECTS))
     library = {name: EFFECTS[name] for name in EFFECTS if name in wanted and name not in without}
     if not library:
-        raise ConfigError(f"--library and --without leave no effect to choose from; there are: {', '.join(EFFECTS)}")
+        raise ConfigError("--library and --without leave no effect to choose from: name more, or leave out fewer")
     return library
 
 
@@ -165,15 +165,19 @@ REASONS = ("gap", "unexplained", "unsure", "sensor")
 def failures(found: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
     """A sentence for each of some `REASONS` that a diagnosis gives to fail.
 
+    Recordings that cannot show a gap, and a description of them that is probably wrong, fail without being asked for.
+
     Args:
         found: the diagnosis
         reasons: those that count
         sure: probability from which a named effect is not unsure
     """
     told = {
-        "gap": found.sentence if found.verdict != "no_gap" else "",
+        "gap": found.sentence if found.verdict not in ("no_gap", "inconclusive") else "",
         "unexplained": found.sentence if found.verdict in ("unexplained", "partly_explained") else "",
         "unsure": ", ".join(f"{e.name} is at {e.probability:.0%}" for e in found.effects if e.probability < sure),
         "sensor": f"{len(found.sensor_findings)} faults of sensors" if found.sensor_findings else "",
     }
-    return [f"{reason}: {told[reason]}" for reason in reasons if told[reason]]
+    always = [f"inconclusive: {found.sentence}"] if found.verdict == "inconclusive" else []
+    always += [f"description: {hint}" for hint in found.hints]
+    return [*always, *(f"{reason}: {told[reason]}" for reason in reasons if told[reason])]

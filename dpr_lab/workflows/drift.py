@@ -11,7 +11,7 @@ from dpr_lab.workflows.events import OnEvent, StageBegan, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from dpr_lab.drift.changes import Drift
     from dpr_lab.drift.estimates import Estimates
@@ -55,17 +55,27 @@ class DriftResult:
 
     def to_json(self) -> dict[str, Any]:
         """What `drift --json` prints."""
+        from dpr_lab.report.drift import sentence
+
         runs = zip(self.estimates.runs, self.group, self.estimates.values.tolist(), strict=True)
         return {
             "drifted": bool(self.drift.moved),
+            "sentence": sentence(self.drift),
+            "assumed_b": self.estimates.b,
             **asdict(self.drift),
-            "runs": [
-                {"name": name, "group": self.drift.groups[g], **dict(zip(self.estimates.names, values, strict=True))}
-                for name, g, values in runs
-            ],
+            "runs": [{"name": name, "group": self.drift.groups[g], **self._sizes(values)} for name, g, values in runs],
             "torques": list(self.torques),
             "files": self.files,
         }
+
+    def _sizes(self, values: "Sequence[float]") -> dict[str, float]:
+        """Parameter -> value; sizes that are ratios also by their absolute value at the assumed b."""
+        own = dict(zip(self.estimates.names, values, strict=True))
+        b = self.estimates.b or 1.0
+        own |= {
+            name.removesuffix("/b"): value * b for name, value in own.items() if "." in name and name.endswith("/b")
+        }
+        return own | {name.removesuffix("*b"): value / b for name, value in own.items() if name.endswith("*b")}
 
 
 def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResult:
@@ -106,12 +116,18 @@ def _recorded(file: Path) -> "Occasion":
     from dpr_lab.drift.groups import Occasion
     from dpr_lab.storage.inspect import info
 
-    said = info(file)
+    described = info(file)
     try:
-        at = datetime.fromisoformat(said.created_utc)
+        at = datetime.fromisoformat(described.recorded_utc) if described.recorded_utc else None
     except ValueError as error:
-        raise RunError(f"{file}: does not say when it was recorded: {said.created_utc!r}") from error
-    return Occasion(said.file, at if at.tzinfo else at.replace(tzinfo=UTC), said.note or file.resolve().parent.name)
+        raise RunError(f"{file}: its date of recording is none: {described.recorded_utc!r}") from error
+    if at is not None and at.tzinfo is None:  # a date alone is a day of this computer's calendar
+        at = (
+            at.replace(hour=12).astimezone()
+            if len(described.recorded_utc) <= len("2026-03-01")
+            else at.replace(tzinfo=UTC)
+        )
+    return Occasion(described.file, at, described.note or file.resolve().parent.name)
 
 
 def _effects(file: Path) -> "Mapping[str, Mapping[str, float]]":

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from dpr_lab.progress import FitBegan, GenerationDone, LocalFitBegan, ScoreTestBegan, StageBegan
+from dpr_lab.progress import FitBegan, GenerationDone, ImportProgress, LocalFitBegan, ScoreTestBegan, StageBegan
 
 if TYPE_CHECKING:
     from dpr_lab.acquisition.capture import Captured, Progress
@@ -24,6 +24,7 @@ __all__ = [
     "Event",
     "FitBegan",
     "GenerationDone",
+    "ImportProgress",
     "JobBegan",
     "LocalFitBegan",
     "OnEvent",
@@ -167,6 +168,7 @@ Event: TypeAlias = (
     | ScoreTestBegan
     | GenerationDone
     | LocalFitBegan
+    | ImportProgress
     | RunRead
     | RunCompared
     | RunLeftOut

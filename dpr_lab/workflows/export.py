@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.errors import ConfigError, RunError, unknown_name
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import OnEvent, StageBegan, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
@@ -50,6 +50,10 @@ class ExportResult:
     tried: "dict[str, Replayed]" = field(default_factory=dict)
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""
+    scale: dict[str, Any] | None = None
+    """The b that masses, inertias and torques assume (kg m^2), its 90 % interval and what fixed it; None: not known."""
+    scale_sentence: str = ""
+    """The same in words."""
 
     def to_json(self) -> dict[str, Any]:
         """What `dpr-lab export --json` prints."""
@@ -74,7 +78,7 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     from dpr_lab.run import torque_kinds
 
     if unknown := [name for name in request.formats if name not in FORMATS]:
-        raise ConfigError(f"no format named {', '.join(unknown)}; there are: {', '.join(FORMATS)}")
+        raise ConfigError(unknown_name(f"no format named {unknown[0]}", unknown[0], FORMATS))
     refuse_file(request.out)
     rig = load_rig(request.rig)
     model = load_model(request.model / "model.json" if request.model.is_dir() else request.model)
@@ -97,7 +101,15 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
             files[name] = write_export(FORMATS[name], models[name], rig, request.out, lost[name], check)
     instead = {name: moving(found) for name, found in models.items() if found is not model}
     told = {name: reasons for name, reasons in lost.items() if reasons}
-    return replace(result, files=files, lost=told, instead=instead, torques=torque_kinds(runs))
+    return replace(
+        result,
+        files=files,
+        lost=told,
+        instead=instead,
+        torques=torque_kinds(runs),
+        scale=model.scale.model_dump() if model.scale else None,
+        scale_sentence=model.scale_sentence,
+    )
 
 
 def _checked(

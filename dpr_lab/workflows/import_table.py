@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dpr_lab.workflows.checks import with_rods
+from dpr_lab.workflows.events import OnEvent, ignore
 
 if TYPE_CHECKING:
-    from dpr_lab.storage.csv_import import ImportOptions
     from dpr_lab.storage.inspect import RunInfo
+    from dpr_lab.storage.tables.options import ImportOptions
     from dpr_lab.storage.tables.preview import Preview
+    from dpr_lab.storage.tables.questions import TableQuestion
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,26 +38,37 @@ class ImportResult:
 
     file: Path
     info: "RunInfo"
+    notes: tuple[str, ...]
+    """What was done with the table."""
+    questions: "tuple[TableQuestion, ...]"
+    """What is doubtful of it."""
 
 
-def import_table(request: ImportRequest) -> ImportResult:
+def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportResult:
     """Import a table of angles; it never overwrites a run.
+
+    Tells `ImportProgress`.
 
     Raises:
         ConfigError: the rig is not valid.
         RunError: the table cannot be read as one of such angles.
     """
     from dpr_lab.rig import load_rig
-    from dpr_lab.storage.csv_import import import_csv
+    from dpr_lab.storage.csv_import import table_name, write_run
     from dpr_lab.storage.inspect import info
+    from dpr_lab.storage.tables.understand import understand
 
-    file = _unused(request.out, request.table.stem)
-    import_csv(request.table, with_rods(load_rig(request.rig), request.rods, request.elbow), request.options, file)
-    return ImportResult(file, info(file))
+    file = _unused(request.out, table_name(request.table))
+    rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
+    swing = understand(request.table, rig, request.options, on_event)
+    write_run(request.table, rig, swing, file, on_event)
+    return ImportResult(file, info(file), swing.notes, swing.questions)
 
 
-def preview_table(request: ImportRequest) -> "Preview":
+def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Preview":
     """What would be imported; nothing is written.
+
+    Tells `ImportProgress`.
 
     Raises:
         ConfigError: the rig is not valid.
@@ -64,7 +77,8 @@ def preview_table(request: ImportRequest) -> "Preview":
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.tables.preview import preview
 
-    return preview(request.table, with_rods(load_rig(request.rig), request.rods, request.elbow), request.options)
+    rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
+    return preview(request.table, rig, request.options, on_event)
 
 
 def _unused(folder: Path, stem: str) -> Path:

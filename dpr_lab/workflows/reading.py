@@ -24,9 +24,11 @@ def read_runs(
         torque: `measured` or `commanded`: which known torques drove the joints of runs that hold both
 
     Raises:
-        RunError: a file that is no run, or of another rig; two that hold the same recording; torques of another kind
+        RunError: a file that is no run, or of another rig; two that hold the same recording; a table
+            in which the rods are held between several swings; torques of another kind
             alone; or, unless `any_clock`, one of a device whose clock is further off than a crystal's.
     """
+    from dpr_lab.estimation.held_rods import refuse_held
     from dpr_lab.run import refuse_repeated, refuse_wrong_clocks
     from dpr_lab.storage.reader import load_run
 
@@ -37,6 +39,7 @@ def read_runs(
         runs.append(run)
         on_event(RunRead(file, run.name, (*run.notes, *([chosen] if chosen else []))))
     refuse_repeated(runs)
+    refuse_held(runs)
     if not any_clock:
         refuse_wrong_clocks(runs)
     return runs

@@ -41,6 +41,18 @@ class RigMeasures:
     counts_per_rev: int = 16384
     joint2: Literal["relative", "absolute"] = "relative"
     url: str = "sim://"
+    L0: float | None = None
+    """Length of the arm, m; None: not measured."""
+    L1_std: float | None = None
+    """Standard uncertainty of L1, m; None: as of a ruler."""
+    geared: tuple[int, ...] = ()
+    """Joints (1, 2) on which a geared motor stays."""
+    rezeroed: bool = False
+    """Whether joints 1 and 2 are set to zero before each recording."""
+    mounted: Literal["both", "inner", "outer"] = "both"
+    """Mounted rods."""
+    elbow: Literal["free", "clamped"] = "free"
+    """Whether joint 2 can turn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +69,10 @@ class DraftSettings:
     """Lower bound, guess and upper bound of an unknown elbow's mass, in masses of both rods."""
     damping: tuple[float, float, float] = (1e-5, 3e-3, 0.1)
     """Lower bound, guess and upper bound of the damping ratio of a small swing; ball bearings have some thousandths."""
+    poses: tuple[tuple[float, float], ...] = ((math.pi, 0.1), (0.1, 0.1), (0.1, math.pi))
+    """Poses of the publication, rad."""
+    poses_as_one: tuple[tuple[float, float], ...] = ((0.1, 0.1), (1.2, 1.2), (2.2, 2.2))
+    """Poses of one rod, or of both with the elbow clamped, rad: a large, a medium and a small swing."""
 
 
 DRAFT = DraftSettings()
@@ -156,47 +172,53 @@ def _text(value: str) -> str:
 
 
 def _head(m: RigMeasures) -> str:
+    arm = f"L0 = {_number(m.L0, 9)}  # of the arm, m\n" if m.L0 is not None else ""
+    std = f"L1_std = {_number(m.L1_std)}  # standard uncertainty of L1, m: a diagnosis fits L1\n" if m.L1_std else ""
     return f"""# SI units; angles are absolute, 0 = upright, pi = hanging. Every key: docs/rig-file.md
 # Bounds follow from a uniform rod and are wide: narrow those that you know better.
-# A weighed part gets `measured` and `std` in the place of its bounds; one of them fixes the scale of all masses.
+# A weighed part has `measured` and `std` instead of bounds; one of them determines the scale of all masses.
 
 [rig]
 name = {_text(m.name)}
-L1 = {_number(m.L1, 9)}  # between the two joints, m
-L2 = {_number(m.L2, 9)}  # of the outer rod, m
+{arm}L1 = {_number(m.L1, 9)}  # between the two joints, m
+{std}L2 = {_number(m.L2, 9)}  # of the outer rod, m
 g = {_number(m.g, 9)}
 """
 
 
 def _tail(m: RigMeasures) -> str:
+    rods = f"[rods]\nmounted = {_text(m.mounted)}\nelbow = {_text(m.elbow)}\n\n" if _turn_as_one(m) else ""
+    rezeroed = "rezeroed = true" if m.rezeroed else "# rezeroed = true        "
+    joints = f"[joints]\ngeared = {list(m.geared)}" if m.geared else "# [joints]\n# geared = [1, 2]        "
     return f"""[encoders]
 counts_per_rev = [{m.counts_per_rev}, {m.counts_per_rev}, {m.counts_per_rev}]  # arm, inner rod, outer rod
 joint2 = {_text(m.joint2)}  # the outer rod's encoder: relative to the inner rod, or absolute
 # zero_counts = [0, 0, 0]  # what they read with the rods hanging
 # direction = [1, 1, 1]    # -1 for one that counts backwards
 # noise_counts = 0.5       # standard deviation of a reading at rest
-# rezeroed = true          # where joints 1 and 2 are set to zero before each recording
+{rezeroed}  # joints 1 and 2 are set to zero before each recording
 
-# [joints]
-# geared = [1, 2]          # where a geared motor stays on these joints
+{joints}  # a geared motor stays on these joints
 
-# Where the rods are held before a release, rad: high ones swing widely and tell most.
-[poses.X1]
-theta1 = 3.141592653589793
-theta2 = 0.1
-
-[poses.X2]
-theta1 = 0.1
-theta2 = 0.1
-
-[poses.X3]
-theta1 = 0.1
-theta2 = 3.141592653589793
-
+{rods}# Angles before a release, rad: high poses swing widely and contain most information.
+{_poses(m)}
 [link]
 url = {_text(m.url)}
 rate_hz = 1000
 """
+
+
+def _turn_as_one(m: RigMeasures) -> bool:
+    return (m.mounted, m.elbow) != ("both", "free")
+
+
+def _poses(m: RigMeasures) -> str:
+    """Three poses: those of the publication, or of rods that turn as one."""
+    poses = DRAFT.poses_as_one if _turn_as_one(m) else DRAFT.poses
+    return "\n".join(
+        f"[poses.X{number}]\ntheta1 = {theta1!r}\ntheta2 = {theta2!r}\n"
+        for number, (theta1, theta2) in enumerate(poses, start=1)
+    )
 
 
 @dataclass(frozen=True, slots=True)

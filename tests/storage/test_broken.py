@@ -13,11 +13,12 @@ from mcap.writer import CompressionType, Writer
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import load_rig
+from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.inspect import info, recover, verify
 from dpr_lab.storage.layout import LIMITS, RELEASED
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
-from dpr_lab.storage.writer import RunWriter
+from dpr_lab.storage.writer import RunWriter, WriterSettings
 
 RIG = load_rig("paper")
 N = 1200
@@ -286,3 +287,71 @@ def test_a_small_file_that_claims_any_size_is_read_to_its_hole(tmp_path, whole):
     with pytest.raises(RunError, match="is empty"):
         load_run(path)
     assert time.process_time() - before < 20
+
+
+def flooded(path, kinds=("INDEX",), times=2000):
+    with RunWriter(path, RunMetadata(RIG, "X1", 1000)) as writer:
+        for at in range(0, N, 100):
+            writer.samples(np.arange(at, at + 100), COUNTS[at : at + 100])
+            for kind in kinds:
+                for _ in range(times):
+                    writer.event(at, kind, at, "1")
+            writer.status(at, {"state": "RELEASED"})
+            if at == 100:
+                writer.event(at, RELEASED, 110)
+            writer.flush()
+        writer.finish(RunSummary(110))
+    return path
+
+
+def test_a_flood_of_events_is_counted_and_costs_no_sample(tmp_path):
+    path = flooded(tmp_path / "flood.mcap", ("INDEX", "LEASE_LOST"))
+    run = assert_only_true_samples(path)
+    assert (len(run.t), run.complete, verify(path).ok) == (N, True, True)
+    assert "events INDEX: 18,000 more than a recording keeps, left out" in run.notes
+    assert "events LEASE_LOST: 18,000 more than a recording keeps, left out" in run.notes
+
+
+def test_a_flood_that_an_earlier_version_kept_is_read_and_recovered(tmp_path, monkeypatch):
+    monkeypatch.setattr("dpr_lab.storage.writer.SETTINGS", WriterSettings(messages_a_chunk=10**9))
+    path = flooded(tmp_path / "flood.mcap")
+    assert len(assert_only_true_samples(path).t) == N
+    path.write_bytes(path.read_bytes()[:-300])
+    assert recover(path, tmp_path / "saved.mcap") == N
+
+
+KILLED = """
+import os, signal, sys
+from dpr_lab.rig import load_rig
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.writer import RunWriter
+table = RunWriter.table
+def cut(self, *rows):
+    table(self, *rows)
+    self.flush()
+    os.kill(os.getpid(), signal.SIGKILL)
+RunWriter.table = cut
+import_csv(sys.argv[1], load_rig("paper"), out=sys.argv[2])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="kills a process")
+def test_a_killed_import_leaves_no_file_of_its_name_and_the_next_one_cleans_up(tmp_path):
+    rows = "".join(f"{i / 100},{3 + i / 1000},{3 - i / 1000}\n" for i in range(50))
+    table, out = tmp_path / "swing.csv", tmp_path / "runs" / "swing.mcap"
+    table.write_text(f"t,theta1,theta2\n{rows}")
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(table), str(out)], check=False)
+    (part,) = out.parent.iterdir()
+    assert killed.returncode < 0
+    assert part.name.startswith("swing.mcap.")
+    assert part.suffix == ".part"
+    assert part.stat().st_size > 0
+    import_csv(table, RIG, out=out)
+    assert part.exists()  # it may belong to a living process
+    aged = time.time() - 3600
+    os.utime(part, (aged, aged))
+    import_csv(table, RIG, out=out.with_name("again.mcap"))
+    names = {path.name for path in out.parent.iterdir()}
+    assert names == {"swing.mcap", "swing.mcap.sha256", "again.mcap", "again.mcap.sha256"}
+    assert verify(out).ok

@@ -14,7 +14,7 @@ from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.writer import RunWriter
-from dpr_lab.tui.steps.table_import import options_of
+from dpr_lab.tui.steps.table_options import parse_options
 from dpr_lab.workflows.events import RunRead
 from dpr_lab.workflows.reading import read_runs
 
@@ -67,7 +67,7 @@ def test_of_measured_and_commanded_torques_one_can_be_kept_alone(paper: Rig, tmp
     commanded = import_csv(file, paper, ImportOptions(torque="commanded"))
     assert (commanded.torque_kind, commanded.commanded) == ("commanded", None)
     assert commanded.torques == pytest.approx(2 * TAU)
-    free = import_csv(file, paper, options_of("torque=none"))
+    free = import_csv(file, paper, parse_options("--torque none").options)
     assert free.torques is None
     assert "torques" not in preview(file, paper, ImportOptions(torque="none")).facts()
     with pytest.raises(RunError, match="tau1_commanded_Nm and tau_cmd1 are the same torque"):
@@ -89,7 +89,11 @@ def test_a_run_file_keeps_which_torques_they_are_and_how_late_they_act(paper: Ri
 def test_of_both_kinds_in_a_run_the_measured_ones_act_unless_the_others_are_said(paper: Rig, tmp_path: Path) -> None:
     metadata = RunMetadata(paper, None, 100.0, extra={"torque_kind": "measured", "torque_unit_uNm": "100"})
     with RunWriter(tmp_path / "a.mcap", metadata) as writer:
-        writer.samples(np.arange(len(T)), np.full((len(T), 3), 8192), np.stack([TAU, 2 * TAU]))
+        writer.samples(
+            np.arange(len(T)),
+            np.round(8192 + 900 * np.sin(5 * T)[:, None] * [0, 1, 2]).astype(int),
+            np.stack([TAU, 2 * TAU]),
+        )
         writer.finish(RunSummary(release_tick=0))
     told: list[RunRead] = []
     for kind, scale, said in ((None, 1, 1), ("measured", 1, 0), ("commanded", 2, 0)):

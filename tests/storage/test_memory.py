@@ -1,5 +1,6 @@
 """Reading takes the memory of the numbers, not of their text; what is no table is refused before memory is full."""
 
+import math
 import os
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from dpr_lab.storage.reader import load_run
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 path = Path(sys.argv[1])
 if path.suffix == ".csv":
-    import_csv(path, load_rig("paper"))
+    import_csv(path, load_rig("paper"), ImportOptions(keep_rest=True), path.with_suffix(".mcap"))
 else:
     info(path)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
@@ -42,7 +43,9 @@ def test_a_table_of_ten_megabytes_takes_a_few_times_its_numbers(tmp_path: Path) 
     rows = 250_000
     with (tmp_path / "a.csv").open("w") as file:
         file.write("t,theta1,theta2\n")
-        file.writelines(f"{i / 1000:.6f},{3 + 1e-7 * i:.12f},{3 - 1e-7 * i:.12f}\n" for i in range(rows))
+        for k in range(rows):
+            swing = [math.pi + 0.5 * math.cos(2 * math.pi * f * k / 1000) for f in (0.8, 1.1)]
+            file.write(f"{k / 1000:.6f},{swing[0]:.12f},{swing[1]:.12f}\n")
     assert grown_kb(tmp_path / "a.csv") < 20 * rows * 3 * 8 / 1024  # text in lists took 45 times as much as the numbers
 
 

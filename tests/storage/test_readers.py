@@ -379,7 +379,8 @@ def test_a_preview_says_what_was_understood_and_writes_nothing(tmp_path: Path) -
     assert found.first_rows()[0] == pytest.approx((0.0, 0.0, THETA1[0], THETA2[0]))
     assert [path.name for path in tmp_path.iterdir()] == ["a.mat"]
     fast = text(tmp_path / "b.csv", np.column_stack([T, np.degrees(ROWS[:, 1:])]), head="t,theta1,theta2\n")
-    assert any("are the units right?" in note for note in preview(fast, RIG, ImportOptions(**GUESSED)).notes)
+    asked = [question.sentence for question in preview(fast, RIG, ImportOptions(**GUESSED)).questions]
+    assert any("--unit" in sentence for sentence in asked), asked
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the recordings are no
 
 def test_the_first_ten_seconds_of_a_double_pendulum(tmp_path):
     file = REAL / "multiarm" / "dp_freeswing_1khz.csv"
-    run = import_csv(file, load_rig("paper"), ImportOptions(zero="hanging", duration_s=10), tmp_path / "dp.mcap")
+    run = import_csv(file, load_rig("multiarm"), ImportOptions(zero="hanging", duration_s=10), tmp_path / "dp.mcap")
     expected = np.loadtxt(file, delimiter=",", skiprows=1, max_rows=10_000)
     np.testing.assert_allclose(run.t, expected[:, 0], atol=1e-12)
     np.testing.assert_allclose(run.theta[:, 1:], expected[:, 1:3] + np.pi, atol=1e-12)

@@ -11,9 +11,11 @@ joint_states  sensor_msgs/JointState in MCAP files and ROS 2 bags
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from dpr_lab.errors import RunError
+from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.storage.readers.hdf5 import read_hdf5
 from dpr_lab.storage.readers.joint_states import read_bag, read_mcap, read_sqlite
 from dpr_lab.storage.readers.matlab import read_matlab
@@ -21,6 +23,7 @@ from dpr_lab.storage.readers.npz import read_numpy
 from dpr_lab.storage.readers.parquet import read_parquet
 from dpr_lab.storage.readers.points import read_text
 from dpr_lab.storage.tables.table import Table
+from dpr_lab.whole_file import regular
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,27 +51,28 @@ READERS: tuple[Reader, ...] = (
     Reader("NumPy file", (b"\x93NUMPY", b"PK\x03\x04"), read_numpy),
     Reader("spreadsheet", (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",), _refuse_spreadsheet),
 )
-"""Looked through in this order; what none of them knows is text."""
+"""Looked through in this order; what none of them knows is text, or text that gzip packed."""
 
 
-def read_any(path: Path, take: Sequence[str] = ()) -> Table:
+def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwatched) -> Table:
     """Read a table of any kind.
 
     Args:
         path: a file, or the folder of a ROS 2 bag
         take: names of what is wanted, where a file holds more than one recording (`ImportOptions.take`)
+        on_progress: called after each block of a text
 
     Raises:
         RunError: it cannot be read, or holds no columns of numbers.
         DprError: a library is needed that is not installed; says which.
     """
-    if path.is_dir():
+    if regular(path, RunError).is_dir():
         return read_bag(path, take)
     try:
         with path.open("rb") as file:
             begin = file.read(16)
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    fitting = (reader.read for reader in READERS if begin.startswith(reader.begins))
     # A MATLAB file of version 4 has no mark of its own.
-    return next(fitting, read_matlab if path.suffix.lower() == ".mat" else read_text)(path, take)
+    unmarked = read_matlab if path.suffix.lower() == ".mat" else partial(read_text, on_progress=on_progress)
+    return next((reader.read for reader in READERS if begin.startswith(reader.begins)), unmarked)(path, take)

@@ -44,9 +44,34 @@ def refuse_large(path: Path, values: int) -> None:
         raise RunError(f"{path}: unpacks to {values:,} numbers, more than {most:,}: cut it into recordings")
 
 
+def refuse_swollen(path: Path, size: int) -> None:
+    """Make sure that a packed file does not unpack to far more than a recording of its size.
+
+    Args:
+        path: the file
+        size: bytes that it says, or shows, to unpack to
+
+    Raises:
+        RunError: it does.
+    """
+    if size > most_unpacked(path):
+        raise RunError(
+            f"{path}: unpacks from {path.stat().st_size:,} bytes to {size:,} or more, which no recording does: save its"
+            " columns without compression, or as CSV"
+        )
+
+
+def most_unpacked(path: Path) -> int:
+    """Bytes that a packed file may unpack to."""
+    limits = text_table.LIMITS
+    return limits.small_bytes + limits.expansion * path.stat().st_size
+
+
 def broken(path: Path, kind: str, error: BaseException) -> RunError:
     """The sentence for a file that its library cannot read."""
-    return RunError(f"{path}: is damaged, or no {kind}: {printable(str(error)[:200]) or type(error).__name__}")
+    if isinstance(error, MemoryError):
+        return RunError(f"{path}: needs more memory than this computer has free: cut it into recordings")
+    return RunError(f"{path}: is damaged or cut off, or no {kind}: copy or save it again, or export its table as CSV")
 
 
 def table_of(

@@ -1,6 +1,7 @@
 """HDF5, and MATLAB files of version 7.3, which are HDF5."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,43 +10,83 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.storage.export import extra
-from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
+from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, refuse_swollen, table_of
 from dpr_lab.storage.readers.matlab import object_sentence
 from dpr_lab.storage.tables.table import Table
 
 KIND = "HDF5 file"
 
 
+@dataclass(frozen=True, slots=True)
+class TreeLimits:
+    """Bounds on the groups and data sets of a file; a recording has some tens."""
+
+    depth: int = 32
+    """Groups within groups."""
+    objects: int = 2000
+
+
+LIMITS = TreeLimits()
+
+
 def read_hdf5(path: Path, take: Sequence[str]) -> Table:
     """Read every numeric data set of an HDF5 file that lies in the file itself.
 
     Raises:
-        RunError: damaged, data that lie in other files, an object of MATLAB's, or more numbers than a recording has.
+        RunError: damaged, data that lie in other files, an object of MATLAB's, too many groups, or more numbers than
+            a recording has.
         DprError: h5py is not installed.
     """
     with extra("hdf5"):
         import h5py
     arrays: dict[str, NDArray] = {}
     total = 0
-
-    def visit(name: str, item: Any) -> None:
-        nonlocal total
-        if "MATLAB_object_decode" in item.attrs:
-            raise object_sentence(path, _text(item.attrs.get("MATLAB_class", "unknown")))
-        if name.startswith("#") or not isinstance(item, h5py.Dataset) or item.dtype.kind not in "biuf":
-            return
-        if item.external or item.is_virtual:
-            raise RunError(f"{path}: the numbers of {name!r} lie in another file: copy them into this one")
-        total += item.size or 0
-        refuse_large(path, total)
-        arrays[name] = np.asarray(item[()])
-
     try:
         with h5py.File(path, "r") as file:
-            file.visititems(visit)  # follows no link out of the file
+            for name, held in _objects(path, file):
+                if "MATLAB_object_decode" in held.attrs:
+                    raise object_sentence(path, _text(held.attrs.get("MATLAB_class", "unknown")))
+                if not isinstance(held, h5py.Dataset) or held.dtype.kind not in "biuf":
+                    continue
+                if held.external or held.is_virtual:
+                    raise RunError(f"{path}: the numbers of {name!r} lie in another file: copy them into this one")
+                total += held.size or 0
+                refuse_large(path, total)
+                refuse_swollen(path, 8 * total)
+                arrays[name] = np.asarray(held[()])
     except BROKEN as error:
         raise broken(path, KIND, error) from error
     return table_of(path, KIND, arrays, take)
+
+
+def _objects(path: Path, file: Any) -> Iterator[tuple[str, Any]]:
+    """Groups and data sets of a file with their names, each once; no link out of the file is followed.
+
+    What MATLAB keeps for itself, in groups of names that begin with `#`, is left out.
+    """
+    import h5py
+
+    library: Any = h5py
+    met: set[int] = set()
+    waiting: list[tuple[str, Any, int]] = [("", file, 0)]
+    while waiting:
+        within, group, depth = waiting.pop()
+        if depth > LIMITS.depth or len(met) + len(group) > LIMITS.objects:
+            raise RunError(
+                f"{path}: holds groups in more than {LIMITS.depth} levels, or more than {LIMITS.objects:,} data sets,"
+                " which no recording does: copy its columns into a file of their own"
+            )
+        for key in group:
+            if key.startswith("#") or not isinstance(group.get(key, getlink=True), h5py.HardLink):
+                continue
+            held, name = group[key], f"{within}{key}"
+            address = library.h5o.get_info(held.id).addr
+            if address in met:
+                continue
+            met.add(address)
+            yield name, held
+            if isinstance(held, h5py.Group):
+                waiting.append((f"{name}/", held, depth + 1))
 
 
 def _text(value: Any) -> str:

@@ -22,6 +22,7 @@ from dpr_lab.storage.layout import NANOSECONDS, PROVENANCE
 from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large
 from dpr_lab.storage.scan import mapped
 from dpr_lab.storage.tables.table import Table
+from dpr_lab.whole_file import regular
 
 KIND = "ROS 2 bag"
 
@@ -188,6 +189,7 @@ def _expanded(chunk: Chunk) -> Chunk:
 
 
 def _sqlite_messages(path: Path) -> Iterator[Stamped]:
+    regular(path, RunError)
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as bag:
             bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LIMITS.record_bytes)

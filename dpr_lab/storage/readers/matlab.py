@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
+from dpr_lab.storage.readers.arrays import BROKEN, broken, most_unpacked, refuse_large, refuse_swollen, table_of
 from dpr_lab.storage.tables import table as text_table
 from dpr_lab.storage.tables.table import Table
 
@@ -54,22 +54,23 @@ def _most_bytes() -> int:
     return 8 * text_table.LIMITS.values
 
 
-def _unpacked(path: Path, content: bytes) -> bytes:
+def _unpacked(path: Path, content: bytes) -> bytearray:
     """The same file with no element packed; none of the sizes that it says is believed."""
     order = "<" if content[126:HEADER] == b"IM" else ">"
-    out, at, most = [content[:HEADER]], HEADER, _most_bytes()
+    out, at = bytearray(content[:HEADER]), HEADER
+    most = min(_most_bytes(), most_unpacked(path))
     while at + TAG <= len(content):
         kind, size = struct.unpack_from(f"{order}II", content, at)
         end = at + TAG + size
         element = content[at:end]
         if kind == COMPRESSED:
-            element = zlib.decompressobj().decompress(content[at + TAG : end], most + 1)
-        most -= len(element)
-        if most < 0:
-            refuse_large(path, text_table.LIMITS.values + 1)
-        out.append(element)
+            element = zlib.decompressobj().decompress(content[at + TAG : end], most + 1 - len(out))
+        out += element
+        if len(out) > most:
+            refuse_large(path, len(out) // 8 + 1)
+            refuse_swollen(path, len(out))
         at = end
-    return b"".join(out)
+    return out
 
 
 def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[str, NDArray]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from dpr_lab.errors import RunError
-from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
+from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, refuse_swollen, table_of
 from dpr_lab.storage.tables.table import Table
 
 KIND = "NumPy file"
@@ -29,7 +29,9 @@ def read_numpy(path: Path, take: Sequence[str]) -> Table:
             members = archive.infolist()
             if not all(member.filename.endswith(".npy") for member in members):
                 raise RunError(f"{path}: is a packed document, no .npz: of a spreadsheet save the table as CSV (UTF-8)")
-            refuse_large(path, sum(member.file_size for member in members) // 8)
+            size = sum(member.file_size for member in members)
+            refuse_large(path, size // 8)
+            refuse_swollen(path, size)
         with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
             return table_of(path, KIND, {name: held[name] for name in held.files}, take)
     except ValueError as error:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dpr_lab.storage.export import extra
-from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
+from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, refuse_swollen, table_of
 from dpr_lab.storage.tables.table import Table
 
 KIND = "Parquet file"
@@ -28,6 +28,7 @@ def read_parquet(path: Path, take: Sequence[str]) -> Table:
                 if pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
             ]
             refuse_large(path, file.metadata.num_rows * len(numeric))
+            refuse_swollen(path, 8 * file.metadata.num_rows * len(numeric))
             read = file.read(columns=numeric, use_threads=False)
         columns = {name: read.column(name).to_numpy() for name in numeric}
     except (*BROKEN, pa.ArrowException) as error:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
+from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.storage.tables.columns import is_time
 from dpr_lab.storage.tables.table import Table, read_table
 
@@ -45,13 +46,13 @@ class _Point:
     """(n, 2) x to the right, y upwards, NaN where it was not seen."""
 
 
-def read_text(path: Path, take: Sequence[str]) -> Table:
+def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched) -> Table:
     """Read a text table; one of points becomes one of angles.
 
     Raises:
         RunError: as `dpr_lab.storage.tables.table.read_table`, or points that are not the ends of two rods.
     """
-    table = read_table(path)
+    table = read_table(path, on_progress)
     kind, points = _points(table)
     if not points:
         if take:

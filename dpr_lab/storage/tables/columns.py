@@ -25,7 +25,9 @@ NO_ROD = "joint 2, without a rod"
 _TIME_NAME = r"(t|time|timestamp|elapsed|tout)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
 _ANGLE_NAME = r"(theta|th|phi|q|angle|joint|pos|position|θ|φ){axis}(rad|radians?|deg|degrees?)?"
-_COUNT_NAME = r"(counts?|enc|encoder){axis}(counts?|ticks?)?"
+_COUNT_NAME = (
+    r"(counts?|enc|encoder){axis}(counts?|ticks?)?|(theta|th|phi|q|angle|joint|pos|position|θ|φ){axis}(counts?|ticks?)"
+)
 _ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}".format(axis=""))
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|(°)")
@@ -147,7 +149,7 @@ def _refuse(table: Table, found: Mapping[str, str], given: Mapping[str, str], ti
         rate = "; of a table without time say --rate-hz" if "t" in missing else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {there}."
-            f" Name it, for example columns {missing[0]}=NAME; both rods are needed{rate}"
+            f" Name it, for example --columns {missing[0]}=NAME; both rods are needed{rate}"
         )
     other = [name for name in found.values() if name in table.other_lengths]
     if other:

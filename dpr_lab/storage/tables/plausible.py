@@ -15,10 +15,14 @@ class Plausible:
 
     nan_share: float = 0.1
     """Rows without a value, at most."""
+    doubled_share: float = 0.1
+    """Rows with the time of the row before and other readings, at most."""
     step_s: float = 10.0
     """Median time between rows, at most."""
     duration_s: float = 1e6
     """From the first row to the last, at most."""
+    stamps_s: tuple[float, float] = (946_684_800.0, 4_102_444_800.0)
+    """Between these a time counts as seconds since 1970, the years 2000 to 2100: no logger runs for thirty years."""
     input_delay_s: float = 1.0
     """By which torques act later than logged, or earlier, at most."""
     angle: float = 1e4
@@ -46,9 +50,15 @@ def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
     """
     apart = float(np.median(np.diff(t)))
     if apart > PLAUSIBLE.step_s:
-        raise RunError(f"{path}: rows are {apart:g} s apart, too far to follow a swing: is the unit of time right?")
+        raise RunError(
+            f"{path}: rows are {apart:g} s apart, too far to follow a swing: is the unit of time right"
+            " (--time-unit ms or us)?"
+        )
     if t[-1] > PLAUSIBLE.duration_s:
-        raise RunError(f"{path}: the table lasts {t[-1]:g} s, too long for a swing: is the unit of time right?")
+        raise RunError(
+            f"{path}: the table lasts {t[-1]:g} s, too long for a swing: is the unit of time right (--time-unit ms or"
+            " us)?"
+        )
 
 
 def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -95,20 +105,12 @@ def gap_notes(t: NDArray[np.float64]) -> list[str]:
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
 
 
-def early_notes(t: NDArray[np.float64]) -> list[str]:
-    """A note where (n,) times, s, begin before zero."""
-    early = (
-        f"the first row, at t = {t[0]:g} s, was taken for the release: if that is t = 0, import with"
-        f" start_s {-t[0]:g} (--start-s)"
-    )
-    return [early] if t[0] < 0 < t[-1] else []
-
-
 def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64], upright: bool) -> list[str]:
     """Notes on (n, 3) angles, rad, that no rods turn by, or that point upwards most of the time if zero is said to."""
     above = upright & (np.median(np.cos(theta[:, 1:]), axis=0) > 0)
     speed = float(np.quantile(np.abs(np.diff(theta[:, 1:], axis=0)).max(axis=1) / np.diff(t), 0.1))
-    notes = [f"the rods turn at more than {speed:.3g} rad/s nearly always: are the units right?"]
-    notes = notes if speed > PLAUSIBLE.speed else []
-    said = "both rods point upwards most of the time: if the table's zero is hanging, import it with zero hanging"
-    return notes + ([said] if above.all() else [])
+    fast = [f"the rods turn at more than {speed:.3g} rad/s nearly always: are the units right (--unit, --time-unit)?"]
+    inverted = [
+        "both rods point upwards most of the time: if the table's zero is hanging, import it with --zero hanging"
+    ]
+    return (fast if speed > PLAUSIBLE.speed else []) + (inverted if above.all() else [])

@@ -6,10 +6,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
-from dpr_lab.storage.csv_import import ImportOptions, understand
 from dpr_lab.storage.tables.columns import AXES
+from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import PLAUSIBLE
+from dpr_lab.storage.tables.questions import TableQuestion
+from dpr_lab.storage.tables.understand import understand
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +36,19 @@ class Preview:
     gaps: int
     """Steps that are longer than they should be."""
     notes: tuple[str, ...]
+    """What was done with the table."""
+    questions: tuple[TableQuestion, ...]
+    """What is doubtful of it."""
     torques: dict[str, tuple[str, str]]
     """Of each kind of known torques, `measured` first, the columns of joint 1 and 2; of no kind where none is said."""
     largest_Nm: float
     """Of all known torques, by size."""
+    rest_s: float
+    """Duration of the rest before the release that is kept."""
+    recorded_at: str
+    """ISO 8601 date, or date and time in UTC; empty where it is not known."""
     t: NDArray[np.float64]
-    """(n,) s"""
+    """(n,) s since the release; negative in the rest before it."""
     theta: NDArray[np.float64]
     """(n, 3) absolute angles, 0 = upright, as the run would hold them, rad."""
 
@@ -48,13 +58,15 @@ class Preview:
         reading = f"{self.unit}, by the rig's encoders" if by_rig else f"{self.unit}, {self.angles}, {self.zero} is 0"
         axes = ", ".join(f"{axis} = {name}" for axis, name in self.columns.items())
         gaps = f"; {self.gaps} gaps" if self.gaps else "; no gaps"
+        rest = f" and {self.rest_s:.4g} s of rest before it" if self.rest_s else ""
         kinds = [f"{kind} {' and '.join(pair)}".strip() for kind, pair in self.torques.items()]
         driven = {"torques": f"{'; '.join(kinds)}; up to {self.largest_Nm:.4g} N m, held until the next row"}
         return {
             "file": self.kind,
             "columns": axes,
             "angles": reading,
-            "time": f"{self.samples:,} rows in {self.duration_s:.6g} s, unit {self.time_unit}",
+            "time": f"{self.samples:,} rows, {self.duration_s:.6g} s from the release{rest}, unit {self.time_unit}",
+            "recorded": self.recorded_at or "date not known (--recorded-at)",
             "rate": f"{self.rate_hz:.6g} Hz, steps {self.steps_s[0]:.4g} to {self.steps_s[1]:.4g} s{gaps}",
             "rods": "; ".join(f"theta{k} {_range(self.theta[:, k])}" for k in (1, 2)),
             **(driven if kinds else {}),
@@ -64,6 +76,11 @@ class Preview:
         """Time and angles of the first rows, s and rad."""
         return [(t, *theta) for t, theta in zip(self.t[:rows].tolist(), self.theta[:rows].tolist(), strict=True)]
 
+    @property
+    def mend(self) -> tuple[str, ...]:
+        """Words of the command line that certainly mend what is doubtful."""
+        return tuple(word for question in self.questions for word in question.mend)
+
     def to_json(self) -> dict[str, object]:
         """Everything but the record, of which the first rows."""
         names = ("kind", "columns", "angles", "zero", "unit", "time_unit", "samples", "duration_s", "rate_hz", "gaps")
@@ -72,19 +89,22 @@ class Preview:
             "file": str(self.file),
             **said,
             "steps_s": list(self.steps_s),
+            "rest_s": self.rest_s,
+            "recorded_at": self.recorded_at,
             "notes": list(self.notes),
+            "questions": [{"sentence": question.sentence, "mend": list(question.mend)} for question in self.questions],
             "torques": [{"kind": kind, "columns": list(pair)} for kind, pair in self.torques.items()],
             "first_rows": [dict(zip(("t", *AXES), row, strict=True)) for row in self.first_rows()],
         }
 
 
-def preview(file: Path, rig: Rig, options: ImportOptions) -> Preview:
+def preview(file: Path, rig: Rig, options: ImportOptions, on_progress: OnImport = unwatched) -> Preview:
     """Read a table as `import_csv` does, and write nothing.
 
     Raises:
         RunError: as `import_csv`.
     """
-    swing = understand(file, rig, options)
+    swing = understand(file, rig, options, on_progress)
     steps = np.diff(swing.t)
     return Preview(
         file=file,
@@ -100,6 +120,9 @@ def preview(file: Path, rig: Rig, options: ImportOptions) -> Preview:
         steps_s=(float(steps.min()), float(steps.max())),
         gaps=int(np.count_nonzero(steps > PLAUSIBLE.gap_steps * np.median(steps))),
         notes=swing.notes,
+        questions=swing.questions,
+        rest_s=abs(float(swing.t[0])),
+        recorded_at=swing.recorded_at,
         torques=dict(swing.torque_columns),
         largest_Nm=max((float(np.abs(torque).max()) for torque in swing.torques.values()), default=0.0),
         t=swing.t,

@@ -1,10 +1,8 @@
 """Read the text table of any logger: delimiter, header, comments and decimal sign are found, not asked for."""
 
-import codecs
 import csv
 from array import array
-from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, islice
 from pathlib import Path
@@ -14,30 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError, printable
+from dpr_lab.progress import OnImport, unwatched
+from dpr_lab.storage.tables.clean import NOT_A_VALUE, clean_rows
+from dpr_lab.storage.tables.content import Content, Line, TableLimits
 
 DELIMITERS = (";", "\t", ",")  # in this order: next to a semicolon or a tab a comma is the decimal sign
-COMMENTS = ("#", "%", "//")
-NOT_A_VALUE = ("", "nan", "na", "n/a", "null", "none", "-")
-
-_CONTROL = bytes(set(range(32)) - set(b"\t\n\f\r"))
-
-
-@dataclass(frozen=True, slots=True)
-class TableLimits:
-    """What a text table is taken for; it is read in one go, a line at a time, and kept as numbers."""
-
-    looked_at: int = 50
-    """Rows from which delimiter and decimal sign are found."""
-    line_length: int = 1 << 16
-    rows: int = 50_000_000
-    """An hour at 10 kHz has 36 million."""
-    values: int = 50_000_000
-    """Numbers in a file that is not text, which may be packed: 400 MB unpacked."""
-    head: int = 1000
-    """Lines before the first row of numbers."""
-    block_bytes: int = 1 << 20
-
-
 LIMITS = TableLimits()
 
 
@@ -76,18 +55,19 @@ class Table:
         return self.values[at].copy()
 
 
-Line = tuple[int, str]
+def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
+    """Read a table with one header line or none; a text that gzip packed is unpacked on the way.
 
-
-def read_table(path: Path) -> Table:
-    """Read a table with one header line or none.
+    Args:
+        path: the file
+        on_progress: called after each block
 
     Raises:
         RunError: cannot be read, empty, not text, without numbers, or a row of another length.
     """
     try:
-        with _Content(path, _coding(path)) as content:
-            lines = iter(content)
+        with Content(path, LIMITS, on_progress) as content:
+            lines = content.lines()
             head = list(islice(lines, LIMITS.looked_at))
             if not head:
                 raise RunError(f"{path}: holds no rows")
@@ -103,16 +83,16 @@ def read_table(path: Path) -> Table:
             else:
                 raise RunError(f"{path}: holds no row of numbers, so it is not a table of angles")
             early = [_trimmed(other, len(begin[1])) for other in early]
-            if early:
-                wide = [other for other in early if len(other) == len(begin[1])]
-                # Above the names of columns, names of groups of them may stand.
-                names = next((other for other in wide if all(other)), (wide or early[-1:])[0])
-            else:
-                names = _commented_header(content.comments, delimiter, len(begin[1]))
-            begun = [begin, *islice(rows, LIMITS.looked_at - 1)]
-            comma = delimiter != "," and any("," in cell for _, cells in begun for cell in cells)
+            names = _names(early, content.comments, delimiter, len(begin[1]))
+            first = [begin, *islice(rows, LIMITS.looked_at - 1)]
+            comma = delimiter != "," and any("," in cell for _, cells in first for cell in cells)
             columns = _Columns(path, len(names), comma)
-            columns.take(chain(begun, rows))
+            # `rows` may hold lines of `head` still.
+            columns.take(chain(first, islice(rows, LIMITS.looked_at)))
+            for number, text in content.blocks():
+                if not columns.take_block(number, text, delimiter):
+                    columns.take((at, _cells(path, line, delimiter)) for at, line in content.lines_of(number, text))
+            columns.finish()
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     shown = tuple(printable(name.strip()) for name in names)
@@ -130,6 +110,7 @@ class _Columns:
         self._path, self._comma = path, decimal_comma
         self._values = [array("d") for _ in range(width)]
         self._lines = array("q")
+        self._short: tuple[int, int] | None = None
 
     @property
     def arrays(self) -> tuple[NDArray[np.float64], ...]:
@@ -140,23 +121,38 @@ class _Columns:
         return np.frombuffer(self._lines, dtype=np.int64)
 
     def take(self, rows: Iterable[tuple[int, list[str]]]) -> None:
-        """All rows; a last one that is too short was cut off by a logger that was switched off."""
-        short: tuple[int, int] | None = None
+        """Append rows; after one that is too short there must be none."""
         for number, row in rows:
-            if short is not None or len(row) > len(self._values):
-                self._refuse(*(short or (number, len(row))))
+            if self._short is not None or len(row) > len(self._values):
+                self._refuse(*(self._short or (number, len(row))))
             if len(row) < len(self._values):
-                short = (number, len(row))
+                self._short = (number, len(row))
                 continue
             if len(self._lines) == LIMITS.rows:
                 raise RunError(f"{self._path}: has more than {LIMITS.rows:,} rows: cut it into recordings")
             self._lines.append(number)
             for at, cell in enumerate(row):
                 self._values[at].append(self._number(cell.strip(), at, number))
-        if short is not None and not self._lines:
-            self._refuse(*short)
-        if short is not None:
-            self.notes = (f"line {short[0]}, the last one, is cut off: left out",)
+
+    def take_block(self, number: int, text: str, delimiter: str | None) -> bool:
+        """Append whole lines of numbers, the first of this number; false, and nothing appended, if they are not."""
+        if self._short is not None:
+            return False
+        rows = clean_rows(text, len(self._values), delimiter, self._comma, LIMITS.line_length)
+        if rows is None or len(self._lines) + len(rows) > LIMITS.rows:
+            return False
+        self._lines.frombytes(np.arange(number, number + len(rows)).tobytes())
+        for column, values in zip(self._values, rows.T, strict=True):
+            column.frombytes(values.tobytes())
+        return True
+
+    def finish(self) -> None:
+        """After the last row: one that is too short was cut off by a logger that was switched off."""
+        if self._short is None:
+            return
+        if not self._lines:
+            self._refuse(*self._short)
+        self.notes = (f"line {self._short[0]}, the last one, is cut off: left out",)
 
     def _refuse(self, number: int, length: int) -> NoReturn:
         raise RunError(f"{self._path}: line {number} has {length} fields where there are {len(self._values)} columns")
@@ -170,63 +166,13 @@ class _Columns:
             return np.nan
 
 
-class _Content:
-    """The lines of a text file that hold something, with their numbers; comments are set aside. A context manager."""
-
-    def __init__(self, path: Path, coding: str) -> None:
-        self.comments: deque[Line] = deque(maxlen=1)
-        """The last one before what was read."""
-        self._path = path
-        self._file = path.open(encoding=coding, newline=None)
-
-    def __enter__(self) -> "_Content":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
-
-    def __iter__(self) -> Iterator[Line]:
-        number, data = 0, False
-        while line := self._file.readline(LIMITS.line_length + 1):
-            number += 1
-            if len(line) > LIMITS.line_length:
-                raise RunError(f"{self._path}: line {number} is longer than {LIMITS.line_length} characters: no table")
-            text = line.strip(" \f\n")
-            if text.startswith(COMMENTS):
-                if not data:
-                    self.comments.append((number, text))
-            elif text:
-                data = True
-                yield number, text
-
-
-def _coding(path: Path) -> str:
-    """The coding of a text file, which is looked through block by block.
-
-    Raises:
-        RunError: it is empty, or no text.
-    """
-    decoder, something, utf8 = codecs.getincrementaldecoder("utf-8-sig")(), False, True
-    with path.open("rb") as file:
-        while block := file.read(LIMITS.block_bytes):
-            something = something or bool(block.strip())
-            if len(block.translate(None, _CONTROL)) != len(block):
-                raise RunError(
-                    f"{path}: is not a text table but a binary file: export it as CSV (UTF-8) from its program first"
-                )
-            utf8 = utf8 and _decodes(decoder, block)
-        utf8 = utf8 and _decodes(decoder, b"", final=True)
-    if not something:
-        raise RunError(f"{path}: is empty")
-    return "utf-8-sig" if utf8 else "latin-1"  # a degree sign in a header is all that this can get wrong
-
-
-def _decodes(decoder: codecs.IncrementalDecoder, block: bytes, final: bool = False) -> bool:
-    try:
-        decoder.decode(block, final)
-    except UnicodeDecodeError:
-        return False
-    return True
+def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:
+    """The names of the columns: of the rows above the numbers, else of the last comment, else numbers."""
+    if not early:
+        return _commented_header(comments, delimiter, width)
+    wide = [row for row in early if len(row) == width]
+    # Above the names of columns, names of groups of them may stand.
+    return next((row for row in wide if all(row)), (wide or early[-1:])[0])
 
 
 def _trimmed(row: list[str], width: int) -> list[str]:
@@ -245,7 +191,7 @@ def _cells(path: Path, line: str, delimiter: str | None) -> list[str]:
     try:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     except csv.Error as error:
-        raise RunError(f"{path}: is not a table: {error}") from error
+        raise RunError(f"{path}: is not a table: this line has no fields: {printable(line[:60])!r}") from error
 
 
 def _is_data(row: list[str]) -> bool:

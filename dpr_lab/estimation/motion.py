@@ -1,0 +1,94 @@
+"""Whether a recording holds enough of a swing to say anything: samples, duration and motion of both joints."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.noise import noise_floor
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class MotionSettings:
+    """What a recording must hold at least."""
+
+    samples: int = 16
+    """After the release: two segments of eight, one to fit and one to judge."""
+    duration_s: float = 0.35
+    """After the release: a segment of 0.25 s, or the 0.3 s that a free run starts from, and some more to compare."""
+    turn_rad: float = 0.01
+    """Range of an angle from which a rod swings: a hanging rod that is touched moves by some milliradians."""
+    above_noise: float = 20.0
+    """The same in standard deviations of a reading; noise alone has a range of about five."""
+    elbow: float = 0.02
+    """Range of joint 2 over that of joint 1 below which the elbow does not turn. A free elbow turns by a fifth of joint
+    1 even in the slow mode, in which both rods swing together; a clamp has a play of 0.1 rad at most."""
+    tail: float = 0.01
+    """Share of the readings, at either end of a range, that does not count: single faults."""
+
+
+SETTINGS = MotionSettings()
+
+
+def refuse_without_motion(run: Run, rig: Rig, settings: MotionSettings = SETTINGS) -> None:
+    """Make sure that a run shows a swing of all joints that can turn.
+
+    Raises:
+        RunError: too few samples, too short, a joint that stands still, or noise as large as the motion.
+    """
+    swing, name = run.swing, run.file or run.name
+    duration = float(np.ptp(swing.t)) if len(swing.t) else 0.0
+    if len(swing.t) < settings.samples or duration < settings.duration_s:
+        raise RunError(
+            f"{name}: {len(swing.t)} samples over {duration:.3g} s after the release: at least {settings.samples}"
+            f" samples over {settings.duration_s:g} s are needed. Record a longer swing, and check the unit of time"
+        )
+    if not np.isfinite(swing.theta[:, 1:]).all():
+        raise RunError(f"{name}: an angle is no finite number: leave such rows out of the table")
+    rods = _ranges(swing.theta[:, 1:], settings)
+    _refuse_still(str(name), run, rods, settings)
+    noise = float(noise_floor(run, rig).std_joint[0])
+    if settings.above_noise * noise > rods[0]:
+        raise RunError(
+            f"{name}: the noise of joint 1 is {noise:.2g} rad and the range of its motion {rods[0]:.2g} rad, so the"
+            " noise hides the swing: check the unit of the angles and the order of the rows, or record a larger swing"
+        )
+    elbow = float(_ranges(swing.theta[:, 2] - swing.theta[:, 1], settings))
+    if not run.setup.held and run.torques is None and elbow < settings.elbow * rods[0]:
+        raise RunError(
+            f"{name}: joint 2 does not turn: theta2 - theta1 changes by {elbow:.2g} rad while theta1 changes by"
+            f' {rods[0]:.2g} rad. If the elbow is clamped, import with --elbow clamped, or set elbow = "clamped" in'
+            " [rods] of the rig file. If one rod hangs alone, use --rods inner or --rods outer. If both rods swing, the"
+            " columns of theta1 and theta2 hold the same rod: check --columns"
+        )
+
+
+def _refuse_still(name: str, run: Run, rods: Array, settings: MotionSettings) -> None:
+    still = [f"theta{i + 1}" for i, size in enumerate(rods.tolist()) if size < settings.turn_rad]
+    if run.setup.alone:
+        still = [axis for axis in still if axis == "theta1"]
+    if not still:
+        return
+    if still == ["theta2"]:
+        cure = "if only the inner rod hangs on the rig, use --rods inner, else check the column of theta2 (--columns)"
+    elif still == ["theta1"] and not run.setup.held:
+        cure = (
+            "check the column of theta1 (--columns); a rod that hangs alone on joint 1 is theta1, with --rods inner or"
+            " --rods outer"
+        )
+    else:
+        cure = "record a release, or check the columns (--columns) and the unit of the angles (--unit)"
+    raise RunError(
+        f"{name}: {' and '.join(still)} {'stands' if len(still) == 1 else 'stand'} still after the release (range below"
+        f" {settings.turn_rad:g} rad), so there is no motion to analyse: {cure}"
+    )
+
+
+def _ranges(values: Array, settings: MotionSettings) -> Array:
+    """Range of each column, without its tails."""
+    return np.ptp(np.quantile(values, [settings.tail, 1 - settings.tail], axis=0), axis=0)

@@ -1,0 +1,181 @@
+"""Samples as JSON of a fixed width, written and read as arrays of bytes, without a Python call for each row.
+
+A number takes as many characters in every row of a block. JSON allows blanks before a number, so that any reader of
+JSON reads these messages. What has no such text, because a number needs more digits, is written and read row by row.
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from dpr_lab.rig import JOINTS
+from dpr_lab.storage.layout import TORQUE_KEYS
+
+
+@dataclass(frozen=True, slots=True)
+class TextSettings:
+    """How numbers are written."""
+
+    decimals: tuple[int, ...] = (3, 6, 9, 11)
+    """After the point: the least of these that gives every number of a column back to the last bit."""
+    largest: int = 1 << 53
+    """A number without its point lies below this: the quotient with a power of ten is then rounded once."""
+
+
+SETTINGS = TextSettings()
+Bytes = NDArray[np.uint8]
+
+_QUADS = np.frombuffer("".join(f"{n:04d}" for n in range(10_000)).encode(), dtype=np.uint8).reshape(-1, 4)
+_BLANK, _MINUS, _POINT, _ZERO = b" -.0"
+_HEAD = np.dtype([("kind", "u1"), ("length", "<u8"), ("channel", "<u2"), ("number", "<u4"), ("log", "<u8", 2)])
+
+
+def message_records(channel: int, log_ns: NDArray[np.int64], texts: Bytes) -> Bytes:
+    """(n, 31 + w) MCAP message records of (n,) times and (n, w) texts."""
+    head = np.zeros(len(texts), dtype=_HEAD)
+    head["kind"], head["length"] = Opcode.MESSAGE, _HEAD.itemsize - 9 + texts.shape[1]
+    head["channel"], head["log"] = channel, log_ns[:, None]
+    return np.hstack([head.view(np.uint8).reshape(len(texts), -1), texts])
+
+
+def message_texts(records: bytes) -> tuple[int, Bytes] | None:
+    """Channel and (n, w) texts of records that `message_records` made; None for other records."""
+    if len(records) < _HEAD.itemsize:
+        return None
+    first = np.frombuffer(records, dtype=_HEAD, count=1)
+    width = 9 + int(first["length"][0])
+    if first["kind"][0] != Opcode.MESSAGE or width < _HEAD.itemsize or len(records) % width:
+        return None
+    rows = np.frombuffer(records, dtype=np.uint8).reshape(-1, width)
+    same = slice(0, 11)  # kind, length and channel
+    if not (rows[:, same] == rows[0, same]).all():
+        return None
+    return int(first["channel"][0]), rows[:, _HEAD.itemsize :]
+
+
+def sample_texts(
+    tick: NDArray[np.int64],
+    t: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    counts: NDArray[np.int64] | None,
+    torques: NDArray[np.float64],
+) -> Bytes | None:
+    """(n, w) samples as JSON; None where a number has no text of a fixed width.
+
+    Args:
+        tick: (n,)
+        t: (n,) s
+        theta: (n, 3) rad
+        counts: (n, 3)
+        torques: (kinds, n, 2) N m
+    """
+    vectors = [("theta", theta)] if counts is None else [("counts", counts), ("theta", theta)]
+    vectors += list(zip(TORQUE_KEYS, torques, strict=False))
+    parts: list[Bytes | str | None] = ['{"tick":', _decimals(tick), ',"t":', _decimals(t)]
+    for key, vector in vectors:
+        for number, column in enumerate(vector.T):
+            parts += ["," if number else f',"{key}":[', _decimals(column)]
+        parts.append("]")
+    parts.append("}")
+    if any(part is None for part in parts):
+        return None
+    columns = (np.frombuffer(part.encode(), dtype=np.uint8) if isinstance(part, str) else part for part in parts)
+    return np.hstack([np.broadcast_to(column, (len(tick), np.shape(column)[-1])) for column in columns])  # pyright: ignore[reportCallIssue, reportArgumentType]
+
+
+def _decimals(values: NDArray[np.int64] | NDArray[np.float64]) -> Bytes | None:
+    """(n, w) decimal text of (n,) numbers, blanks before it; None where no number of decimals is enough."""
+    if values.dtype == np.int64:
+        return _fixed(values.astype(np.int64), 0) if np.abs(values).max() < SETTINGS.largest else None
+    for decimals in SETTINGS.decimals:
+        scaled = np.rint(values * 10.0**decimals)
+        if not np.abs(scaled).max() < SETTINGS.largest:
+            return None
+        if (scaled / 10.0**decimals == values).all():
+            return _fixed(scaled.astype(np.int64), decimals)
+    return None
+
+
+def _fixed(scaled: NDArray[np.int64], decimals: int) -> Bytes:
+    """(n, w) text of whole numbers with a point before the last `decimals` digits."""
+    size = np.abs(scaled)
+    digits = max(len(str(size.max())), decimals + 1)
+    quads = [_QUADS[size // 10**power % 10_000] for power in reversed(range(0, digits, 4))]
+    text = np.hstack([np.full((len(size), 1), _BLANK, dtype=np.uint8), np.hstack(quads)[:, -digits:]])
+    whole = digits - decimals
+    # In front of the first digit of each row there are blanks, and a sign.
+    blanks = sum((size < 10**power).astype(np.intp) for power in range(decimals + 1, digits))
+    for column in range(whole - 1):
+        text[blanks > column, column + 1] = _BLANK
+    negative = np.flatnonzero(scaled < 0)
+    text[negative, np.broadcast_to(blanks, size.shape)[negative]] = _MINUS
+    if not decimals:
+        return text
+    point = np.full((len(size), 1), _POINT, dtype=np.uint8)
+    return np.hstack([text[:, : whole + 1], point, text[:, whole + 1 :]])
+
+
+_NUMBER = rb" *(-?\d+(?:\.\d+)?)"
+
+
+def _vector(key: str, of: int) -> bytes:
+    return rb',"%s":\[' % key.encode() + rb",".join([_NUMBER] * of) + rb"\]"
+
+
+_SAMPLE = re.compile(
+    rb'\{"tick":' + _NUMBER + rb',"t":' + _NUMBER + rb"(?:" + _vector("counts", JOINTS) + rb")?"
+    + _vector("theta", JOINTS) + b"".join(rb"(?:" + _vector(key, 2) + rb")?" for key in TORQUE_KEYS) + rb"\}"
+)  # fmt: skip
+
+
+def sample_columns(texts: Bytes) -> list[NDArray[np.float64] | NDArray[np.int64] | None] | None:
+    """The numbers of (n, w) texts that `sample_texts` made, in its order: tick, t, counts, theta, torques; each (n,).
+
+    A column is None where the texts have none of that name. Other texts give None.
+    """
+    match = _SAMPLE.fullmatch(texts[0].tobytes())
+    if match is None:
+        return None
+    spans = [_with_blanks(texts[0], *match.span(group)) for group in range(1, _SAMPLE.groups + 1)]
+    numbers = np.zeros(texts.shape[1], dtype=np.bool_)
+    for start, stop in spans:
+        numbers[max(start, 0) : max(stop, 0)] = True
+    if not (texts[:, ~numbers] == texts[0, ~numbers]).all():
+        return None
+    there = [start >= 0 for start, _ in spans]
+    columns = [_numbers(texts[:, slice(*span)]) if known else None for span, known in zip(spans, there, strict=True)]
+    return columns if [column is not None for column in columns] == there else None
+
+
+def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
+    """Where a number stands, with the blanks before it; (-1, -1) where it is not."""
+    while start > 0 and row[start - 1] == _BLANK:
+        start -= 1
+    return start, stop
+
+
+def _numbers(texts: Bytes) -> NDArray[np.float64] | NDArray[np.int64] | None:
+    """(n,) numbers of (n, w) texts with their points in one column; None for other texts."""
+    points = np.flatnonzero(texts[0] == _POINT)
+    decimals = texts.shape[1] - 1 - int(points[0]) if len(points) else 0
+    if len(points) and not (texts[:, points[0]] == _POINT).all():
+        return None
+    text = np.delete(texts, points[:1], axis=1)
+    digit = (text >= _ZERO) & (text < _ZERO + 10)
+    before = text[:, : text.shape[1] - decimals]
+    blank, minus = before == _BLANK, before == _MINUS
+    led = digit[:, : before.shape[1]]
+    # Blanks, at most one sign, and digits alone: each stands before the next.
+    ordered = (led[:, 1:] | ~led[:, :-1]).all() and (led | blank | minus).all() and led[:, -1].all()
+    after_sign = (~minus[:, :-1] | led[:, 1:]).all()
+    if not (ordered and after_sign and digit[:, before.shape[1] :].all() and text.shape[1] <= 18):
+        return None
+    # Products and sums of whole numbers below 2^53 are exact.
+    values = np.where(digit, text - _ZERO, 0) @ 10.0 ** np.arange(text.shape[1])[::-1]
+    if values.max() >= SETTINGS.largest:
+        return None
+    values[minus.any(axis=1)] *= -1.0
+    return values / 10.0**decimals if len(points) else values.astype(np.int64)

@@ -1,0 +1,64 @@
+"""Blocks of a table that hold nothing but numbers, read without a Python call for each line."""
+
+import io
+
+import numpy as np
+from numpy.typing import NDArray
+
+NOT_A_VALUE = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))
+"""Fields for a missing value, in small letters."""
+
+_NEWLINE, _BLANK = ord("\n"), ord(" ")
+
+
+def clean_rows(
+    text: str, width: int, delimiter: str | None, decimal_comma: bool, line_length: int
+) -> NDArray[np.float64] | None:
+    """The numbers of a block whose lines are all rows of numbers; None for any other block.
+
+    The result is the same, to the last bit, as that of `float` on each field. NaN stands for a missing value.
+
+    Args:
+        text: whole lines
+        width: fields in a row
+        delimiter: between fields; None for blanks
+        decimal_comma: whether a comma is the decimal sign
+        line_length: characters of a line, at most
+
+    Returns:
+        (n, width)
+    """
+    if not text.isascii() or '"' in text or (width < 2 and delimiter is not None):
+        return None
+    text = text if text.endswith("\n") else f"{text}\n"
+    raw = np.frombuffer(text.encode(), dtype=np.uint8)
+    ends = np.flatnonzero(raw == _NEWLINE)
+    if np.diff(ends, prepend=-1).max() > line_length or not _all_wide(raw, ends, width, delimiter):
+        return None
+    text = text.replace(",", ".") if decimal_comma else text
+    try:
+        return np.loadtxt(io.StringIO(text), delimiter=delimiter, comments=None, ndmin=2)
+    except ValueError:  # a missing value, a word, or a number as Python alone writes it
+        fields = text.split() if delimiter is None else text.replace("\n", delimiter).split(delimiter)[:-1]
+        values = _numbers(fields)
+        return None if values is None else values.reshape(-1, width)
+
+
+def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimiter: str | None) -> bool:
+    """Whether all lines have so many fields; a comment may, and is no number then."""
+    if delimiter is None:
+        begins = raw > _BLANK
+        begins[1:] &= raw[:-1] <= _BLANK
+        counts, fields = np.cumsum(begins)[ends], width
+    else:
+        counts, fields = np.cumsum(raw == ord(delimiter))[ends], width - 1
+    return bool((np.diff(counts, prepend=0) == fields).all())
+
+
+def _numbers(fields: list[str]) -> NDArray[np.float64] | None:
+    """Fields as numbers; None where one is neither a number nor missing."""
+    try:
+        known = ("nan" if field.strip().lower() in NOT_A_VALUE else field for field in fields)
+        return np.fromiter(map(float, known), dtype=np.float64, count=len(fields))
+    except ValueError:
+        return None

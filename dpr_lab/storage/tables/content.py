@@ -1,0 +1,184 @@
+"""The lines of a text file, plain or packed by gzip, in blocks: memory follows a block, not the file."""
+
+import codecs
+import gzip
+import io
+import zlib
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from dpr_lab.errors import RunError
+from dpr_lab.progress import ImportProgress, OnImport
+
+COMMENTS = ("#", "%", "//")
+GZIP = b"\x1f\x8b"
+_CONTROL = bytes(set(range(32)) - set(b"\t\n\f\r"))
+
+Line = tuple[int, str]
+"""Number in the file, from 1, and text."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableLimits:
+    """Bounds on a table; a text is read in blocks and kept as numbers."""
+
+    looked_at: int = 50
+    """Rows from which delimiter and decimal sign are found."""
+    line_length: int = 1 << 16
+    rows: int = 50_000_000
+    """An hour at 10 kHz has 36 million."""
+    values: int = 50_000_000
+    """Numbers in a file that is not text, which may be packed: 400 MB unpacked."""
+    head: int = 1000
+    """Lines before the first row of numbers."""
+    block_bytes: int = 1 << 20
+    expansion: int = 200
+    """Bytes of text for each packed one: rows of constant angles pack about thirtyfold."""
+    small_bytes: int = 1 << 24
+    """A packed file may expand to this, however small it is."""
+
+
+class Content:
+    """The text of a file by line or by block; a context manager.
+
+    Args:
+        path: the file
+        limits: bounds on it
+        on_progress: called after each block
+
+    Raises:
+        RunError: it is empty, no text, or packed and damaged or expands beyond the bounds; here or in what follows.
+        OSError: it cannot be read.
+    """
+
+    def __init__(self, path: Path, limits: TableLimits, on_progress: OnImport) -> None:
+        self.comments: deque[Line] = deque(maxlen=1)
+        """The last one before what was read."""
+        self._path, self._limits, self._on_progress = path, limits, on_progress
+        coding = _coding(path, limits)
+        self._packed = path.open("rb")
+        self._size = path.stat().st_size
+        self._file = io.TextIOWrapper(_unpacked(self._packed, path, limits), encoding=coding, newline=None)
+        self._text, self._at, self._number = "", 0, 1
+        self._data = False
+
+    def __enter__(self) -> "Content":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+        self._packed.close()
+
+    def lines(self) -> Iterator[Line]:
+        """The lines that hold something, with their numbers; comments are set aside."""
+        while self._at < len(self._text) or self._read_block():
+            end = self._text.find("\n", self._at)
+            end = len(self._text) if end < 0 else end
+            line, number = self._text[self._at : end], self._number
+            self._at, self._number = end + 1, number + 1
+            if kept := self._kept(number, line):
+                yield kept
+
+    def blocks(self) -> Iterator[Line]:
+        """What `lines` left, in whole lines of about a block, with the number of the first.
+
+        Comments and empty lines are among them. The last block need not end with a line end.
+        """
+        while self._at < len(self._text) or self._read_block():
+            number, text = self._number, self._text[self._at :]
+            self._at = len(self._text)
+            self._number += text.count("\n")
+            yield number, text
+
+    def lines_of(self, number: int, text: str) -> Iterator[Line]:
+        """The lines of a block that hold something, with their numbers."""
+        for at, line in enumerate(text.split("\n"), number):
+            if kept := self._kept(at, line):
+                yield kept
+
+    def _kept(self, number: int, line: str) -> Line | None:
+        if len(line) > self._limits.line_length:
+            most = self._limits.line_length
+            raise RunError(f"{self._path}: line {number} is longer than {most} characters: no table")
+        text = line.strip(" \f")
+        if text.startswith(COMMENTS):
+            if not self._data:
+                self.comments.append((number, text))
+            return None
+        self._data = self._data or bool(text)
+        return (number, text) if text else None
+
+    def _read_block(self) -> bool:
+        """Read whole lines; false at the end of the file."""
+        self._text = self._file.read(self._limits.block_bytes)
+        if self._text and not self._text.endswith("\n"):
+            self._text += self._file.readline(self._limits.line_length + 1)
+        self._at = 0
+        self._on_progress(ImportProgress("read", min(self._packed.tell(), self._size), self._size))
+        return bool(self._text)
+
+
+class _Unpacked(io.RawIOBase):
+    """The text of a gzip file as a raw stream, bounded by the packed size.
+
+    Raises:
+        RunError: damaged, or it expands beyond the bounds.
+    """
+
+    def __init__(self, packed: BinaryIO, path: Path, limits: TableLimits) -> None:
+        self._file = gzip.GzipFile(fileobj=packed)
+        self._path, self._left = path, limits.small_bytes + limits.expansion * path.stat().st_size
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: bytearray | memoryview) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
+        try:
+            block = self._file.read(len(buffer))
+        except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+            raise RunError(f"{self._path}: is damaged or cut off: it cannot be unpacked: copy it again") from error
+        self._left -= len(block)
+        if self._left < 0:
+            raise RunError(f"{self._path}: unpacks to far more than a table does: unpack it and look at it first")
+        buffer[: len(block)] = block
+        return len(block)
+
+
+def _unpacked(packed: BinaryIO, path: Path, limits: TableLimits) -> BinaryIO:
+    """The bytes of a text file, unpacked where gzip packed it."""
+    start = packed.read(len(GZIP))
+    packed.seek(0)
+    if start != GZIP:
+        return packed
+    return io.BufferedReader(_Unpacked(packed, path, limits), limits.block_bytes)  # pyright: ignore[reportReturnType]
+
+
+def _coding(path: Path, limits: TableLimits) -> str:
+    """The coding of a text file, from all of it.
+
+    Raises:
+        RunError: it is empty, or no text.
+    """
+    decoder, something, utf8 = codecs.getincrementaldecoder("utf-8-sig")(), False, True
+    with path.open("rb") as packed, _unpacked(packed, path, limits) as file:
+        while block := file.read(limits.block_bytes):
+            something = something or bool(block.strip())
+            if len(block.translate(None, _CONTROL)) != len(block):
+                how = "export it as CSV (UTF-8) from its program" if file is packed else "unpack it with gunzip"
+                raise RunError(f"{path}: is not a text table but a binary file: {how} first")
+            utf8 = utf8 and (block.isascii() or _decodes(decoder, block))
+        utf8 = utf8 and _decodes(decoder, b"", final=True)
+    if not something:
+        raise RunError(f"{path}: is empty")
+    return "utf-8-sig" if utf8 else "latin-1"  # a degree sign in a header is all that this can get wrong
+
+
+def _decodes(decoder: codecs.IncrementalDecoder, block: bytes, final: bool = False) -> bool:
+    try:
+        decoder.decode(block, final)
+    except UnicodeDecodeError:
+        return False
+    return True

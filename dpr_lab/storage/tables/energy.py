@@ -1,0 +1,152 @@
+r"""Whether a table's angles and times can be a free swing of the rig, by its energy alone.
+
+With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/theory.md) the energy
+
+    E = a w1^2 / 2 + b w2^2 / 2 + d cos(th1 - th2) w1 w2 + e1 cos(th1) + (d g / L1) cos(th2)
+
+changes by viscous friction, dE = -(c1 w1^2 + c2 (w2 - w1)^2) dt;
+known torques add tau1 w1 + tau2 (w2 - w1). All coefficients enter linearly. A
+least-squares fit within bounds about the rig file's values leaves a small residual where angles and times are read as
+they were written, and a large one elsewhere. It needs neither a start state nor a simulation.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class EnergySettings:
+    """How a swing's energy is followed."""
+
+    looked_at_s: float = 10.0
+    """Of a table; a wrong reading is wrong from the start."""
+    looked_at: int = 2000
+    """Rows, at least: the unit of time may be another."""
+    fewest: int = 30
+    """Fewest samples that a judgement rests on."""
+    instants: int = 1500
+    """Of these the energy is compared, at most."""
+    window: tuple[int, int] = (7, 51)
+    """Fewest and most samples of the local cubics that velocities come from."""
+    window_share: float = 1 / 16
+    """Length of these cubics as a share of the period of the faster oscillation: a rod that turns five times as fast is
+    still followed."""
+    slack: float = 3.0
+    """Factor by which a base parameter may lie outside of the rig file's values."""
+    friction: float = 100.0
+    """The same of the viscous coefficients, which are hardly known, upwards."""
+
+
+ENERGY = EnergySettings()
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyFit:
+    """How well a reading of a table keeps its energy."""
+
+    residual: float
+    """Root mean square of the energy that appears or disappears, over that of the exchanged potential energy."""
+    time_scale: float
+    """Factor by which the times must be multiplied for kinetic and potential energy to be exchanged, 1 where right; nan
+    where they are not exchanged."""
+    kinetic_scale: float
+    """The same by the sizes of both energies alone: of driven rods too, right within a factor of some ten."""
+
+
+def periods(rig: Rig) -> tuple[float, float]:
+    """Periods of the two small oscillations about hanging with the rig file's values, longer first, s."""
+    a, b, d, e1, *_ = base_parameters(rig.nominal, rig.L1, rig.g).tolist()
+    squares = np.linalg.eigvals(np.linalg.solve([[a, d], [d, b]], np.diag([e1, d * rig.g / rig.L1])))
+    return tuple(sorted((2 * np.pi / np.sqrt(np.abs(squares))).tolist(), reverse=True))  # type: ignore[return-value]
+
+
+def energy_fit(
+    t: Array, rods: Array, torques: Array | None, rig: Rig, settings: EnergySettings = ENERGY
+) -> EnergyFit | None:
+    """How well a reading of a table keeps its energy; None where too little is seen.
+
+    Args:
+        t: (n,) s
+        rods: (n, 2) absolute angles, rad
+        torques: (n, 2) known torques of the joints, N m; None of a free swing
+        rig: that was recorded
+        settings: how the energy is followed
+    """
+    with np.errstate(all="ignore"):
+        try:
+            moving = _velocities(t, rods, periods(rig)[1] * settings.window_share, settings)
+        except np.linalg.LinAlgError:  # instants of a window so uneven that they are one to a computer
+            return None
+    if moving is None or not all(np.isfinite(part).all() for part in moving):
+        return None
+    near, t, rods, omega = moving
+    base = base_parameters(rig.nominal, rig.L1, rig.g)
+    a, b, d, e1, c1, c2 = base.tolist()
+    (th1, th2), (w1, w2) = rods.T, omega.T
+    kinetic = np.array([a * w1**2 / 2, b * w2**2 / 2, d * np.cos(th1 - th2) * w1 * w2])
+    potential = np.array([e1 * np.cos(th1), d * rig.g / rig.L1 * np.cos(th2)])
+    gained = [_integral(t, c1 * w1**2), _integral(t, c2 * (w2 - w1) ** 2)]
+    if torques is not None:
+        gained.append(-_integral(t, (torques[near] * np.column_stack([w1, w2 - w1])).sum(axis=1)))
+    size = float(np.std(potential.sum(axis=0)))
+    if not size > 0:
+        return None
+    columns = np.column_stack([kinetic[0], kinetic[1], kinetic[2] + potential[1], *gained])
+    columns, target = columns - columns.mean(axis=0), potential[0].mean() - potential[0]
+    residual = _bounded(columns / size, target / size, settings)
+    scale = _time_scale(kinetic.sum(axis=0), potential.sum(axis=0))
+    return EnergyFit(residual, scale, float(np.sqrt(np.mean(kinetic.sum(axis=0)) / size)))
+
+
+def _bounded(columns: Array, target: Array, settings: EnergySettings) -> float:
+    """Root mean square residual of a fit within the bounds, columns in units of the rig file's values."""
+    from scipy.optimize import lsq_linear
+
+    driven = columns.shape[1] - 5
+    least = [1 / settings.slack] * 3 + [0.0] * 2 + [1 / settings.slack] * driven
+    most = [settings.slack] * 3 + [settings.friction] * 2 + [settings.slack] * driven
+    fit = lsq_linear(columns, target, (least, most))
+    return float(np.sqrt(np.mean((columns @ fit.x - target) ** 2)))
+
+
+def _velocities(
+    t: Array, rods: Array, length_s: float, settings: EnergySettings
+) -> tuple[NDArray[np.intp], Array, Array, Array] | None:
+    """Rows, times, angles and velocities at the middles of windows of about that length."""
+    from numpy.lib.stride_tricks import sliding_window_view
+
+    rows = max(settings.looked_at, int(np.searchsorted(t, t[0] + settings.looked_at_s)))
+    t, rods = t[:rows], rods[:rows]
+    if len(t) < settings.fewest:
+        return None
+    window = int(np.clip(length_s / float(np.median(np.diff(t))), *settings.window)) // 2 * 2 + 1
+    every = -(-len(t) // settings.instants)
+    if len(t) < settings.fewest + window:
+        return None
+    times, angles = (sliding_window_view(x, window, axis=0)[::every] for x in (t, rods))
+    since = times - times.mean(axis=1, keepdims=True)
+    reach = np.abs(since).max(axis=1)
+    powers = (since / reach[:, None])[:, :, None] ** np.arange(4)
+    across = powers.transpose(0, 2, 1)
+    cubic = np.linalg.solve(across @ powers, across @ angles.transpose(0, 2, 1))
+    near = np.arange(window // 2, len(t) - window // 2)[::every]
+    return near, times.mean(axis=1), cubic[:, 0], cubic[:, 1] / reach[:, None]
+
+
+def _integral(t: Array, power: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(np.diff(t) * (power[1:] + power[:-1]) / 2)])
+
+
+def _time_scale(kinetic: Array, potential: Array) -> float:
+    """Factor of the times that makes kinetic and potential energy sum up to a slowly falling line; nan where none."""
+    line = np.vander(np.linspace(-1, 1, len(kinetic)), 2)
+    k, v = (x - line @ np.linalg.lstsq(line, x, rcond=None)[0] for x in (kinetic, potential))
+    exchanged = -float(k @ v)
+    return float(np.sqrt((k @ k) / exchanged)) if exchanged > 0 else np.nan

@@ -1,0 +1,283 @@
+"""Doubts about a table: refused where nothing can come of it, asked where an option mends it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.held_rods import FreePart
+from dpr_lab.rig import Rig
+from dpr_lab.storage.tables.columns import TO_SECONDS
+from dpr_lab.storage.tables.energy import energy_fit, periods
+from dpr_lab.storage.tables.options import ImportOptions
+from dpr_lab.storage.tables.plausible import odd_notes
+from dpr_lab.storage.tables.readings import SETTINGS as READ
+from dpr_lab.storage.tables.readings import OtherReading, Values, better_reading
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class QuestionSettings:
+    """When a table is doubted."""
+
+    fewest_rows: int = 10
+    """Rows of a swing below which a table is refused: the noise alone takes seven."""
+    few_rows: int = 100
+    """Rows below which little can be learnt."""
+    rows_a_period: float = 8.0
+    """Rows in a period of the faster small oscillation, at least: a swing of some rad is faster than that."""
+    refused_rows_a_period: float = 2.0
+    """The same, below which no swing can be followed."""
+    still_share: float = 0.002
+    """Excursion of a rod as a share of the other's, below which its column is dead: the rods pull at each other."""
+    stiff_rad: float = 0.02
+    """Turn of joint 2 below which it does not turn, and the same as a share of the rods' excursion."""
+    unexplained: tuple[float, float] = (0.3, 0.8)
+    """Residual of the energy of a free and of a driven swing from which a question is asked: geared drives of real rigs
+    take up to half of the exchanged energy by dry friction."""
+    time_scale: float = 1.6
+    """Factor by which kinetic and potential energy disagree about the times, beyond which a question is asked."""
+    other_unit: float = 30.0
+    """The same, from which the unit of time is wrong."""
+    pose: tuple[float, float] = (3.0, 10.0)
+    """Distance from the named pose, in its tolerances, from which a question is asked and a table is refused."""
+    hanging_rad: float = 0.03
+    """Rods this close to hanging at rest do not begin to swing by themselves."""
+    pushed_rad: float = 0.2
+    """Excursion afterwards from which they were pushed."""
+
+
+SETTINGS = QuestionSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class TableQuestion:
+    """A doubt about a table."""
+
+    sentence: str
+    mend: tuple[str, ...] = ()
+    """Words of the command line that mend it, where that is certain."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A table as it was understood."""
+
+    path: Path
+    rig: Rig
+    options: ImportOptions
+    columns: Mapping[str, str]
+    t: Array
+    """(n,) s, the rest before the release included."""
+    theta: Array
+    """(n, 3) absolute angles, rad."""
+    values: Values
+    """(n,) by axis, in the table's unit."""
+    part: FreePart
+    torques: Array | None
+    """(n, 2) known torques, N m; None of a free swing."""
+    arm_moves: bool
+    """Whether the motion of the arm is prescribed."""
+
+    @property
+    def swing(self) -> slice:
+        """The samples of the swing."""
+        return slice(self.part.start, self.part.stop)
+
+
+def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[TableQuestion]:
+    """The doubts about a table, gravest first.
+
+    Raises:
+        RunError: nothing can come of it: too few rows, dead or identical columns, another unit of time, another pose.
+    """
+    t, theta = asked.t[asked.swing], asked.theta[asked.swing]
+    if len(t) < settings.fewest_rows:
+        raise RunError(f"{asked.path}: only {len(t)} rows of a swing: at least {settings.fewest_rows} are needed")
+    _refuse_dead(asked, theta, settings)
+    doubts, other = _energy_questions(asked, settings)
+    doubts += _few(asked, t, settings)
+    doubts += [] if other else _pose_questions(asked, settings)
+    return doubts
+
+
+def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None:
+    """Refuse a rod or a joint that does not turn although it hangs there."""
+    if asked.rig.rods.mounted != "both":
+        return
+    names = [asked.columns.get(axis, axis) for axis in ("theta1", "theta2")]
+    moved1, moved2 = np.ptp(theta[:, 1:], axis=0).tolist()
+    most, joint2 = max(moved1, moved2), float(np.ptp(theta[:, 2] - theta[:, 1]))
+    if asked.rig.rods.elbow == "clamped" or not most > 0:
+        return
+    if np.array_equal(asked.values["theta1"], asked.values["theta2"]):
+        raise RunError(
+            f"{asked.path}: {names[0]!r} and {names[1]!r} hold the same numbers. Name the columns of the two rods:"
+            " --columns theta1=NAME,theta2=NAME; if the elbow was clamped: --elbow clamped"
+        )
+    if joint2 < settings.stiff_rad and joint2 < settings.stiff_rad * most:
+        raise RunError(
+            f"{asked.path}: theta2 - theta1 stays within {joint2:.2g} rad while the rods turn by {most:.3g} rad: joint"
+            " 2 does not turn. If the elbow was clamped: --elbow clamped; else name the column: --columns theta2=NAME"
+        )
+    if moved2 < settings.still_share * most:
+        raise RunError(
+            f"{asked.path}: theta2 ({names[1]!r}) stands still while theta1 turns by {most:.3g} rad. If no outer rod"
+            " was mounted: --rods inner; if it is the angle to the inner rod and the elbow was clamped: --angles"
+            " relative --elbow clamped; else name the column: --columns theta2=NAME"
+        )
+    if moved1 < settings.still_share * most:
+        raise RunError(
+            f"{asked.path}: theta1 ({names[0]!r}) stands still while theta2 turns by {most:.3g} rad. If the outer rod"
+            " swung alone: --rods outer; else name the column: --columns theta1=NAME"
+        )
+
+
+def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[TableQuestion], list[OtherReading]]:
+    """Doubts about units, zero, signs and order, by the energy of the swing; and the readings that mend them."""
+    t, theta = asked.t[asked.swing], asked.theta[asked.swing]
+    both = asked.rig.rods.mounted == "both" and asked.rig.rods.elbow == "free"
+    torques = None if asked.torques is None else asked.torques[asked.swing]
+    fit = energy_fit(t, theta[:, 1:], torques, asked.rig) if both else None
+    residual, others = math.nan, []
+    if fit is not None and not asked.arm_moves:
+        values = {axis: column[asked.swing] for axis, column in asked.values.items()}
+        residual, others = better_reading(t, values, torques, asked.options, asked.rig, asked.columns, asked.path)
+    if fit is not None and not others:
+        _refuse_unit_of_time(asked, fit.kinetic_scale, settings)
+    for other in others:
+        if "--time-unit" in other.mend:
+            raise RunError(_unit_of_time(asked, *other.mend[1:]))
+    if others:
+        causes = "; or ".join(
+            " and ".join(one.causes) + (f" ({' '.join(one.mend)})" if one.mend else "") for one in others
+        )
+        sentence = f"read with these options the swing does not keep its energy; it does if {causes}"
+        return [TableQuestion(sentence, others[0].mend if len(others) == 1 else ())], others
+    doubts = []
+    if residual > settings.unexplained[asked.torques is not None]:
+        share = f"{residual:.0%} of" if residual < 1 else f"{residual:.2g} times"
+        doubts.append(
+            TableQuestion(
+                f"the energy of the swing changes by {share} what gravity exchanges, which friction and torques do not"
+                " explain: check --unit, --zero, --angles, --columns and --time-unit, and lengths and masses of the rig"
+            )
+        )
+    elif fit is not None and _free(asked) and not 1 / settings.time_scale < fit.time_scale < settings.time_scale:
+        doubts.append(
+            TableQuestion(
+                f"the rods swing {fit.time_scale:.3g} times as fast as the rig file's lengths and masses say: check"
+                " L1, masses and inertias of the rig, --rate-hz or --time-unit"
+            )
+        )
+    upright = asked.options.zero == "upright" and asked.options.unit != "counts" and not residual <= READ.right
+    return doubts + [TableQuestion(note) for note in odd_notes(t, theta, upright)], []
+
+
+def _free(asked: Asked) -> bool:
+    """Whether nothing but gravity and friction acts."""
+    return asked.torques is None and not asked.arm_moves
+
+
+def _refuse_unit_of_time(asked: Asked, scale: float, settings: QuestionSettings) -> None:
+    now = asked.options.time_unit or "s"
+    if not 0 < scale < np.inf or 1 / settings.other_unit < scale < settings.other_unit or asked.options.rate_hz:
+        return
+    unit = min(TO_SECONDS, key=lambda name: abs(math.log(TO_SECONDS[name] / TO_SECONDS[now] / scale)))
+    if unit != now:
+        raise RunError(_unit_of_time(asked, unit))
+
+
+def _unit_of_time(asked: Asked, unit: str) -> str:
+    lasts = asked.t[-1] - asked.t[0]
+    return (
+        f"{asked.path}: taken in {asked.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
+        f" {'hardly move' if unit != 's' else 'turn far too fast'}; those of the rig swing with periods of"
+        f" {' and '.join(f'{period:.2g} s' for period in periods(asked.rig))}: the times are in {unit}"
+        f" (--time-unit {unit}), or the angles in another unit (--unit)"
+    )
+
+
+def _few(asked: Asked, t: Array, settings: QuestionSettings) -> list[TableQuestion]:
+    """Doubts about rate and duration.
+
+    Raises:
+        RunError: too few rows to follow a swing.
+    """
+    slow, fast = periods(asked.rig)
+    step, lasts = float(np.median(np.diff(t))), float(t[-1] - t[0])
+    doubts = []
+    if step > fast / settings.refused_rows_a_period:
+        raise RunError(
+            f"{asked.path}: rows are {step:.3g} s apart, but the rods of this rig swing with a period of {fast:.2g} s:"
+            " too few to follow them. Is the unit of time right (--time-unit ms), or the rate (--rate-hz)?"
+        )
+    if step > fast / settings.rows_a_period:
+        doubts.append(
+            TableQuestion(
+                f"rows are {step:.3g} s apart, {fast / step:.1f} in a period of the faster oscillation ({fast:.2g} s):"
+                f" record at {settings.rows_a_period * 4 / fast:.0f} Hz or more, or mend --time-unit or --rate-hz"
+            )
+        )
+    if len(t) < settings.few_rows or lasts < slow / 2:
+        doubts.append(
+            TableQuestion(
+                f"{len(t)} rows in {lasts:.3g} s: little can be learnt from less than {settings.few_rows} rows or half"
+                f" a period of the slower oscillation ({slow:.2g} s)"
+            )
+        )
+    return doubts
+
+
+def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
+    """Doubts about the pose that the release was from.
+
+    Raises:
+        RunError: it is another one.
+    """
+    if asked.options.pose is None:
+        return []
+    at_rest = slice(asked.part.rest, max(asked.part.start, asked.part.rest + 1))
+    began = np.median(asked.theta[at_rest, 1:], axis=0)
+    off = {name: _apart(began, pose.theta[1:]) / pose.tolerance for name, pose in asked.rig.poses.items()}
+    pose = asked.rig.poses[asked.options.pose]
+    if (away := off[asked.options.pose]) <= settings.pose[0]:
+        return []
+    began_at, asked_for = (f"theta1 = {a:.2f}, theta2 = {b:.2f} rad" for a, b in (began, pose.theta[1:]))
+    near = [name for name, distance in off.items() if distance <= settings.pose[0]]
+    mend = f"it is pose {near[0]} (--pose {near[0]})" if near else "leave --pose out, or mend --zero, --angles, --unit"
+    if not near and _apart(-began, pose.theta[1:]) <= settings.pose[0] * pose.tolerance:
+        mend = "it is the mirror image of this pose: both signs are turned (--scale -1)"
+    sentence = f"the swing starts at {began_at}, not in pose {asked.options.pose} ({asked_for}): {mend}"
+    if away > settings.pose[1]:
+        raise RunError(f"{asked.path}: {sentence}")
+    return [TableQuestion(sentence, ("--pose", near[0]) if near else ())]
+
+
+def _apart(rods: Array, pose: Array) -> float:
+    """Largest distance of a rod from a pose, whole turns aside, rad."""
+    return float(np.abs((rods - pose + np.pi) % (2 * np.pi) - np.pi).max())
+
+
+def refuse_push(asked: Asked, origin: float, settings: QuestionSettings = SETTINGS) -> None:
+    """Refuse rods that hang at rest and then swing although nothing is known to drive them.
+
+    Raises:
+        RunError: they were pushed; names the option that leaves the push out.
+    """
+    rest, start = asked.part.rest, asked.part.start
+    if start == rest or not _free(asked):
+        return
+    hung = _apart(np.median(asked.theta[rest:start, 1:], axis=0), np.array([np.pi, np.pi]))
+    if hung <= settings.hanging_rad and np.ptp(asked.theta[asked.swing, 1:], axis=0).max() > settings.pushed_rad:
+        begins = asked.t[start] - origin
+        raise RunError(
+            f"{asked.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing: something"
+            f" unknown pushed them. Leave the push out (--start-s {begins + 1:.4g}), or name the torques' columns"
+            " tau1_Nm, tau2_Nm; --keep-rest takes the table as it is"
+        )

@@ -1,0 +1,189 @@
+"""A table's values read as angles: with its options, and otherwise where these make no swing of the rig."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
+from dpr_lab.storage.tables.columns import AXES, TO_SECONDS
+from dpr_lab.storage.tables.energy import energy_fit
+from dpr_lab.storage.tables.options import ImportOptions
+from dpr_lab.storage.tables.plausible import unwrapped
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Array]
+"""By axis, (n,) what was read, in the table's unit."""
+TO_RADIANS = {"rad": 1.0, "deg": np.pi / 180}
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingSettings:
+    """When a table is read otherwise."""
+
+    right: float = 0.15
+    """Residual of the energy up to which a table is read right: 0.01 in simulations, 0.02 to 0.12 on real rigs, above
+    0.2 where one option is wrong."""
+    better: float = 4.0
+    """Factor by which another reading's residual must be smaller."""
+    sure: float = 0.1
+    """Residual of another reading, at most."""
+    alike: float = 2.0
+    """Readings whose residuals differ by less than this factor are equally good; the one with fewer changes counts."""
+
+
+SETTINGS = ReadingSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class OtherReading:
+    """Another way to read a table."""
+
+    causes: tuple[str, ...]
+    """What is so instead of what the options say, in words."""
+    mend: tuple[str, ...]
+    """Words of the command line; empty where none is certain to be the cure."""
+    values: Values
+    options: ImportOptions
+    time_factor: float = 1.0
+
+
+def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, NDArray[np.int64] | None]:
+    """(n, 3) absolute angles, rad, and the counts that they were read from, if any.
+
+    Raises:
+        RunError: counts with fractions.
+    """
+    if options.unit == "counts":
+        counts = _counts(path, values, rig)
+        return rig.theta(counts), counts
+    scaled = in_radians(values, options)
+    smooth = scaled if options.wrap else {axis: unwrapped(column) for axis, column in scaled.items()}
+    zero = np.pi if options.zero == "hanging" else 0.0
+    theta1 = smooth["theta1"] + zero
+    theta2 = smooth["theta2"] + (theta1 if options.angles == "relative" else zero)
+    return np.column_stack([smooth.get("theta0", np.zeros_like(theta1)), theta1, theta2]), None
+
+
+def wrap_notes(values: Values, options: ImportOptions) -> list[str]:
+    """A note for each axis that the logger wrapped."""
+    if options.wrap or options.unit == "counts":
+        return []
+    scaled = in_radians(values, options)
+    return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in scaled.items() if np.any(unwrapped(x) != x)]
+
+
+def in_radians(values: Values, options: ImportOptions) -> dict[str, Array]:
+    """The values of a table that holds no counts, rad."""
+    assert options.unit is not None
+    return {axis: column * TO_RADIANS[options.unit] for axis, column in values.items()}
+
+
+def better_reading(
+    t: Array,
+    values: Values,
+    torques: Array | None,
+    options: ImportOptions,
+    rig: Rig,
+    columns: Mapping[str, str],
+    path: Path,
+) -> tuple[float, list[OtherReading]]:
+    """Residual of the energy of a swing as it is read, and other readings that are certainly better, best first.
+
+    The residual is nan where too little is seen of the swing.
+    """
+    theta, _ = angles(values, options, rig, path)
+    fit = energy_fit(t, theta[:, 1:], torques, rig)
+    if fit is None or fit.residual <= SETTINGS.right:
+        return (np.nan if fit is None else fit.residual), []
+    tried: list[tuple[float, OtherReading]] = []
+    slower = [_slower(values, options, fit.time_scale)] if np.isfinite(fit.time_scale) else []
+    for reading in (*_otherwise(values, options, columns), *slower):
+        other, _ = angles(reading.values, reading.options, rig, path)
+        again = energy_fit(t * reading.time_factor, other[:, 1:], torques, rig)
+        if again is not None and again.residual < min(SETTINGS.sure, fit.residual / SETTINGS.better):
+            tried.append((again.residual, reading))
+    best = min((residual for residual, _ in tried), default=np.inf)
+    alike = [reading for residual, reading in tried if residual <= SETTINGS.alike * best]
+    fewest = min((len(reading.causes) for reading in alike), default=0)
+    return fit.residual, [reading for reading in alike if len(reading.causes) == fewest]
+
+
+def _otherwise(values: Values, options: ImportOptions, columns: Mapping[str, str]) -> Iterator[OtherReading]:
+    counted = options.unit == "counts"
+    zeros, references = ((False,), (False,)) if counted else ((False, True), (False, True))
+    for zero, reference, sign, swap in product(zeros, references, (False, True), (False, True)):
+        if zero or reference or sign or swap:
+            yield _changed(values, options, columns, zero, reference, sign, swap)
+    for unit, (zero, reference) in product(() if counted else ("rad", "deg"), product(zeros, references)):
+        if unit != options.unit:
+            other = _changed(values, options, columns, zero, reference, False, False)
+            yield replace(
+                other,
+                causes=(f"the angles are in {unit}", *other.causes),
+                mend=("--unit", unit, *other.mend),
+                options=replace(other.options, unit=unit),
+            )
+    for factor in (0.5, 2.0):
+        scaled = {axis: column * factor for axis, column in values.items()}
+        cause = f"the angles must be multiplied by {factor:g}" + (
+            " (counts_per_rev of the rig file)" if counted else ""
+        )
+        if not counted or factor > 1:
+            yield OtherReading((cause,), ("--scale", f"{factor:g}"), scaled, options)
+    for unit in TO_SECONDS if options.rate_hz is None else ():
+        factor = TO_SECONDS[unit] / TO_SECONDS[options.time_unit or "s"]
+        if factor != 1:
+            yield OtherReading((f"the times are in {unit}",), ("--time-unit", unit), values, options, factor)
+
+
+def _slower(values: Values, options: ImportOptions, factor: float) -> OtherReading:
+    """The same angles at times that go so many times as slowly."""
+    if options.rate_hz is not None:
+        cause = f"the rate is about {options.rate_hz / factor:.3g} Hz (--rate-hz)"
+    else:
+        cause = f"its seconds are about {factor:.3g} s: the logger's clock, or a rate instead of times (--rate-hz)"
+    return OtherReading((cause,), (), values, options, factor)
+
+
+def _changed(
+    values: Values,
+    options: ImportOptions,
+    columns: Mapping[str, str],
+    zero: bool,
+    reference: bool,
+    sign: bool,
+    swap: bool,
+) -> OtherReading:
+    causes, mend, changed = [], [], dict(values)
+    if swap:
+        changed |= {"theta1": values["theta2"], "theta2": values["theta1"]}
+        causes.append("the columns of the two rods are exchanged")
+        mend += ["--columns", f"theta1={columns.get('theta2', 'NAME')},theta2={columns.get('theta1', 'NAME')}"]
+    if zero:
+        options = replace(options, zero="upright" if options.zero == "hanging" else "hanging")
+        causes.append(f"the angles are zero where the rods {'hang' if options.zero == 'hanging' else 'stand upright'}")
+        mend += ["--zero", options.zero]
+    if reference:
+        options = replace(options, angles="absolute" if options.angles == "relative" else "relative")
+        to = "inner rod" if options.angles == "relative" else "vertical"
+        causes.append(f"the outer rod's angle is measured to the {to}")
+        mend += ["--angles", options.angles]
+    if sign:
+        changed["theta2"] = -changed["theta2"]
+        causes.append("one rod's angle has the other sign (direction of its encoder)")
+        mend += ["--scale", "theta2=-1"]
+    return OtherReading(tuple(causes), tuple(mend), changed, options)
+
+
+def _counts(path: Path, values: Values, rig: Rig) -> NDArray[np.int64]:
+    n = len(values["theta1"])
+    still = (np.full(n, float(zero)) for zero in rig.encoders.zero_counts)
+    columns = np.column_stack([values.get(axis, zero) for axis, zero in zip(AXES, still, strict=True)])
+    if np.any(columns != np.round(columns)):
+        raise RunError(f"{path}: unit counts needs whole numbers; these have fractions, so they are rad or deg")
+    return columns.astype(np.int64)

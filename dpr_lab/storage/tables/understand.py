@@ -1,0 +1,308 @@
+"""Understand a table of any kind: columns, units, zero, the release, and what is doubtful.
+
+Times stay as the table has them: uneven steps and gaps are kept, nothing is resampled. Rows without a value and rows
+with the time of the row before are left out, counted and reported.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, rest_is_quiet
+from dpr_lab.progress import OnImport, unwatched
+from dpr_lab.rig import Rig
+from dpr_lab.run import as_mounted
+from dpr_lab.storage.readers import read_any
+from dpr_lab.storage.tables.clock_wrap import unwrapped_times, wrap_behind
+from dpr_lab.storage.tables.columns import AXES, TO_SECONDS, find_columns, find_torques, with_still_joint2
+from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at, recorded_by_stamps
+from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers
+from dpr_lab.storage.tables.questions import Asked, TableQuestion, questions, refuse_push
+from dpr_lab.storage.tables.readings import TO_RADIANS, angles, wrap_notes
+from dpr_lab.storage.tables.table import Table
+
+
+@dataclass(frozen=True, slots=True)
+class Understood:
+    """What was understood of a table."""
+
+    since_first_s: NDArray[np.float64]
+    """(n,) s since the first row that is kept."""
+    release: int
+    """Row of the release; those before are the rest."""
+    theta: NDArray[np.float64]
+    """(n, 3) absolute angles, 0 = upright, rad."""
+    counts: NDArray[np.int64] | None
+    t_offset_s: float
+    """The table's time at the release, s."""
+    columns: Mapping[str, str]
+    notes: tuple[str, ...]
+    """What was done with the table."""
+    options: ImportOptions
+    """With the units that were found."""
+    kind: str
+    torques: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    """(n, 2) by kind, `measured` first; of no kind where their columns do not say it; none of a free swing."""
+    torque_columns: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """Of each kind, the columns of joint 1 and 2."""
+    questions: tuple[TableQuestion, ...] = ()
+    """What is doubtful of it."""
+    recorded_at: str = ""
+    """ISO 8601 date, or date and time in UTC; empty where it is not known."""
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """(n,) s since the release; negative in the rest before it."""
+        return self.since_first_s - self.since_first_s[self.release]
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Notes and doubts, as a run keeps them."""
+        return (*self.notes, *(question.sentence for question in self.questions))
+
+    @property
+    def rate_hz(self) -> float:
+        """Rows a second, by the median step."""
+        return round(float(1 / np.median(np.diff(self.t))), 6)
+
+
+def understand(
+    file: Path | str, rig: Rig, options: ImportOptions | None = None, on_progress: OnImport = unwatched
+) -> Understood:
+    """What a table is understood as, before it is a run; arguments and errors as of `import_csv`."""
+    options = options or ImportOptions()
+    if options.pose is not None and options.pose not in rig.poses:
+        raise RunError(f"{file}: pose {options.pose!r} is not one of the rig's: {', '.join(rig.poses) or 'none'}")
+    path = Path(file)
+    table, given = read_any(path, options.take, on_progress), dict(options.columns)
+    if rig.rods.mounted != "both":
+        table, given = with_still_joint2(table, given)
+    columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)
+    options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
+    _refuse_conventions(table, options)
+    t = _times(table, columns.names, options)
+    found = {axis: table.column(columns.names[axis]) for axis in AXES if axis in columns.names}
+    readings, unrecorded = _recorded(table, found)
+    _check_forwards(table, t, options)
+    outliers = _drop_outliers(readings, rig, options)
+    driving = find_torques([*table.names, *table.other_lengths], options.torque, path)
+    known = {name: _torque(table, name) for pair in driving.values() for name in pair}
+    kept, notes = _rows_to_keep(path, t, {**readings, **known}, options)
+    if driving and not any(column[kept].any() for column in known.values()):
+        driving, unrecorded = {}, [*unrecorded, "its torques are zero throughout: a free swing"]
+    torques = {kind: np.stack([known[name][kept] for name in pair], axis=1) for kind, pair in driving.items()}
+    if torques:
+        unrecorded.append(f"driven by {' and '.join(torques) or 'known'} torques, each held until the next row")
+    values = {axis: _scaled(column[kept], axis, options) for axis, column in readings.items()}
+    notes = [*table.notes, *columns.notes, *notes, *outliers, *unrecorded]
+    named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
+    read = _Rows(path, kept, t, values, torques, named, options)
+    return _understood(read, notes, rig, table.kind, driving)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """The rows of a table that are kept."""
+
+    path: Path
+    kept: NDArray[np.intp]
+    t: NDArray[np.float64]
+    """(all rows,) s"""
+    values: Mapping[str, NDArray[np.float64]]
+    torques: Mapping[str, NDArray[np.float64]]
+    columns: Mapping[str, str]
+    options: ImportOptions
+
+
+def _understood(
+    read: _Rows, notes: list[str], rig: Rig, kind: str, driving: Mapping[str, tuple[str, str]]
+) -> Understood:
+    """Angles, the part in which the rods are free, and the doubts."""
+    path, options, time = read.path, read.options, read.t[read.kept]
+    check_spacing(path, time - time[0])
+    theta, counts = angles(read.values, options, rig, path)
+    notes += wrap_notes(read.values, options) + gap_notes(time)
+    origin = float(read.t[np.isfinite(read.t)][0])
+    driven, arm = next(iter(read.torques.values()), None), options.arm == "prescribed"
+    rods = as_mounted(theta, rig.rods.mounting, str(path))[:, 1:]
+    motion = RodMotion(time, rods, driven, theta[:, 0] if arm else None, origin)
+    part = FreePart(0, 0, len(time)) if options.keep_rest else free_part(motion, str(path))
+    asked = Asked(path, rig, options, read.columns, time, theta, read.values, part, driven, arm)
+    if not options.keep_rest:
+        refuse_push(asked, origin)
+    doubts = questions(asked)
+    quiet = rest_is_quiet(motion, part)
+    notes += _cut_notes(time, part, quiet)
+    first, release = part.rest if quiet else part.start, float(time[part.start])
+    rows = slice(first, part.stop)
+    stamped = recorded_by_stamps(release) if options.rate_hz is None else ""
+    return Understood(
+        # Decimals that a run file holds in few characters; a nanosecond and 1e-11 rad are far below any logger's step.
+        np.round(time[rows] - time[first], 9),
+        part.start - first,
+        np.round(theta[rows], 11) if counts is None else theta[rows],
+        None if counts is None else counts[rows],
+        release,
+        read.columns,
+        tuple(notes),
+        options,
+        kind,
+        {name: torque[rows] for name, torque in read.torques.items()},
+        driving,
+        tuple(doubts),
+        parse_recorded_at(options.recorded_at) if options.recorded_at else stamped,
+    )
+
+
+def _cut_notes(t: NDArray[np.float64], part: FreePart, quiet: bool) -> list[str]:
+    """What was cut because the rods were held, and a first row before t = 0 that was taken for the release."""
+    notes = []
+    if part.start == 0 and t[0] < 0 < t[-1]:
+        notes.append(
+            f"the first row, at t = {t[0]:g} s, was taken for the release: if the release is at t = 0, add --start-s"
+            f" {-t[0]:g}"
+        )
+    if part.start > 0:
+        kept = f"the {t[part.start] - t[part.rest]:.4g} s of rest before it are kept for the noise floor"
+        restless = "the rest before it is restless and left out"
+        what = (kept if quiet else restless) if part.start > part.rest else "the rows before it are left out"
+        notes.append(
+            f"starts at {t[part.start]:.7g} s, when the rods begin to move; {what} (--keep-rest takes all rows)"
+        )
+    if part.stop < len(t):
+        notes.append(
+            f"ends at {t[part.stop - 1]:.7g} s, when the rods are held; the rows after it are left out (--keep-rest"
+            " takes all rows)"
+        )
+    return notes
+
+
+def _refuse_conventions(table: Table, options: ImportOptions) -> None:
+    said = (options.unit, options.angles, options.zero)
+    if table.settled and said != ("rad", "absolute", "upright"):
+        raise RunError(
+            f"{table.path}: angles from points are absolute, upright is 0, in rad: leave out the options that say else"
+        )
+
+
+def _torque(table: Table, name: str) -> NDArray[np.float64]:
+    if name in table.other_lengths:
+        raise RunError(
+            f"{table.path}: torques of another length: {table.other_lengths[name]:,} values of {name!r} for"
+            f" {len(table.lines):,} rows"
+        )
+    return table.column(name)
+
+
+def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> NDArray[np.float64]:
+    if options.rate_hz is not None:
+        return np.arange(len(table.lines)) / options.rate_hz
+    assert options.time_unit is not None
+    times = table.column(columns["t"])
+    if options.time_wrap is not None:
+        times = unwrapped_times(times, options.time_wrap, f"{table.path}: column {columns['t']!r}")
+    return times * TO_SECONDS[options.time_unit]
+
+
+def _scaled(column: NDArray[np.float64], axis: str, options: ImportOptions) -> NDArray[np.float64]:
+    """What was read without wraps, scale and offset."""
+    if options.wrap is not None:
+        column = np.unwrap(column, period=options.wrap)
+    return column * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
+
+
+def _recorded(
+    table: Table, readings: dict[str, NDArray[np.float64]]
+) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """The axes whose column holds a number, and a note for one that holds none; both rods are needed."""
+    silent = [axis for axis, column in readings.items() if not np.isfinite(column).any()]
+    for axis in silent:
+        if axis != "theta0":
+            raise RunError(f"{table.path}: the column of {axis} is empty throughout; both rods are needed")
+    kept = {axis: column for axis, column in readings.items() if axis not in silent}
+    return kept, [f"{axis}: its column is empty throughout, so this axis was not recorded" for axis in silent]
+
+
+def _check_forwards(table: Table, t: NDArray[np.float64], options: ImportOptions) -> None:
+    known = np.flatnonzero(np.isfinite(t))
+    backwards = np.flatnonzero(np.diff(t[known]) < 0)
+    if len(backwards):
+        row, before = known[backwards[0] + 1], known[backwards[0]]
+        there = f"{table.path}: {_line(table, int(row))}"
+        unit = TO_SECONDS[options.time_unit or "s"]
+        wrap = wrap_behind(float(t[before]) / unit, float(t[row]) / unit)
+        if wrap is not None:
+            raise RunError(
+                f"{there}: time falls by {t[before] - t[row]:g} s, as a counter does that wraps: import with"
+                f" --time-wrap {wrap:.10g}"
+            )
+        raise RunError(
+            f"{there}: time runs backwards, from {t[before]:g} s to {t[row]:g} s; cut the table there, each recording"
+            " is a run of its own"
+        )
+
+
+def _line(table: Table, row: int) -> str:
+    return f"{'line' if table.heading or table.kind == 'text table' else 'row'} {table.lines[row]}"
+
+
+def _rows_to_keep(
+    path: Path, t: NDArray[np.float64], readings: Mapping[str, NDArray[np.float64]], options: ImportOptions
+) -> tuple[NDArray[np.intp], list[str]]:
+    known = t[np.isfinite(t)]
+    if not len(known):
+        raise RunError(f"{path}: the time column holds no number")
+    start = known[0] + options.start_s
+    stop = np.inf if options.duration_s is None else start + options.duration_s
+    # A row without a time belongs where the row before it does.
+    at = np.maximum.accumulate(np.where(np.isfinite(t), t, known[0]))
+    inside = np.flatnonzero((at >= start) & (at < stop))
+    whole = np.isfinite(np.column_stack([t, *readings.values()])[inside]).all(axis=1)
+    empty = int(np.count_nonzero(~whole))
+    if empty > PLAUSIBLE.nan_share * len(inside):
+        raise RunError(f"{path}: {empty} of {len(inside)} rows have no value (NaN): too many for a recording")
+    rows = inside[whole]
+    if len(rows) == 0:
+        raise RunError(f"{path}: no rows between {start:g} s and {stop:g} s; the table ends at {known[-1]:g} s")
+    doubled = np.diff(t[rows], prepend=-np.inf) == 0
+    _refuse_coarse_times(path, t[rows], np.column_stack(list(readings.values()))[rows], doubled)
+    kept = rows[~doubled]
+    if len(kept) < 2:
+        raise RunError(f"{path}: only {len(kept)} row is left: a run needs at least two instants")
+    return kept, _counted_notes(empty, int(doubled.sum()))
+
+
+def _refuse_coarse_times(
+    path: Path, t: NDArray[np.float64], readings: NDArray[np.float64], doubled: NDArray[np.bool_]
+) -> None:
+    """Refuse many rows of the same time with other readings: the time column has too few digits."""
+    again = doubled[1:] & (np.diff(readings, axis=0) != 0).any(axis=1)
+    if again.sum() > PLAUSIBLE.doubled_share * len(t):
+        raise RunError(
+            f"{path}: {again.sum()} of {len(t)} rows have the time of the row before and other readings: the time"
+            f" column has too few digits. Export it with more, or give the rate (--rate-hz)"
+        )
+
+
+def _counted_notes(empty: int, doubled: int) -> list[str]:
+    notes = [f"rows without a value (NaN), left out as gaps: {empty}"] if empty else []
+    return notes + ([f"rows with the time of the row before, left out: {doubled}"] if doubled else [])
+
+
+def _drop_outliers(readings: dict[str, NDArray[np.float64]], rig: Rig, options: ImportOptions) -> list[str]:
+    """Put NaN in place of readings that are none of the rod; notes how many."""
+    notes = []
+    for axis, column in readings.items():
+        counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None
+        scale = (counted or TO_RADIANS[options.unit or "rad"]) * abs(options.scale.get(axis, 1.0))
+        known = np.flatnonzero(np.isfinite(column))
+        turned = column[known] if options.wrap is None else np.unwrap(column[known], period=options.wrap)
+        wild = known[outliers(turned * scale)]
+        if len(wild):
+            column[wild] = np.nan
+            notes.append(f"{axis}: outliers left out: {len(wild)}")
+    return notes

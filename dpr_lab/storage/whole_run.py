@@ -1,0 +1,88 @@
+"""A run made of what another file holds: it gets its name when it is whole, and nothing is left of one that is not."""
+
+import os
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.metadata import RunMetadata
+from dpr_lab.storage.sidecar import sidecar_of, write_sidecar
+from dpr_lab.storage.writer import RunWriter
+
+
+@dataclass(frozen=True, slots=True)
+class PartSettings:
+    """Unfinished files of processes that were killed."""
+
+    stale_s: float = 600.0
+    """One that nobody wrote to for so long is removed: a living import writes several times a second."""
+
+
+SETTINGS = PartSettings()
+_PART = re.compile(r".+\.mcap\.\d+\.part")
+
+
+@contextmanager
+def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
+    """A writer of a run that another file holds already.
+
+    It writes to `NAME.mcap.PROCESS.part` in the same folder, which takes its name in the end. What a killed process
+    left of such files there is removed.
+
+    Raises:
+        RunError: as of `RunWriter`.
+    """
+    path = Path(path)
+    _refuse_existing(path)
+    _remove_stale(path.parent)
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        with RunWriter(path, metadata, part=part) as writer:
+            yield writer
+        _publish(part, path)
+    except RunError as error:
+        if isinstance(refused := error.__cause__, OSError) and not isinstance(refused, FileExistsError):
+            raise RunError(f"{path}: cannot be written: {refused.strerror}; choose another folder") from refused
+        raise
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def _publish(part: Path, path: Path) -> None:
+    """Give a whole file its name, which must be free, and write its hash beside it."""
+    try:
+        write_sidecar(path, part)
+        try:
+            os.link(part, path)  # never replaces what came there meanwhile
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without links
+            _refuse_existing(path)
+            part.rename(path)
+    except OSError as error:
+        if isinstance(error, FileExistsError):
+            raise _exists(path) from error
+        with suppress(OSError):
+            sidecar_of(path).unlink(missing_ok=True)
+        raise RunError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _refuse_existing(path: Path) -> None:
+    if path.exists():
+        raise _exists(path)
+
+
+def _exists(path: Path) -> RunError:
+    return RunError(f"{path}: exists already; a run is never overwritten, choose another name")
+
+
+def _remove_stale(folder: Path) -> None:
+    with suppress(OSError):
+        for file in folder.glob("*.part"):
+            if _PART.fullmatch(file.name) and time.time() - file.stat().st_mtime > SETTINGS.stale_s:
+                file.unlink(missing_ok=True)

@@ -1,0 +1,105 @@
+"""Rods that are held are found by their stillness, and free rods are never taken for held ones."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, refuse_held, rest_is_quiet
+from dpr_lab.run import Run
+
+
+@pytest.fixture(scope="module")
+def swings(recorded: Callable[..., list[Run]]) -> list[Run]:
+    """A run from each pose, with half a second of rest before it."""
+    return recorded({}, duration=3.0)
+
+
+def motion(run: Run, **changes: Any) -> RodMotion:
+    return replace(RodMotion(run.t, run.theta[:, 1:], run.torques), **changes)
+
+
+def held(run: Run, row: int, seconds: float) -> RodMotion:
+    """The swing of a run, stopped for so long at a row and then let go again as if nothing had been."""
+    rows = round(seconds * run.rate_hz)
+    noise = np.random.default_rng(1).normal(0, 2e-4, (rows, 2))
+    rods = run.swing.theta[:, 1:]
+    rods = np.concatenate([rods[:row], rods[row] + noise, rods[row:]])
+    return RodMotion(np.arange(len(rods)) / run.rate_hz, rods)
+
+
+def test_a_swing_from_its_release_on_is_free_throughout(swings: list[Run]) -> None:
+    for run in swings:
+        swing = run.swing
+        assert free_part(motion(swing), run.name) == FreePart(0, 0, len(swing.t))
+
+
+@pytest.mark.parametrize("rest_s", [0.5, 0.3, 0.05])
+def test_a_rest_before_the_release_is_found_of_any_length(swings: list[Run], rest_s: float) -> None:
+    for run in swings:
+        cut = run.between(-rest_s, np.inf)
+        later = free_part(motion(cut, t=cut.t - cut.t[0]), run.name)
+        assert later.rest == 0
+        # A fall from 0.1 rad shows some 20 ms after its release.
+        assert -0.01 < cut.t[later.start] < 0.04
+        assert rest_is_quiet(motion(cut), later)
+
+
+def test_a_tables_own_zero_is_the_release_where_the_motion_shows_soon_after_it(swings: list[Run]) -> None:
+    for run in swings:
+        part = free_part(motion(run), run.name)
+        assert run.t[part.start] == 0.0
+
+
+def test_rods_that_are_held_in_the_middle_are_refused_with_the_options_that_cut(swings: list[Run]) -> None:
+    stopped = held(swings[0], 1500, 1.0)
+    with pytest.raises(
+        RunError, match=r"x: the rods are held between 2 motions.*--start-s 0 --duration-s 1.*--start-s 2"
+    ):
+        free_part(stopped, "x")
+
+
+def test_rods_that_are_caught_end_the_swing(swings: list[Run]) -> None:
+    caught = held(swings[1], 2000, 1.5)
+    caught = RodMotion(caught.t[:3400], caught.rods[:3400])
+    part = free_part(caught, "x")
+    assert (part.rest, part.start) == (0, 0)
+    assert caught.t[part.stop] == pytest.approx(2.0, abs=0.05)
+
+
+def test_driven_rods_that_hang_and_wait_are_free_and_held_ones_are_not(swings: list[Run]) -> None:
+    t = np.arange(2000) / 500
+    driven = np.maximum(t - 1.0, 0.0)
+    rods = np.pi + 0.3 * np.stack([np.sin(4 * driven), np.sin(6 * driven)], axis=1)
+    torques = np.where(t[:, None] > 1.0, 0.1, 0.0) * [1.0, -1.0]
+    assert free_part(RodMotion(t, rods, torques), "x") == FreePart(0, 0, len(t))
+    assert free_part(RodMotion(t, rods + 1.0, torques), "x").start == pytest.approx(500, abs=20)
+    # A drive that holds the rods aside is known; a free rod at rest is held, even near hanging.
+    assert free_part(RodMotion(t, rods + 1.0, np.full_like(torques, 0.1)), "x") == FreePart(0, 0, len(t))
+    assert free_part(RodMotion(t, rods), "x").start == pytest.approx(500, abs=20)
+
+
+def test_a_swing_that_decays_to_rest_is_free_to_the_end() -> None:
+    t = np.arange(8000) / 200
+    swing = np.exp(-t / 5)[:, None] * np.stack([np.cos(6 * t), np.cos(9 * t)], axis=1)
+    noise = np.random.default_rng(2).normal(0, 2e-4, swing.shape)
+    assert free_part(RodMotion(t, np.pi + swing + noise), "x") == FreePart(0, 0, len(t))
+
+
+def test_rods_that_stand_still_throughout_are_refused(swings: list[Run]) -> None:
+    rest = swings[0].between(-0.5, 0.0)
+    still = RodMotion(rest.t, np.full((len(rest.t), 2), 1.0))
+    with pytest.raises(RunError, match=r"x: the rods stand still throughout .*--columns theta1=NAME,theta2=NAME"):
+        free_part(still, "x")
+
+
+def test_only_tables_are_asked_whether_their_rods_are_held(swings: list[Run]) -> None:
+    stopped = held(swings[0], 1500, 1.0)
+    theta = np.column_stack([0 * stopped.t, stopped.rods])
+    run = replace(swings[0], t=stopped.t, theta=theta, counts=None)
+    refuse_held([run, replace(run, keep_rest=True)])
+    with pytest.raises(RunError, match="held between 2 motions"):
+        refuse_held([replace(run, keep_rest=False)])

@@ -1,0 +1,72 @@
+"""Counters in tables: times that wrap, and angles in counts known by their columns' names."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.tables.clock_wrap import unwrapped_times, wrap_behind
+from dpr_lab.storage.tables.columns import find_columns
+from dpr_lab.storage.tables.options import ImportOptions
+from dpr_lab.storage.tables.table import read_table
+
+T = np.arange(0, 4, 0.005)
+THETA = np.pi + 0.4 * np.cos(2 * np.pi * 0.8 * T[:, None] + [0, 0.3])
+WRAP = 1 << 32
+
+
+def table(path: Path, times: np.ndarray, name: str, form: str) -> Path:
+    rows = zip(times.tolist(), *THETA.T.tolist(), strict=True)
+    path.write_text(f"{name},theta1,theta2\n" + "".join(f"{t:{form}},{a:.6f},{b:.6f}\n" for t, a, b in rows))
+    return path
+
+
+def test_a_32_bit_counter_that_wraps_is_suggested_and_undone(tmp_path: Path, paper) -> None:
+    micros = ((WRAP - 1_500_000 + np.round(T * 1e6)) % WRAP).astype(np.int64)
+    file = table(tmp_path / "a.csv", micros, "t_us", "d")
+    options = {"unit": "rad", "time_unit": None, "keep_rest": True}
+    with pytest.raises(RunError, match=r"line \d+: time falls by 4294.96 s, as a counter .* --time-wrap 4294967296$"):
+        import_csv(file, paper, ImportOptions(**options))
+    run = import_csv(file, paper, ImportOptions(**options, time_wrap=WRAP))
+    np.testing.assert_allclose(run.t, T, atol=1e-9)
+
+
+def test_a_counter_of_microseconds_that_was_logged_in_seconds_is_known_too(tmp_path: Path, paper) -> None:
+    seconds = ((WRAP - 1_500_000 + np.round(T * 1e6)) % WRAP) / 1e6
+    file = table(tmp_path / "a.csv", seconds, "t", ".6f")
+    with pytest.raises(RunError, match=r"--time-wrap 4294\.967296$"):
+        import_csv(file, paper, ImportOptions(keep_rest=True))
+    run = import_csv(file, paper, ImportOptions(time_wrap=WRAP / 1e6, keep_rest=True))
+    np.testing.assert_allclose(run.t, T, atol=1e-6)
+
+
+def test_times_that_fall_by_no_counter_still_run_backwards(tmp_path: Path, paper) -> None:
+    file = table(tmp_path / "a.csv", np.where(T < 2, T, T - 1.5), "t", ".6f")
+    with pytest.raises(RunError, match="time runs backwards"):
+        import_csv(file, paper, ImportOptions())
+    with pytest.raises(RunError, match=r"spans 2.495, more than the 1 given as its wrap \(--time-wrap\)"):
+        import_csv(file, paper, ImportOptions(time_wrap=1.0))
+
+
+def test_a_wrap_keeps_missing_times_and_counts_each_fall() -> None:
+    times = np.array([8.0, 9.5, np.nan, 1.0, 5.0, 9.0, 0.5])
+    np.testing.assert_array_equal(unwrapped_times(times, 10.0, "t"), [8, 9.5, np.nan, 11, 15, 19, 20.5])
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "width"),
+    [(2.0**32 - 100, 400, 2.0**32), (65_530, 5, 65_536), (4294.9, 0.1, 2.0**32 / 1e6), (10.0, 1.0, None)],
+)
+def test_a_fall_is_known_by_the_width_of_a_counter(before: float, after: float, width: float | None) -> None:
+    assert wrap_behind(before, after) == width
+
+
+@pytest.mark.parametrize(
+    "names", [("theta1_counts", "theta2_counts"), ("q1 [counts]", "q2 [counts]"), ("joint1_ticks", "joint2_ticks")]
+)
+def test_columns_that_say_counts_are_counts(names: tuple[str, str], tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"t,{','.join(names)}\n" + "".join(f"{k / 10},{k},{k}\n" for k in range(5)))
+    columns = find_columns(read_table(tmp_path / "a.csv"), {}, None, None, None)
+    assert (columns.unit, columns.names["theta1"], columns.names["theta2"]) == ("counts", *names)

@@ -1,0 +1,42 @@
+"""A table with a mistake is imported or refused in a sentence; no mistake ends in another exception."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.rig import Rig
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.tables.preview import preview
+from tests.storage.mutated_tables import MUTATIONS, MutatedTable, mutated_tables
+
+
+@pytest.fixture(scope="module")
+def tables(paper: Rig) -> list[MutatedTable]:
+    return mutated_tables(rig=paper)
+
+
+@pytest.mark.slow
+def test_the_mutated_tables_are_many_and_always_the_same(paper: Rig, tables: list[MutatedTable]) -> None:
+    assert len({table.name for table in tables}) == len(tables) >= 200
+    assert {table.mutation for table in tables} == set(MUTATIONS)
+    again = {table.name: table.content for table in mutated_tables(rig=paper)}
+    assert again == {table.name: table.content for table in tables}
+
+
+@pytest.mark.slow
+def test_no_mistake_in_a_table_ends_in_another_error_than_a_sentence(
+    paper: Rig, tables: list[MutatedTable], tmp_path: Path
+) -> None:
+    for table in tables:
+        file = table.write(tmp_path)
+        try:
+            run = import_csv(file, paper, table.options)
+        except (RunError, ConfigError):
+            with pytest.raises((RunError, ConfigError), match=file.name):
+                preview(file, paper, table.options)
+        else:
+            assert np.isfinite(run.theta).all(), table.name
+            assert (np.diff(run.t) > 0).all(), table.name
+            preview(file, paper, table.options).to_json()

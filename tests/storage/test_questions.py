@@ -1,0 +1,203 @@
+"""Each mistake in a table is refused or questioned with the option that mends it; a right table is not."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.inspect import info
+from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
+from dpr_lab.storage.tables.preview import preview
+from dpr_lab.storage.writer import RunWriter
+from dpr_lab.workflows.events import ignore
+from dpr_lab.workflows.reading import read_runs
+from tests.storage.mutated_tables import MutatedTable, mutated_tables
+
+
+@pytest.fixture(scope="module")
+def tables(paper: Rig) -> dict[str, MutatedTable]:
+    return {table.name: table for table in mutated_tables(rig=paper)}
+
+
+@pytest.mark.parametrize("base", ["free", "wild", "degrees", "counts", "driven"])
+def test_a_right_table_is_not_questioned(
+    base: str, tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
+) -> None:
+    table = tables[f"{base}/none"]
+    understood = preview(table.write(tmp_path), paper, table.options)
+    assert understood.questions == ()
+    assert [note for note in understood.notes if not note.startswith("driven by")] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "mend"),
+    [
+        ("free/swapped_angles", ("--columns", "theta1=theta2,theta2=theta1")),
+        ("free/relative_as_absolute", ("--angles", "relative")),
+        ("driven/relative_as_absolute", ("--angles", "relative")),
+        ("free/absolute_as_relative", ("--angles", "absolute")),
+        ("degrees/hanging_as_upright", ("--zero", "hanging")),
+        ("free/upright_as_hanging", ("--zero", "upright")),
+        ("wild/deg_as_rad", ("--unit", "deg")),
+        ("free/sign_theta2", ("--scale", "theta2=-1")),
+        ("free/half_counts", ("--scale", "2")),
+    ],
+)
+def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
+    name: str, mend: tuple[str, ...], tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
+) -> None:
+    file = tables[name].write(tmp_path)
+    understood = preview(file, paper, tables[name].options)
+    assert understood.mend == mend
+    assert " ".join(mend) in understood.questions[0].sentence
+    assert understood.questions[0].sentence in import_csv(file, paper, tables[name].options).notes
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("free/ms_as_s", r"the times are in ms \(--time-unit ms\)"),
+        ("driven/ms_as_s", r"the times are in ms \(--time-unit ms\)"),
+        ("wild/s_as_ms", r"the times are in s \(--time-unit s\)"),
+        ("free/us_as_s", "--time-unit ms or us"),
+        ("free/time_of_few_digits", r"time column has too few digits.*\(--rate-hz\)"),
+        ("free/other_pose", r"not in pose X2 .*: it is pose X1 \(--pose X1\)"),
+        ("free/identical_angles", "hold the same numbers.*--elbow clamped"),
+        ("wild/constant_theta1", "stands still while theta2 turns.*--rods outer"),
+        ("free/constant_theta2", "stands still while theta1 turns.*--rods inner.*--elbow clamped"),
+        ("free/constant_both", "the rods stand still throughout"),
+        ("wild/held_middle", "held between 2 motions.*--start-s 0 --duration-s 1.*--start-s 2.*--keep-rest"),
+        ("free/six_rows", "only 6 rows of a swing"),
+    ],
+)
+def test_a_table_of_which_nothing_can_come_is_refused_with_its_cure(
+    name: str, sentence: str, tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
+) -> None:
+    with pytest.raises(RunError, match=sentence):
+        import_csv(tables[name].write(tmp_path), paper, tables[name].options)
+
+
+def test_a_clamped_elbow_that_is_said_to_be_free_is_refused(paper: Rig, tmp_path: Path) -> None:
+    t = np.arange(400) / 200
+    theta1 = np.pi + 0.8 * np.cos(6 * t)
+    theta2 = theta1 + 0.3 + 1e-4 * np.sin(50 * t)
+    file = tmp_path / "a.csv"
+    np.savetxt(file, np.column_stack([t, theta1, theta2]), delimiter=",", header="t,theta1,theta2", comments="")
+    with pytest.raises(RunError, match=r"theta2 - theta1 stays within .* joint 2 does not turn.*--elbow clamped"):
+        import_csv(file, paper)
+    assert import_csv(file, paper.with_rods(elbow="clamped")).mounting == "clamped"
+
+
+@pytest.mark.parametrize("base", ["free", "degrees", "counts", "driven"])
+def test_a_held_start_is_cut_at_the_release_and_kept_as_rest(
+    base: str, tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
+) -> None:
+    table = tables[f"{base}/held_start"]
+    file, plain = table.write(tmp_path), tables[f"{base}/none"]
+    run = import_csv(file, paper, table.options, tmp_path / "a.mcap")
+    swing = import_csv(plain.write(tmp_path), paper, plain.options)
+    assert len(run.rest) == pytest.approx(400, abs=10)
+    assert any(note.startswith("starts at 2.0") and "kept for the noise floor" in note for note in run.notes)
+    late = len(swing.t) - len(run.swing.t)
+    assert 0 <= late <= 10
+    np.testing.assert_array_equal(run.swing.theta[1:], swing.theta[late + 1 :])
+    extra = info(tmp_path / "a.mcap").extra
+    assert float(extra["t_offset_s"]) == pytest.approx(2.0 + late / 200, abs=1e-6)
+    made = import_csv(file, paper, table.options)
+    np.testing.assert_array_equal(run.t, made.t)
+    assert run.readings_sha256 == made.readings_sha256
+    whole = import_csv(file, paper, ImportOptions(**{**options_of(table), "keep_rest": True}), tmp_path / "b.mcap")
+    assert (len(whole.rest), len(whole.t), whole.keep_rest) == (0, 1001, True)
+
+
+def options_of(table: MutatedTable) -> dict[str, object]:
+    return {name: getattr(table.options, name) for name in ("unit", "zero", "angles", "pose")}
+
+
+def test_a_run_that_was_imported_with_its_held_start_is_cut_when_it_is_read(
+    tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
+) -> None:
+    table = tables["free/held_start"]
+    kept = import_csv(table.write(tmp_path), paper, ImportOptions(keep_rest=True), tmp_path / "kept.mcap")
+    old = as_imported_before(tmp_path / "kept.mcap", tmp_path / "old.mcap")
+    run = load_run(old, paper)
+    assert len(run.rest) == pytest.approx(400, abs=10)
+    assert any(note.startswith("the rods are held until 2.0") for note in run.notes)
+    assert load_run(tmp_path / "kept.mcap").t[0] == kept.t[0] == 0
+    middle = tables["free/held_middle"]
+    import_csv(middle.write(tmp_path), paper, ImportOptions(keep_rest=True), tmp_path / "middle.mcap")
+    assert read_runs([tmp_path / "middle.mcap"], paper, ignore)[0].keep_rest
+    before = as_imported_before(tmp_path / "middle.mcap", tmp_path / "old_middle.mcap")
+    with pytest.raises(RunError, match="held between 2 motions"):
+        read_runs([before], paper, ignore)
+
+
+def as_imported_before(file: Path, out: Path) -> Path:
+    """A run file as a version wrote it that did not know of held rods."""
+    from dataclasses import replace
+
+    from dpr_lab.storage.metadata import RunSummary
+    from dpr_lab.storage.scan import scan
+
+    found = scan(file)
+    samples = found.samples()
+    metadata = replace(found.metadata, extra={"t_offset_s": "0.0", "columns": '{"theta1": "1", "theta2": "2"}'})
+    with RunWriter(out, metadata) as writer:
+        writer.table(samples.t, samples.theta)
+        writer.finish(RunSummary(release_tick=0))
+    return out
+
+
+def test_a_table_in_counts_without_the_arm_does_not_say_that_the_arm_was_read(
+    tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
+) -> None:
+    from dpr_lab.gap.data.record import record
+
+    table = tables["counts/none"]
+    made = import_csv(table.write(tmp_path), paper, table.options, tmp_path / "a.mcap")
+    for run in (made, load_run(tmp_path / "a.mcap"), import_csv(table.write(tmp_path), paper, table.options)):
+        assert run.arm_read is False
+        assert record(run, paper).arm_moves is None
+
+
+def test_rods_that_hang_and_are_pushed_are_refused(paper: Rig, tmp_path: Path) -> None:
+    t = np.arange(800) / 200
+    since = np.maximum(t - 2.0, 0.0)
+    noise = np.random.default_rng(1).normal(0, 2e-4, (len(t), 2))
+    rods = np.pi + noise + 0.4 * np.column_stack([np.sin(4 * since), np.sin(6 * since)])
+    file = tmp_path / "a.csv"
+    np.savetxt(file, np.column_stack([t, rods]), delimiter=",", header="t,theta1,theta2", comments="")
+    with pytest.raises(RunError, match=r"hang at rest until 2\.0.* pushed them.*--start-s 3\.0"):
+        import_csv(file, paper)
+
+
+def test_the_date_of_a_table_is_what_is_given_or_what_its_stamps_say_and_never_the_import(
+    tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
+) -> None:
+    table = tables["free/none"]
+    file = table.write(tmp_path)
+    run = import_csv(file, paper, table.options, tmp_path / "a.mcap")
+    assert (run.recorded_utc, info(tmp_path / "a.mcap").recorded_utc) == ("", "")
+    dated = ImportOptions(recorded_at="2026-03-01T14:30+01:00", note="cold oil")
+    assert import_csv(file, paper, dated, tmp_path / "b.mcap").recorded_utc == "2026-03-01T13:30:00+00:00"
+    assert (info(tmp_path / "b.mcap").recorded_utc, info(tmp_path / "b.mcap").note) == (
+        "2026-03-01T13:30:00+00:00",
+        "cold oil",
+    )
+    rows = np.genfromtxt(file, delimiter=",", skip_header=1)
+    rows[:, 0] += datetime(2025, 7, 1, 12, tzinfo=UTC).timestamp()
+    stamped = tmp_path / "stamped.csv"
+    np.savetxt(stamped, rows, delimiter=",", header="t,theta1,theta2", comments="", fmt="%.6f")
+    assert import_csv(stamped, paper).recorded_utc == "2025-07-01T12:00:00+00:00"
+
+
+@pytest.mark.parametrize("text", ["yesterday", "2026-13-01", "2026-03-01T25:00", "9999-12-31"])
+def test_a_date_that_is_none_is_refused(text: str) -> None:
+    assert parse_recorded_at("2026-03-01") == "2026-03-01"
+    with pytest.raises(ValueError, match="recorded_at"):
+        ImportOptions(recorded_at=text)

@@ -1,0 +1,92 @@
+"""Analyses of mutated tables: a sentence or a finite result, and never a cause that is sure and wrong.
+
+The tables are of a rig without any effect, so that every cause that is named of them is wrong.
+"""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dpr_lab.errors import ConfigError, DprError, RunError
+from dpr_lab.report.plain import as_json
+from dpr_lab.rig import Rig
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.workflows.compare import CompareRequest, compare
+from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
+from dpr_lab.workflows.drift import DriftRequest, watch_drift
+from dpr_lab.workflows.identifiability import IdentifiabilityRequest, identifiability
+from dpr_lab.workflows.identify import IdentifyRequest, identify
+from tests.storage.mutated_tables import MUTATIONS, MutatedTable, mutated_tables
+from tests.thinned import thinned
+
+BASES = ("free", "wild", "degrees", "counts", "driven")
+CASES = [f"{base}/{mutation}" for mutation in MUTATIONS for base in BASES]
+EACH = 37
+"""Of some 400 tables, those that `make test` takes."""
+SURE = 0.9
+QUICK = 'algorithm = "iga"\ngenerations = 2\n'
+
+
+@pytest.fixture(scope="module")
+def tables(paper: Rig) -> dict[str, MutatedTable]:
+    return {table.name: table for table in mutated_tables(rig=paper)}
+
+
+@pytest.fixture(scope="module")
+def clean(paper: Rig, tables: dict[str, MutatedTable], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a run without a mistake, and its model."""
+    folder = tmp_path_factory.mktemp("clean")
+    (folder / "quick.toml").write_text(QUICK)
+    table = tables["wild/none"]
+    import_csv(table.write(folder), paper, table.options, folder / "clean.mcap")
+    settings = str(folder / "quick.toml")
+    identify(IdentifyRequest((folder / "clean.mcap",), "paper", folder / "model.json", settings=settings))
+    return folder
+
+
+def finite(value: Any) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return all(map(finite, parts))
+
+
+def answer(analysis: Callable[[], Any]) -> Any:
+    """What an analysis gives; its sentence where it refuses."""
+    try:
+        return analysis()
+    except DprError:
+        return None
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("name", thinned(CASES, EACH))
+def test_no_mistake_in_a_table_ends_in_a_traceback_or_a_sure_wrong_cause(
+    paper: Rig, tables: dict[str, MutatedTable], clean: Path, tmp_path: Path, name: str
+) -> None:
+    if name not in tables:
+        pytest.skip("the mutation does not apply to this table")
+    table, run = tables[name], tmp_path / "run.mcap"
+    try:
+        import_csv(table.write(tmp_path), paper, table.options, run)
+    except (RunError, ConfigError):
+        return
+    model = tmp_path / "model.json"
+    settings = str(clean / "quick.toml")
+    if answer(lambda: identify(IdentifyRequest((run,), "paper", model, settings=settings))):
+        assert finite(json.loads(model.read_text()))
+    answer(lambda: identifiability(IdentifiabilityRequest("paper", (run,))))
+    if compared := answer(lambda: compare(CompareRequest((run,), clean / "model.json", tmp_path / "compared"))):
+        as_json(compared.saved)
+    if drifted := answer(lambda: watch_drift(DriftRequest((clean / "clean.mcap", run), "paper", "label"))):
+        as_json(drifted.to_json())
+    diagnosed = answer(lambda: diagnose(DiagnoseRequest((run,), "paper")))
+    if diagnosed:
+        result = diagnosed.to_json()
+        assert finite(json.loads(as_json(result)))
+        assert [effect for effect in result["effects"] if effect["probability"] > SURE] == []
