@@ -11,7 +11,7 @@ from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import NUMBERS, Event, Frame, Torque
+from firmware_protocol.messages import NUMBERS, Event, Frame, Pong, Status, Torque, decode, encode
 from sim_device.random_streams import RandomStream, generator
 
 
@@ -31,6 +31,9 @@ FAULTS: dict[str, FaultKind] = {
     "reorder": FaultKind("frame", "probability that a frame changes places with the next, either way"),
     "lose_torques": FaultKind("frame", "probability that a TORQUE frame is lost"),
     "lose_events": FaultKind("frame", "how many of the first EVENT frames are lost", np.inf, whole=True),
+    "lose_pongs": FaultKind("frame", "probability that a PONG frame is lost"),
+    "pong_scale": FaultKind("frame", "factor on the tick that PONG tells; 0: frozen", 10.0),
+    "stuck_latch": FaultKind("frame", "1: every STATUS says that the latch holds", whole=True),
     "flip": FaultKind("byte", "probability that a byte has one bit flipped, either way"),
     "garbage": FaultKind("byte", "probability that a write to the host is preceded by stray bytes"),
     "truncate": FaultKind("byte", "probability that a frame to the host loses its end"),
@@ -78,7 +81,10 @@ class Faults:
         """The frames that arrive."""
         drop, twice, swap = (self._values.get(name, 0.0) for name in ("drop", "duplicate", "reorder"))
         frames = self._without_events(frames) if self._events_to_lose else frames
-        frames = self._without_torques(frames) if "lose_torques" in self._values else frames
+        frames = self._without("lose_torques", NUMBERS[Torque], frames)
+        frames = self._without("lose_pongs", NUMBERS[Pong], frames)
+        if self._values.keys() & {"pong_scale", "stuck_latch"}:
+            frames = [self._untrue(frame) for frame in frames]
         if not frames or drop == twice == swap == 0.0:
             return frames
         kept = [frame for frame, u in zip(frames, self._rng.random(len(frames)), strict=True) if u >= drop]
@@ -93,10 +99,24 @@ class Faults:
         self._events_to_lose -= len(events)
         return [frame for at, frame in enumerate(frames) if at not in events]
 
-    def _without_torques(self, frames: list[Frame]) -> list[Frame]:
-        lost = self._rng.random(len(frames)) < self._values["lose_torques"]
-        pairs = zip(frames, lost, strict=True)
-        return [frame for frame, gone in pairs if not (gone and frame.number == NUMBERS[Torque])]
+    def _without(self, fault: str, number: int, frames: list[Frame]) -> list[Frame]:
+        if fault not in self._values:
+            return frames
+        lost = self._rng.random(len(frames)) < self._values[fault]
+        return [frame for frame, gone in zip(frames, lost, strict=True) if not (gone and frame.number == number)]
+
+    def _untrue(self, frame: Frame) -> Frame:
+        """A PONG or STATUS that tells something else than the board meant to."""
+        if frame.number == NUMBERS[Pong] and "pong_scale" in self._values:
+            pong = decode(frame)
+            assert isinstance(pong, Pong)
+            tick, fraction = divmod((pong.tick + pong.fraction / 65536) * self._values["pong_scale"], 1.0)
+            return encode(replace(pong, tick=int(tick) & 0xFFFFFFFF, fraction=int(fraction * 65536)), frame.node)
+        if frame.number == NUMBERS[Status] and self._values.get("stuck_latch"):
+            status = decode(frame)
+            assert isinstance(status, Status)
+            return encode(replace(status, latched=True), frame.node)
+        return frame
 
     def framed(self, data: bytes) -> bytes:
         """What a frame's bytes are when they leave."""

@@ -37,7 +37,7 @@ from dpr_lab.acquisition.holding import (
 from dpr_lab.acquisition.recording import Recording
 from dpr_lab.acquisition.rest import at_rest
 from dpr_lab.acquisition.settings import CAPTURE_SETTINGS, CaptureSettings
-from dpr_lab.errors import ConfigError, DeviceLost, DprError, LinkError, RunError
+from dpr_lab.errors import ConfigError, DeviceLost, DprError, LinkError, RunError, unknown_name
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.storage.layout import SUFFIX
@@ -219,8 +219,7 @@ def check_encoders(device: Device, rig: Rig) -> None:
 
 def _pose(rig: Rig, name: str) -> Pose:
     if name not in rig.poses:
-        where = rig.path or rig.name
-        raise ConfigError(f"{where}: has no pose {name!r} (there are: {', '.join(rig.poses) or 'none'})")
+        raise ConfigError(unknown_name(f"{rig.path or rig.name}: has no pose {name!r}", name, rig.poses))
     return rig.poses[name]
 
 
@@ -236,7 +235,7 @@ def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str)
         protocol=f"{info.major}.{info.minor}",
         schema_hash=f"{info.schema_hash:08x}",
         note=note,
-        extra={"simulated_time": str(info.simulated_time).lower(), **_drives(info)},
+        extra={"simulated_time": str(device.simulated_time).lower(), **_drives(info)},
     )
 
 
@@ -269,11 +268,11 @@ def _record(
             on_progress(Released(recording.release_tick or 0, path))
             _follow(device, recording, options.until_rest, on_progress, settings)
             _stop(device, recording, settings)
-            report = recording.finish(device.clock_fit(), _notes(recording, options, settings))
+            report = recording.finish(device.clock(), _notes(recording, options, settings))
         except BaseException as error:
             recording.count_losses(device.losses)
             with suppress(RunError):
-                recording.note_clock(device.clock_fit())
+                recording.note_clock(*device.clock())
                 recording.abort(STOPPED if isinstance(error, KeyboardInterrupt) else f"{type(error).__name__}: {error}")
             kept = f"what was recorded until then is kept in {path}"
             if isinstance(error, KeyboardInterrupt):
@@ -348,7 +347,7 @@ def _follow(
             continue
         next_look = now + settings.report_s
         if recording.clock_due:
-            recording.note_clock(device.clock_fit())
+            recording.note_clock(*device.clock())
         still_s = settings.rest_after_s
         t, theta = recording.tail(still_s)
         theta0, theta1, theta2 = theta[-1].tolist()

@@ -14,10 +14,12 @@ from types import TracebackType
 
 from dpr_lab.acquisition.batch import AnyRow, Batch, Counter
 from dpr_lab.acquisition.interrupts import unbroken
+from dpr_lab.acquisition.ping_clock import PingClock
 from dpr_lab.acquisition.settings import DEVICE_TIMING, DeviceTiming
 from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, LinkTimeout, MismatchError, SafetyStop
+from dpr_lab.transports.software_link import leads_to_software
 from dpr_lab.transports.transport import Received, Transport
-from firmware_protocol.clock import FEWEST, ClockFit, Exchange, Pinger, fit_clock
+from firmware_protocol.clock import ClockFit
 from firmware_protocol.errors import (
     CommandRefused,
     CommandUnanswered,
@@ -76,11 +78,10 @@ class Device:
     ) -> None:
         self._transport = transport
         self._read_only, self._timing = read_only, timing
+        self._software = leads_to_software(transport.url)
         self._session = HostSession(node)
         self._stream = SampleStream()
         self._torques: TorquePairs | None = None
-        self._pinger = Pinger()
-        self._exchanges: deque[Exchange] = deque(maxlen=timing.exchanges)
         self._rate_hz = 0
         self._batches: deque[Batch] = deque()
         self._bytes = self._frames = self._meaningless = 0
@@ -88,8 +89,8 @@ class Device:
         """The newest sample waits for the next: one that is contradicted by then is left out."""
         self._overruns = Counter()
         self._dropped = Counter()
-        self._quick_pings = 0
-        self._ping_at = self._heard_at = time.monotonic()
+        self._heard_at = time.monotonic()
+        self._clock = PingClock(timing, self._heard_at)
         self._failure: Exception | None = None
         self._closing = threading.Event()
         self._lock = threading.RLock()
@@ -139,7 +140,7 @@ class Device:
     @property
     def silence_s(self) -> float:
         """How long the device may say nothing before it counts as lost, s."""
-        patience = self._timing.simulated_patience if self.info.simulated_time else 1.0
+        patience = self._timing.simulated_patience if self.simulated_time else 1.0
         return self._timing.silence_s * patience
 
     def connect(self, timeout: float = 2.0) -> DeviceInfo:
@@ -234,19 +235,21 @@ class Device:
                 **({"torque": self._torques.missing} if self._torques is not None else {}),
             }
 
-    def clock_fit(self) -> ClockFit | None:
-        """Device ticks of the last stream to `time.monotonic()`.
+    @property
+    def simulated_time(self) -> bool:
+        """Whether ticks may run apart from the host's time: the device says so, and its link can lead to software."""
+        return self.info.simulated_time and self._software
 
-        None before enough pings were answered, and for a device whose time is simulated.
-        """
-        if self.info.simulated_time:
-            return None
+    def clock(self) -> tuple[ClockFit | None, str]:
+        """Device ticks of the last stream to `time.monotonic()`, or None and why; simulated time has neither."""
+        if self.simulated_time:
+            return None, ""
         with self._lock:
-            exchanges = list(self._exchanges)
-        try:
-            return fit_clock(exchanges, self._rate_hz) if len(exchanges) >= FEWEST else None
-        except ValueError:  # a device whose ticks stand still
-            return None
+            return self._clock.fit(self._rate_hz)
+
+    def clock_fit(self) -> ClockFit | None:
+        """The fit of `clock`; None before enough pings were answered, and where time is simulated."""
+        return self.clock()[0]
 
     def close(self) -> None:
         """Close the link; closing twice is harmless. A device that streams stops when its lease runs out."""
@@ -380,20 +383,15 @@ class Device:
             self._overruns.read(message.overruns)
             self._dropped.read(message.dropped)
         elif isinstance(message, Pong):
-            exchange = self._pinger.exchange(message, host_time)
-            if exchange is not None:
-                self._exchanges.append(exchange)
+            self._clock.note(message, host_time)
         elif isinstance(message, Ack) and message.command == _STREAM:
             self._overruns.restart()
             self._dropped.restart()
-            self._exchanges.clear()
-            self._quick_pings, self._ping_at = self._timing.quick_pings, host_time
+            self._clock.restart(host_time)
 
     def _send_due(self, now: float) -> None:
         for frame in self._session.due(now):
             if not self._read_only or frame.number == NUMBERS[Hello]:
                 self._transport.send(frame)
-        if self._session.info is not None and now >= self._ping_at:
-            self._transport.send(encode(self._pinger.ping(now), self._session.node))
-            self._ping_at = now + (self._timing.quick_ping_s if self._quick_pings else self._timing.ping_s)
-            self._quick_pings = max(0, self._quick_pings - 1)
+        if self._session.info is not None and (ping := self._clock.due(now)) is not None:
+            self._transport.send(encode(ping, self._session.node))

@@ -17,7 +17,7 @@ from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
-from dpr_lab.run import MOUNTED, Run, clock_error, elbow_turn
+from dpr_lab.run import MOUNTED, Run, clock_error, clock_rates, elbow_turn
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +62,20 @@ class QualityReport:
 
 
 @dataclass(frozen=True, slots=True)
+class DeviceWord:
+    """What a device reported beside its samples while it was recorded."""
+
+    real_time: bool
+    """Whether its seconds are to be the host's; not of simulated time."""
+    no_clock_fit: str
+    """Why PING and PONG gave no clock fit; empty where they did."""
+    statuses: int
+    """STATUS messages after the release."""
+    latched: int
+    """How many of them said that the latch holds."""
+
+
+@dataclass(frozen=True, slots=True)
 class JudgedRun:
     """What the checks look at."""
 
@@ -73,6 +87,8 @@ class JudgedRun:
     hanging: tuple[float, float] | None
     """How far the rods hung off straight down before they were raised, rad."""
     limits: QualityLimits
+    word: DeviceWord | None
+    """None of a table, or of a run that was recorded without a device."""
 
 
 def judge(
@@ -81,6 +97,7 @@ def judge(
     duration: float = 0.0,
     hanging: tuple[float, float] | None = None,
     limits: QualityLimits = QUALITY_LIMITS,
+    word: DeviceWord | None = None,
 ) -> QualityReport:
     """Put a recording through every check that applies to it.
 
@@ -90,12 +107,13 @@ def judge(
         duration: how long it was asked to be, s; 0 when that was open
         hanging: how far the rods hung off straight down before they were raised, rad; None when that was not seen
         limits: what it must keep to
+        word: what the device reported while it was recorded; None without a device
 
     Returns:
         The report. A check without data to judge, such as the rest of an imported table, is left out.
     """
     pose = rig.poses.get(run.pose) if run.pose is not None else None
-    judged = JudgedRun(run, rig, pose, duration, hanging, limits)
+    judged = JudgedRun(run, rig, pose, duration, hanging, limits, word)
     return QualityReport(tuple(check for question in CHECKS if (check := question(judged)) is not None))
 
 
@@ -217,16 +235,52 @@ def _jitter(judged: JudgedRun) -> Check | None:
 
 
 def _clock(judged: JudgedRun) -> Check | None:
-    """Whether the device's seconds are seconds, as far as the exchanges with the host can tell."""
-    clock, limit = judged.run.clock, judged.limits.clock_ppm
-    if "rate_ppm" not in clock:
+    """Whether the device's seconds are seconds, by PING and PONG and by the arrival of its samples."""
+    if not clock_rates(judged.run.clock):
         return None
-    off, rate = clock_error(clock), clock["rate_ppm"]
+    limit = judged.limits.clock_ppm
+    error, words = clock_error(judged.run.clock)
     sentence = (
-        f"the device's clock runs {rate:+.0f} ppm off the host's (limit {limit:g}; a crystal keeps to some 100):"
-        " check its sample timer, all times are as wrong"
+        f"the device's clock runs {words} against this computer (limit {limit:g} ppm; a crystal keeps to about 100):"
+        " check its sample timer, all times are wrong by as much"
     )
-    return Check("clock", off <= limit, off, limit, "ppm", sentence)
+    return Check("clock", error <= limit, error, limit, "ppm", sentence)
+
+
+def _clock_fit(judged: JudgedRun) -> Check | None:
+    """Whether PING and PONG say how fast the device's clock runs, and the same as the arrival of its samples."""
+    word, limits = judged.word, judged.limits
+    if word is None or not word.real_time:
+        return None
+    rates = clock_rates(judged.run.clock)
+    std = judged.run.clock.get("rate_ppm_std", np.inf)
+    if "pong" not in rates:
+        why = word.no_clock_fit or "its samples come at the pace of real time, although it calls its time simulated"
+        sentence = f"the device's clock could not be checked by PING and PONG ({why}): check PONG in its firmware"
+        return Check("clock_fit", False, std, limits.clock_std_ppm, "ppm", sentence)
+    (pong, _), (arrival, margin) = rates["pong"], rates.get("arrival", (0.0, np.inf))
+    apart, allowed = abs(pong - arrival), margin + 5 * std + limits.clock_ppm
+    if apart > allowed:
+        sentence = (
+            f"by PONG the device's clock runs at {pong / 1e4:+.2f} %, by its samples at {arrival / 1e4:+.2f} %:"
+            " check which timer PONG reads in its firmware"
+        )
+        return Check("clock_fit", False, apart, allowed, "ppm", sentence)
+    sentence = f"PONG answers contradict each other: the clock rate is known to {std / 1e4:.2g} % only: check PONG"
+    return Check("clock_fit", std <= limits.clock_std_ppm, std, limits.clock_std_ppm, "ppm", sentence)
+
+
+def _latch(judged: JudgedRun) -> Check | None:
+    """Whether the device noticed that its latch opened."""
+    word, limits = judged.word, judged.limits
+    if word is None or word.statuses < limits.fewest_statuses:
+        return None
+    share = word.latched / word.statuses
+    sentence = (
+        f"after the release {word.latched} of {word.statuses} STATUS messages said that the latch holds:"
+        " check the latch's sensor and the firmware"
+    )
+    return Check("latch", share <= limits.latched_share, share, limits.latched_share, "1", sentence)
 
 
 def _jumps(judged: JudgedRun) -> Check | None:
@@ -297,6 +351,8 @@ CHECKS: tuple[Callable[[JudgedRun], Check | None], ...] = (
     _gap,
     _jitter,
     _clock,
+    _clock_fit,
+    _latch,
     _jumps,
     _moved,
     _hanging_after,

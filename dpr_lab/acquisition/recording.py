@@ -8,8 +8,9 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.acquisition.arrivals import Arrivals
 from dpr_lab.acquisition.batch import AnyRow, Batch, arrays, torques_of
-from dpr_lab.acquisition.gate import QualityReport, judge
+from dpr_lab.acquisition.gate import DeviceWord, QualityReport, judge
 from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.acquisition.rest import pose_error
 from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
@@ -49,6 +50,9 @@ class Recording:
         self._hanging, self._limits = hanging, limits
         self._clock: dict[str, float] = {}
         self._clock_at = 0.0
+        self._no_clock_fit = ""
+        self._arrivals = Arrivals(writer.metadata.rate_hz)
+        self._statuses = self._latched = 0
         self._duration = duration
         self._end_tick: int | None = None
         self._newest_tick = -1
@@ -97,6 +101,8 @@ class Recording:
                 for message in batch.messages:
                     self._message(host_ns, message)
                 rows += batch.rows
+                if batch.rows:
+                    self._arrivals.add(batch.rows[-1].tick, batch.host_time)
             if rows:
                 self._newest_tick = rows[-1].tick
             if self._end_tick is not None:
@@ -127,14 +133,35 @@ class Recording:
         """Whether `note_clock` was not called for a while: a killed recording is to keep a clock fit as well."""
         return time.monotonic() >= self._clock_at
 
-    def note_clock(self, clock: ClockFit | None, next_in_s: float = 5.0) -> None:
-        """Write the newest clock fit; the next is due some seconds later."""
+    def note_clock(self, fit: ClockFit | None, missing: str = "", next_in_s: float = 5.0) -> None:
+        """Write the newest clock fit, or keep why it is `missing`; the next is due some seconds later."""
         now = time.monotonic()
-        self._clock_at = now + next_in_s
-        if clock is not None:
-            self._clock = {**asdict(clock), "offset_unix": clock.offset + self._to_epoch}
+        self._clock_at, self._no_clock_fit = now + next_in_s, missing
+        arrivals = self._arrivals.fit() if self._in_real_time else None
+        fitted = {} if fit is None else {**asdict(fit), "offset_unix": fit.offset + self._to_epoch}
+        self._clock = fitted | ({} if arrivals is None else asdict(arrivals))
+        if self._clock:
             with unbroken():
                 self._writer.clock(self._host_ns(now), self._clock)
+
+    @property
+    def _in_real_time(self) -> bool:
+        """Whether the device's seconds are to be the host's: it says so, or its samples come at a steady pace near it.
+
+        A simulated clock is many times faster or slower, or uneven; a device that calls a real clock simulated is not.
+        """
+        if self._writer.metadata.extra.get("simulated_time") != "true":
+            return True
+        arrivals, limits = self._arrivals.fit(), self._limits
+        return (
+            arrivals is not None
+            and abs(arrivals.arrival_ppm) < limits.real_pace_ppm
+            and arrivals.arrival_margin_ppm < limits.clock_std_ppm
+        )
+
+    @property
+    def _word(self) -> DeviceWord:
+        return DeviceWord(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
 
     def since(self, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Time from the release (n,), s, and angles (n, 3), rad, of all samples from the `first` on, counted from 0."""
@@ -189,11 +216,12 @@ class Recording:
             lost=self.lost,
         )
 
-    def finish(self, clock: ClockFit | None, notes: tuple[str, ...] = ()) -> QualityReport:
+    def finish(self, clock: tuple[ClockFit | None, str], notes: tuple[str, ...] = ()) -> QualityReport:
         """Judge the recording, add `notes` to the report, and complete its file."""
-        self.note_clock(clock)
+        self.note_clock(*clock)
         notes = (*notes, *self._torque_notes())
-        report = replace(judge(self.run(), self.rig, self._duration, self._hanging, self._limits), notes=notes)
+        report = judge(self.run(), self.rig, self._duration, self._hanging, self._limits, self._word)
+        report = replace(report, notes=notes)
         with unbroken():
             self._writer.finish(self._summary(report))
             self._finished = True
@@ -209,7 +237,8 @@ class Recording:
         if self._finished:
             return
         seen = len(self.samples) > 0
-        report = judge(self.run(complete=False), self.rig, hanging=self._hanging, limits=self._limits) if seen else None
+        cut = self.run(complete=False) if seen else None
+        report = judge(cut, self.rig, 0.0, self._hanging, self._limits, self._word) if cut is not None else None
         with unbroken():
             self._writer.abort(reason, self._summary(report))
 
@@ -229,6 +258,9 @@ class Recording:
                 return
             self._writer.event(host_ns, message.kind.name, message.tick, str(message.detail))
         elif isinstance(message, Status):
+            if self.release_tick is not None:
+                self._statuses += 1
+                self._latched += message.latched
             state = {"state": message.state.name, "latched": message.latched, "fault": message.fault.name}
             counters = {"overruns": message.overruns, "dropped": message.dropped, "sent": message.sent}
             self._writer.status(host_ns, state | counters)

@@ -63,6 +63,14 @@ class QualityLimits:
     """Samples missing in a row."""
     clock_ppm: float = 600.0
     """Error of the device's clock by the host's; a crystal keeps to some 100, and times are wrong by as much."""
+    clock_std_ppm: float = 10_000.0
+    """Standard deviation of a clock rate that shows nothing; two seconds of PING on a busy host reach a tenth of it."""
+    real_pace_ppm: float = 300_000.0
+    """A steady pace nearer to real time than this is no simulated clock, which is many times faster."""
+    latched_share: float = 0.5
+    """Share of the STATUS messages after the release that may still say that the latch holds."""
+    fewest_statuses: int = 3
+    """STATUS messages that show whether the latch opened."""
     jitter_periods: float = 0.05
     """rms"""
     speed_margin: float = 1.5

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dpr_lab.acquisition.gate import CHECKS, QualityReport, fastest_possible, judge
+from dpr_lab.acquisition.gate import CHECKS, DeviceWord, QualityReport, fastest_possible, judge
 from dpr_lab.acquisition.rest import pose_error, rest_motion
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -11,6 +11,7 @@ from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 
 RATE_HZ = 1000
+WORD = DeviceWord(real_time=True, no_clock_fit="", statuses=50, latched=0)
 
 
 @pytest.fixture
@@ -39,7 +40,7 @@ def _failed(verdict: QualityReport) -> list[str]:
 
 
 def test_good_run_passes_every_check(good: Run, rig: Rig) -> None:
-    verdict = judge(good, rig, duration=5.0, hanging=(0.001, -0.002))
+    verdict = judge(good, rig, duration=5.0, hanging=(0.001, -0.002), word=WORD)
     assert len(verdict.checks) == len(CHECKS)
     assert verdict.ok
     assert verdict.sentence == "ok"
@@ -57,7 +58,51 @@ def test_whole_turns_do_not_count_as_pose_error(good: Run, rig: Rig) -> None:
 def test_a_clock_no_crystal_could_have_degrades(good: Run, rig: Rig, rate: float, std: float, ok: bool) -> None:
     verdict = judge(replace(good, clock={"rate_ppm": rate, "rate_ppm_std": std}), rig, duration=5.0)
     assert verdict.ok == ok
-    assert ok or f"clock runs {rate:+.0f} ppm off" in verdict.sentence
+    assert ok or "the device's clock runs" in verdict.sentence
+
+
+FIT = {"rate_ppm": -80.0, "rate_ppm_std": 20.0}
+ARRIVAL = {"arrival_ppm": -200.0, "arrival_margin_ppm": 900.0}
+FAST = {"arrival_ppm": 50_000.0, "arrival_margin_ppm": 4_000.0}
+
+
+@pytest.mark.parametrize(
+    ("clock", "word", "failed", "says"),
+    [
+        (FIT | ARRIVAL, WORD, [], "ok"),
+        (FIT, WORD, [], "ok"),
+        (
+            FIT | FAST,
+            WORD,
+            ["clock", "clock_fit"],
+            "by PONG the device's clock runs at -0.01 %, by its samples at +5.00",
+        ),
+        (
+            FAST,
+            replace(WORD, no_clock_fit="frozen"),
+            ["clock", "clock_fit"],
+            "runs 5.0 % fast (4.6 to 5.4) against this",
+        ),
+        (
+            ARRIVAL,
+            replace(WORD, no_clock_fit="frozen"),
+            ["clock_fit"],
+            "could not be checked by PING and PONG (frozen)",
+        ),
+        (ARRIVAL, WORD, ["clock_fit"], "although it calls its time simulated"),
+        ({"rate_ppm": 0.0, "rate_ppm_std": 4e4} | ARRIVAL, WORD, ["clock_fit"], "known to 4 % only"),
+        ({}, replace(WORD, real_time=False), [], "ok"),
+        (FIT, replace(WORD, latched=50), ["latch"], "50 of 50 STATUS messages said that the latch holds"),
+        (FIT, replace(WORD, latched=5), [], "ok"),
+        (FIT, replace(WORD, latched=2, statuses=2), [], "ok"),
+    ],
+)
+def test_what_the_device_reports_is_compared_with_what_arrives(
+    good: Run, rig: Rig, clock: dict[str, float], word: DeviceWord, failed: list[str], says: str
+) -> None:
+    verdict = judge(replace(good, clock=clock), rig, duration=5.0, word=word)
+    assert _failed(verdict) == failed
+    assert says in verdict.sentence
 
 
 def _drift(run: Run, rig: Rig) -> Run:
@@ -159,7 +204,9 @@ def test_each_check_fails_on_its_own_fault(name: str, good: Run, rig: Rig) -> No
 
 
 def test_every_check_has_a_fault_that_fails_it(good: Run, rig: Rig) -> None:
-    assert [check.name for check in judge(good, rig, duration=5.0).checks] == list(FAULTS)
+    of_the_device = {"clock_fit", "latch"}  # which test_what_the_device_reports_is_compared_with_what_arrives tries
+    checks = judge(good, rig, duration=5.0, word=WORD).checks
+    assert [check.name for check in checks if check.name not in of_the_device] == list(FAULTS)
 
 
 def test_rods_that_hung_askew_before_they_were_raised_degrade_the_run(good: Run, rig: Rig) -> None:

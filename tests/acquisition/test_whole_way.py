@@ -10,11 +10,10 @@ from mcap.reader import make_reader
 
 from dpr_lab.acquisition.capture import Captured, CaptureOptions, Progress, Released, SwingReading, capture, new_path
 from dpr_lab.acquisition.holding import PoseReading, RestReading
-from dpr_lab.errors import ConfigError, LinkError, RunError
+from dpr_lab.errors import ConfigError, LinkError
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.inspect import verify
 from dpr_lab.storage.reader import load_run
-from dpr_lab.workflows.reading import read_runs
 from firmware_protocol.messages import NUMBERS, Hold, Sample, State
 from tests.thinned import thinned
 
@@ -107,7 +106,7 @@ def test_rate_the_link_cannot_carry_is_refused_before_anything_moves(paper: Rig,
 def test_unknown_pose_and_foreign_encoders_are_configuration_errors(paper: Rig, tmp_path: Path, bench, agree) -> None:
     coarse = paper.model_copy(update={"encoders": paper.encoders.model_copy(update={"counts_per_rev": (4096,) * 3})})
     with bench() as (device, spy):
-        with pytest.raises(ConfigError, match=r"has no pose 'X9' \(there are: X1, X2, X3\)"):
+        with pytest.raises(ConfigError, match=r"has no pose 'X9'; there are: X1, X2, X3"):
             capture(device, paper, "X9", SHORT, tmp_path, confirm=agree)
         with pytest.raises(ConfigError, match=r"counts_per_rev = \[4096, 4096, 4096\], but the device .* \[16384"):
             capture(device, coarse, "X1", SHORT, tmp_path, confirm=agree)
@@ -176,14 +175,3 @@ def test_rig_file_is_stored_as_written(tmp_path: Path, bench, agree) -> None:
         options = CaptureOptions(duration=0.3, note="first light")
         captured = capture(device, rig, "X1", options, tmp_path, confirm=agree)
     assert load_run(captured.run_file, rig).rig_sha256 == rig.sha256
-
-
-@pytest.mark.slow
-def test_a_wrong_sample_clock_is_no_good_recording(paper: Rig, tmp_path: Path, bench, agree) -> None:
-    with bench(clock="realtime", drift_ppm=50_000.0) as (device, _):
-        captured = capture(device, paper, "X1", CaptureOptions(duration=3.0), tmp_path, confirm=agree)
-    assert "off the host's (limit 600" in captured.quality.sentence
-    files = [captured.run_file]
-    assert 40_000 < read_runs(files, paper, lambda event: None)[0].clock["rate_ppm"] < 60_000
-    with pytest.raises(RunError, match="--any-clock"):
-        read_runs(files, paper, lambda event: None, any_clock=False)

@@ -31,9 +31,11 @@ def table(title: str) -> list[dict[str, str]]:
 
 
 NUMBERS = {row["name"]: int(row["number"]) for row in table("Messages")}
-ORDER = [re.findall(r"[A-Z]{4,}", line)[0] for line in re.findall(r"^\d\. .*", section("A recording, in order"), re.M)]
+ORDER = [
+    re.findall(r"[A-Z]{4,}", line)[0] for line in re.findall(r"^\d\. .*", section("Sequence of a recording"), re.M)
+]
 COUNTERS, ANGLES = (
-    np.array([[float(row[name]) for name in names] for row in table("What the counters mean")])
+    np.array([[float(row[name]) for name in names] for row in table("Meaning of the counters")])
     for names in (("`position0`", "`position1`", "`position2`"), ("θ0", "θ1", "θ2"))
 )
 

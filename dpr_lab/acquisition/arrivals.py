@@ -1,0 +1,97 @@
+"""The device's clock from the arrival of its samples: ticks against the host's clock, without any help of the device.
+
+A sample cannot arrive before it was taken, so arrival = offset + tick * period + delay with delay >= 0. Buffers and a
+busy host make single delays long; the shortest delay of a stretch of time hardly changes. The line runs through those.
+"""
+
+from array import array
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class ArrivalSettings:
+    """How arrivals become a clock rate."""
+
+    bin_s: float = 0.05
+    """Of the reads in each bin of host time one is kept, the one with the shortest delay."""
+    block_s: float = 0.4
+    """Least length of a block, of which the shortest delay counts: longer than a link usually stalls."""
+    blocks: tuple[int, int] = (5, 32)
+    """Fewest and most blocks of a recording."""
+    rounds: int = 3
+    """Fits of the line: which read was the quickest of its block depends on the slope."""
+    shortest_s: float = 0.5
+    """A shorter recording does not show a rate."""
+    delay_drift_s: float = 0.01
+    """By how much the shortest delay of a link and a host may drift unseen during a recording: some time slices."""
+    central: tuple[float, float] = (0.1, 0.9)
+    """Quantiles between which the residuals of the blocks count; beyond are blocks that a stall covered whole."""
+
+
+ARRIVALS = ArrivalSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class ArrivalFit:
+    """The clock rate that arrivals show."""
+
+    arrival_ppm: float
+    """How much faster than nominal the samples come by the host's clock, parts per million."""
+    arrival_margin_ppm: float
+    """Bound on its error, parts per million: what changing delays can amount to over the length of the recording."""
+
+
+class Arrivals:
+    """Newest tick of each read and the host time of the read; one read is kept per bin."""
+
+    def __init__(self, rate_hz: float, settings: ArrivalSettings = ARRIVALS) -> None:
+        self._rate_hz, self._settings = rate_hz, settings
+        self._ticks, self._times = array("d"), array("d")
+        self._bin_end = -np.inf
+
+    def add(self, tick: int, host_time: float) -> None:
+        """Note that the sample of `tick` was the newest of a read at `host_time`, s."""
+        if host_time >= self._bin_end:
+            self._bin_end = host_time + self._settings.bin_s
+            self._ticks.append(tick)
+            self._times.append(host_time)
+        elif tick - self._ticks[-1] >= (host_time - self._times[-1]) * self._rate_hz:
+            self._ticks[-1], self._times[-1] = tick, host_time
+
+    def fit(self) -> ArrivalFit | None:
+        """The clock rate so far; None where too little has arrived."""
+        s = self._settings
+        device, host = np.array(self._ticks) / self._rate_hz, np.array(self._times)
+        if len(host) < s.blocks[0] or host[-1] - host[0] < s.shortest_s or device[-1] <= device[0]:
+            return None
+        host = host - host[0]
+        count = int(np.clip(host[-1] / s.block_s, *s.blocks))
+        block = np.minimum((host / host[-1] * count).astype(int), count - 1)
+        period = host[-1] / (device[-1] - device[0])
+        quickest = _quickest(host - period * device, block)
+        for _ in range(s.rounds):
+            period = _median_slope(device[quickest], host[quickest])
+            if not 0 < period < np.inf:
+                return None
+            quickest = _quickest(host - period * device, block)
+        residuals = host[quickest] - period * device[quickest]
+        scatter = float(np.diff(np.quantile(residuals, s.central))[0])
+        margin = (2 * scatter + s.delay_drift_s) / host[-1]
+        return ArrivalFit((1 / period - 1) * 1e6, margin / period * 1e6)
+
+
+def _quickest(delay: NDArray[np.float64], block: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Index of the read with the shortest delay of each block that has one."""
+    order = np.lexsort((delay, block))
+    return order[np.flatnonzero(np.diff(block[order], prepend=-1))]
+
+
+def _median_slope(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """Median of the slopes between all pairs of points (Theil-Sen)."""
+    first, second = np.triu_indices(len(x), 1)
+    run = x[second] - x[first]
+    slopes = (y[second] - y[first])[run > 0] / run[run > 0]
+    return float(np.median(slopes)) if len(slopes) else np.nan

@@ -1,0 +1,56 @@
+"""The device's clock from PING and PONG: the exchanges of a stream, their fit, and why there is none."""
+
+from collections import deque
+
+from dpr_lab.acquisition.settings import DeviceTiming
+from firmware_protocol.clock import FEWEST, ClockFit, Exchange, Pinger, fit_clock
+from firmware_protocol.messages import Ping, Pong
+
+
+class PingClock:
+    """When to ask a device for its time, and what its answers say.
+
+    Args:
+        timing: how often it is asked
+        now: host time from which it is asked, s
+    """
+
+    def __init__(self, timing: DeviceTiming, now: float) -> None:
+        self._timing = timing
+        self._pinger = Pinger()
+        self._exchanges: deque[Exchange] = deque(maxlen=timing.exchanges)
+        self._quick, self._sent, self._due_at = 0, 0, now
+
+    def restart(self, now: float) -> None:
+        """A stream has begun, and with it new ticks."""
+        self._exchanges.clear()
+        self._quick, self._sent, self._due_at = self._timing.quick_pings, 0, now
+
+    def due(self, now: float) -> Ping | None:
+        """The PING to send at the host time `now`, s, if one is due."""
+        if now < self._due_at:
+            return None
+        self._due_at = now + (self._timing.quick_ping_s if self._quick else self._timing.ping_s)
+        self._quick = max(0, self._quick - 1)
+        self._sent += 1
+        return self._pinger.ping(now)
+
+    def note(self, pong: Pong, host_time: float) -> None:
+        """Take in an answer that arrived at `host_time`, s."""
+        exchange = self._pinger.exchange(pong, host_time)
+        if exchange is not None:
+            self._exchanges.append(exchange)
+
+    def fit(self, rate_hz: float) -> tuple[ClockFit | None, str]:
+        """Ticks of the stream to host time, or None and the reason."""
+        exchanges = list(self._exchanges)
+        if len(exchanges) < FEWEST:
+            answers = f"{len(exchanges)} of {self._sent} PING commands were answered"
+            return None, answers.replace("0 of", "none of", 1) if not exchanges else answers
+        ticks = {exchange.ticks for exchange in exchanges}
+        try:
+            return fit_clock(exchanges, rate_hz), ""
+        except (ValueError, ZeroDivisionError):
+            frozen = f"all {len(exchanges)} PONG answers gave tick {min(ticks):.0f}"
+            few = f"{len(exchanges)} PONG answers gave only {len(ticks)} different ticks"
+            return None, frozen if len(ticks) == 1 else few

@@ -1,0 +1,53 @@
+"""Whether a link can lead to a device made of software: only such a device may run apart from the host's time."""
+
+import os
+import re
+from ipaddress import ip_address
+
+from dpr_lab.errors import LinkUrlError
+from dpr_lab.transports.discover import matching_ports
+from dpr_lab.transports.url import LinkUrl, parse_url
+
+_PSEUDO_TERMINAL = re.compile(r"/dev/(pts/\d+|ttys\d+)")
+"""Of Linux, and of macOS."""
+
+
+def leads_to_software(url: str) -> bool:
+    """Whether the link of a URL stays inside this computer: simulated, pseudo-terminal, loopback or virtual bus.
+
+    A serial port, an adapter or another computer is none of these, whatever the device behind it says.
+    """
+    try:
+        link = parse_url(url)
+    except LinkUrlError:
+        return False
+    match link.scheme:
+        case "sim":
+            return True
+        case "serial":
+            return _is_pseudo_terminal(link.host + link.path)
+        case "socket":
+            return _is_loopback(link.host)
+        case "can":
+            return _is_virtual_bus(link)
+        case _:
+            return False
+
+
+def _is_pseudo_terminal(pattern: str) -> bool:
+    ports = matching_ports(pattern) if "*" in pattern else [pattern]
+    return bool(ports) and all(_PSEUDO_TERMINAL.fullmatch(os.path.realpath(port)) for port in ports)
+
+
+def _is_loopback(place: str) -> bool:
+    host = place.rpartition(":")[0].strip("[]")
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _is_virtual_bus(link: LinkUrl) -> bool:
+    if link.host == "slcan":
+        return _is_pseudo_terminal(link.path)
+    return link.host == "virtual" or (link.host == "socketcan" and link.path.startswith("/vcan"))

@@ -1,0 +1,109 @@
+"""Devices whose clock is wrong, or that do not let it be checked, over real links: never a good recording."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.acquisition.capture import Captured, CaptureOptions, capture
+from dpr_lab.acquisition.device import Device
+from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
+from dpr_lab.storage.inspect import info
+from dpr_lab.transports import open_transport
+from dpr_lab.workflows.events import RunRead
+from dpr_lab.workflows.reading import read_runs
+from tests.thinned import thinned
+
+LINKS = ("pty", "slcan", "tcp:0", "virtual:wrong-clocks")
+SHORT = CaptureOptions(duration=1.5)
+Record = Callable[..., Captured]
+
+
+@pytest.fixture
+def record(bench, paper: Rig, tmp_path: Path, agree) -> Record:
+    def recorded(**options: object) -> Captured:
+        with bench(**{"clock": "realtime", **options}) as (device, _):
+            return capture(device, paper, "X1", SHORT, tmp_path, confirm=agree)
+
+    return recorded
+
+
+def _failed(captured: Captured) -> list[str]:
+    return [check.name for check in captured.quality.checks if not check.ok]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("link", thinned(LINKS, 2))
+def test_a_clock_off_by_5_percent_is_seen_without_any_answer_to_ping(link: str, record: Record, paper: Rig) -> None:
+    captured = record(link=link, drift_ppm=50_000.0, fault=("lose_pongs=1",))
+    assert _failed(captured) == ["clock", "clock_fit"]
+    assert "% fast (" in captured.quality.sentence
+    assert "PING commands were answered" in captured.quality.sentence
+    clock = info(captured.run_file).clock
+    assert abs(clock["arrival_ppm"] - 50_000.0) < clock["arrival_margin_ppm"]
+    with pytest.raises(RunError, match=r"runs .* % fast .* --any-clock"):
+        read_runs([captured.run_file], paper, lambda event: None, any_clock=False)
+
+
+@pytest.mark.slow
+def test_a_frozen_pong_does_not_hide_a_clock_that_runs_twice_as_fast(record: Record) -> None:
+    captured = record(drift_ppm=1e6, fault=("pong_scale=0",))
+    assert _failed(captured) == ["clock", "clock_fit"]
+    assert "PONG answers gave tick 0" in captured.quality.sentence
+
+
+@pytest.mark.slow
+def test_a_pong_of_another_timer_than_the_samples_is_seen(record: Record) -> None:
+    captured = record(drift_ppm=-50_000.0, fault=(f"pong_scale={1 / 0.95:.7f}",))
+    assert _failed(captured) == ["clock", "clock_fit"]
+    assert "% slow (" in captured.quality.sentence
+    assert "check which timer PONG reads" in captured.quality.sentence
+
+
+@pytest.mark.slow
+def test_a_run_without_a_clock_fit_is_degraded_and_read_with_a_warning(record: Record, paper: Rig) -> None:
+    captured = record(link="slcan", fault=("lose_pongs=1",))
+    assert _failed(captured) == ["clock_fit"]
+    events: list[RunRead] = []
+    read_runs([captured.run_file], paper, lambda event: events.append(event), any_clock=False)  # pyright: ignore
+    assert any("marked this recording as degraded: the device's clock" in note for note in events[0].notes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("firmware", ["python", "c"])
+def test_a_right_clock_is_good_whatever_the_firmware(firmware: str, record: Record) -> None:
+    captured = record(firmware=firmware)
+    assert captured.quality.ok, captured.quality.sentence
+    clock = info(captured.run_file).clock
+    assert abs(clock["arrival_ppm"]) < clock["arrival_margin_ppm"]
+
+
+def test_a_latch_that_is_reported_closed_throughout_the_swing_degrades_the_run(record: Record) -> None:
+    captured = record(clock="fast", fault=("stuck_latch=1",))
+    assert _failed(captured) == ["latch"]
+    assert "STATUS messages said that the latch holds" in captured.quality.sentence
+
+
+@dataclass
+class Elsewhere:
+    """A link to a simulated device that has the URL of a real one."""
+
+    inner: object
+    url: str
+
+    def __getattr__(self, name: str):
+        return getattr(self.inner, name)
+
+
+@pytest.mark.slow
+def test_a_device_on_a_real_port_cannot_call_its_time_simulated(simulated, paper: Rig, tmp_path: Path, agree) -> None:
+    """Its samples come many times too fast, which a simulated clock may and a real one may not."""
+    link = Elsewhere(open_transport(simulated(clock="fast").url), "serial:///dev/ttyACM0")
+    with Device(link) as device:  # pyright: ignore[reportArgumentType]
+        assert device.connect().simulated_time
+        assert not device.simulated_time
+        captured = capture(device, paper, "X1", CaptureOptions(duration=30.0), tmp_path, confirm=agree)
+    assert "clock" in _failed(captured)
+    assert info(captured.run_file).extra["simulated_time"] == "false"
