@@ -57,7 +57,9 @@ class Difference:
     """How far a parameter's mean lies from that of the first group."""
 
     group: int
+    """Number of the group, from 0."""
     change: float
+    """Mean of the group less that of the first, SI."""
     interval: tuple[float, float]
     """Simultaneous with those of all parameters, groups and change points, SI."""
 
@@ -67,6 +69,7 @@ class Moved:
     """What became of one parameter."""
 
     name: str
+    """Name of the parameter."""
     first: float
     """Mean of the first group, at the mean pose, SI."""
     scatter: float
@@ -78,9 +81,18 @@ class Moved:
     step: float
     """The change there: mean of all groups after it less that of all up to it, SI."""
     step_interval: tuple[float, float]
+    """Interval of the step, simultaneous with all others, SI."""
+    between: tuple[str, str]
+    """Names of the two groups that differ most: a later group and the first, or the last group before a change point
+    and the first after it."""
+    change: float
+    """The change between them: of the group's mean, or of the mean of all groups after the change point, SI."""
+    change_interval: tuple[float, float]
+    """Interval of the change, simultaneous with all others, SI."""
     p: float
     """Probability that chance alone makes any parameter look as much moved."""
     moved: bool
+    """Whether chance alone does not explain it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,13 +100,17 @@ class Drift:
     """What changed between groups of runs."""
 
     groups: tuple[str, ...]
+    """Names of the groups, in the order of time."""
     runs_of: tuple[int, ...]
     """How many runs each group has."""
     parameters: tuple[Moved, ...]
+    """What became of each parameter."""
     basis: Basis
+    """What the scatter of a run was taken from."""
     critical: float
     """Standard errors beyond which a contrast counts."""
     false_alarms: float
+    """Probability that anything is said to have moved while nothing has."""
 
     @property
     def moved(self) -> tuple[Moved, ...]:
@@ -144,6 +160,9 @@ def changes(
         t = np.abs(shifts[:, k]) / (s[k] * lengths)
         steps = np.arange(len(names) - 1, len(t))
         at = int(steps[np.argmax(t[steps])])
+        best = int(np.argmax(t))
+        later = best + 1 if best < len(names) - 1 else best - len(names) + 2
+        earlier = 0 if best < len(names) - 1 else later - 1
         intervals = [(float(x - r), float(x + r)) for x, r in zip(shifts[:, k], reach, strict=True)]
         parameters.append(
             Moved(
@@ -156,6 +175,9 @@ def changes(
                 after=at - len(names) + 1,
                 step=float(shifts[at, k]),
                 step_interval=intervals[at],
+                between=(names[earlier], names[later]),
+                change=float(shifts[best, k]),
+                change_interval=intervals[best],
                 p=float(np.mean(nothing >= t.max())),
                 moved=bool(t.max() > critical),
             )

@@ -13,7 +13,9 @@ class Occasion:
     """When and under which label a run was recorded."""
 
     name: str
-    at: datetime
+    """Name of the run."""
+    at: datetime | None
+    """When it was recorded; None where an imported table does not say it."""
     label: str
     """The operator's note, or the folder of the file where there is none."""
 
@@ -34,7 +36,7 @@ class Grouped:
     """Runs in the order of time, and the group of each."""
 
     order: tuple[int, ...]
-    """Places of the runs as they were given."""
+    """Places of the runs as they were given, in the order of time where all dates are known."""
     group: tuple[int, ...]
     """Of each run in that order."""
     names: tuple[str, ...]
@@ -49,9 +51,18 @@ def grouped(runs: Sequence[Occasion], by: str) -> Grouped:
         by: a name of `KEYS`
 
     Raises:
-        RunError: fewer than two groups.
+        RunError: fewer than two groups, or groups by date of runs whose date is not known.
     """
-    order = sorted(range(len(runs)), key=lambda i: (runs[i].at, i))
+    undated = [run.name for run in runs if run.at is None]
+    if undated and by != "label":
+        names = ", ".join(undated[:3]) + (f" and {len(undated) - 3} more" if len(undated) > 3 else "")
+        raise RunError(
+            f"groups by {by} need to know when each run was recorded; {len(undated)} of {len(runs)} do not say it:"
+            f" {names}. Import their tables again with --recorded-at 2026-03-01T14:30, or group by note or folder:"
+            " --by label"
+        )
+    # Runs without a date keep their place among the others.
+    order = list(range(len(runs))) if undated else sorted(range(len(runs)), key=lambda i: (_instant(runs[i]), i))
     keys = KEYS[by]([runs[i] for i in order])
     names = tuple(dict.fromkeys(keys))
     if len(names) < 2:
@@ -62,14 +73,20 @@ def grouped(runs: Sequence[Occasion], by: str) -> Grouped:
     return Grouped(tuple(order), tuple(names.index(key) for key in keys), names)
 
 
+def _instant(run: Occasion) -> datetime:
+    assert run.at is not None
+    return run.at.astimezone()
+
+
 def _days(runs: Sequence[Occasion]) -> list[str]:
-    return [f"{run.at.astimezone():%Y-%m-%d}" for run in runs]
+    return [f"{_instant(run):%Y-%m-%d}" for run in runs]
 
 
 def _sessions(runs: Sequence[Occasion]) -> list[str]:
-    names = [f"{runs[0].at.astimezone():%Y-%m-%d %H:%M}"] if runs else []
+    names = [f"{_instant(runs[0]):%Y-%m-%d %H:%M}"] if runs else []
     for before, run in pairwise(runs):
-        names.append(f"{run.at.astimezone():%Y-%m-%d %H:%M}" if run.at - before.at > GROUPS.pause else names[-1])
+        later = _instant(run) - _instant(before) > GROUPS.pause
+        names.append(f"{_instant(run):%Y-%m-%d %H:%M}" if later else names[-1])
     return names
 
 

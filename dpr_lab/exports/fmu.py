@@ -28,10 +28,9 @@ OUTPUTS = ("theta1", "theta2", "omega1", "omega2", "encoder1", "encoder2")
 class DoublePendulum(Fmi3Slave):
     """Joint torques in, N m; angles, speeds and encoder readings out, rad and rad/s."""
 
-    description = "double pendulum corrected by dpr-lab"
-
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
+        self.description = f"double pendulum corrected by dpr-lab. {SCALE}"
         for name in (*OUTPUTS, "time", "torque1", "torque2"):
             setattr(self, name, 0.0)
         self.theta1_start, self.theta2_start, self.omega1_start, self.omega2_start = math.pi, math.pi, 0.0, 0.0

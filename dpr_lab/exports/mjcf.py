@@ -102,6 +102,7 @@ def mjcf(model: Model, rig: Rig) -> str:
     left = [name for name in model.effects if name not in said]  # in the passive force, where it is known
     told = f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed."
     element(custom, "text", name="left_out", data=told)
+    element(custom, "text", name="scale", data=model.scale_sentence)
     friction, world = rest_friction(model.effects, rig), element(root, "worldbody")
     parent = _arm(world, made) if made.arm else world
     inner = _rod(parent, made.rods[0], 1, f"0 {-made.arm.length!r} 0" if made.arm else "", friction[0])

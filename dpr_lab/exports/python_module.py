@@ -71,6 +71,7 @@ import numpy as np
 
 inf, nan = math.inf, math.nan
 RIG = {rig!r}
+SCALE = {scale!r}
 LEFT_OUT = {left_out!r}  # named too: of drives, or unknown to the dpr-lab that wrote this
 EFFECTS = {effects!r}
 L1, L2, G = {L1!r}, {L2!r}, {g!r}
@@ -209,6 +210,7 @@ def module_text(
     simulated = RigModel(gravity, constants, arm, (0.0, 0.0), None, Acting(*map(bool, acts)))  # type: ignore[arg-type]
     head = _HEAD.format(
         rig=model.rig.name,
+        scale=model.scale_sentence,
         left_out=[name for name in model.effects if name not in effects],
         effects=effects,
         L1=model.rig.L1,

@@ -60,7 +60,7 @@ def _best_fit(problem: Problem, effects: Effects, ratios: Sequence[Array], initi
     """The best of the fits that begin with these ratios: one far off ends where it began."""
     params, fits = effect_params(effects), []
     for begun in ratios:
-        at = Estimate(begun, params, initial)
+        at = Estimate.of(begun, params, initial)
         of_rods = [effect for effect in effects if EFFECTS[effect].stage in MOVING]
         fits.append(fit(problem, at, free_parameters(at, of_rods, problem), iterations=20))
     return min(fits, key=lambda item: item.chi2).estimate

@@ -22,6 +22,7 @@ def sdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
     said = in_words(model, rig, WORDS)
     made = bodies(model, rig, said)
     root = element(None, "sdf", version="1.10")
+    comment(root, model.scale_sentence)
     comment(root, f"left out: {json.dumps(dict(lost), ensure_ascii=False)}")
     world = element(root, "world", name="lab")
     pull = made.gravity * math.sin(made.tilt), 0.0, -made.gravity * math.cos(made.tilt)

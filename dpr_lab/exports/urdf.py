@@ -22,6 +22,7 @@ def urdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
     said = in_words(model, rig, WORDS)
     made = bodies(model, rig, said)
     root = element(None, "robot", name=model.rig.name)
+    comment(root, model.scale_sentence)
     comment(root, f"left out: {json.dumps(dict(lost), ensure_ascii=False)}")
     element(root, "link", name="world")
     element(root, "link", name="base")

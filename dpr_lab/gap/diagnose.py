@@ -1,5 +1,7 @@
 """From runs to a diagnosis: screen, bare model, where, which, how sure, how far, what next."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -11,11 +13,13 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.families import expected_of
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.pieces import in_pieces
 from dpr_lab.gap.data.record import record
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.evidence.evidence import evidence
+from dpr_lab.gap.inference.description import description
 from dpr_lab.gap.inference.free_run import free_runs
 from dpr_lab.gap.inference.out_of_sample import Unseen, held_out_runs
 from dpr_lab.gap.inference.posterior import effect_posterior
@@ -31,42 +35,51 @@ from dpr_lab.gap.selection.hypothesis import Hypothesis
 from dpr_lab.gap.selection.select import select
 from dpr_lab.gap.selection.selected import Selection
 from dpr_lab.gap.selection.thresholds import far_from_noise
+from dpr_lab.identification.misread.refuse import refuse_negative_scale
+from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, as_runs
 
 STAGES = ("screen", "bare model", "where", "which", "classes", "how far", "advice", "evidence")
 """Names of the stages, in order."""
 
 
+@solvable
 def diagnose(
-    runs: Sequence[Run],
+    runs: Run | Sequence[Run],
     rig: Rig,
     *,
-    held_out: Sequence[Run] = (),
-    library: Mapping[str, Effect] = EFFECTS,
+    held_out: Run | Sequence[Run] = (),
+    library: Mapping[str, Effect] | None = None,
     max_effects: int = 4,
     start: NDArray[np.float64] | None = None,
     seed: int = 0,
-    on_progress: Callable[[StageBegan | FitBegan | ScoreTestBegan], None] = lambda event: None,
+    on_progress: Callable[[StageBegan | FitBegan | ScoreTestBegan], None] | None = None,
 ) -> Diagnosis:
     """Say where simulation and rig differ, which effects cause it, how sure that is, and how much of it closes.
 
     Args:
-        runs: what was recorded; three releases or more tell effects apart best
+        runs: what was recorded, one run or several; three releases or more tell effects apart best
         rig: lengths, masses and encoders
         held_out: recordings that only measure how far the gap closes
-        library: the effects to choose from
+        library: the effects to choose from; all of `dpr_lab.effects.EFFECTS` by default
         max_effects: at most so many at once
         start: (7,) ratios, b and p/b to start from; the rig file's values by default
         seed: of the bootstrap; same seed, same answer
-        on_progress: told what is being done
+        on_progress: called with each stage, fit and score test as it begins
 
     Raises:
-        RunError: no runs, or one too short to fit.
+        RunError: no runs, or one that is too short or without motion.
+        IdentificationError: known torques or masses fit only a negative inertia.
     """
+    runs, held_out = as_runs(runs), as_runs(held_out)
+    on_progress = on_progress or (lambda event: None)
+    library = EFFECTS if library is None else library
     if not runs:
         raise RunError("no runs to diagnose")
+    for run in (*runs, *held_out):
+        refuse_without_motion(run, rig)
 
     def begin(stage: str) -> None:
         on_progress(StageBegan(STAGES.index(stage) + 1, len(STAGES), stage))
@@ -110,12 +123,14 @@ def diagnose(
         recordings, problem, bare = fit_bare_model(replace(recordings, exact_torques=True), begun)
         places = locate(problem, bare)
         apart, selection = choose(recordings, problem, bare)
+    refuse_negative_scale(selection.chosen.fit.estimate.ratios, runs, rig)
     unseen = replace(unseen, ratios=recordings.ratios)
     begin("classes")
     posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
     begin("how far")
     transferred = transfer(recordings, apart, problem, selection, np.random.default_rng(seed))
     posteriors = transferred.judged(posteriors)
+    described = description(runs, rig, selection, transferred)
     everything = recordings.only([*recordings.records, *unseen.records])
     models = {"before": selection.base, "after": selection.chosen}
     freely = {name: free_runs(everything, at.fit.estimate) for name, at in models.items()}
@@ -124,7 +139,7 @@ def diagnose(
     advice = advise(recordings, selection.chosen, posteriors)
     spread = covariance(problem, selection.chosen, rig)
     findings = Findings(
-        recordings, problem, selection, posteriors, transferred, places, size, tuple(advice), spread, cut
+        recordings, problem, selection, posteriors, transferred, described, places, size, tuple(advice), spread, cut
     )
     begin("evidence")
     rests_on = evidence(recordings, unseen, problem, selection, transferred, freely)

@@ -1,5 +1,7 @@
 """A model beside a measurement: segment residuals, and a free run as far as it can be predicted."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,10 +12,12 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.dynamics.segments import STEP, segments
 from dpr_lab.effects import effect_params
+from dpr_lab.errors import RunError
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, Estimate
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import OutputModel
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
+from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.ratio_fit import (
@@ -34,7 +38,9 @@ class Comparison(Shown):
     """One run against one model. All arrays share the run's instants from the release on."""
 
     run: str
+    """Name of the run."""
     pose: str | None
+    """Name of the pose it was released from."""
     held_out: bool
     """Whether the run took no part in the identification."""
     t: NDArray[np.float64]
@@ -53,6 +59,7 @@ class Comparison(Shown):
     noise_rad: NDArray[np.float64]
     """(2,) noise floor by axis, rad."""
     segments: int
+    """Number of segments with free initial states."""
     segment_rms_rad: NDArray[np.float64]
     """(2,) root mean square of measured - tracked, rad."""
     free_run_rms_rad: NDArray[np.float64]
@@ -97,6 +104,7 @@ class Followed:
     """A run followed by a model from segment to segment; a free run can start where a segment does."""
 
     preprocessed: PreprocessedRun
+    """The run with its velocities and noise."""
     bare: RatioFit
     """The rods alone, from which a horizon is told."""
     simulated: OutputModel
@@ -108,6 +116,7 @@ class Followed:
     tracked: NDArray[np.float64]
     """(n, 2) simulated segment by segment, rad."""
     held_out: bool
+    """Whether the run took no part in the identification."""
 
 
 def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
@@ -121,6 +130,7 @@ def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
     return compare_followed(follow(run, rig, model))
 
 
+@solvable
 def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
     """Fit the initial states of a run's segments to a model.
 
@@ -150,7 +160,7 @@ def _with_effects(bare: RatioFit, rig: Rig, model: Model) -> RatioFit:
     leads = firsts - np.array([segment_start(first) for first in firsts.tolist()])
     initial = bare.fit.estimate.initial.copy()
     initial[:, :2] -= leads[:, None] * initial[:, 2:]  # a segment with effects starts a moment before its first sample
-    start = Estimate(model.unknowns, effect_params(model.effects), initial, bare.fit.estimate.zeros)
+    start = Estimate.of(model.unknowns, effect_params(model.effects), initial, bare.fit.estimate.zeros)
     return RatioFit(problem, fit(problem, start, (), iterations=15, settings=TO_THE_MINIMUM))
 
 
@@ -164,18 +174,28 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
     laid_out = followed.bare.problem.segments
     index = max(int(np.searchsorted(laid_out.t[laid_out.offsets[:-1]], at_s, side="right")) - 1, 0)
     t = laid_out.t[laid_out.offsets[index] :]
-    begun = replace(followed.estimate, initial=followed.estimate.initial[index : index + 1])
+    begun = followed.estimate.changed(initial=followed.estimate.initial[index : index + 1])
     onward = segments([t], setups=laid_out.setups, step=followed.step)
     problem = replace(followed.bare.problem, segments=onward, model=followed.simulated)
     return FreeRun(t, problem.joints.to_rods(problem.predict(begun)), predictable_until(followed.bare, index, t))
 
 
 def compare_followed(followed: Followed) -> Comparison:
-    """What `compare_run` gives, of a run that was followed already."""
+    """What `compare_run` gives, of a run that was followed already.
+
+    Raises:
+        RunError: the model cannot follow the readings.
+    """
     run, noise = followed.preprocessed.run, followed.preprocessed.noise
     t, measured = run.t, run.theta[:, 1:]
     freely = free_run_from(followed, t[0])
     predictable = t <= freely.horizon_s
+    segment_rms, free_run_rms = _rms(measured - followed.tracked), _rms((measured - freely.theta)[predictable])
+    if not np.isfinite([*segment_rms, *free_run_rms]).all():
+        raise RunError(
+            f"{run.file or run.name}: the model cannot follow these readings: check zero, unit, sign and order of the"
+            " angles and the unit of time, or leave the run out"
+        )
     return Comparison(
         run=run.name,
         pose=run.pose,
@@ -187,8 +207,8 @@ def compare_followed(followed: Followed) -> Comparison:
         horizon_s=freely.horizon_s,
         noise_rad=np.sqrt(np.diag(noise.covariance)),
         segments=followed.bare.segments,
-        segment_rms_rad=_rms(measured - followed.tracked),
-        free_run_rms_rad=_rms((measured - freely.theta)[predictable]),
+        segment_rms_rad=segment_rms,
+        free_run_rms_rad=free_run_rms,
         torque_kind=run.torque_kind,
     )
 

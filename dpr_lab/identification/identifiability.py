@@ -13,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS, base_parameters, whole_parameters
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, unknown_ratios
 from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
 from dpr_lab.identification.expected import expected_releases, information_root
-from dpr_lab.identification.instruments import INSTRUMENTS, Instrument
+from dpr_lab.identification.instruments import INSTRUMENTS, BenchReading, Instrument
 from dpr_lab.identification.model import ParameterValue
 from dpr_lab.identification.prior_update import unknown_jacobian
 from dpr_lab.identification.ratio_fit import fit_ratios
+from dpr_lab.identification.scaling.prior_spread import loose90
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.shown import Row, Shown
 
@@ -36,17 +38,28 @@ class AdviceSettings:
 
 SETTINGS = AdviceSettings()
 
+CRAMER_RAO_NOTE = (
+    "Cramér-Rao: the least standard deviation of any unbiased estimate if residuals were independent, of the size that"
+    " the fit leaves. `identify` prints larger ones where the model misses something, because it includes misfit"
+    " inflation: such residuals are correlated in time."
+)
+"""Why two standard deviations are printed for one ratio."""
+
 
 @dataclass(frozen=True, slots=True)
 class Advice:
     """One bench measurement and what it would bring."""
 
     name: str
+    """Name of the measurement."""
     how: str
+    """What to do, as an instruction."""
     frees: tuple[str, ...]
     """Parameters that it fixes and that were not fixed without it."""
     gain_bits: float
     """Sum over the parameters of log2(std before / std after), bounds as priors: halvings of one spread."""
+    quantity: BenchReading
+    """What is read."""
 
     @property
     def sentence(self) -> str:
@@ -62,7 +75,10 @@ class Advice:
     def to_json(self) -> dict[str, Any]:
         """The same as plain JSON values."""
         names = ("name", "how", "gain_bits", "sentence")
-        return {name: getattr(self, name) for name in names} | {"frees": list(self.frees)}
+        return {name: getattr(self, name) for name in names} | {
+            "frees": list(self.frees),
+            "quantity": asdict(self.quantity),
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +184,7 @@ def identifiability(
         unknowns=_named([UNKNOWN_RATIOS[i] for i in places], values),
         cramer_rao_std=_named([UNKNOWN_RATIOS[i] for i in places], values * spread(root * values)),
         null_space=tuple(simple_basis(free_directions(known))),
-        parameters=_parameters(known, bounds, rig, Z),
+        parameters=_parameters(known, bounds, rig, Z, places),
         helps=_helps(data, bounds, rig, Z),
         advice=tuple(sorted(_advice(answers, known, bounds).values(), key=_worth, reverse=True)),
         sequence=_sequence(answers, known, bounds),
@@ -208,14 +224,21 @@ def _bounded_spread(known: NDArray[np.float64], bounds: NDArray[np.float64]) -> 
 
 
 def _parameters(
-    known: NDArray[np.float64], bounds: NDArray[np.float64], rig: Rig, Z: NDArray[np.float64]
+    known: NDArray[np.float64],
+    bounds: NDArray[np.float64],
+    rig: Rig,
+    Z: NDArray[np.float64],
+    visible: Sequence[int],
 ) -> dict[str, ParameterValue]:
     loose, std = np.isinf(spread(known)), Z * _bounded_spread(known, bounds)
+    reach = NORMAL_Q90 * std
+    wide = loose90(Z, unknown_ratios(whole_parameters(Z, rig.L1, rig.g)), rig, visible)
     return {
         name: ParameterValue(
             value=float(Z[i]),
             std=None if loose[i] else float(std[i]),
             fixed_by="measured" if not rig.searched[i] else "bound" if loose[i] else "data",
+            interval90=wide[name] if loose[i] else (float(Z[i] - reach[i]), float(Z[i] + reach[i])),
         )
         for i, name in enumerate(PARAMETERS)
     }
@@ -248,7 +271,7 @@ def _advice(
         freed = loose & ~np.isinf(spread(more)) if loose.any() else loose
         gain = np.sum(np.log2(before / _bounded_spread(more, bounds)))
         frees = tuple(name for name, is_freed in zip(PARAMETERS, freed, strict=True) if is_freed)
-        found[instrument] = Advice(instrument.name, instrument.how, frees, float(gain))
+        found[instrument] = Advice(instrument.name, instrument.how, frees, float(gain), instrument.quantity)
     return found
 
 

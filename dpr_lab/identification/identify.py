@@ -1,5 +1,7 @@
 """Runs and a rig in, an identified model out: search globally, finish at the noise floor, say what was fixed."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
-from dpr_lab.errors import ConfigError, IdentificationError, RunError
+from dpr_lab.errors import ConfigError, IdentificationError, RunError, unknown_name
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE
 from dpr_lab.identification.expected import expected_information
 from dpr_lab.identification.identifiability import Identifiability, identifiability, summary
 from dpr_lab.identification.merging import merge_segments
-from dpr_lab.identification.misread import refuse_impossible, refuse_misread
+from dpr_lab.identification.misread.refuse import refuse_impossible, refuse_misread, refuse_negative_scale
+from dpr_lab.identification.misread.solvable import solvable
+from dpr_lab.identification.misread.tried import second_look
 from dpr_lab.identification.model import (
     Covariance,
     EstimatedValue,
@@ -32,9 +36,11 @@ from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.prior_update import prior_ratio_std, update_prior
 from dpr_lab.identification.profile import profile90
 from dpr_lab.identification.ratio_fit import RatioFit, predictable_until, short_fit
+from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.identification.uncertainty import RatioUncertainty, uncertainty
 from dpr_lab.rig import PARAMETERS, Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, as_runs
 from dpr_lab.search import ALGORITHMS, load_search
 from dpr_lab.search.problem import Generation
 from dpr_lab.search.settings import SearchSettings
@@ -49,6 +55,8 @@ class IdentifySettings:
 
     gap_warning: float = 3.0
     """Reduced chi-square above which the model clearly misses something."""
+    doubted: float = 20.0
+    """Reduced chi-square above which other readings of the runs are tried."""
     hardly_seen: float = 0.5
     """Standard deviation of a ratio, of its value, from which the runs do not tell it."""
 
@@ -58,8 +66,9 @@ SETTINGS = IdentifySettings()
 FRICTION_NAMES = tuple(RATIOS[i] for i in FRICTION)
 
 
+@solvable
 def identify(
-    runs: Sequence[Run],
+    runs: Run | Sequence[Run],
     rig: Rig,
     *,
     objective: str = "segments",
@@ -77,7 +86,7 @@ def identify(
     then over ever longer ones as far as the model follows, give the ratios and their covariance.
 
     Args:
-        runs: what was recorded; two of the three poses are enough
+        runs: what was recorded, one run or several; two of the three poses are enough
         rig: bounds, measured values, encoders
         objective: a name of `OBJECTIVES`: `segments` (chaos-safe, default) or `paper` (E(Z), docs/theory.md equation 2)
         search: a name of `ALGORITHMS`
@@ -94,6 +103,7 @@ def identify(
         IdentificationError: not one candidate inside the bounds could be simulated, or the recordings are of no such
             rig: read with another zero, unit, sign or order than they were written with.
     """
+    runs = as_runs(runs)
     if not runs:
         raise RunError("no runs to identify from")
     chosen = _choose(OBJECTIVES, objective, "objective")
@@ -149,16 +159,21 @@ def polish(Z: NDArray[np.float64], runs: Sequence[PreprocessedRun], rig: Rig) ->
     found = merge_segments(short_fit(Z if searched else rig.nominal, runs, rig))
     if not all(setup.held for setup in setups):
         refuse_impossible(found.ratios, rig)
+    if SCALE in found.visible:
+        refuse_negative_scale(found.fit.estimate.ratios, [item.run for item in runs], rig)
     return found
 
 
-def identifiability_of(runs: Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None) -> Identifiability:
+@solvable
+def identifiability_of(
+    runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
+) -> Identifiability:
     """What free swings of a rig can and cannot tell, and what to measure next.
 
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
     Args:
-        runs: recordings; none for releases simulated from the rig's poses at the rig file's values
+        runs: one recording or several; none for releases simulated from the rig's poses at the rig file's values
         rig: bounds, measured values, encoders and poses
         tell: takes a sentence on what was done otherwise than one might think
 
@@ -167,16 +182,17 @@ def identifiability_of(runs: Sequence[Run], rig: Rig, tell: Callable[[str], obje
         RunError: a run that cannot be used.
         IdentificationError: what was found can be no rig's.
     """
-    tell = tell or (lambda sentence: None)
+    tell, runs = tell or (lambda sentence: None), as_runs(runs)
     if not runs:
         if not rig.poses:
             raise ConfigError(f"{rig.path}: poses: there are none to simulate; add [poses.X1], or name recorded runs")
         tell(f"no runs given: simulated releases from {', '.join(rig.poses)}, at the rig file's values")
         return identifiability(expected_information(rig.nominal, rig), rig)
+    refuse_misread(runs, rig)
     found = polish(rig.nominal, [preprocess(run, rig) for run in runs], rig)
     if not found.fit.converged:
         tell("warning: the fit from the rig file's values did not settle; run `dpr-lab identify` for a global search")
-    sure = uncertainty(found)
+    sure = _determined(uncertainty(found))
     nine, _ = update_prior(sure.values, sure.covariance, rig, found.visible)
     Z = np.array([value.value for value in nine.values()])
     # What the model misses is no better than noise of that size.
@@ -191,24 +207,28 @@ def _suited(name: str, search: str) -> SearchSettings:
 
 def _choose(table: Mapping[str, Entry], name: str, kind: str) -> Entry:
     if name not in table:
-        raise ConfigError(f"no {kind} named {name!r}; there are: {', '.join(table)}")
+        raise ConfigError(unknown_name(f"no {kind} named {name}", name, table))
     return table[name]
 
 
 def _model(found: RatioFit, runs: Sequence[PreprocessedRun], rig: Rig, search: SearchRecord, profile: bool) -> Model:
-    sure = uncertainty(found)
+    sure = _determined(uncertainty(found))
     noise = np.sqrt(np.mean([np.diag(item.noise.covariance) for item in runs], axis=0))
     measured = np.concatenate([item.run.theta[:, 1:] for item in runs])
     rms = np.sqrt(np.mean((measured - found.predicted) ** 2, axis=0))
+    ratios = {name: _ratio(found, sure, rig, name, profile) for name in RATIOS}
     parameters, base = update_prior(sure.values, sure.covariance, rig, found.visible)
+    scale, unknown = _scale(found, sure, rig, base["b"]), found.fit.estimate.ratios
+    parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, found.visible)
     return Model(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
-        ratios={name: _ratio(found, sure, rig, name, profile) for name in RATIOS},
+        ratios=ratios,
         covariance=Covariance(order=list(sure.names), matrix=sure.covariance.tolist()),
         cramer_rao_std=dict.fromkeys(RATIOS, 0.0) | _of_ratios(sure.names, sure.cramer_rao_std),
         p_over_b=float(found.fit.estimate.ratios[ON_ELBOW]) if any(item.run.setup.alone for item in runs) else None,
         parameters=parameters,
         base=base,
+        scale=scale,
         identifiability=_identifiable(found, sure, rig, np.array([value.value for value in parameters.values()])),
         fit=FitSummary(
             rms_rad=dict(zip(("theta1", "theta2"), rms.tolist(), strict=True)),
@@ -221,9 +241,23 @@ def _model(found: RatioFit, runs: Sequence[PreprocessedRun], rig: Rig, search: S
         search=search,
         runs=[_used(i, runs[i], found) for i in range(len(runs))],
         warnings=_warnings(found, sure) + _beyond_bounds(parameters, rig),
-        failures=_failures(found, sure),
+        failures=_failures(found, sure) + _misread(found, [item.run for item in runs], rig),
         version=__version__,
     )
+
+
+def _determined(sure: RatioUncertainty) -> RatioUncertainty:
+    """The same uncertainty.
+
+    Raises:
+        IdentificationError: it is not finite, so that the runs determine nothing.
+    """
+    if not (np.isfinite(sure.values).all() and np.isfinite(sure.covariance).all()):
+        raise IdentificationError(
+            "these runs do not determine the ratios: no finite uncertainty. Record larger and longer swings, and check"
+            " zero, unit, sign and order of the angles"
+        )
+    return sure
 
 
 def _of_ratios(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float]:
@@ -245,6 +279,14 @@ def _ratio(found: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, profile
     )
 
 
+def _scale(found: RatioFit, sure: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
+    """The scale of absolute sizes: seen by the runs, or the rig file's."""
+    if SCALE not in found.visible:
+        return scale_of(b, found.fit.estimate.ratios, rig, found.visible)
+    low, high = sure.interval90(list(found.visible).index(SCALE))
+    return Scale(b=b.value, interval90=(max(low, 1e-3 * b.value), high), fixed_by="data")
+
+
 def _profile(found: RatioFit, sure: RatioUncertainty, index: int) -> tuple[float | None, float | None]:
     low, high = profile90(found, sure, index)
     return low if np.isfinite(low) else None, high if np.isfinite(high) else None
@@ -254,6 +296,12 @@ def _identifiable(found: RatioFit, sure: RatioUncertainty, rig: Rig, Z: NDArray[
     seen = sure.information / max(1.0, found.chi2_per_dof)  # what the model misses is no better than noise of that size
     told = identifiability(seen, rig, Z, lengths=False, visible=found.visible)
     return Identifiable.model_validate(summary(told))
+
+
+def _misread(found: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
+    """What speaks against the description of runs that the model is far from explaining."""
+    look = second_look(runs, rig) if found.chi2_per_dof > SETTINGS.doubted else None
+    return [look.sentence] if look and look.sentence else []
 
 
 def _used(index: int, item: PreprocessedRun, found: RatioFit) -> RunUsed:

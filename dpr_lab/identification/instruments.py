@@ -1,4 +1,4 @@
-"""Bench measurements that tell what a free swing cannot: each is one line of `INSTRUMENTS`."""
+"""Bench measurements of what a free swing cannot show: each is one line of `INSTRUMENTS`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +14,17 @@ from dpr_lab.rig_tables import AddedMass
 
 
 @dataclass(frozen=True, slots=True)
+class BenchReading:
+    """The quantity that an instrument reads."""
+
+    name: str
+    """In words: `mass of the outer rod`."""
+    unit: str
+    symbol: str
+    """The parameter of the rig file where it is one."""
+
+
+@dataclass(frozen=True, slots=True)
 class Instrument:
     """A measurement on the bench and how exact it usually is."""
 
@@ -24,6 +35,8 @@ class Instrument:
     """Standard uncertainty of what is read or known, SI."""
     how: str
     """What to do, as an instruction."""
+    quantity: BenchReading
+    """What is read."""
     answer: "Answer"
     """(self, Z, rig) -> (k, 9) derivative of its whitened readings with respect to the nine parameters, 1/SI."""
 
@@ -94,22 +107,27 @@ BENCH = BenchAccuracy()
 
 
 def _weigh(name: str, part: str) -> Instrument:
-    return Instrument(f"weigh {name}", (name,), (BENCH.scale_kg,), f"weigh {part} to 0.1 g", _one_parameter)
+    quantity = BenchReading(f"mass of {part}", "kg", name)
+    return Instrument(f"weigh {name}", (name,), (BENCH.scale_kg,), f"weigh {part} to 0.1 g", quantity, _one_parameter)
 
 
 def _balance(name: str, part: str) -> Instrument:
     how = f"balance {part} on an edge and measure from pivot to edge to 0.5 mm"
-    return Instrument(f"balance {name}", (name,), (BENCH.rule_m,), how, _one_parameter)
+    quantity = BenchReading(f"distance from pivot to centroid of {part}", "m", name)
+    return Instrument(f"balance {name}", (name,), (BENCH.rule_m,), how, quantity, _one_parameter)
 
 
 def _swing(rod: int, part: str) -> Instrument:
     how = f"hang {part} alone from its pivot and time twenty small swings to 0.02 s"
-    return Instrument(f"swing rod {rod} alone", (f"l{rod}", f"m{rod}", f"J{rod}"), (BENCH.swings_m,), how, _rod_alone)
+    parameters, equal = (f"l{rod}", f"m{rod}", f"J{rod}"), f"J{rod} / (m{rod} l{rod}) + l{rod} = g (T / 2 pi)^2"
+    quantity = BenchReading(f"length of the simple pendulum with the period T of {part}, {equal}", "m", f"h{rod}")
+    return Instrument(f"swing rod {rod} alone", parameters, (BENCH.swings_m,), how, quantity, _rod_alone)
 
 
 def _add_mass(rod: int, place: str, answer: Answer) -> Instrument:
     how = f"repeat the first pose's release with a weighed mass, about half of m2, fixed to {place}"
-    return Instrument(f"add mass to rod {rod}", PARAMETERS, (BENCH.scale_kg, BENCH.rule_m), how, answer)
+    quantity = BenchReading(f"added mass, fixed to {place}", "kg", "added mass")
+    return Instrument(f"add mass to rod {rod}", PARAMETERS, (BENCH.scale_kg, BENCH.rule_m), how, quantity, answer)
 
 
 INSTRUMENTS = (

@@ -77,7 +77,7 @@ def _fitted(found: RatioFit, pieces: list[_Piece]) -> RatioFit:
         run=np.array([piece.run for piece in pieces]),
         step=np.array([piece.step for piece in pieces]),
     )
-    start = replace(found.fit.estimate, initial=np.array([piece.initial for piece in pieces]))
+    start = found.fit.estimate.changed(initial=np.array([piece.initial for piece in pieces]))
     problem = replace(found.problem, segments=laid_out)
     if problem.disturbance is not None:
         problem = replace(problem, disturbance=driving_noise(problem, start))

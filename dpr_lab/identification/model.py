@@ -13,10 +13,11 @@ from dpr_lab.dynamics.base import BASE, RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError, printable
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.search import search_words
 from dpr_lab.shown import FIXED_BY, Row, Shown
-from dpr_lab.whole_file import write_text
+from dpr_lab.whole_file import regular, write_text
 
 RODS = ("theta1", "theta2")
 
@@ -47,8 +48,11 @@ class EstimatedValue(_Record):
     """A number with its standard deviation and 90 % interval."""
 
     value: Number
+    """The estimate, SI."""
     std: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    """Standard deviation, in the unit of the value."""
     interval90: tuple[Number, Number]
+    """90 % interval, in the unit of the value."""
     profile90: tuple[Number | None, Number | None] | None = None
     """90 % interval by profile likelihood, where it was asked for; None for an end without a bound."""
     fixed_by: Literal["data", "bound"] = "data"
@@ -63,29 +67,45 @@ class ParameterValue(_Record):
     """
 
     value: Number
+    """The value, SI."""
     std: Number | None
+    """Standard deviation, SI; None for a value that only bounds fix."""
     fixed_by: Literal["data", "measured", "bound"]
+    """What fixed it, as above."""
+    interval90: tuple[Number, Number] | None = None
+    """90 % interval by the recordings and the rig file; of a value that only bounds fix, by those bounds as a prior."""
 
 
 class RigFacts(_Record):
     """What a simulation needs of the rig besides the ratios."""
 
     name: str
+    """Name of the rig."""
     sha256: str
+    """SHA-256 of the rig file."""
     L1: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    """Distance of the two joints along the inner rod, m."""
     g: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    """Gravity, m/s^2."""
 
 
 class RunUsed(_Record):
     """A run that the model was identified from."""
 
     file: str
+    """Its run file, or its name."""
     sha256: str
+    """SHA-256 of the file; empty where there is none."""
     pose: str | None = None
+    """Name of the pose it was released from."""
     samples: int = 0
+    """Number of samples."""
     duration_s: Number = 0.0
+    """From the release to the last sample, s."""
     chi2_per_dof: Number | None = None
+    """Squared residual over noise variance and degrees of freedom, of this run alone."""
     segments: int = 0
+    """Number of segments with free initial states."""
     horizon_s: Number | None = None
     """How long a free run from the fitted initial state can be predicted: until its uncertainty fills 0.1 rad."""
     torque_kind: str = ""
@@ -98,7 +118,9 @@ class Covariance(_Record):
     """A covariance matrix with the order of its rows."""
 
     order: list[str]
+    """Names of the n unknowns, in the order of rows and columns."""
     matrix: list[list[Number]]
+    """(n, n), SI."""
 
     @model_validator(mode="after")
     def _square(self) -> "Covariance":
@@ -115,6 +137,7 @@ class Identifiable(_Record):
     """What the runs can tell of the nine parameters at all."""
 
     rank: int
+    """How many of the nine directions the runs see."""
     null_space: list[dict[str, Number]]
     """Relative changes of the parameters that leave every swing as it is."""
     advice: list[str]
@@ -129,24 +152,34 @@ class FitSummary(_Record):
     noise_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
     """Noise floor by axis, from the rest before the release, quantisation or differences."""
     segments: int
+    """Number of segments with free initial states."""
     chi2_per_dof: Number
     """Squared residual over noise variance and degrees of freedom; 1 = nothing left but noise."""
     iterations: int
+    """Iterations of the local solver."""
     longest_segment_s: Number
+    """Length of the longest segment, s."""
 
 
 class SearchRecord(_Record):
     """What the search did, generation by generation."""
 
     algorithm: str
+    """A name of `dpr_lab.search.ALGORITHMS`."""
     objective: str
+    """A name of `dpr_lab.identification.objectives.OBJECTIVES`."""
     seed: int
+    """Seed of everything random."""
     evaluations: int
+    """Number of candidates simulated."""
     seconds: Number
+    """Time it took, s."""
     generations: int
+    """Number of the last generation."""
     best: dict[str, Number]
     """The best individual of the search, before the local solver."""
     best_cost: Number
+    """Cost of the best individual, in the unit of the objective."""
     history: dict[str, list[Number]]
     """Columns over generations: `evaluations`, `best_cost`, `best_fitness`, `population_fitness`."""
 
@@ -155,18 +188,27 @@ class Model(Shown, _Record):
     """An identified model: five ratios with intervals, nine values with what fixed each, and how it was found."""
 
     rig: RigFacts
+    """The rig that it is of."""
     ratios: Annotated[dict[str, EstimatedValue], AfterValidator(by_name(RATIOS))]
     """a/b, d/b, e1/b, c1/b, c2/b: all that a free swing fixes (physics: the equation is homogeneous)."""
     covariance: Covariance
+    """Covariance of the unknowns that the runs show."""
     cramer_rao_std: Annotated[dict[str, Number], AfterValidator(by_name(RATIOS))]
     """The least standard deviation any unbiased estimate of a ratio can have at this noise."""
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
+    """The nine kinetic parameters by name, SI, and what fixed each."""
     base: Annotated[dict[str, ParameterValue], AfterValidator(by_name(BASE))]
     """a, b, d, e1, c1, c2 in SI; their common scale is in the data only with measured values or a known added mass."""
+    scale: Scale | None = None
+    """The b that absolute sizes assume, its interval and what fixed it; None in a file of an older version."""
     identifiability: Identifiable | None = None
+    """What the runs can tell at all; None in a corrected model."""
     fit: FitSummary
+    """Residuals, noise and segments of the fit."""
     search: SearchRecord
+    """What the global search did."""
     runs: list[RunUsed]
+    """The runs that it was identified from."""
     p_over_b: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     """m2 L1^2 / b, which the inner rod alone swings by beside the ratios; None where no run was of one."""
     effects: dict[str, dict[str, Number]] = {}
@@ -176,6 +218,7 @@ class Model(Shown, _Record):
     failures: list[str] = []
     """Checks of its own that the identification did not pass; empty for a model to be trusted."""
     version: str = ""
+    """Version of dpr-lab that wrote it."""
 
     def _heading(self) -> str:
         rms = " and ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
@@ -194,6 +237,16 @@ class Model(Shown, _Record):
     def ratio_values(self) -> NDArray[np.float64]:
         """(5,) the ratios in the order a/b, d/b, e1/b, c1/b, c2/b."""
         return np.array([estimate.value for estimate in self.ratios.values()])
+
+    @property
+    def scale_sentence(self) -> str:
+        """What b all masses, inertias and torques assume, and how far it may be off."""
+        if self.scale is not None:
+            return self.scale.sentence
+        known = self.base["b"].fixed_by != "bound"
+        return f"Masses, inertias and torques assume b = {self.base['b'].value:.4g} kg m^2" + (
+            "." if known else " (not measured)."
+        )
 
     @property
     def unknowns(self) -> NDArray[np.float64]:
@@ -235,7 +288,7 @@ def load_model(path: Path) -> Model:
         RunError: not there, not JSON, or not a model; the message names the key.
     """
     try:
-        model = Model.model_validate(_printable(json.loads(path.read_text(encoding="utf-8"))))
+        model = Model.model_validate(_printable(json.loads(regular(path, RunError).read_text(encoding="utf-8"))))
         _refuse_unknown_effects(model)
         return model
     except OSError as error:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.estimation.noise import NoiseFloor, noise_floor
 from dpr_lab.estimation.velocity import smooth
 from dpr_lab.rig import Rig
@@ -22,6 +23,11 @@ class PreprocessedRun:
 
 
 def preprocess(run: Run, rig: Rig) -> PreprocessedRun:
-    """Measure a run's noise and estimate its velocities (Kalman filter and RTS smoother)."""
+    """Measure a run's noise and estimate its velocities (Kalman filter and RTS smoother).
+
+    Raises:
+        RunError: too few samples, or no motion.
+    """
+    refuse_without_motion(run, rig)
     noise = noise_floor(run, rig)
     return PreprocessedRun(run.swing, noise, smooth(run.swing, noise).states)

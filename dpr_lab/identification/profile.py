@@ -6,7 +6,7 @@ with s the reduced chi-square where the model does not reach the noise, else 1. 
 valleys and ends at a bound; like every likelihood it takes residuals as independent.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import root_scalar
@@ -74,5 +74,5 @@ def _chi2_at(found: RatioFit, sure: RatioUncertainty, index: int, value: float) 
     ratios = at.ratios.copy()
     ratios[list(found.visible)] = np.maximum(sure.values + step, 0.0)
     of_all = np.concatenate([step, np.zeros(len(found.fit.free) - len(step))])  # zeros of encoders, if any, stay
-    start = replace(at, ratios=ratios, initial=at.initial + found.fit.linear.initial_steps(of_all))
+    start = at.changed(ratios=ratios, initial=at.initial + found.fit.linear.initial_steps(of_all))
     return fit_ratios(found.problem, start, held=[found.visible[index]], iterations=SETTINGS.iterations).fit.chi2

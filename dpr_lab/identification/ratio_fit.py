@@ -19,7 +19,6 @@ from dpr_lab.effects import effect_params
 from dpr_lab.fitting.cut import partition
 from dpr_lab.fitting.disturbance import disturbance
 from dpr_lab.fitting.estimate import (
-    ZERO,
     Estimate,
     FreeParameter,
     ratio_parameters,
@@ -96,7 +95,7 @@ class RatioFit:
     @property
     def dof(self) -> int:
         """Readings less all that is fitted to them."""
-        zeros = sum(parameter.effect == ZERO for parameter in self.fit.free)
+        zeros = sum(parameter.block == "zeros" for parameter in self.fit.free)
         return self.problem.evidence - len(self.visible) - zeros
 
     @property
@@ -145,7 +144,7 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
 
 def rods_estimate(unknown: Array, initial: Array) -> Estimate:
     """An estimate without effects, from (7,) ratios, b and p/b, and initial states."""
-    return Estimate(unknown, effect_params({}), initial)
+    return Estimate.of(unknown, effect_params({}), initial)
 
 
 def visible_of(laid_out: Segments) -> tuple[int, ...]:
@@ -163,17 +162,24 @@ def fit_ratios(problem: Problem, start: Estimate, *, held: Collection[int] = (),
         iterations: give up (`converged` false) after as many
     """
     free = ratio_parameters(start, visible_of(problem.segments))
-    chosen = [parameter for parameter in free if parameter.index not in held]
+    chosen = [parameter for parameter in free if parameter.place not in held]
     return RatioFit(problem, fit(problem, start, chosen, iterations=iterations, settings=TO_THE_MINIMUM))
 
 
-def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
-    """The ratios from (9,) parameters to start from: over segments of a quarter of a second, then of half a second."""
+def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations: int = 40) -> RatioFit:
+    """Fit the ratios to segments of a quarter of a second, then of half a second.
+
+    Args:
+        Z: (9,) parameters to start from
+        runs: what to fit
+        rig: lengths, gravity, encoders
+        iterations: of each fit, at most
+    """
     start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
     problem, initial = segmented(runs, rig, SHORT.first_segment_s)
-    first = fit_ratios(problem, rods_estimate(start, initial))
+    first = fit_ratios(problem, rods_estimate(start, initial), iterations=iterations)
     problem, initial = segmented(runs, rig, SHORT.working_segment_s)
-    found = fit_ratios(problem, rods_estimate(first.fit.estimate.ratios, initial))
+    found = fit_ratios(problem, rods_estimate(first.fit.estimate.ratios, initial), iterations=iterations)
     noise = driving_noise(found.problem, found.fit.estimate)
     if noise is None:
         return found
@@ -198,7 +204,7 @@ def information(problem: Problem, at: Estimate) -> Array:
 
 def _beside_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Array:
     """(segments, m, k) slopes by the ratios among what is free, without their part along zeros of encoders."""
-    of_zeros = np.array([parameter.effect == ZERO for parameter in free], dtype=np.bool_)
+    of_zeros = np.array([parameter.block == "zeros" for parameter in free], dtype=np.bool_)
     if not of_zeros.any():
         return linear.A
     A, _ = linear.flat

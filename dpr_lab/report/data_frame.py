@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import pandas
 
 RODS = ("theta1", "theta2")
+RATIO_COLUMNS = ("ratio", "ratio_low", "ratio_high", "low_with_scale", "high_with_scale")
+"""Of a size: its ratio to b, and the absolute 90 % interval with the uncertainty of b."""
 
 
 def to_dataframe(result: Run | Model | Comparison | Diagnosis) -> "pandas.DataFrame":
@@ -51,7 +53,7 @@ def _(model: Model) -> tuple[Any, str]:
     fixed = (
         {"name": name, "value": item.value, "std": item.std, "fixed_by": item.fixed_by} for name, item in known.items()
     )
-    intervals = {name: dict(zip(("low", "high"), item.interval90, strict=True)) for name, item in model.ratios.items()}
+    intervals = {name: dict(zip(("low", "high"), item.interval90 or (), strict=False)) for name, item in known.items()}
     return [row | intervals.get(row["name"], {}) for row in fixed], "name"
 
 
@@ -71,11 +73,14 @@ def _(diagnosis: Diagnosis) -> tuple[Any, str]:
             "value": item.value,
             "low": item.interval90[0],
             "high": item.interval90[1],
+            "ratio": item.ratio,
+            **dict(zip(("ratio_low", "ratio_high"), item.ratio_interval90 or (None, None), strict=True)),
+            **dict(zip(("low_with_scale", "high_with_scale"), item.interval90_with_scale or (None, None), strict=True)),
             "probability": effect.probability,
             "share": effect.share,
         }
         for effect in diagnosis.effects
         for name, item in effect.parameters.items()
     ]
-    names = ("effect", "parameter", "value", "low", "high", "probability", "share")
+    names = ("effect", "parameter", "value", "low", "high", *RATIO_COLUMNS, "probability", "share")
     return {name: [record[name] for record in records] for name in names}, "effect"

@@ -25,6 +25,14 @@ def interval(low: float, high: float, value: float, std: float) -> str:
     return _scaled("{} to {}", (low, high), value, std)
 
 
+def with_interval(value: float, low: float, high: float) -> str:
+    """`0.1472 (0.1467 to 0.1476)`: to two digits of the half width of the interval."""
+    reach = max(high - value, value - low)
+    if not reach > 0 or not math.isfinite(reach):
+        return f"{value:.4g} ({low:.4g} to {high:.4g})"
+    return _scaled("{} ({} to {})", (value, low, high), value, reach)
+
+
 def three(number: float) -> str:
     """Three digits, for what is read in passing; all of them up to a million; a dash for what is not known."""
     if not math.isfinite(number):
@@ -37,7 +45,7 @@ def pair(numbers: Iterable[float]) -> str:
     return ", ".join(three(number) for number in numbers)
 
 
-def _scaled(form: str, numbers: tuple[float, float], value: float, std: float) -> str:
+def _scaled(form: str, numbers: tuple[float, ...], value: float, std: float) -> str:
     """Both numbers to the places of the standard deviation, a power of ten taken out of the unreadable ones."""
     size = max(abs(value), std)
     exponent = 0 if 0.01 <= size < 1e6 else math.floor(math.log10(size))

@@ -12,9 +12,10 @@ from dpr_lab.drift.estimates import Estimates
 from dpr_lab.report import style
 from dpr_lab.report.figures import new_figure, save_each
 from dpr_lab.report.page import figures_html, page_html, paragraph_html, section_html, table_html, write_page
+from dpr_lab.shown import listed
 
-COLUMNS = ("parameter", "moved", "first group", "change", "simultaneous interval", "after", "by chance")
-GROUP_COLUMNS = ("parameter", "group", "less the first group", "simultaneous interval")
+COLUMNS = ("parameter", "moved", "first group", "change", "simultaneous interval", "between", "by chance")
+GROUP_COLUMNS = ("parameter", "groups", "change", "simultaneous interval")
 CHART = (
     "Control charts: each parameter of each run in the order of time, with the mean and the limits of the first group.",
     "Each run alone, as the change from the first group's mean. Shaded: where single runs of the first group are to"
@@ -33,16 +34,24 @@ def sentence(drift: Drift) -> str:
     """The result in a sentence."""
     counted = f"{sum(drift.runs_of)} runs in {len(drift.groups)} groups"
     if not drift.moved:
-        return (
-            f"Nothing moved between {drift.groups[0]} and {drift.groups[-1]} that chance does not explain ({counted})."
-        )
-    said = [f"{item.name} by {relative(item, item.step)} after {drift.groups[item.after]}" for item in drift.moved]
+        return f"Nothing moved between {listed(drift.groups)} that chance does not explain ({counted})."
+    said = [f"{item.name} by {relative(item, item.change)} {between(item)}" for item in drift.moved]
     return f"{len(said)} of {len(drift.parameters)} parameters moved: {'; '.join(said)} ({counted})."
 
 
+def between(item: Moved) -> str:
+    """`between 2026-11-16 and 2026-11-17`: the groups that differ."""
+    return f"between {item.between[0]} and {item.between[1]}"
+
+
 def relative(item: Moved, change: float) -> str:
-    """A change in per cent of the first group's mean; in the parameter's own unit where that is none."""
-    return f"{100 * change / abs(item.first):+.3g} %" if item.first else f"{change:+.3g}"
+    """A change in per cent of the first group's mean; in the parameter's own unit where that is next to nothing."""
+    return f"{100 * change / abs(item.first):+.3g} %" if _has_size(item) else f"{change:+.3g}"
+
+
+def _has_size(item: Moved) -> bool:
+    """Whether the first group's mean is larger than chance and than a tenth of the change."""
+    return abs(item.first) > max(item.scatter, 0.1 * abs(item.change))
 
 
 def rows(drift: Drift) -> list[list[str]]:
@@ -52,9 +61,9 @@ def rows(drift: Drift) -> list[list[str]]:
             item.name,
             "yes" if item.moved else "no",
             f"{item.first:.6g}",
-            relative(item, item.step),
-            _between(item, item.step_interval),
-            drift.groups[item.after],
+            relative(item, item.change),
+            _range(item, item.change_interval),
+            " and ".join(item.between),
             f"{item.p:.2g}" if item.p else "< 0.0001",
         ]
         for item in drift.parameters
@@ -64,18 +73,30 @@ def rows(drift: Drift) -> list[list[str]]:
 def group_rows(drift: Drift) -> list[list[str]]:
     """One row for each parameter and later group, in the columns `GROUP_COLUMNS`."""
     return [
-        [item.name, drift.groups[d.group], relative(item, d.change), _between(item, d.interval)]
+        [
+            item.name,
+            f"{drift.groups[d.group]} less {drift.groups[0]}",
+            relative(item, d.change),
+            _range(item, d.interval),
+        ]
         for item in drift.parameters
         for d in item.differences
     ]
 
 
 def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
-    """What the intervals rest on."""
+    """What the intervals rest on, and that sizes are compared as ratios where nothing fixes the scale."""
+    if any(item.name.endswith(("/b", "*b")) and "." in item.name for item in drift.parameters):
+        ratios = (
+            " Sizes of effects are compared as ratios to b (`/b`; `*b` for a size per kg), because these runs do not"
+            " fix the scale of torques."
+        )
+    else:
+        ratios = ""
     driven = f"Runs driven by their {' and '.join(torques)} torques. " if torques else ""
     return (
         f"{driven}Scatter: {BASES[drift.basis]}. All intervals hold together in {1 - drift.false_alarms:.1%} of cases;"
-        f" a parameter is said to have moved where one of its intervals leaves out zero."
+        f" a parameter is said to have moved where one of its intervals leaves out zero.{ratios}"
     )
 
 
@@ -117,15 +138,15 @@ def chart(drift: Drift, found: Estimates, group: Sequence[int]) -> Figure:
 
 
 def _draw(axes: Axes, item: Moved, values: np.ndarray, critical: float) -> None:
-    scale = 100 / abs(item.first) if item.first else 1.0
+    scale = 100 / abs(item.first) if _has_size(item) else 1.0
     reach = critical * item.scatter * scale
     axes.axhspan(-reach, reach, **style.NOISE_BAND)
     axes.plot((values - item.first) * scale, marker="o", markersize=3, **style.EVOLUTION)
-    axes.set_title(f"{item.name}{': moved' if item.moved else ''}")
-    axes.set_ylabel("change, %" if item.first else "change")
+    axes.set_title(f"{item.name}{f': moved {between(item)}' if item.moved else ''}")
+    axes.set_ylabel("change, %" if _has_size(item) else "change")
 
 
-def _between(item: Moved, interval: tuple[float, float]) -> str:
+def _range(item: Moved, interval: tuple[float, float]) -> str:
     return f"{relative(item, interval[0])} to {relative(item, interval[1])}"
 
 

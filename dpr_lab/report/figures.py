@@ -3,6 +3,8 @@
 Response, error against the noise floor, evolution of the search.
 """
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
@@ -54,12 +56,13 @@ def run_figure(run: Run) -> Figure:
         return figure
 
 
-def response_figure(comparisons: Sequence[Comparison]) -> Figure:
+def response_figure(comparisons: Comparison | Sequence[Comparison]) -> Figure:
     """Measured and simulated angle of both rods, one row for each run (figure 2 of the publication).
 
     The free run is drawn strong up to the predictability horizon and faint beyond it. The range of the angle is
     that of the measurement, so a free run that tumbles away leaves the panel.
     """
+    comparisons = [comparisons] if isinstance(comparisons, Comparison) else comparisons
     with style.house_style():
         if not comparisons:
             return empty_figure(NOTHING)
@@ -75,12 +78,13 @@ def response_figure(comparisons: Sequence[Comparison]) -> Figure:
         return figure
 
 
-def error_figure(comparisons: Sequence[Comparison]) -> Figure:
+def error_figure(comparisons: Comparison | Sequence[Comparison]) -> Figure:
     """What the model leaves of each run, beside the noise floor (figure 3 of the publication).
 
     Left the error of the free run up to the horizon, right the residual of segments with free start states; inner
     rod above outer rod, in mrad.
     """
+    comparisons = [comparisons] if isinstance(comparisons, Comparison) else comparisons
     with style.house_style():
         if not comparisons:
             return empty_figure(NOTHING)

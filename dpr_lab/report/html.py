@@ -61,7 +61,7 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
         L1=f"{model.rig.L1:g}",
         g=f"{model.rig.g:g}",
         ratios=_ratios(model) + _scaled(model),
-        parameters=table_html(tables.PARAMETER_COLUMNS, tables.parameter_rows(model), tables.PARAMETER_NOTE),
+        parameters=table_html(tables.PARAMETER_COLUMNS, tables.parameter_rows(model), tables.parameter_note(model)),
         comparisons=_comparisons(comparisons, drawn),
         search=table_html(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose"),
         evolution=drawn["evolution"],
@@ -73,7 +73,7 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
 
 
 def _ratios(model: Model) -> str:
-    return table_html(tables.RATIO_COLUMNS, tables.ratio_rows(model)) + f"\n<p>{tables.RATIO_NOTE}</p>"
+    return table_html(tables.RATIO_COLUMNS, tables.ratio_rows(model)) + f"\n<p>{escaped(tables.ratio_note(model))}</p>"
 
 
 def _scaled(model: Model) -> str:

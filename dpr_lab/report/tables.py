@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, interval, pair, plus_minus, three
+from dpr_lab.report.words import scaled_unit
 from dpr_lab.shown import FIXED_BY
 
 if TYPE_CHECKING:
@@ -23,10 +24,11 @@ RATIO_NOTE = (
     "a: inertia about joint 1; d: coupling of the rods; e1: gravity on joint 1; c1, c2: viscous friction of the joints;"
     " all over b, the inertia of the outer rod about joint 2."
 )
-PARAMETER_COLUMNS = ("parameter", "value ± std", "unit", "fixed by", "what it is")
+PARAMETER_COLUMNS = ("parameter", "value ± std", "90 % interval", "unit", "fixed by", "what it is")
 PARAMETER_NOTE = (
     "A measured value is one of the rig file (a scale, a calliper). Only its bounds: nothing here shows it, and other"
-    " values between the bounds of the rig file fit as well; measuring it is what helps."
+    " values between the bounds of the rig file fit as well; measuring it is what helps. Its 90 % interval takes those"
+    " bounds as a prior."
 )
 BASE_COLUMNS = ("base parameter", "value ± std", "unit", "what it is")
 COMPARISON_COLUMNS = (
@@ -80,6 +82,8 @@ class NoiseLike:
     """Leaves a squared residual of 0.64; below it the floor is overstated."""
     most: float = 1.2
     """Leaves a squared residual of 1.44; above it the model misses something."""
+    inflated: float = 1.5
+    """Times the Cramér-Rao standard deviation from which the difference is explained."""
 
 
 NOISE_LIKE = NoiseLike()
@@ -109,6 +113,23 @@ def ratio_rows(model: "Model") -> list[list[str]]:
     ]
 
 
+def ratio_note(model: "Model") -> str:
+    """What the ratios are, and why their standard deviations exceed those that `identifiability` prints."""
+    noise_and_misfit = math.sqrt(max(1.0, model.fit.chi2_per_dof))
+    times = [
+        ratio.std / (noise_and_misfit * least)
+        for name, ratio in model.ratios.items()
+        if ratio.fixed_by == "data" and (least := model.cramer_rao_std[name]) > 0
+    ]
+    if not times or max(times) < NOISE_LIKE.inflated:
+        return RATIO_NOTE
+    return (
+        f"{RATIO_NOTE} The standard deviations include misfit inflation: residuals that the model leaves are correlated"
+        f" in time, so they are up to {three(max(times))} times the Cramér-Rao values, which `identifiability` prints"
+        " for independent residuals."
+    )
+
+
 def base_rows(model: "Model") -> list[list[str]]:
     """The six base parameters in the columns `BASE_COLUMNS`; none where nothing in the runs showed their scale."""
     if model.base["b"].fixed_by != "data":
@@ -124,8 +145,17 @@ def parameter_rows(model: "Model") -> list[list[str]]:
     rows: list[list[str]] = []
     for name, parameter in model.parameters.items():
         unit, meaning = PARAMETER_UNITS.get(name, ("", ""))
-        rows.append([name, plus_minus(parameter.value, parameter.std), unit, FIXED_BY[parameter.fixed_by], meaning])
+        value, low_high = plus_minus(parameter.value, parameter.std), NONE
+        if parameter.interval90 is not None:
+            std = parameter.std or (parameter.interval90[1] - parameter.interval90[0]) / 2
+            low_high = interval(*parameter.interval90, parameter.value, std)
+        rows.append([name, value, low_high, unit, FIXED_BY[parameter.fixed_by], meaning])
     return rows
+
+
+def parameter_note(model: "Model") -> str:
+    """What the nine values rest on, and what b they assume where only ratios are identified."""
+    return f"{PARAMETER_NOTE} {scaled_unit(model.scale.sentence)}" if model.scale else PARAMETER_NOTE
 
 
 def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RADIANS) -> list[list[str]]:
@@ -188,7 +218,9 @@ def search_rows(model: "Model") -> list[list[str]]:
 
 
 def local_time(utc: str) -> str:
-    """`2026-11-21 11:15 CET` of a time in UTC (ISO 8601, or as in the name of a run file); what is none stays."""
+    """`2026-11-21 11:15 CET` of a time in UTC (ISO 8601, or as in the name of a run file); else as it is."""
+    if len(utc) <= len("2026-11-21"):
+        return utc
     try:
         at = datetime.fromisoformat(utc.replace("Z", "+00:00"))
         at = at if at.tzinfo is not None else at.replace(tzinfo=UTC)

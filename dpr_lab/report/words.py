@@ -22,8 +22,9 @@ _READ = {
 }
 """Unit of an amplitude -> the unit in which it is read, and the factor to it."""
 
-_IDENTIFIER = re.compile(rf"(?<![\[\w])({'|'.join(sorted(EFFECTS, key=len, reverse=True))})(?!\w)")
+_IDENTIFIER = re.compile(rf"(?<![\[\w])(?<!--without )({'|'.join(sorted(EFFECTS, key=len, reverse=True))})(?!\w)")
 _PLACE = re.compile(r"\b(joint|encoder)([12])\b")
+_POWER = re.compile(r"\^(\d)")
 _UNIT = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|Hz))+$")
 
 
@@ -35,7 +36,10 @@ def named(name: str, size: str = "") -> str:
 
 
 def in_words(text: str, sizes: Mapping[str, str] | None = None) -> str:
-    """A text with words before every identifier of an effect that has none yet, and sizes where they are given."""
+    """A text with words before every identifier of an effect that has none yet, and sizes where they are given.
+
+    An identifier after `--without` stays as it is: the option can be pasted.
+    """
 
     def words(found: re.Match[str]) -> str:
         told = named(found[0], (sizes or {}).get(found[0], ""))
@@ -45,9 +49,21 @@ def in_words(text: str, sizes: Mapping[str, str] | None = None) -> str:
     return _PLACE.sub(r"\1 \2", worded)
 
 
+def scaled_unit(text: str) -> str:
+    """A text with powers as a person reads them: `kg m²` of `kg m^2`."""
+    return _POWER.sub(lambda power: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(power[1])], text)
+
+
 def parameter_words(name: str) -> str:
     """`extra at rest` of `extra_at_rest_Nm`."""
     return _UNIT.sub("", name).replace("_", " ")
+
+
+def negative_words(effect: str, name: str, value: float) -> str:
+    """What a parameter below zero means; empty for others, and where the sign needs no words."""
+    known = (p for p in EFFECTS[effect].parameters if p.name == name) if effect in EFFECTS else ()
+    parameter = next(iter(known), None)
+    return parameter.negative if parameter is not None and value < 0 else ""
 
 
 def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: float) -> str:

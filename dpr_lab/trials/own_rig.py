@@ -92,7 +92,7 @@ def trust(
     Raises:
         DprError: a process was killed.
     """
-    at = Estimate(found.unknowns, effect_params(found.model_effects), np.zeros((0, 4)))
+    at = Estimate.of(found.unknowns, effect_params(found.model_effects), np.zeros((0, 4)))
     originals = tuple(_original(run, rig, at) for run in runs)
     plan = _Plan(found, originals, rig, tuple(library), max_effects, seed)
     trials: dict[int, TrustTrial] = {}

@@ -25,6 +25,7 @@ from dpr_lab.storage.reader import load_run
 from dpr_lab.trials.score import TrialOutcome, score
 from dpr_lab.trials.sealing import PlantRequest, unseal
 from dpr_lab.trials.truth import Truth, unsealed
+from dpr_lab.whole_file import regular
 
 RIG_FILE, DEVICE = "rig.toml", "device"
 
@@ -145,7 +146,7 @@ def read_json(file: Path) -> dict[str, Any]:
         RunError: it cannot be read or is none.
     """
     try:
-        kept = json.loads(file.read_text(encoding="utf-8"))
+        kept = json.loads(regular(file, RunError).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise RunError(f"{file}: cannot be read as JSON: {error}") from error
     if not isinstance(kept, dict):

@@ -10,7 +10,6 @@ import numpy as np
 
 from dpr_lab.dynamics.base import BASE, base_parameters
 from dpr_lab.effects import EFFECTS
-from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.errors import DprError
 from dpr_lab.rig import PARAMETERS, Rig
 
@@ -62,23 +61,12 @@ class Truth:
         larger = scale_b / float(base_parameters(Z, rig.L1, rig.g)[BASE.index("b")])
         return {
             name: {
-                parameter.name: values[parameter.name] * larger ** _power(parameter)
+                parameter.name: values[parameter.name] * larger**parameter.scale_power
                 for parameter in EFFECTS[name].amplitudes
                 if parameter.name in values
             }
             for name, values in self.effects.items()
         }
-
-
-LEVERS = ("friction_radius_m", "offset_m")
-"""Lengths that make a torque out of a force which the rig file's masses fix."""
-
-
-def _power(parameter: EffectParameter) -> int:
-    """How a size follows the common scale of torques and inertias."""
-    if parameter.unit.startswith("1/kg"):
-        return -1
-    return int(parameter.unit.startswith(("N m", "kg")) or parameter.name in LEVERS)
 
 
 def read_truth(opened: Mapping[str, Any]) -> Truth:

@@ -3,6 +3,7 @@
 Either way a case goes out and its result comes back as plain JSON values, one case on one thread at a time.
 """
 
+import asyncio
 import ipaddress
 import logging
 import re
@@ -88,13 +89,16 @@ def on_cluster(
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     if not ADDRESS.fullmatch(scheduler):
         raise LinkError(f"{scheduler}: is not the address of a scheduler; write for example tcp://127.0.0.1:8786")
+    absent = (
+        f"{scheduler}: no scheduler answers there: look at host and port, or start one with `{START_SCHEDULER}`, and"
+        f" `{START_WORKERS.format(scheduler=scheduler)}`"
+    )
+    if not asyncio.run(_is_scheduler(scheduler, connect_s)):
+        raise LinkError(absent)
     try:
         client = Client(scheduler, timeout=connect_s)
     except OSError as error:
-        raise LinkError(
-            f"{scheduler}: no scheduler answers there; start one with `{START_SCHEDULER}`, and"
-            f" `{START_WORKERS.format(scheduler=scheduler)}`"
-        ) from error
+        raise LinkError(absent) from error
     with client:
         _wait_for_workers(partial(client.wait_for_workers, 1, timeout=workers_s), scheduler)
         pending = {client.submit(run, case, pure=False): case for case in cases}
@@ -102,6 +106,22 @@ def on_cluster(
             if future.cancelled():
                 raise LinkError(f"{scheduler}: the scheduler is gone; what was done is kept, run it again to go on")
             yield pending[future], _result(future)
+
+
+async def _is_scheduler(address: str, patience_s: float) -> bool:
+    """Whether a dask scheduler answers at an address; a client that meets anything else may wait for ever."""
+    from distributed.comm.core import connect
+    from distributed.security import Security
+
+    keys = Security().get_connection_args("client")
+    try:
+        comm = await asyncio.wait_for(connect(address, timeout=patience_s, **keys), 2 * patience_s)
+        await comm.write({"op": "identity", "reply": True})
+        answer = await asyncio.wait_for(comm.read(), patience_s)
+        comm.abort()
+    except Exception:  # the library raises many kinds on bytes that are no message of its own
+        return False
+    return isinstance(answer, dict) and answer.get("type") == "Scheduler"
 
 
 def _wait_for_workers(wait: Callable[[], object], scheduler: str) -> None:

@@ -90,5 +90,18 @@ def test_sizes_of_named_effects_are_watched_too() -> None:
     rig = load_rig("paper")
     runs = record(load_plant("paper", 1), rig, 2.0, 250)
     found = estimate_each(runs, rig, {"coulomb_joint2": {"torque_Nm": 1e-4}})
-    assert found.names[5:] == ("coulomb_joint2.torque_Nm",)
+    assert found.names[5:] == ("coulomb_joint2.torque_Nm/b",)
     assert np.isfinite(found.std).all()
+
+
+def test_a_change_names_the_two_groups_that_differ_most() -> None:
+    rng = np.random.default_rng(8)
+    late = said(*drawn(rng, groups=4, change=20.0, at=2))
+    (moved,) = late.moved
+    assert moved.between == ("day 2", "day 3")
+    assert moved.change_interval[0] < 20.0 < moved.change_interval[1]
+    found, group = drawn(rng, groups=3)
+    found.values[np.array(group) == 2, 2] += 30.0
+    found.values[np.array(group) == 1, 2] -= 0.0
+    (last,) = said(found, group).moved
+    assert last.between[1] == "day 3"

@@ -1,7 +1,6 @@
 """`dpr-lab export`: what leaves the lab is replayed where it runs, and what makes things worse does not leave."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,7 +81,7 @@ def runs(recorded) -> list[Run]:
 @pytest.fixture(scope="module")
 def corrected(runs: list[Run], screened, paper: Rig) -> Model:
     _, problem, bare = fit_bare_model(screened(runs), nominal_ratios(paper))
-    at = replace(bare.fit.estimate, params=effect_params(FRICTION | OFFSET))
+    at = bare.fit.estimate.changed(params=effect_params(FRICTION | OFFSET))
     return whole_model(paper, fit(problem, at, free_parameters(at, list(FRICTION | OFFSET), problem)).estimate)
 
 

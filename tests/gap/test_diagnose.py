@@ -1,5 +1,4 @@
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +138,7 @@ def test_detectable_size_is_five_standard_deviations_of_a_fit(recorded, bare, pa
 def test_what_would_show_at_no_size_has_none(recorded, bare, tested):
     problem, base = bare(recorded({}, duration=3.0))
     after = {"counts": 3.0, "joint": 1.0, "run": 0.0, "time_s": 60.0}  # past the end of the recording
-    at = replace(base.fit.estimate, params=effect_params({"missed_counts": after}))
+    at = base.fit.estimate.changed(params=effect_params({"missed_counts": after}))
     blind = hypothesis(
         problem, ("missed_counts",), fit(problem, at, free_parameters(at, ("missed_counts",), problem), iterations=0)
     )

@@ -29,7 +29,7 @@ def swing(rig: Rig, rate_hz: float) -> Record:
 
 def error(rig: Rig, item: Record) -> float:
     base = base_parameters(rig.nominal, rig.L1, rig.g)
-    at = Estimate(unknown_ratios(base), np.zeros(SIZE), np.zeros((0, 4)))
+    at = Estimate.of(unknown_ratios(base), np.zeros(SIZE), np.zeros((0, 4)))
     return free_runs(Recordings((item,), rig), at).errors_rad["x"]
 
 

@@ -8,9 +8,16 @@ import pytest
 
 from dpr_lab.errors import IdentificationError
 from dpr_lab.identification.identify import identify
-from dpr_lab.identification.misread import impossible, refuse_misread
+from dpr_lab.identification.misread.energy import energy_rise
+from dpr_lab.identification.misread.refuse import refuse_misread
+from dpr_lab.identification.misread.tried import impossible, second_look
+from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from sim_device.plant.config import ArmConfig, load_plant
+from sim_device.trials.driven import driven_runs
+from sim_device.trials.offline_recorder import record
+from tests.thinned import thinned
 
 PI = np.pi
 
@@ -75,6 +82,91 @@ def test_a_length_in_another_unit_is_refused(swings, paper: Rig) -> None:
     millimetres = paper.model_copy(update={"rig": paper.rig.model_copy(update={"L1": 400.0})})
     with pytest.raises(IdentificationError, match="L1 and g in the rig file"):
         refuse_misread(swings, millimetres)
+
+
+def in_time(run: Run, factor: float) -> Run:
+    return replace(run, t=run.t * factor, rate_hz=run.rate_hz / factor)
+
+
+@pytest.fixture(scope="module")
+def driven(paper: Rig) -> list[Run]:
+    return driven_runs(paper, 0)[1]
+
+
+@pytest.fixture(scope="module")
+def on_a_moving_arm(paper: Rig) -> list[Run]:
+    arm = {"arm": ArmConfig(mode="free", J0=0.05, c0=0.02, k0=1.0)}
+    return record(load_plant("paper", 5).model_copy(update=arm), paper, 3.0, 500)
+
+
+def test_driven_runs_with_their_torques_pass(driven, paper: Rig) -> None:
+    refuse_misread(driven, paper)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "case",
+    thinned(
+        [
+            ((2.0, 2.0), "both joints turn by 0.5 times .* 32768 for joint 1 and 32768 for joint 2"),
+            ((0.5, 0.5), "both joints turn by 2 times .* 8192 for joint 1"),
+            ((2.0, 1.0), "joint 1 turns by 0.5 times .* 32768 for joint 1"),
+            ((1.0, 0.5), "joint 2 turns by 2 times .* 8192 for joint 2"),
+        ],
+        each=4,
+    ),
+)
+def test_a_wrong_counts_per_rev_is_named_with_its_value(swings, paper: Rig, case) -> None:
+    scales, cause = case
+
+    def read(inner: np.ndarray, outer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        first = PI + scales[0] * (inner - PI)
+        return first, first + scales[1] * (outer - inner)
+
+    with pytest.raises(IdentificationError, match=cause):
+        refuse_misread(read_as(swings, read), paper)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "case",
+    thinned(
+        [((1, -1), "sign of torque 2"), ((-1, 1), "sign of torque 1"), ((-1, -1), "signs of both torques")], each=3
+    ),
+)
+def test_a_reversed_torque_is_named(driven, paper: Rig, case) -> None:
+    signs, cause = case
+    reversed_ = [replace(run, torques=run.torques * signs, commanded=None) for run in driven]
+    with pytest.raises(IdentificationError, match=cause):
+        refuse_misread(reversed_, paper)
+
+
+@pytest.mark.slow
+def test_an_arm_that_moves_but_is_given_as_clamped_is_named(on_a_moving_arm, paper: Rig) -> None:
+    with pytest.raises(IdentificationError, match=r"the arm moves .*--arm prescribed"):
+        refuse_misread(on_a_moving_arm, paper)
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds .*--time-unit ms"), (1e-3, "--time-unit s")])
+def test_times_in_another_unit_are_named(swings, paper: Rig, factor: float, unit: str) -> None:
+    with pytest.raises(IdentificationError, match=unit):
+        refuse_misread([in_time(run.swing, factor) for run in swings], paper)
+
+
+@pytest.mark.slow
+def test_energy_from_a_source_that_nobody_described_is_named(swings, driven, on_a_moving_arm, paper: Rig) -> None:
+    without_torques = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven]
+    hidden = [replace(run, theta=run.theta * [0.0, 1.0, 1.0], counts=None) for run in on_a_moving_arm]
+    for runs in (without_torques, hidden):
+        sentence = second_look(runs, paper).sentence
+        assert "--torque none" in sentence
+        assert "--arm prescribed" in sentence
+    assert second_look(swings, paper).sentence == ""
+
+
+def test_passive_rods_and_known_torques_let_no_energy_in(swings, driven, paper: Rig) -> None:
+    for runs in (swings, driven[:1]):
+        assert energy_rise([preprocess(run, paper) for run in runs], paper) < 0.05
 
 
 def test_ratios_of_positive_masses_are_possible_and_others_not(paper: Rig, rng: np.random.Generator) -> None:

@@ -72,7 +72,7 @@ def problem_of(rig: Rig, runs, states, length: float):
 def fitted(rig: Rig, start: NDArray, runs, states, length: float, **options) -> RatioFit:
     """A fit from ratios, and b where that is asked for."""
     problem, initial = problem_of(rig, runs, states, length)
-    unknown = start if len(start) == 6 else np.append(start, 1.0)
+    unknown = np.append(start, [1.0, np.nan][len(start) - 5 :])
     return fit_ratios(problem, rods_estimate(unknown, initial), **options)
 
 
@@ -119,7 +119,7 @@ def test_eliminating_start_states_gives_what_a_solver_of_all_unknowns_gives(
         return np.concatenate(parts).ravel()
 
     everything = least_squares(residual, np.concatenate([np.ones(5), *initial]), xtol=1e-12)
-    fit = fit_ratios(problem, rods_estimate(np.append(true, 1.0), initial))
+    fit = fit_ratios(problem, rods_estimate(np.append(true, [1.0, np.nan]), initial))
     std = np.sqrt(np.diag(np.linalg.inv(uncertainty(fit).information)))
     assert np.abs(fit.ratios - everything.x[:5] * scale[:5]) == pytest.approx(0, abs=0.01 * std.max())
     assert fit.fit.chi2 == pytest.approx(2 * everything.cost, rel=1e-5)

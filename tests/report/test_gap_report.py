@@ -163,3 +163,14 @@ def test_knots_that_no_recording_reaches_are_not_drawn(diagnosis):
 
     np.testing.assert_allclose(axes.lines[0].get_ydata(), [np.nan, 10, 20])
     assert axes.get_ylim()[1] < 50
+
+
+def test_an_improbable_alternative_of_the_same_shape_has_a_reason(diagnosis) -> None:
+    alternatives = [
+        rival("friction_curve_joint1", 1e-6, "coulomb_joint1") | {"cosine": 1.0},
+        rival("hysteresis_joint1", 1e-6, "coulomb_joint1") | {"cosine": 0.9},
+    ]
+    rows = {row[1]: row[-1] for row in gap_tables.standing_rows(diagnosis(rivals=alternatives))}
+    reasons = [reason for name, reason in rows.items() if "friction_curve_joint1" in name]
+    assert "a more general form; not needed" in reasons[0]
+    assert [reason for name, reason in rows.items() if "hysteresis_joint1" in name] == [gap_tables.SPLIT]

@@ -3,11 +3,13 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -138,6 +140,30 @@ def test_without_a_scheduler_the_operator_reads_what_to_start() -> None:
         list(on_cluster(dict, [{}], "somewhere"))
     with pytest.raises(LinkError, match="no scheduler answers there"):
         list(on_cluster(dict, [{}], "tcp://127.0.0.1:1", connect_s=1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "answer", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\xff" * 64, b""], ids=["web", "noise", "mute"]
+)
+def test_a_peer_that_is_no_scheduler_is_named_in_a_sentence(answer: bytes) -> None:
+    pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        peer = threading.Thread(target=_answer_all, args=(server, answer), daemon=True)
+        peer.start()
+        with pytest.raises(LinkError, match="no scheduler answers there: look at host and port"):
+            list(on_cluster(dict, [{}], f"tcp://127.0.0.1:{server.getsockname()[1]}", connect_s=2))
+        server.shutdown(socket.SHUT_RDWR)
+        peer.join()
+
+
+def _answer_all(server: socket.socket, answer: bytes) -> None:
+    with suppress(OSError):  # the test is over
+        while True:
+            peer, _ = server.accept()
+            with peer, suppress(OSError):
+                peer.recv(100)
+                peer.sendall(answer)
 
 
 VOID = {"meta", "link", "img", "br", "hr"}

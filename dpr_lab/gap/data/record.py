@@ -190,7 +190,7 @@ def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
 def _arm_moves(run: Run, standard_errors: float) -> bool | None:
     """Whether neighbouring readings of encoder 0 move together, as noise does not."""
     swing = run.swing.theta[:, 0]
-    if run.counts is None and np.ptp(swing) == 0.0:
+    if run.arm_read is False or (run.counts is None and np.ptp(swing) == 0.0):
         return None
     away = swing - swing.mean()
     power = float(np.mean(away**2))

@@ -96,7 +96,7 @@ class Recordings:
             [_initial_states(item, own, relative2) for item, own in zip(records, cuts, strict=True)]
         )
         if self.ratios is not None:
-            at = Estimate(self.ratios, effect_params({}), initial)
+            at = Estimate.of(self.ratios, effect_params({}), initial)
             problem = replace(problem, disturbance=disturbance(problem, at))
         return problem, initial
 

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.fitting.estimate import ZERO
 from dpr_lab.fitting.linearise import UNKNOWN_STARTS, UNREAD_STARTS
 from dpr_lab.gap.data.record import Record
 from dpr_lab.gap.inference.free_run import FREE_RUN, FreeRuns
@@ -62,12 +61,18 @@ class FreeSwing:
         """(n, 2, k) what a change of the readings, (n, 2, k), leaves once the start state is fitted again."""
         normal, A = self._normal
         rows = (self.weight[:, :, None] * change)[self.head].reshape(len(A), -1)
-        return change - self.by_start @ np.linalg.solve(normal, A.T @ rows)
+        return change - self.by_start @ (_inverse(normal) @ (A.T @ rows))
 
     def start_variance(self) -> Array:
         """(n, 2) of the prediction, by the noise of the readings that the start state was fitted to, rad^2."""
-        inner = np.linalg.inv(self._normal[0])
+        inner = _inverse(self._normal[0])
         return np.einsum("nij,jk,nik->ni", self.by_start, inner, self.by_start)
+
+
+def _inverse(normal: Array) -> Array:
+    """Inverse of a (4, 4) normal matrix; of one that is singular to rounding, the pseudoinverse."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(normal), np.finfo(np.float64).tiny))
+    return scale[:, None] * np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True) * scale
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +96,7 @@ def free_swings(runs: FreeRuns, at: Hypothesis) -> FreeSwings:
     """How free runs of a model answer to all that is unsure."""
     free, problem = at.fit.free, runs.problem
     slopes = np.zeros((len(problem.t), 2, len(free) + 4))  # zeros of these very runs count as known
-    moves = [i for i, parameter in enumerate(free) if parameter.effect != ZERO]
+    moves = [i for i, parameter in enumerate(free) if parameter.block != "zeros"]
     slopes[:, :, [*moves, *range(len(free), len(free) + 4)]] = problem.slopes(runs.begun, [free[i] for i in moves])
     slopes, t = np.nan_to_num(slopes), problem.t
     parts = (t, problem.measured, problem.weight, runs.predicted, slopes[:, :, :-4], slopes[:, :, -4:])

@@ -48,3 +48,19 @@ def detectable(at: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, flo
 def _size(spread: float, scale: float, rest: float) -> float | None:
     """Of a column of norm 1 / scale, of whose squared length a share is left."""
     return float(spread * scale / rest**0.5) if rest > SEEN and scale < 1 / TINY else None
+
+
+def visible(least: Mapping[str, Mapping[str, float | None]]) -> tuple[int, int]:
+    """Count the effects that would be visible at their typical size, and those that would be at any size.
+
+    An effect that is invisible at any size does not act here (joint 2 of a single rod) or is absorbed by the ratios.
+
+    Args:
+        least: result of `detectable`
+    """
+    acting = {name: sizes for name, sizes in least.items() if any(size is not None for size in sizes.values())}
+    shown = [
+        any(size is not None and size <= p.typical for p in EFFECTS[name].amplitudes if (size := sizes.get(p.name)))
+        for name, sizes in (acting or least).items()
+    ]
+    return sum(shown), len(shown)

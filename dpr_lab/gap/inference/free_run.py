@@ -55,12 +55,18 @@ class FreeRuns:
 
     @property
     def errors_rad(self) -> dict[str, float]:
-        """Run -> root mean square after the readings that its start state was fitted to."""
+        """Run -> root mean square error after the readings that its initial state was fitted to, rad.
+
+        Without a run that ends there, or that the model cannot follow to its end.
+        """
         error, t = self.problem.measured - self.predicted, self.problem.t
         unseen = [error[own][t[own] - t[own.start] >= FREE_RUN.settle_s] for own in self.rows]
         read = [1 if item.run.setup.alone else 2 for item in self.items]
-        rms = [float(np.sqrt(np.mean(of_run[:, :n] ** 2))) for of_run, n in zip(unseen, read, strict=True)]
-        return dict(zip((item.run.name for item in self.items), rms, strict=True))
+        rms = {
+            item.run.name: float(np.sqrt(np.mean(of_run[:, :n] ** 2))) if len(of_run) else np.nan
+            for item, of_run, n in zip(self.items, unseen, read, strict=True)
+        }
+        return {name: value for name, value in rms.items() if np.isfinite(value)}
 
 
 def free_runs(recordings: Recordings, at: Estimate) -> FreeRuns:
@@ -79,19 +85,19 @@ def free_runs(recordings: Recordings, at: Estimate) -> FreeRuns:
         compared.append(replace(item.only(within), breaks=np.zeros(0)))
     whole, _ = replace(recordings, ratios=None).only(compared).cut(np.inf)  # nothing is fitted: noise has no weight
     starts = np.concatenate([one.initial[:1] for one in begun])
-    return FreeRuns(items, whole, replace(at, initial=starts, zeros=np.concatenate([one.zeros for one in begun])))
+    return FreeRuns(items, whole, at.changed(initial=starts, zeros=np.concatenate([one.zeros for one in begun])))
 
 
 def _begun(recordings: Recordings, item: Record, at: Estimate) -> Estimate:
     """The model with the start state that the first readings of a recording show; by itself it is the first run."""
-    at = replace(at, params=without_events(at.params))
+    at = at.changed(params=without_events(at.params))
     head = item.t - item.t[0] < FREE_RUN.settle_s
     head[:MIN_SAMPLES] = True
     short = item.only(head)
     problem, initial = recordings.only([short]).cut(max(FREE_RUN.settle_s, float(np.ptp(short.t))))
     zeros = own_zeros(recordings.only([item]), at, FREE_RUN.iterations)
     fixed = replace(problem, rezeroed=False)
-    return descend(fixed, replace(at, initial=initial, zeros=zeros), (), iterations=FREE_RUN.iterations).estimate
+    return descend(fixed, at.changed(initial=initial, zeros=zeros), (), iterations=FREE_RUN.iterations).estimate
 
 
 def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
@@ -99,5 +105,5 @@ def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
     if not recordings.rig.encoders.rezeroed:
         return np.zeros((0, 2))
     problem, initial = recordings.cut(LENGTHS.working)
-    begun = replace(at, initial=initial, zeros=np.zeros((0, 2)))
+    begun = at.changed(initial=initial, zeros=np.zeros((0, 2)))
     return descend(problem, begun, (), iterations=iterations).estimate.zeros

@@ -1,7 +1,7 @@
 """How far the gap shrinks once the named effects are in the model, on recordings that took no part in the fit."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -68,12 +68,12 @@ def left_out(recordings: Recordings, problem: Problem) -> Unseen:
 def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
     """Whole recordings that the diagnosis never saw."""
     problem, initial = recordings.cut(LENGTHS.working)
-    begun = descend(problem, replace(base.fit.estimate, initial=initial), (), iterations=20).estimate.initial
+    begun = descend(problem, base.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
 
     @cache
     def chi2(item: Hypothesis) -> Array:
         at = item.fit.estimate  # counts that a fitted run lost were lost in that run
-        at = replace(at, initial=begun, params=without_events(at.params))
+        at = at.changed(initial=begun, params=without_events(at.params))
         found = descend(problem, at, (), iterations=20)
         return problem.chi2_by_segment(problem.predict(found.estimate))
 

@@ -3,6 +3,9 @@
 Two effects whose signatures (what they do to the readings, ratios and initial states projected out) agree to 0.999 in
 cosine, and that predict the recordings equally well, are one class: no algorithm can split them on this record.
 
+Inside a class the prior of each member's fitted size (`dpr_lab.effects.plausibility`) divides the probability: a clock
+that would have to be 3 % off is no crystal's, a length that is 6 % off is a length.
+
 The probability of a class is the softmax of the predictive costs of the sets in which it takes the place of the named
 effect, times the probability that the cause is in the library at all, which falls with the share of the gap that stays
 unexplained.
@@ -14,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects import param_index
+from dpr_lab.effects import effect_params, param_index, plausibility
 from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.inference.detectable import detectable
 from dpr_lab.gap.selection.hypothesis import PRICE, Hypothesis
@@ -39,6 +42,8 @@ class Calibration:
     """Probability of what was found, where there is either no gap or nothing that explains it."""
     outside_when_closed: float = 0.02
     """Probability of a cause outside the library when nothing but noise is left."""
+    unseen: float = 0.5
+    """Probability of no gap where the recordings would not show most effects: as good as none."""
     least_left: float = 1e-6
     """Share left that counts at least: the integrator's."""
 
@@ -80,6 +85,8 @@ class EffectPosterior:
     """Itself, and what cannot be told from it."""
     alternatives: tuple[Alternative, ...]
     probability: float
+    odds: tuple[float, ...] = ()
+    """Of each member, its share of the probability by the prior of its fitted size."""
 
 
 def effect_posterior(selection: Selection, name: str, calibration: Calibration = CALIBRATION) -> EffectPosterior:
@@ -95,6 +102,9 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     others = {item.effect.name: item for item in test.ranking if item is not own}
     alike = [other for other, item in others.items() if _indistinguishable(selection, without, test, own, item)]
     alike += [other for other in _hidden(selection, own.effect) if other in others and other not in alike]
+    sizes = {other: _plausibility(selection, without, others[other]) for other in alike}
+    alike = sorted(alike, key=lambda other: -sizes[other])
+    prior = np.array([plausibility(chosen.fit.estimate.params, name), *(sizes[other] for other in alike)])
     found = [
         Alternative(other, (other,), test.cosine(own, item), _cost(selection, without, item))
         for other, item in others.items()
@@ -113,7 +123,19 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
             for item, weight in zip(found, weights[1:-1], strict=True)
         ),
         probability=float(weights[0]),
+        odds=tuple((prior / prior.sum()).tolist()),
     )
+
+
+def _plausibility(selection: Selection, without: Hypothesis, item: Score) -> float:
+    """Prior of the size of another effect in the place of a named one: as fitted, else by its linear score."""
+    fitted = selection.fitted.get(without.key | {item.effect.name})
+    if fitted is not None:
+        return plausibility(fitted.fit.estimate.params, item.effect.name)
+    params = effect_params({})
+    for parameter, value in zip(item.effect.amplitudes, item.amplitudes.tolist(), strict=True):
+        params[param_index(item.effect.name, parameter.name)] = value
+    return plausibility(params, item.effect.name)
 
 
 def _indistinguishable(selection: Selection, without: Hypothesis, test: ScoreTest, own: Score, other: Score) -> bool:
@@ -160,12 +182,16 @@ def outside(selection: Selection, calibration: Calibration = CALIBRATION) -> flo
     return max(odds / (1 + odds), calibration.outside_when_closed)
 
 
-def probabilities(
-    selection: Selection, posteriors: tuple[EffectPosterior, ...], *, no_gap: bool
-) -> Mapping[str, float]:
-    """Of no gap, of a cause outside the library, and of each class in the place it would take."""
-    if no_gap or not selection.chosen.effects:
-        nothing = CALIBRATION.sure if no_gap else 1 - CALIBRATION.sure
+def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...], kind: str) -> Mapping[str, float]:
+    """Of no gap, of a cause outside the library, and of each class in the place it would take.
+
+    Args:
+        selection: the chosen set of effects
+        posteriors: of the chosen effects; none where they are withheld
+        kind: the verdict
+    """
+    if kind in ("no_gap", "inconclusive") or not posteriors:
+        nothing = {"no_gap": CALIBRATION.sure, "inconclusive": CALIBRATION.unseen}.get(kind, 1 - CALIBRATION.sure)
         return {"no_gap": nothing, "unexplained": 1 - nothing}
     found = {"no_gap": 0.0, "unexplained": outside(selection)}
     for item in posteriors:

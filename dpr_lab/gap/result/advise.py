@@ -22,10 +22,11 @@ from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.gap.checks.measurement import has
 from dpr_lab.gap.data.record import RATE_HZ
 from dpr_lab.gap.data.recordings import LENGTHS, Recordings
 from dpr_lab.gap.inference.posterior import CALIBRATION, Alternative, EffectPosterior
-from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease
+from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease, Quantity
 from dpr_lab.gap.selection.hypothesis import Hypothesis
 from dpr_lab.rig_tables import AddedMass
 
@@ -126,7 +127,7 @@ def _for_class(foretold: Sequence[Foretold], chosen: Hypothesis, item: EffectPos
         if strength >= TOLD_APART:
             steps.append(_recording(chosen, item.name, other, [share, share], strength, best))
     measured = [_measurement(item.name, name, item.members, [share] * len(item.members)) for name in item.members]
-    checks = dict.fromkeys(EFFECTS[name].bench_check for name in item.members[:2])
+    checks = dict.fromkeys(check.text for check in measured[:2])
     only = "The bench" if steps else "Only the bench"
     steps.append(NextStep(f"{only} tells {' from '.join(item.members)}: {' '.join(checks)}", tuple(measured)))
     return steps
@@ -136,8 +137,8 @@ def _for_rival(foretold: Sequence[Foretold], chosen: Hypothesis, item: EffectPos
     name, other, likely = item.name, rival.name, [item.probability, rival.probability]
     strength, best = _most(foretold, lambda there: there.apart(name, other))
     if strength < TOLD_APART:
-        text = f"No recording of the menu tells {name} from {other}. {EFFECTS[name].bench_check}"
-        return NextStep(text, (_measurement(name, name, (name, other), likely),))
+        check = _measurement(name, name, (name, other), likely)
+        return NextStep(f"No recording of the menu tells {name} from {other}. {check.text}", (check,))
     return _recording(chosen, name, other, likely, strength, best)
 
 
@@ -163,15 +164,10 @@ def _measurement(about: str, measured: str, splits: Sequence[str], likely: Seque
     amplitude = next(p for p in effect.amplitudes if p.name == effect.adds) if wider else effect.amplitudes[0]
     own = sum(p for name, p in zip(splits, likely, strict=True) if has(name, measured, amplitude.name))
     bits = told_bits([own, sum(likely) - own], np.inf)
-    made = _check("measurement", effect.bench_check, about, splits, bits)
-    return made.model_copy(update={"measures": measured, "quantity": f"{amplitude.name}, {amplitude.unit}"})
-
-
-def has(name: str, measured: str, amplitude: str) -> bool:
-    """Whether an effect has the amplitude of another: forms of one share them, but for what the wider form adds."""
-    if amplitude == EFFECTS[measured].adds and name in EFFECTS[measured].nested:
-        return False
-    return not {name, *EFFECTS[name].nested}.isdisjoint({measured, *EFFECTS[measured].nested})
+    quantity = Quantity.of(measured, amplitude.name)
+    text = f"{effect.bench_check} Give the {quantity.label}."
+    check = _check("measurement", text, about, splits, bits)
+    return check.model_copy(update={"measures": measured, "quantity": quantity})
 
 
 def _check(
@@ -212,11 +208,11 @@ def _entropy(p: Array) -> Array:
 def _foretold(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease, names: Sequence[str]) -> Foretold:
     at = chosen.fit.estimate
     trial, initial = _simulated(recordings, chosen, choice)
-    known = [parameter for parameter in chosen.fit.free if parameter.effect in (None, *trial.always)]
+    known = [p for p in chosen.fit.free if p.block == "ratios" or p.effect in trial.always]
     own = {name: effect_parameters(EFFECTS[name]) for name in names}
     known += trial.all_free(())
     linear = linearise(
-        trial, trial.begun(replace(at, initial=initial)), [*known, *(p for each in own.values() for p in each)]
+        trial, trial.begun(at.changed(initial=initial)), [*known, *(p for each in own.values() for p in each)]
     )
     A, _ = linear.flat
     ends = np.cumsum([len(known), *map(len, own.values())])

@@ -12,8 +12,9 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, UNKNOWN_RATIOS
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.checks.expected import expected_size
 from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.data.screen import AXES
 from dpr_lab.gap.inference.detectable import detectable
@@ -23,6 +24,7 @@ from dpr_lab.gap.result.advise import NextStep
 from dpr_lab.gap.result.diagnosis import (
     AdvisedCheck,
     Diagnosis,
+    EffectSize,
     Gap,
     Interval,
     NamedEffect,
@@ -34,9 +36,12 @@ from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.families import families, told
 from dpr_lab.gap.result.locate import Place, where_sentence
 from dpr_lab.gap.result.remedies import remedies
-from dpr_lab.gap.result.verdict import sentence, verdict
+from dpr_lab.gap.result.verdict import listed_causes, sentence, verdict
 from dpr_lab.gap.selection.bare_model import scale
 from dpr_lab.gap.selection.selected import Selection
+from dpr_lab.identification.misread.tried import Description
+from dpr_lab.identification.scaling.prior_spread import scale_of
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed
 
 Array = NDArray[np.float64]
@@ -57,6 +62,7 @@ class Findings:
     selection: Selection
     posteriors: tuple[EffectPosterior, ...]
     transfer: Transfer
+    description: Description
     places: tuple[Place, ...]
     gap: Gap
     advice: tuple[NextStep, ...]
@@ -66,23 +72,39 @@ class Findings:
     """How a long record was cut; nothing where it was not."""
 
     @property
-    def intervals(self) -> dict[tuple[str | None, str], float]:
+    def intervals(self) -> dict[tuple[str, str], float]:
         """(effect, parameter) -> half of the 90 % interval of a fitted value."""
         reach = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
         free = self.selection.chosen.fit.free
         return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}
 
+    @property
+    def scale(self) -> Scale:
+        """What absolute sizes assume of b: it was fitted, or is the rig file's."""
+        unknown, intervals = self.selection.chosen.fit.estimate.ratios, self.intervals
+        b = float(unknown[SCALE])
+        if ("", "b") in intervals:
+            reach = intervals["", "b"]
+            return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data")
+        visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
+        assumed = scale(self.selection.base.fit.estimate.ratios, self.recordings.rig)
+        return scale_of(assumed.model_copy(update={"value": b}), unknown, self.recordings.rig, visible)
+
 
 def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
     """The diagnosis; `seconds` is what it took."""
-    chosen, kind = found.selection.chosen, verdict(found.selection, found.posteriors, found.transfer)
-    least = detectable(chosen, found.selection.last)
-    named = [_named(found, item) for item in found.posteriors] if kind in ("named", "partly_explained") else []
+    chosen, least = found.selection.chosen, detectable(found.selection.chosen, found.selection.last)
+    withheld = found.description.withholds
+    kind = verdict(found.selection, found.posteriors, found.transfer, least, withheld=withheld)
+    shown = found.posteriors if kind == "named" else listed_causes(found.posteriors)
+    named = [_named(found, item) for item in shown] if kind in ("named", "partly_explained") else []
     whole = families(found.problem, found.selection, named)
     at, residuals = chosen.fit.estimate, chosen.residuals
     return Diagnosis(
         verdict=kind,
-        sentence=sentence(kind, found.selection, found.posteriors, found.transfer) + told(whole),
+        sentence=sentence(kind, found.selection, found.posteriors, found.transfer, least, found.description)
+        + told(whole),
+        hints=[found.description.hint] if found.description.hint else [],
         basis=found.transfer.basis,
         transfer=_transfer(found.transfer),
         withdrawn=list(found.transfer.withdrawn),
@@ -91,8 +113,8 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         where_sentence=where_sentence(found.places),
         effects=named,
         families=whole,
-        rivals=_rivals(found.posteriors, closest=kind == "unexplained"),
-        probabilities=dict(probabilities(found.selection, found.posteriors, no_gap=kind == "no_gap")),
+        rivals=[] if withheld else _rivals(found.posteriors, closest=kind == "unexplained"),
+        probabilities=dict(probabilities(found.selection, () if withheld else found.posteriors, kind)),
         detectable={name: dict(sizes) for name, sizes in least.items()},
         sensor_findings=_sensor_findings(found),
         remedies=remedies(
@@ -104,7 +126,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         advice=[said.text for said in found.advice],
         checks=_checks(found, [item.name for item in named]),
         ratios={
-            name: _interval(value, found.intervals.get((None, name), 0.0))
+            name: _interval(value, found.intervals.get(("", name), 0.0))
             for name, value in zip(RATIOS, at.ratios[: len(RATIOS)].tolist(), strict=True)
         },
         ratio_covariance=_ratio_covariance(found).tolist(),
@@ -113,6 +135,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         exact_torques=found.recordings.exact_torques,
         segments=len(found.problem.segments),
         scale_b=float(at.ratios[SCALE]),
+        scale=found.scale,
         model_effects=named_params(at.params),
         assumptions=[*([found.cut] if found.cut else []), *_assumptions(found), *_unseen(least)],
         evidence=evidence,
@@ -123,7 +146,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
 def _ratio_covariance(found: Findings) -> NDArray[np.float64]:
     """(5, 5); zero for ratios that no run shows, which are the rig file's."""
     free = found.selection.chosen.fit.free
-    mine = {parameter.index: i for i, parameter in enumerate(free) if parameter.effect is None}
+    mine = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     whole = np.zeros((len(RATIOS), len(RATIOS)))
     seen = [i for i in range(len(RATIOS)) if i in mine]
     own = [mine[i] for i in seen]
@@ -137,8 +160,11 @@ def _checks(found: Findings, named: Sequence[str]) -> list[AdvisedCheck]:
     own = hashlib.sha256(at.ratios.tobytes() + at.params.tobytes()).hexdigest()[:4]
     each = {(check.kind, check.text, check.about): check for said in found.advice for check in said.checks}
     each = {key: check for key, check in each.items() if check.about in named and check.expected_bits > 0}
-    ranked = sorted(each.values(), key=lambda check: -check.expected_bits)
-    return [check.model_copy(update={"id": f"{k}-{own}"}) for k, check in enumerate(ranked, 1)]
+    ranked, assumed = sorted(each.values(), key=lambda check: -check.expected_bits), found.scale
+    return [
+        check.model_copy(update={"id": f"{k}-{own}", "expected": expected_size(found.selection, assumed, check)})
+        for k, check in enumerate(ranked, 1)
+    ]
 
 
 def _transfer(found: Transfer) -> dict[str, dict[str, Interval]]:
@@ -171,12 +197,14 @@ def _named(found: Findings, item: EffectPosterior) -> NamedEffect:
     whole = selection.base.residuals.excess
     values = named_params(selection.chosen.fit.estimate.params).get(item.name, {})
     errors = {name: found.intervals.get((item.name, name), 0.0) for name in values}
+    assumed = found.scale
     return NamedEffect.model_validate(
         {
             "name": item.name,
             "class": list(item.members),
+            "odds": dict(zip(item.members, item.odds, strict=False)),
             "probability": item.probability,
-            "parameters": {name: _interval(value, errors[name]) for name, value in values.items()}
+            "parameters": {name: _size(assumed, item.name, name, value, errors[name]) for name, value in values.items()}
             | _implied(EFFECTS[item.name], values, errors),
             "share": float(np.clip((less - left) / whole, 0.0, 1.0)) if whole > 0 else float(less > left),
         }
@@ -192,7 +220,20 @@ def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
         moved = effect.implied({**values, name: values[name] + error})
         for key in found:
             squares[key] += (moved.get(key, np.inf) - found[key]) ** 2
-    return {key: _interval(found[key], float(np.sqrt(squares[key]))) for key in found if np.isfinite(squares[key])}
+    reaches = {key: float(np.sqrt(square)) for key, square in squares.items() if np.isfinite(square)}
+    ends = {key: (found[key] - reach, found[key] + reach) for key, reach in reaches.items()}
+    return {key: EffectSize(value=found[key], interval90=ends[key], interval90_with_scale=ends[key]) for key in ends}
+
+
+def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> EffectSize:
+    """A fitted parameter with its ratio to b, and its absolute interval."""
+    parameter, interval = next(p for p in EFFECTS[effect].parameters if p.name == name), (value - reach, value + reach)
+    power = parameter.scale_power
+    size = EffectSize(value=value, interval90=interval, interval90_with_scale=scale.absolute90(value, interval, power))
+    if power == 0 or scale.fixed_by == "data":
+        return size
+    ratios = {"ratio": scale.ratio(value, power), "ratio_interval90": scale.ratio90(interval, power)}
+    return size.model_copy(update=ratios | {"ratio_unit": parameter.ratio_unit})
 
 
 def _rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
@@ -300,11 +341,7 @@ def _scale(found: Findings) -> str:
         return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques."
     if any(setup.added for setup in found.problem.segments.setups):
         return "The known added mass fixes the scale of all torques."
-    if (None, "b") in found.intervals:
+    if ("", "b") in found.intervals:
         return "Friction that follows the load of weighed masses fixes the scale of all torques."
-    b = scale(found.selection.base.fit.estimate.ratios, found.recordings.rig)
-    told = f"Torques are relative to b = {b.value:.4g} kg m^2 of the rig file: free swings fix no scale."
-    if b.std is None:
-        return f"{told} Only the search bounds fix it; a release with a known added mass would."
-    known = NORMAL_Q90 * b.std / b.value
-    return f"{told} The rig file knows it to {known:.1%} (90 %), which no interval of an effect holds."
+    assumed = found.scale
+    return assumed.sentence if assumed.known else f"{assumed.sentence} A release with a known added mass fixes b."

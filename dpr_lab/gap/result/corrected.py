@@ -9,6 +9,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.model import Covariance, EstimatedValue, FitSummary, Model, RigFacts, RunUsed, SearchRecord
 from dpr_lab.identification.prior_update import update_prior
+from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.version import __version__
@@ -27,20 +28,24 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Mode
     values = np.array([interval.value for interval in diagnosis.ratios.values()])
     covariance = np.array(diagnosis.ratio_covariance)
     nine, base = update_prior(values, covariance, rig)
-    scale = diagnosis.scale_b / base["b"].value
-    absolute = {name: item.model_copy(update={"value": item.value * scale}) for name, item in base.items()}
+    factor = diagnosis.scale_b / base["b"].value
+    absolute = {name: item.model_copy(update={"value": item.value * factor}) for name, item in base.items()}
     std = np.sqrt(np.diag(covariance))
+    scale = diagnosis.scale or scale_of(absolute["b"], diagnosis.unknowns, rig)
+    ratios = {
+        name: EstimatedValue(value=interval.value, std=float(s), interval90=interval.interval90)
+        for (name, interval), s in zip(diagnosis.ratios.items(), std, strict=True)
+    }
+    nine, absolute = with_intervals(nine, absolute, ratios, scale, diagnosis.unknowns, rig)
     gap = diagnosis.gap
     return Model(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.rig.L1, g=rig.rig.g),
-        ratios={
-            name: EstimatedValue(value=interval.value, std=float(s), interval90=interval.interval90)
-            for (name, interval), s in zip(diagnosis.ratios.items(), std, strict=True)
-        },
+        ratios=ratios,
         covariance=Covariance(order=list(RATIOS), matrix=covariance.tolist()),
         cramer_rao_std=dict(zip(RATIOS, std.tolist(), strict=True)),
         parameters=nine,
         base=absolute,
+        scale=scale,
         fit=FitSummary(
             rms_rad={AXES[k]: float(np.hypot(v, gap.floor_rad[k])) for k, v in gap.after_rad.items()},
             noise_rad={AXES[k]: v for k, v in gap.floor_rad.items()},

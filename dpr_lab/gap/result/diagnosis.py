@@ -13,8 +13,10 @@ from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.trust import Trust
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.shown import Row, Shown
+from dpr_lab.whole_file import regular
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -27,7 +29,25 @@ class Interval(_Record):
     """A number with its 90 % interval."""
 
     value: Number
+    """The number, SI."""
     interval90: tuple[Number, Number]
+    """Its 90 % interval, SI."""
+
+
+class EffectSize(Interval):
+    """A parameter of an effect: `value` and `interval90` at the assumed b, its ratio to b, and the absolute interval.
+
+    `interval90` holds the uncertainty of the fit alone: with `value` it is a ratio to the assumed b in other units.
+    """
+
+    ratio: Number | None = None
+    """value / b^k, which does not depend on the scale; None where the recordings fix b, or where k is 0."""
+    ratio_unit: str = ""
+    """SI."""
+    ratio_interval90: tuple[Number, Number] | None = None
+    """90 % interval of the ratio."""
+    interval90_with_scale: tuple[Number, Number] | None = None
+    """90 % interval of the absolute value, the uncertainty of b included; None in a file of an older version."""
 
 
 class ClosedShare(_Record):
@@ -36,7 +56,9 @@ class ClosedShare(_Record):
     estimate: Number
     """On the runs held out; where there are none, on each run as foretold from the others."""
     interval90: tuple[Number, Number]
+    """90 % interval of the estimate."""
     per_run: dict[str, Number]
+    """Run -> share of the gap that closes on it."""
     held_out: dict[str, Number] = {}
     """By whole recordings that were held out on request."""
 
@@ -45,12 +67,17 @@ class Gap(_Record):
     """How large the gap is, before and after."""
 
     floor_rad: dict[str, Number]
+    """Joint -> noise floor, rad."""
     before_rad: dict[str, Number]
+    """Joint -> rms above the noise of the bare model, rad."""
     after_rad: dict[str, Number]
+    """Joint -> rms above the noise of the corrected model, rad."""
     before_Nm: dict[str, Number]
+    """Joint -> rms of the torque that the bare model misses, N m at the assumed b."""
     explained_share: Number
     """Of the excess chi2 of the bare model."""
     closed_held_out: ClosedShare
+    """Share that closes on data not used for the fit."""
     by_horizon: dict[str, dict[str, Number]] = {}
     """Segment length s -> before, after -> rms above the noise, rad."""
     free_run_rad: dict[str, dict[str, Number]] = {}
@@ -63,22 +90,36 @@ class Where(_Record):
     """One place in which the gap can lie."""
 
     site: str
+    """Where it lies: a joint, an encoder, the base."""
     coordinate: str
+    """What the map runs along: `angle`, `speed`, `time` or `load`."""
     share: Number
+    """Share of the excess that a map there explains."""
     sentence: str
+    """What the map looks like, in words."""
     knots: list[Number] = []
+    """(n,) coordinates of the map, SI."""
     values: list[Number] = []
+    """(n,) values of the map at the knots, in `unit`."""
     std: list[Number] = []
+    """(n,) standard deviations of the values, in `unit`."""
     unit: str = ""
+    """Unit of the values, SI."""
 
 
 class NamedEffect(_Record):
     """One effect of the chosen set."""
 
     name: str
+    """A name of `dpr_lab.effects.EFFECTS`."""
     members: list[str] = Field(alias="class")
+    """The effect and those indistinguishable from it on these recordings."""
+    odds: dict[str, Number] = {}
+    """Of each member of the class, its share of the probability by the plausibility of its size."""
     probability: Number
-    parameters: dict[str, Interval]
+    """Probability that the cause is one of the members."""
+    parameters: dict[str, EffectSize]
+    """Parameter -> its size, SI."""
     share: Number
     """Of the excess that comes back without it."""
 
@@ -87,9 +128,13 @@ class NamedFamily(_Record):
     """Named effects that together are one thing."""
 
     name: str
+    """Name of the family."""
     words: str
+    """What it is, in words."""
     effects: list[str]
+    """The named effects that belong to it."""
     probability: Number
+    """Probability that all of them are there."""
     share: Number
     """Of the excess that comes back without all of them."""
 
@@ -98,20 +143,30 @@ class RivalEffect(_Record):
     """Another effect that could stand in its place."""
 
     name: str
+    """A name of `dpr_lab.effects.EFFECTS`."""
     members: list[str] = Field(alias="class")
+    """The effect and those indistinguishable from it."""
     probability: Number
+    """Probability that it is the cause instead."""
     cosine: Number
+    """Cosine similarity of its signature and that of the named effect; 1 = of the same shape."""
     instead_of: str = ""
+    """The named effect whose place it could take; empty where none is named."""
 
 
 class SensorFinding(_Record):
     """A sensor fault found before any physics."""
 
     name: str
+    """What kind of fault."""
     run: str
+    """Name of the run."""
     axis: str | None
+    """The encoder: `theta0`, `theta1` or `theta2`; None for all."""
     at_s: Number | None
+    """When it happened, s since the release; None for the whole run."""
     evidence: str
+    """What shows it, in words."""
 
 
 class AdvisedRelease(_Record):
@@ -120,62 +175,139 @@ class AdvisedRelease(_Record):
     theta1_rad: Number
     """Absolute angles of the rods when they are let go, at rest."""
     theta2_rad: Number
+    """The outer rod, rad."""
     duration_s: Number
+    """How long to record, s."""
     added_mass: AddedMass | None = None
     """A known mass to be clamped on."""
 
 
+class Quantity(_Record):
+    """What a measurement gives: a quantity with its unit."""
+
+    name: str
+    """In words: `extra friction torque at rest, joint 2`."""
+    unit: str
+    """`N m`; `1` for a ratio."""
+    symbol: str
+    """As in the equation of the effect."""
+    parameters: tuple[str, ...]
+    """The amplitudes of the effect that it is; of several the root of the sum of their squares."""
+    definition: str = ""
+    """What exactly it is, where the name leaves that open."""
+
+    @classmethod
+    def of(cls, effect: str, parameter: str) -> Self:
+        """The quantity of an effect that one of its amplitudes is part of."""
+        bench = EFFECTS[effect].bench_quantity(parameter)
+        unit = next(p.unit for p in EFFECTS[effect].amplitudes if p.name == parameter)
+        (*_, joint) = effect.rpartition("_joint")
+        return cls(
+            name=f"{bench.words}, joint {joint}" if joint in ("1", "2") else bench.words,
+            unit=unit,
+            symbol=bench.symbol,
+            parameters=bench.parameters,
+            definition=bench.definition,
+        )
+
+    @property
+    def label(self) -> str:
+        """`extra friction torque at rest, joint 2 (S), in N m`."""
+        definition = f" = {self.definition}" if self.definition else ""
+        return f"{self.name} ({self.symbol}{definition}), in {'% or ppm' if self.unit == '1' else self.unit}"
+
+    def shown(self, value: float) -> str:
+        """`0.0061 N m`; a ratio in percent."""
+        return f"{100 * value:.4g} %" if self.unit == "1" else f"{value:.4g} {self.unit}"
+
+
 class AdvisedCheck(_Record):
-    """A recording or a measurement that would tell a named effect from what else it could be."""
+    """A recording or a measurement that distinguishes a named effect from its alternatives."""
 
     id: str
     """Of this diagnosis alone."""
     kind: Literal["recording", "measurement"]
+    """Whether to record runs, or to measure an amplitude at the bench."""
     text: str
+    """What to do, in words."""
     about: str
     """The named effect whose class or alternatives it splits."""
     splits: list[str]
-    """What it tells apart."""
+    """The effects that it distinguishes."""
     expected_bits: Number
     """By how much it is expected to lower the uncertainty about them."""
     measures: str = ""
-    """Of a measurement, the effect whose amplitude it measures: zero where that effect is not there."""
-    quantity: str = ""
-    """That amplitude, with its unit."""
+    """Of a measurement, the effect whose amplitude it measures: about zero where that effect is not the cause."""
+    quantity: Quantity | None = None
+    """What a measurement gives; none for a recording."""
+    expected: Interval | None = None
+    """Size of the quantity if the measured effect is the cause, as the recordings give it, with its 90 % interval. None
+    for a recording, and where nothing was fitted."""
     release: AdvisedRelease | None = None
     """What a recording is of."""
 
     @property
-    def amplitude(self) -> EffectParameter:
-        """What a measurement measures."""
-        return _amplitudes(self.measures)[self.quantity.split(",")[0]]
+    def amplitudes(self) -> tuple[EffectParameter, ...]:
+        """The amplitudes that a measurement measures."""
+        own = _amplitudes(self.measures)
+        return tuple(own[name] for name in self.quantity.parameters) if self.quantity else ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _reads_older(cls, values: Any) -> Any:
+        """Read a quantity as version 0.2 wrote it: `extra_at_rest_Nm, N m`."""
+        if not isinstance(values, dict) or not isinstance(values.get("quantity"), str):
+            return values
+        name, effect = values["quantity"].split(",")[0], str(values.get("measures"))
+        if name and effect in EFFECTS and name not in _amplitudes(effect):
+            raise ValueError(f"{effect} has no amplitude {name!r}")
+        return {**values, "quantity": Quantity.of(effect, name) if name in _amplitudes(effect) else None}
 
     @model_validator(mode="after")
-    def _measures_what_is_there(self) -> Self:
-        if self.measures in EFFECTS and self.quantity.split(",")[0] not in _amplitudes(self.measures):
-            raise ValueError(f"{self.measures} has no amplitude {self.quantity!r}")
+    def _has_what_it_measures(self) -> Self:
+        measured = self.quantity.parameters if self.quantity else ()
+        known = self.measures not in EFFECTS or (measured and {*measured} <= {*_amplitudes(self.measures)})
+        if self.kind == "measurement" and not known:
+            raise ValueError(f"{self.measures} has no amplitude {', '.join(measured)!r}")
         return self
 
 
 def _amplitudes(effect: str) -> dict[str, EffectParameter]:
-    return {parameter.name: parameter for parameter in EFFECTS[effect].amplitudes}
+    return {parameter.name: parameter for parameter in EFFECTS[effect].amplitudes} if effect in EFFECTS else {}
+
+
+NONE_OF_THEM = "unexplained"
+"""Key of a cause outside the candidates, in probabilities and results of checks."""
 
 
 class CheckDone(_Record):
-    """The result of an advised check, and what it changed."""
+    """The result of a recommended check, and what it changed."""
 
     check: AdvisedCheck
+    """The check."""
     result: str
+    """Its result, in words."""
+    value: Number | None = None
+    """What was measured, in the unit of the quantity; none for a recording."""
+    std: Number | None = None
+    """Its standard uncertainty."""
     before: dict[str, Number]
-    """Probability of each candidate before it."""
+    """Probability of each candidate before it, and of a cause that is none of them ("unexplained")."""
     after: dict[str, Number]
+    """Probability of each candidate after it."""
+    log10_bayes_factor: dict[str, Number] = {}
+    """Of each of them against all others together: positive where the result speaks for it."""
 
 
 class Diagnosis(Shown, _Record):
     """Where the simulation differs from the rig, which effect causes it, how sure that is and how much closes."""
 
-    verdict: Literal["no_gap", "named", "partly_explained", "unexplained"]
+    verdict: Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
+    """`no_gap`, `inconclusive` (the recordings cannot show a gap), `named`, `partly_explained` or `unexplained`."""
     sentence: str
+    """The verdict in words."""
+    hints: list[str] = []
+    """What speaks against the description of the recordings, and the option or key of the rig file that mends it."""
     basis: Literal["one release", "releases left out", "held-out runs"] = "releases left out"
     """What the verdict was tested on."""
     transfer: dict[str, dict[str, Interval]] = {}
@@ -183,18 +315,27 @@ class Diagnosis(Shown, _Record):
     withdrawn: list[str] = []
     """Effects that explain these recordings and do not carry over to those that took no part."""
     gap: Gap
+    """How large the gap is, before and after."""
     where: list[Where]
+    """Places in which the gap can lie, the most telling first."""
     where_sentence: str
+    """The same in one sentence."""
     effects: list[NamedEffect]
+    """The named effects, in the order in which they were chosen."""
     families: list[NamedFamily] = []
     """What several of them together are."""
     rivals: list[RivalEffect]
+    """Effects that could stand in their place, the likeliest first."""
     probabilities: dict[str, Number]
+    """Probability of `no_gap`, of `unexplained`, and of each effect in the place it would take."""
     detectable: dict[str, dict[str, Number | None]]
+    """Effect -> parameter -> minimum detectable size at the assumed b, SI; None where no size shows."""
     sensor_findings: list[SensorFinding]
+    """Sensor faults found before any physics."""
     remedies: list[str] = []
     """What to do about each named effect, in their order."""
     advice: list[str]
+    """What to record or to check next, in words."""
     checks: list[AdvisedCheck] = []
     """The same for programs: `dpr-lab check` takes their results."""
     checks_done: list[CheckDone] = []
@@ -202,6 +343,7 @@ class Diagnosis(Shown, _Record):
     parent: str = ""
     """SHA-256 of the diagnosis that this one was made of by a check."""
     ratios: dict[str, Interval]
+    """a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model."""
     ratio_covariance: list[list[Number]]
     """(5, 5) of the ratios, in their order."""
     chi2_per_dof: Number
@@ -209,18 +351,23 @@ class Diagnosis(Shown, _Record):
     exact_torques: bool = False
     """Whether measured torques were taken for exact: what is left is far above what their noise does."""
     segments: int
+    """Number of segments of 0.5 s."""
     scale_b: Number
     """kg m^2: a free swing does not fix the common scale of torques; all are relative to this b of the rig file."""
+    scale: Scale | None = None
+    """The b that absolute sizes assume, its interval and what fixed it; None in a file of an older version."""
     p_over_b: Number | None = None
     """m2 L1^2 / b, which the inner rod alone swings by beside the ratios."""
     model_effects: dict[str, dict[str, Number]]
     """The corrected model's effects with all parameters, as `dpr_lab.effects.effect_params` takes them."""
     assumptions: list[str]
+    """What was taken for granted, in words."""
     evidence: Evidence | None = None
     """What it rests on; none in a diagnosis of an older version."""
     trust: Trust | None = None
     """Blind trials on plants like this rig, where they were asked for."""
     seconds: Number
+    """Time it took, s."""
 
     @property
     def unknowns(self) -> NDArray[np.float64]:
@@ -248,7 +395,7 @@ def load_diagnosis(path: Path) -> Diagnosis:
             does not know.
     """
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        told = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
         kept = {key: told[key] for key in told if key != "files"} if isinstance(told, dict) else told
         found = Diagnosis.model_validate(kept)
     except OSError as error:

@@ -45,7 +45,11 @@ def gap(
             held_out={name: share.estimate for name, share in carried.held_out.items()},
         ),
         by_horizon=by_horizon(recordings, problem, models),
-        free_run_rad={run: {name: of_model[run] for name, of_model in errors.items()} for run in errors["before"]},
+        free_run_rad={
+            run: {name: of_model[run] for name, of_model in errors.items()}
+            for run in errors["before"]
+            if all(run in of_model for of_model in errors.values())
+        },
         waterfall=[
             {"effect": name, "rms_rad": float(np.linalg.norm(list(gap_rad(problem, item).values())))}
             for name, item in selection.path

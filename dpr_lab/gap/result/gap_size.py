@@ -1,7 +1,6 @@
 """The gap against the noise floor: in rad by axis, in N m, and as it grows with the horizon."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,14 +14,14 @@ from dpr_lab.fitting.response import TRAJECTORY, trajectory
 from dpr_lab.gap.data.recordings import LENGTHS, Recordings
 from dpr_lab.gap.data.screen import AXES
 from dpr_lab.gap.selection.hypothesis import Hypothesis
-from dpr_lab.gap.selection.residuals import ResidualStatistics, residual_statistics
+from dpr_lab.gap.selection.residuals import ResidualStatistics, bounded_residual, residual_statistics
 
 Array = NDArray[np.float64]
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
 """Lengths of segments over which the gap is told: from where no model fails to where chaos begins."""
 
-TOLD = GaussNewton(converged=1e-3, settled=1e-4)
+TOLD = GaussNewton(converged=1e-3, converged_frozen=1e-4)
 """A gap by the horizon is told in two digits."""
 
 TORQUE_HATS = 3
@@ -36,7 +35,7 @@ def floor_rad(problem: Problem) -> dict[str, float]:
 
 def gap_rad(problem: Problem, at: Hypothesis) -> dict[str, float]:
     """What a fit leaves above the noise by axis, rms, rad."""
-    residual = problem.by_sample(at.fit.linear.residual)
+    residual = bounded_residual(problem, at.fit)
     lost = 1 - (problem.segments.starts.sum() + len(at.fit.free)) / np.count_nonzero(problem.read)
     above = _mean(residual**2, problem) / lost - at.residuals.level
     return _by_axis(np.sqrt(np.maximum(above, 0.0) / np.maximum(_mean(problem.weight**2, problem), TINY)))
@@ -87,7 +86,7 @@ def by_horizon(
 def _left(problem: Problem, initial: Array, working: Problem, at: Hypothesis) -> ResidualStatistics:
     """What a model leaves once its segments are cut otherwise."""
     begun = carried(working.segments, at.fit.estimate.initial, problem.segments, initial)
-    return residual_statistics(problem, fit(problem, replace(at.fit.estimate, initial=begun), (), settings=TOLD))
+    return residual_statistics(problem, fit(problem, at.fit.estimate.changed(initial=begun), (), settings=TOLD))
 
 
 def _mean(values: Array, problem: Problem) -> Array:

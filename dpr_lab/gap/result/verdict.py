@@ -1,17 +1,22 @@
 """The verdict in one word and one sentence; an honest "unexplained" before a wrong name."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from dpr_lab.gap.inference.detectable import visible
 from dpr_lab.gap.inference.posterior import EffectPosterior
 from dpr_lab.gap.inference.transfer import Transfer
 from dpr_lab.gap.selection.hypothesis import Hypothesis
 from dpr_lab.gap.selection.selected import Selection
 from dpr_lab.gap.selection.thresholds import at_noise_floor
+from dpr_lab.identification.misread.tried import Description
 from dpr_lab.shown import listed
 
-Verdict = Literal["no_gap", "named", "partly_explained", "unexplained"]
+Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
+
+Detectable = Mapping[str, Mapping[str, float | None]]
+"""Effect -> amplitude -> least size that the recordings would show."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +35,11 @@ class VerdictRules:
     """Share of the gap that must close on recordings that took no part, for a set to be the cause."""
     gap_from: float = 0.5
     """Times the noise from which a remainder that no effect explains is a gap."""
+    listed: float = 0.05
+    """Probability below which an effect is not listed as a cause."""
+    visible: float = 0.5
+    """Share of the effects that must show at their typical size for "no gap" to mean something. Three releases of 4 s
+    at 1 kHz show 0.99, one of 1 s at 30 Hz shows 0.4."""
     noise: float = 6.0
     """Standard deviations of the residual up to which a named set counts as the whole story."""
 
@@ -37,8 +47,34 @@ class VerdictRules:
 RULES = VerdictRules()
 
 
-def verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> Verdict:
-    """Which of the four it is; beyond one release by what carries over to recordings that took no part."""
+def verdict(
+    selection: Selection,
+    posteriors: Sequence[EffectPosterior],
+    carried: Transfer,
+    least: Detectable,
+    *,
+    withheld: bool = False,
+) -> Verdict:
+    """Choose the verdict; beyond one release by what carries over to recordings that took no part.
+
+    Args:
+        selection: the chosen set of effects
+        posteriors: of each of them
+        carried: how they do on recordings that took no part
+        least: size of each effect that the recordings would show
+        withheld: whether a wrong description of the recordings explains as much
+    """
+    kind = "unexplained" if withheld else _verdict(selection, posteriors, carried)
+    shown, all_ = visible(least)
+    return "inconclusive" if kind == "no_gap" and shown < RULES.visible * all_ else kind
+
+
+def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
+    """Those that are not next to impossible."""
+    return tuple(item for item in posteriors if item.probability >= RULES.listed)
+
+
+def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> Verdict:
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
         return "no_gap" if _small(chosen) else "unexplained"
@@ -49,7 +85,7 @@ def verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carried
     if chosen.residuals.z < RULES.noise and whole and sure and transfers and not carried.oversized:
         return "named"
     nothing = tested and (carried.closed.estimate <= 0 or len(carried.withdrawn) == len(chosen.effects))
-    if share >= RULES.partly_share and not nothing:
+    if share >= RULES.partly_share and not nothing and listed_causes(posteriors):
         return "partly_explained"
     return "no_gap" if _small(selection.base) else "unexplained"
 
@@ -59,8 +95,33 @@ def _small(item: Hypothesis) -> bool:
     return at_noise_floor(item) or item.residuals.noise_ratio < RULES.gap_from
 
 
-def sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> str:
-    """What the operator reads first."""
+def sentence(
+    kind: Verdict,
+    selection: Selection,
+    posteriors: Sequence[EffectPosterior],
+    carried: Transfer,
+    least: Detectable,
+    described: Description,
+) -> str:
+    """What the operator reads first: arguments as of `verdict`, and what speaks against the description."""
+    if kind == "inconclusive":
+        return _inconclusive(least)
+    if described.withholds:
+        gap = selection.base.residuals.noise_ratio
+        return f"Unexplained: a gap of {gap:.2g} times the noise. {described.hint}"
+    told = _sentence(kind, selection, posteriors, carried)
+    return f"{told} {described.hint}" if described.hint else told
+
+
+def _inconclusive(least: Detectable) -> str:
+    shown, all_ = visible(least)
+    return (
+        f"Inconclusive: these recordings cannot show a gap. Of {all_} effects only {shown} would be visible at their"
+        " typical size. Record more releases, longer, with larger swings, at a higher rate or with less noise."
+    )
+
+
+def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> str:
     share, left = selection.share_explained, selection.chosen.residuals.noise_ratio
     carrying = [item for item in posteriors if item.name not in carried.withdrawn]
     likely = [item for item in carrying if item.name not in selection.expected or item.probability >= RULES.rather]
@@ -74,7 +135,7 @@ def sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPos
             f" nothing above the noise floor is left; {how_far(carried)}."
         )
     if kind == "partly_explained":
-        named = listed([_class(item) + _unsure(item) for item in carrying])
+        named = listed([_class(item) + _unsure(item) for item in listed_causes(carrying) or listed_causes(posteriors)])
         return (
             f"Partly explained by {named}: {how_far(carried)}. Of the excess in the fitted recordings {share:.1%} is"
             f" explained; a remainder of {left:.2g} times the noise has another cause or another form."

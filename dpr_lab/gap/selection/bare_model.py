@@ -56,7 +56,7 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
         RunError: a stretch of readings that no initial state comes near.
     """
     short, initial = recordings.cut(LENGTHS.first)
-    at = Estimate(start, effect_params({}), initial)
+    at = Estimate.of(start, effect_params({}), initial)
     free = free_parameters(at, (), short)
     rough = fit(short, at, free)
     _all_followed(recordings, short, rough)
@@ -67,7 +67,7 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     driven = any(setup.torques for setup in short.segments.setups)
     b = float(found[SCALE]) if driven else scale(found, recordings.rig).value
     recordings = recordings.without(short, lone_readings(short, first.estimate))
-    at = replace(first.estimate, ratios=with_scale(found, b))
+    at = first.estimate.changed(ratios=with_scale(found, b))
     recordings = replace(recordings, ratios=None if recordings.exact_torques else at.ratios)
     return recordings, *lengthened(recordings, short, at, LENGTHS.working)
 
@@ -86,6 +86,6 @@ def _all_followed(recordings: Recordings, problem: Problem, found: Fit) -> None:
 def lengthened(recordings: Recordings, short: Problem, at: Estimate, length: float) -> tuple[Problem, Hypothesis]:
     """The bare model at another segment length, s, from the states that shorter segments found."""
     longer, initial = recordings.cut(length)
-    begun = replace(at, initial=carried(short.segments, at.initial, longer.segments, initial))
+    begun = at.changed(initial=carried(short.segments, at.initial, longer.segments, initial))
     found = fit(longer, begun, free_parameters(begun, (), longer), iterations=20)
     return longer, hypothesis(longer, (), begun_again(longer, found, initial))

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.fitting.estimate import ZERO
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 
@@ -54,7 +53,7 @@ class _Folds:
     def __init__(self, fit: Fit, fold: NDArray[np.int64]) -> None:
         free = fit.inside
         self.A = fit.linear.A[:, :, free] * np.array([PRIOR * fit.free[i].size for i in free])
-        self.zeros = np.array([fit.free[i].effect == ZERO for i in free], dtype=np.bool_)
+        self.zeros = np.array([fit.free[i].block == "zeros" for i in free], dtype=np.bool_)
         self.e = fit.linear.e
         self.each = [self._fold(fold == r) for r in np.unique(fold)]
         self.H = sum((one.H for one in self.each), np.eye(len(free)))

@@ -5,8 +5,6 @@ that softens, a delay that shrinks with speed. While something is left over, one
 that, so it has to explain what no other form of the rest could.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,7 +60,7 @@ def _other_forms(problem: Problem, along: Trajectory, at: Hypothesis, name: str)
         slides = np.sign(along.joint_speed[:, joint])
         return under_torque(problem, along, joint, load_hats(force)[0] * (force * slides)[:, None])
     if effect.stage not in TRAJECTORY_TORQUES:
-        without = replace(estimate, params=without_effect(estimate.params, name))
+        without = estimate.changed(params=without_effect(estimate.params, name))
         error = np.nan_to_num(problem.predict(estimate) - problem.predict(without))
         free = [_free(encoder_angle(problem, j), encoder_speed(along, j), problem.t) for j in effect.joints]
         return problem.whitened(error[:, :, None] * np.concatenate(free, axis=1)[:, None, :])

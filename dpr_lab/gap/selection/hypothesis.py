@@ -18,7 +18,7 @@ from dpr_lab.fitting.estimate import (
     visible_ratios,
     with_scale,
 )
-from dpr_lab.fitting.gauss_newton import Descent, Fit, descend, fit
+from dpr_lab.fitting.gauss_newton import Fit, Iteration, descend, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.selection.cross_validation import folds, predictive_loss
 from dpr_lab.gap.selection.residuals import ResidualStatistics, residual_statistics
@@ -75,7 +75,7 @@ def free_parameters(at: Estimate, effects: Sequence[str], problem: Problem) -> t
     return (*ratio_parameters(at, visible), *of_effects)
 
 
-def begun_with(problem: Problem, before: Hypothesis, test: ScoreTest, item: Score, iterations: int = 0) -> Descent:
+def begun_with(problem: Problem, before: Hypothesis, test: ScoreTest, item: Score, iterations: int = 0) -> Iteration:
     """One effect more from where its score puts it, led on by some iterations for a glimpse of its fit."""
     linear = test.linear.chosen([*test.held, *item.columns])
     first = descend(problem, _shaped(before, item), item.free, iterations=1, first=linear)
@@ -91,7 +91,7 @@ def refit_with(
     test: ScoreTest,
     item: Score,
     iterations: int,
-    begun: Descent | None = None,
+    begun: Iteration | None = None,
 ) -> Hypothesis:
     """Fit one effect more, from where its score puts it or from where a glimpse led."""
     begun = begun or begun_with(problem, before, test, item)
@@ -115,7 +115,7 @@ def refit_with_from_short(
     cut, initial = short
     near = descend(cut, replace(_shaped(before, item), initial=initial), item.free, iterations=iterations)
     begun = carried(cut.segments, near.estimate.initial, problem.segments, before.fit.estimate.initial)
-    at = replace(near.estimate, initial=begun)
+    at = near.estimate.changed(initial=begun)
     effects = (*before.effects, item.effect.name)
     return hypothesis(problem, effects, fit(problem, at, free_parameters(at, effects, problem), iterations=iterations))
 
@@ -124,7 +124,7 @@ def _shaped(before: Hypothesis, item: Score) -> Estimate:
     params = before.fit.estimate.params.copy()
     for index, value in item.shape:
         params[index] = value
-    return replace(before.fit.estimate, params=params)
+    return before.fit.estimate.changed(params=params)
 
 
 def refit_without(
@@ -138,11 +138,11 @@ def refit_without(
     A, e = linear.flat
     step = fallen.copy()
     step[kept] = np.linalg.lstsq(A[:, kept], e - A @ fallen, rcond=1e-10)[0]
-    without = replace(at, params=without_effect(at.params, effect))
+    without = at.changed(params=without_effect(at.params, effect))
     guess = moved(without, [free[i] for i in kept], step[kept], linear.initial_steps(step))
     if not problem.chi2(guess) < LOST * problem.chi2(without):
         guess = without
     if not scale_visible(names, problem):
-        guess = replace(guess, ratios=with_scale(guess.ratios, bare.fit.estimate.ratios[SCALE]))
+        guess = guess.changed(ratios=with_scale(guess.ratios, bare.fit.estimate.ratios[SCALE]))
     found = fit(problem, guess, free_parameters(guess, names, problem), iterations=iterations)
     return hypothesis(problem, names, found)

@@ -5,7 +5,7 @@ from short segments, from the set above and from the set below, and the best of 
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,7 +132,7 @@ class ModelSearch:
     def on_short(self) -> "ModelSearch":
         """A search of its own in short segments; effects bend those less."""
         cut, initial = self.short()
-        at = replace(self.bare.fit.estimate, initial=initial)
+        at = self.bare.fit.estimate.changed(initial=initial)
         bare = hypothesis(cut, (), fit(cut, at, free_parameters(at, (), cut), iterations=EFFORT.fine))
         return ModelSearch(self.recordings, cut, self.library, {bare.key: bare}, {}, self.on_progress, self.expected)
 
@@ -146,7 +146,7 @@ class ModelSearch:
         """A fit in short segments carried on to these; they begin at `initial` where the short ones say nothing."""
         cut, _ = self.short()
         begun = carried(cut.segments, near.estimate.initial, self.problem.segments, initial)
-        return fit(self.problem, replace(near.estimate, initial=begun), near.free, iterations=iterations)
+        return fit(self.problem, near.estimate.changed(initial=begun), near.free, iterations=iterations)
 
     def escaped(self, at: Hypothesis) -> Hypothesis:
         """The same set, tried once more where a few segments, or long ones, may hold it at a local minimum."""
@@ -154,7 +154,7 @@ class ModelSearch:
             at = self._better(without_outstanding(self.problem, at.fit), at)
         if not at_noise_floor(at) and at.effects:
             cut, initial = self.short()
-            near = fit(cut, replace(at.fit.estimate, initial=initial), at.fit.free, iterations=EFFORT.rough)
+            near = fit(cut, at.fit.estimate.changed(initial=initial), at.fit.free, iterations=EFFORT.rough)
             long = self._lengthened(near, at.fit.estimate.initial, iterations=EFFORT.fine)
             at = self._better(without_outstanding(self.problem, long), at)
         self.fitted[at.key] = at

@@ -75,6 +75,12 @@ class ResidualStatistics:
         return float(np.sqrt(max(self.excess, 0.0) / (self.level * self.dof)))
 
 
+def bounded_residual(problem: Problem, fit: Fit) -> Array:
+    """(samples, 2) whitened residual; of a segment that cannot be followed the largest that counts."""
+    wildest = ASSUMPTIONS.wildest
+    return np.clip(np.nan_to_num(problem.by_sample(fit.linear.residual), nan=wildest), -wildest, wildest)
+
+
 def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
     """Compare a fit's residual with its own roughness: white noise has as much of both, a missing effect is smooth.
 
@@ -86,8 +92,7 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
     Source: J. von Neumann (1941), Distribution of the ratio of the mean square successive difference to the variance,
     Annals of Mathematical Statistics 12(4), 367-395.
     """
-    wildest, rho = ASSUMPTIONS.wildest, problem.noise_correlation
-    r = np.clip(np.nan_to_num(problem.by_sample(fit.linear.residual), nan=wildest), -wildest, wildest)
+    r, rho = bounded_residual(problem, fit), problem.noise_correlation
     within = np.ones(len(r) - 1, dtype=bool)
     within[problem.segments.offsets[1:-1] - 1] = False
     read = problem.read

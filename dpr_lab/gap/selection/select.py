@@ -14,12 +14,16 @@ set is fitted once and remembered (`ModelSearch`); every step below asks for set
     withdraw  an effect that makes one run harder to predict from the others, or those held out, is not named
     own part  while something is left, an effect that only makes up for another form of the rest is not named
     overtake  a set no larger that turns out better while alternatives are fitted takes its place
+    again     if the bare model turns out to have been held at a local minimum, all of this once more from a better one
+    plausible of two effects that no recording here can distinguish, the one of the far more plausible size is named
 
 Costs count in chi2; how much of it is one piece of independent evidence, and what falls of it mean, is in `thresholds`.
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import reduce
 
+from dpr_lab.effects import plausibility
 from dpr_lab.effects.effect import Effect
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.data.recordings import Recordings
@@ -69,6 +73,35 @@ def select(
         unseen_chi2: sum of chi2 on runs held out, as a set foretells them; none where there are none
         on_progress: told what is being fitted
     """
+    chosen = _selected(recordings, problem, base, library, max_effects, expected, unseen_chi2, on_progress)
+    bare = _base_again(problem, chosen)
+    if bare is None:
+        return chosen
+    return _selected(recordings, problem, bare, library, max_effects, expected, unseen_chi2, on_progress)
+
+
+def _base_again(problem: Problem, found: Selection) -> Hypothesis | None:
+    """The bare model fitted from where the chosen set leads, if it was held at a local minimum; else None.
+
+    An effect that only leads the fit out of such a minimum is no cause.
+    """
+    if not found.chosen.effects or not far_from_noise(found.base):
+        return None
+    bare = reduce(lambda at, name: refit_without(problem, at, name, found.base), found.chosen.effects, found.chosen)
+    escaped = bare.fit.chi2 < found.base.fit.chi2 / THRESHOLDS.escaped
+    return bare if escaped or (at_noise_floor(bare) and not at_noise_floor(found.base)) else None
+
+
+def _selected(
+    recordings: Recordings,
+    problem: Problem,
+    base: Hypothesis,
+    library: Mapping[str, Effect],
+    max_effects: int,
+    expected: Iterable[str],
+    unseen_chi2: Callable[[Hypothesis], float] | None,
+    on_progress: Progress,
+) -> Selection:
     known = frozenset(expected) & set(library)
     search = ModelSearch(recordings, problem, library, {base.key: base}, {}, on_progress, known, unseen_chi2)
     begun = _begun_short(search, max_effects) if far_from_noise(base) else search.begun()
@@ -79,9 +112,13 @@ def select(
     found = _selection(search, chosen)
     for _ in range(REVISIONS):
         better = _overtaken(search, chosen)
-        if better is None:
+        likelier = _more_plausible(search, found) if better is None else None
+        if better is not None:
+            chosen = search.converged(_with_own_part(search, _prune(search, better)))
+        elif likelier is not None:
+            chosen = search.converged(likelier)
+        else:
             break
-        chosen = search.converged(_with_own_part(search, _prune(search, better)))
         found = _selection(search, chosen)
     return found
 
@@ -212,6 +249,24 @@ def _overtaken(search: ModelSearch, chosen: Hypothesis) -> Hypothesis | None:
     best = min(others, key=_cost, default=chosen)
     found = chosen.cost - best.cost > significance(search.bare, chosen, best) and best.key != chosen.key
     return best if found and at_noise_floor(best) >= at_noise_floor(chosen) else None
+
+
+def _more_plausible(search: ModelSearch, found: Selection) -> Hypothesis | None:
+    """The chosen set with an indistinguishable effect, of a far more plausible size, in the place of one."""
+    chosen = found.chosen
+    margin = indifference(search.bare, chosen)
+    for name in search.unexpected(chosen):
+        test, own = found.around[name], plausibility(chosen.fit.estimate.params, name)
+        target = test.shaped[name][0]
+        for item in test.ranking:
+            other = search.fitted.get(found.without[name].key | {item.effect.name})
+            if other is None or other.key == chosen.key or abs(other.cost - chosen.cost) > margin:
+                continue
+            alike = min(test.cosine(target, item), test.cosine(item, target)) > THRESHOLDS.indistinguishable
+            likelier = plausibility(other.fit.estimate.params, item.effect.name) > THRESHOLDS.likelier * own
+            if alike and likelier:
+                return other
+    return None
 
 
 def _selection(search: ModelSearch, wanted: Hypothesis) -> Selection:

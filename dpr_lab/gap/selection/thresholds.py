@@ -42,6 +42,10 @@ class Thresholds:
     """Share of what an effect explains that no other form of the rest explains, while something is left."""
     still_open: float = 0.5
     """Share of the gap that the rest must not leave open for that to be asked."""
+    escaped: float = 10.0
+    """Factor by which chi2 of the bare model falls that was held at a local minimum."""
+    likelier: float = 10.0
+    """Odds by the prior of its size from which an indistinguishable effect is named in the place of another."""
     indistinguishable: float = 0.999
     """Cosine of the signatures of two effects above which a recording hardly tells them apart."""
 

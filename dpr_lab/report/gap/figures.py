@@ -1,5 +1,7 @@
 """Figures of a diagnosis: where the gap lies, what closes it, how it grows with the horizon."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

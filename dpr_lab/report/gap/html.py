@@ -8,6 +8,7 @@ from dpr_lab.report.gap import tables
 from dpr_lab.report.gap.section import evidence_html, evidence_parts
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.sections.closing import CLOSING
+from dpr_lab.report.gap.sizes import scale_note
 from dpr_lab.report.page import (
     details_html,
     figures_html,
@@ -87,7 +88,9 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
         *(page for name, page in told.items() if name not in (*first, CLOSING.name)),
         section_html(
             "What these recordings would show",
-            table_html(tables.DETECTABLE_COLUMNS, tables.detectable_rows(diagnosis), style="prose"),
+            table_html(
+                tables.DETECTABLE_COLUMNS, tables.detectable_rows(diagnosis), scale_note(diagnosis), style="prose"
+            ),
         ),
         section_html("Assumptions", list_html([in_words(text) for text in diagnosis.assumptions])),
     ]
@@ -104,17 +107,24 @@ def _to_do(diagnosis: Diagnosis) -> Iterator[str]:
 
 def _which(diagnosis: Diagnosis) -> Iterator[str]:
     """The effects, how the gap falls with them, and what else each can be."""
-    yield _rows(tables.EFFECT_COLUMNS, tables.effect_rows(diagnosis), tables.EFFECT_NOTE) or _NONE_NAMED
+    yield (
+        _rows(
+            tables.EFFECT_COLUMNS,
+            tables.effect_rows(diagnosis),
+            f"{tables.EFFECT_NOTE} {scale_note(diagnosis)}".strip(),
+        )
+        or _NONE_NAMED
+    )
     if diagnosis.gap.waterfall:
         yield _rows(tables.STEP_COLUMNS, tables.step_rows(diagnosis), tables.STEP_NOTE)
     yield _rows(tables.STANDING_COLUMNS, tables.standing_rows(diagnosis), tables.STANDING_NOTE)
 
 
 def _done(diagnosis: Diagnosis) -> Iterator[str]:
-    """How the probabilities moved, check by check."""
+    """Probabilities before and after each check."""
     for done in diagnosis.checks_done:
         yield paragraph_html(f"{done.check.id}: {in_words(done.check.text)} {done.result}")
-        yield _rows(tables.MOVED_COLUMNS, tables.moved_rows(done))
+        yield _rows(tables.MOVED_COLUMNS, tables.moved_rows(done), tables.MOVED_NOTE)
 
 
 def _closed(diagnosis: Diagnosis) -> Iterator[str]:

@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.checks.wording import bayes_factor
 from dpr_lab.gap.data.pieces import whole
-from dpr_lab.gap.result.diagnosis import CheckDone, Diagnosis, RivalEffect, Where
+from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, AdvisedCheck, CheckDone, Diagnosis, RivalEffect, Where
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
+from dpr_lab.report.gap.sizes import absolute_sentence, size_in_sentence, sizes_cell
 from dpr_lab.report.tables import run_name
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 from dpr_lab.shown import listed
@@ -22,9 +25,16 @@ STEP_COLUMNS = ("model", "gap left (mrad)", "excess explained")
 STANDING_COLUMNS = ("place of", "what it can be", "probability", "likeness", "what tells it apart")
 PLACE_COLUMNS = ("where", "by", "share of the excess", "what it looks like")
 CLOSED_COLUMNS = ("run", "gap closed", "free run before (mrad)", "after (mrad)")
-MOVED_COLUMNS = ("what it can be", "probability before", "after")
-CHECK_COLUMNS = ("check", "kind", "what to do", "splits", "expected bits")
-CHECK_NOTE = "Its result is taken back by: dpr-lab check DIAGNOSIS.json CHECK RUN... (or --value V --std S)"
+MOVED_COLUMNS = ("cause", "probability before", "after", "Bayes factor")
+MOVED_NOTE = (
+    "Bayes factor: how much more probable the result is under this cause than under all others together. Above 1 the"
+    " result speaks for the cause, below 1 against it; beyond 20 or 1/20 strongly."
+)
+CHECK_COLUMNS = ("check", "kind", "what to do", "expected result", "splits", "expected bits")
+CHECK_NOTE = (
+    "Expected result: size and 90 % interval if the measured effect is the cause; otherwise about zero. To record it:"
+    " dpr-lab check DIAGNOSIS.json CHECK RUN..., or for a measurement --value 'V UNIT' --std 'S UNIT'."
+)
 DETECTABLE_COLUMNS = ("effect", "least detectable size")
 HORIZON_COLUMNS = ("horizon (s)", "gap before (mrad rms)", "gap after (mrad rms)")
 MAP_COLUMNS = ("where", "by", "at", "value", "90 % reach")
@@ -52,6 +62,19 @@ ALONE = "no other"
 
 SPLIT = "these recordings"
 
+
+@dataclass(frozen=True, slots=True)
+class AlternativeWords:
+    """Which alternatives need a reason."""
+
+    improbable: float = 1e-3
+    """Probability below which only that is said."""
+    same_shape: float = 0.9995
+    """Cosine similarity that is shown as 1.000: an alternative that is improbable all the same needs a reason."""
+
+
+ALTERNATIVE_WORDS = AlternativeWords()
+
 _QUANTITIES = {
     "N m": ("torque (mN m)", 1e3),
     "N m s/rad": ("friction (mN m s/rad)", 1e3),
@@ -77,14 +100,9 @@ def coordinate(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
 
 
 def sentence(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> str:
-    """The verdict in words, with the size of each effect that has a single one."""
-    sizes = {
-        item.name: size_words(item.name, name, angles, number.value)
-        for item in diagnosis.effects
-        for name, number in item.parameters.items()
-        if len(item.parameters) == 1
-    }
-    return in_words(diagnosis.sentence, sizes)
+    """The verdict in words, with the size of each effect that has a single one, and what absolute sizes assume."""
+    sizes = {effect.name: size_in_sentence(diagnosis, effect, angles) for effect in diagnosis.effects}
+    return in_words(diagnosis.sentence, sizes) + absolute_sentence(diagnosis, angles)
 
 
 def effect_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
@@ -95,10 +113,7 @@ def effect_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple
             ", ".join(named(name) for name in item.members if name != item.name) or ALONE,
             f"{item.probability:.0%}",
             f"{item.share:.1%}",
-            "; ".join(
-                f"{parameter_words(name)} {size_words(item.name, name, angles, number.value, *number.interval90)}"
-                for name, number in item.parameters.items()
-            ),
+            sizes_cell(diagnosis, item, angles),
         )
         for item in diagnosis.effects
     ]
@@ -122,10 +137,14 @@ def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = 0.05) 
         most: so many rivals of each place are shown,
         open_from: and all that are at least so probable; the others are counted together
     """
-    outside = diagnosis.probabilities["unexplained"]
     left = f"{1 - diagnosis.gap.explained_share:.1%} of the excess is left"
+    checked = {
+        done.check.about: done.after[NONE_OF_THEM] for done in diagnosis.checks_done if NONE_OF_THEM in done.after
+    }
     rows: list[tuple[str, ...]] = []
     for place in _places(diagnosis):
+        known = place.probability + sum(rival.probability for rival in place.rivals)
+        outside = checked.get(place.name, min(diagnosis.probabilities[NONE_OF_THEM], max(1 - known, 0.0)))
         likeliest = [r for i, r in enumerate(place.rivals) if i < most or r.probability >= open_from]
         rest = 1 - outside - place.probability - sum(rival.probability for rival in likeliest)
         twins = _next_step(diagnosis, *place.members[:2]) if len(place.members) > 1 else ""
@@ -135,7 +154,9 @@ def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = 0.05) 
             ("", named(r.name), _sure(r.probability), f"{r.cosine:.4f}", _split(diagnosis, place, r)) for r in likeliest
         ]
         rows.append(("", "another rival, or no effect", _sure(rest), NONE, SPLIT))
-        rows.append(("", "a cause outside the library", _sure(outside), NONE, left))
+        rows.append(
+            ("", "a cause outside the library", _sure(outside), NONE, "the checks" if place.name in checked else left)
+        )
     return rows
 
 
@@ -147,8 +168,14 @@ def _places(diagnosis: Diagnosis) -> Iterator[_Place]:
 
 
 def _split(diagnosis: Diagnosis, place: _Place, rival: RivalEffect) -> str:
-    """What to do next where that decides between them; else these recordings have done it."""
-    return _next_step(diagnosis, place.name, rival.name) or SPLIT
+    """What to do next where that decides between them; else these recordings have done it, and by what."""
+    if step := _next_step(diagnosis, place.name, rival.name):
+        return step
+    if rival.probability >= ALTERNATIVE_WORDS.improbable or rival.cosine < ALTERNATIVE_WORDS.same_shape:
+        return SPLIT
+    if rival.name in EFFECTS and place.name in EFFECTS[rival.name].nested:
+        return f"{SPLIT}: a more general form; not needed, because the simpler one explains as much"
+    return f"{SPLIT}: of the same shape to first order, but it fits worse when it is fitted"
 
 
 def _next_step(diagnosis: Diagnosis, *names: str) -> str:
@@ -158,7 +185,7 @@ def _next_step(diagnosis: Diagnosis, *names: str) -> str:
 
 
 def _sure(probability: float) -> str:
-    if probability < 1e-3:
+    if probability < ALTERNATIVE_WORDS.improbable:
         return "< 0.1%"
     return f"{probability:.0%}" if probability >= 0.1 else f"{probability:.1%}"
 
@@ -211,17 +238,40 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
 
 
 def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
-    """How a check moved the probabilities, the likeliest cause first, in the columns `MOVED_COLUMNS`."""
+    """Probabilities before and after a check, the most probable cause first, in the columns `MOVED_COLUMNS`."""
     ranked = sorted(done.after, key=lambda name: -done.after[name])
-    return [(named(name), f"{done.before[name]:.3f}", f"{done.after[name]:.3f}") for name in ranked]
+    return [
+        (
+            "none of these effects" if name == NONE_OF_THEM else named(name),
+            f"{done.before[name]:.3f}",
+            f"{done.after[name]:.3f}",
+            bayes_factor(done, name),
+        )
+        for name in ranked
+    ]
 
 
 def check_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """The advised checks, in the columns `CHECK_COLUMNS`."""
+    """The recommended checks, in the columns `CHECK_COLUMNS`."""
     return [
-        (c.id, c.kind, in_words(c.text), ", ".join(map(named, c.splits)), f"{c.expected_bits:.2f}")
-        for c in diagnosis.checks
+        (
+            check.id,
+            check.kind,
+            in_words(check.text),
+            _expected(check),
+            ", ".join(map(named, check.splits)),
+            f"{check.expected_bits:.2f}",
+        )
+        for check in diagnosis.checks
     ]
+
+
+def _expected(check: AdvisedCheck) -> str:
+    """The expected result of a measurement with its interval."""
+    if check.quantity is None or check.expected is None:
+        return NONE
+    ends = check.expected.value, *check.expected.interval90
+    return size_words(check.measures, check.quantity.parameters[0], RADIANS, *ends)
 
 
 def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:

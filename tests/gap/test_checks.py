@@ -8,10 +8,10 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
+from dpr_lab.gap.checks.update import candidates, find_check, update_with_measurement, update_with_recordings
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.advise import told_bits
-from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis, load_diagnosis
-from dpr_lab.gap.result.take_back import candidates, find_check, take_runs, take_value
+from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, AdvisedCheck, Diagnosis, load_diagnosis
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
@@ -41,6 +41,7 @@ def test_twins_are_split_by_measurements_with_ids(diagnosis: Diagnosis) -> None:
     assert {TILT, OFFSET} <= set(diagnosis.effects[0].members)
     measured = {check.measures: check for check in diagnosis.checks}
     assert set(measured) >= {TILT, OFFSET}
+    assert all(check.expected and check.expected.value for check in measured.values())
     assert all(check.kind == "measurement" and 0.5 < check.expected_bits <= 1 for check in measured.values())
     assert len({check.id for check in diagnosis.checks}) == len(diagnosis.checks)
     assert set(diagnosis.to_json()["checks"][0]) >= {"id", "kind", "text", "splits", "expected_bits"}
@@ -51,18 +52,18 @@ def test_twins_are_split_by_measurements_with_ids(diagnosis: Diagnosis) -> None:
 )
 def test_a_measured_value_decides(diagnosis: Diagnosis, measured: str, value: float, cause: str) -> None:
     check = next(check for check in diagnosis.checks if check.measures == measured)
-    found = take_value(diagnosis, check, value, 5e-4)
+    found = update_with_measurement(diagnosis, check, value, 5e-4)
     (done,) = found.checks_done
     other = OFFSET if cause == TILT else TILT
     assert done.after[cause] > 0.8
     assert done.after[other] < 0.2 < done.before[other]
     assert sum(done.after.values()) == pytest.approx(sum(done.before.values()))
     assert check.id not in [left.id for left in found.checks]
-    assert candidates(found, diagnosis.effects[0].name) == done.after
+    assert candidates(found, diagnosis.effects[0].name) == {n: p for n, p in done.after.items() if n != NONE_OF_THEM}
     if cause != diagnosis.effects[0].name:
         assert found.effects[0].probability < 0.2
         assert found.rivals[0].name == cause
-    assert ("diagnose again" in found.sentence) == (cause != diagnosis.effects[0].name)
+    assert ("--without" in found.sentence) == (cause != diagnosis.effects[0].name)
     assert found.gap == diagnosis.gap
 
 
@@ -79,7 +80,7 @@ def open_between(diagnosis: Diagnosis, other: str) -> Diagnosis:
 @pytest.mark.timeout(500)
 def test_a_recording_decides(diagnosis: Diagnosis) -> None:
     before = open_between(diagnosis, "com_offset_link1")
-    found = take_runs(before, before.checks[0], recorded(8)[:1], load_rig("paper"))
+    found = update_with_recordings(before, before.checks[0], recorded(8)[:1], load_rig("paper"))
     after = found.checks_done[0].after
     assert after[TILT] + after[OFFSET] > 0.9
     assert after["com_offset_link1"] < 0.1
@@ -95,26 +96,38 @@ def test_forms_of_one_are_told_apart_by_what_the_wider_adds() -> None:
     )
     assert found.effects[0].members == list(names)
     measured = next(check for check in found.checks if check.kind == "measurement")
-    assert measured.quantity == "extra_at_rest_Nm, N m"
-    after = take_value(found, measured, 0.0, 1e-5).checks_done[0].after
+    assert measured.quantity is not None
+    assert measured.quantity.model_dump() == {
+        "name": "extra friction torque at rest, joint 2",
+        "unit": "N m",
+        "symbol": "S",
+        "parameters": ("extra_at_rest_Nm",),
+        "definition": "",
+    }
+    assert "Give the extra friction torque at rest, joint 2 (S), in N m." in measured.text
+    after = update_with_measurement(found, measured, 0.0, 1e-5).checks_done[0].after
     assert after[names[0]] > 0.9 * sum(after.values())
     asked = next(check for check in found.checks if check.kind == "recording")
     assert asked.release is not None
     assert asked.release.duration_s >= 10
     pose = Pose(theta1=asked.release.theta1_rad, theta2=asked.release.theta2_rad)
     rig = load_rig("paper").model_copy(update={"poses": {"check": pose}})
-    after = take_runs(found, asked, record(plant, rig, asked.release.duration_s, 250), rig).checks_done[0].after
+    after = (
+        update_with_recordings(found, asked, record(plant, rig, asked.release.duration_s, 250), rig)
+        .checks_done[0]
+        .after
+    )
     assert after[names[0]] > 0.6 * sum(after.values())
 
 
 def test_a_check_is_of_one_diagnosis_and_of_one_kind(diagnosis: Diagnosis) -> None:
-    with pytest.raises(RunError, match=r"advised no check '1-beef'; there are: 1-"):
+    with pytest.raises(RunError, match=r"recommends no check '1-beef'; there are: 1-"):
         find_check(diagnosis, "1-beef")
     with pytest.raises(RunError, match=r"is a measurement .*: give --value and --std, not runs"):
-        take_runs(diagnosis, diagnosis.checks[0], [], load_rig("paper"))
+        update_with_recordings(diagnosis, diagnosis.checks[0], [], load_rig("paper"))
     asked = open_between(diagnosis, "com_offset_link1")
     with pytest.raises(RunError, match=r"is a recording .*: give its run files, not a value"):
-        take_value(asked, asked.checks[0], 1.0, 0.1)
+        update_with_measurement(asked, asked.checks[0], 1.0, 0.1)
 
 
 @pytest.mark.slow

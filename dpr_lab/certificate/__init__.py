@@ -1,0 +1,1 @@
+"""Certificates: a diagnosis that others repeat and compare, claim by claim."""

@@ -1,0 +1,42 @@
+"""What computes an answer, besides its recordings: the code, the libraries and the machine."""
+
+import hashlib
+import importlib.metadata
+import platform
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from dpr_lab.certificate.document import MadeWith
+from dpr_lab.certificate.lines import Verified
+from dpr_lab.version import __version__
+
+
+def made_with() -> dict[str, str]:
+    """Versions and hash of the code that runs here, by the fields of `dpr_lab.certificate.document.MadeWith`."""
+    return {
+        "dpr_lab": __version__,
+        "code": _hash(Path(__file__).parents[1]),
+        "python": platform.python_version(),
+        **{name: importlib.metadata.version(name) for name in ("numpy", "scipy", "numba")},
+        "machine": f"{platform.system()} {platform.machine()}",
+    }
+
+
+@cache
+def _hash(package: Path) -> str:
+    """SHA-256 of the names and bytes of all Python files of a package."""
+    digest = hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        digest.update(f"{file.relative_to(package).as_posix()}\0{file.stat().st_size}\0".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def compare_code(certified: MadeWith, here: Mapping[str, str]) -> list[Verified]:
+    """Compare code and libraries with those of a certificate; a machine may be another."""
+    return [
+        Verified(f"made with: {name}", version, here[name], version == here[name])
+        for name, version in certified.model_dump().items()
+        if name != "machine"
+    ]

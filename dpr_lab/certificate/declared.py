@@ -1,0 +1,52 @@
+"""Choices and origin of a certificate: what no repetition can confirm, shown to whoever judges it."""
+
+from collections.abc import Iterator, Mapping
+
+from dpr_lab.certificate.document import Certificate
+from dpr_lab.certificate.lines import Declared
+from dpr_lab.certificate.signature import MISSING, fingerprint, installed
+from dpr_lab.effects import EFFECTS
+
+EVERYTHING = f"all {len(EFFECTS)} effects"
+
+
+def choices_of(certificate: Certificate) -> list[Declared]:
+    """What whoever certified was free to choose; a note says how a choice departs from the default."""
+    choices, recordings = certificate.choices, certificate.recordings
+    library, without = choices.library, ", ".join(choices.without)
+    return [
+        Declared("fitted recordings", ", ".join(each.file for each in recordings if not each.held_out)),
+        Declared("held-out recordings", ", ".join(each.file for each in recordings if each.held_out) or "none"),
+        Declared("rig file", f"{certificate.rig.file} (SHA-256 {certificate.rig.sha256[:12]})"),
+        Declared("library", EVERYTHING) if library is None else _departs("library", ", ".join(library), EVERYTHING),
+        _choice("effects left out", without or "none", "none"),
+        _choice("maximum number of effects", str(choices.max_effects), "4"),
+        _choice("seed", str(choices.seed), "0"),
+        _choice("any device clock", "accepted" if choices.any_clock else "refused", "refused"),
+        _choice("torques", choices.torque or "measured where known", "measured where known"),
+    ]
+
+
+def _choice(name: str, value: str, default: str) -> Declared:
+    return Declared(name, value) if value == default else _departs(name, value, default)
+
+
+def _departs(name: str, value: str, default: str) -> Declared:
+    return Declared(name, value, f"default: {default}")
+
+
+def origin_of(certificate: Certificate, here: Mapping[str, str]) -> list[Declared]:
+    """Policy, code, libraries, machine and signature; a note says what differs `here` (`dpr_lab.certificate.code`)."""
+    return [Declared("policy", str(certificate.policy)), *_made_with(certificate, here), _signed(certificate)]
+
+
+def _made_with(certificate: Certificate, here: Mapping[str, str]) -> Iterator[Declared]:
+    for name, value in certificate.made_with.model_dump().items():
+        yield Declared(f"made with: {name}", value, "" if value == here[name] else f"here: {here[name]}")
+
+
+def _signed(certificate: Certificate) -> Declared:
+    if certificate.signature is None:
+        return Declared("signature", "none", "anyone can have written this certificate")
+    own = fingerprint(certificate.signature.public_key)
+    return Declared("signature", f"by key {own}", "" if installed() else f"not checked: {MISSING}")

@@ -1,0 +1,222 @@
+"""The certificate file: recordings, rig, choices, code and claims of one diagnosis.
+
+The file holds no tolerance and no rule: these are the policy of the code (`dpr_lab.certificate.policy`). The seal is a
+hash without a key. It finds damage and careless edits; whoever edits a certificate can compute it again.
+"""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, get_args
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from dpr_lab.certificate.lines import Verified
+from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import RunError
+from dpr_lab.whole_file import regular
+
+Policy = Literal[2]
+POLICY: Policy = get_args(Policy)[0]
+"""Version of claims, tolerances and permitted choices; one that is changed gets the next number."""
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+def _path(text: str) -> str:
+    """A path that an operating system can look for."""
+    if "\0" in text or any(len(os.fsencode(part)) > 255 for part in Path(text).parts):
+        raise ValueError("is no path")
+    return text
+
+
+FilePath = Annotated[str, Field(min_length=1, max_length=4000), AfterValidator(_path)]
+Version = Annotated[str, Field(min_length=1, max_length=100)]
+Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True, populate_by_name=True)
+
+
+class CertifiedRecording(_Part):
+    """One run file."""
+
+    file: FilePath
+    """Path relative to the folder of the certificate."""
+    sha256: Sha256
+    """Of the file. Another import of the same table makes another file."""
+    readings: Sha256
+    """`dpr_lab.run.Run.readings_sha256`: hash of everything that a fit reads of the run."""
+    held_out: bool
+    """Whether the run only validated the diagnosis and was not fitted."""
+
+
+class CertifiedRig(_Part):
+    """The rig file."""
+
+    file: FilePath
+    """Path relative to the folder of the certificate, or the name of a built-in rig."""
+    sha256: Sha256
+
+
+class CertifiedChoices(_Part):
+    """Settings of the diagnosis that whoever certifies is free to choose; `verify` shows them first."""
+
+    library: Annotated[tuple[str, ...], Field(min_length=1)] | None
+    """Names of the effects to choose from; None: all."""
+    without: tuple[str, ...]
+    """Names of effects to leave out."""
+    max_effects: int = Field(ge=1, le=8)
+    """Maximum number of effects at once."""
+    seed: int = Field(ge=0, lt=1 << 63)
+    """Of the bootstrap."""
+    any_clock: bool
+    """Whether runs are accepted whose device clock is further off than a crystal's."""
+    torque: Literal["measured", "commanded"] | None
+    """Which known torques drove the joints of runs that hold both; None: the measured ones."""
+
+    @model_validator(mode="after")
+    def _known_effects(self) -> Self:
+        unknown = [name for name in (*(self.library or ()), *self.without) if name not in EFFECTS]
+        if unknown:
+            raise ValueError(f"no effect named {', '.join(map(repr, unknown))} in this version")
+        return self
+
+
+class MadeWith(_Part):
+    """What computed the claims, besides the recordings."""
+
+    dpr_lab: Version
+    code: Sha256
+    """Of all Python files that a diagnosis can run."""
+    python: Version
+    numpy: Version
+    scipy: Version
+    numba: Version
+    machine: Version
+
+
+class CertifiedClaim(_Part):
+    """One statement of the diagnosis."""
+
+    value: Annotated[str, Field(max_length=65536)] | Number
+    interval90: tuple[Number, Number] | None
+    """Of a number that has one."""
+
+
+class Signature(_Part):
+    """Who vouches for a certificate."""
+
+    public_key: str = Field(pattern="^ssh-ed25519 [A-Za-z0-9+/]{68}$")
+    """In the form of OpenSSH, without a comment."""
+    value: str = Field(pattern="^[0-9a-f]{128}$")
+    """Ed25519 signature of `Certificate.content`, in hexadecimal digits."""
+
+
+class Certificate(_Part):
+    """A diagnosis with everything that it takes to repeat it."""
+
+    policy: Policy
+    recordings: list[CertifiedRecording] = Field(min_length=1)
+    rig: CertifiedRig
+    choices: CertifiedChoices
+    made_with: MadeWith
+    claims: dict[str, CertifiedClaim]
+    signature: Signature | None
+    seal: str = ""
+    """SHA-256 of `content`: finds damage and careless edits."""
+
+    @model_validator(mode="after")
+    def _something_is_fitted(self) -> Self:
+        if all(recording.held_out for recording in self.recordings):
+            raise ValueError("every recording is held out, so none is fitted")
+        return self
+
+    @property
+    def content(self) -> bytes:
+        """Everything but signature and seal, as one sequence of bytes."""
+        told = self.model_dump(mode="json", exclude={"signature", "seal"})
+        return json.dumps(told, sort_keys=True, separators=(",", ":")).encode()
+
+    def sealed(self) -> Self:
+        """The same with its seal."""
+        return self.model_copy(update={"seal": hashlib.sha256(self.content).hexdigest()})
+
+    def compare_seal(self) -> list[Verified]:
+        """A line where the seal is not of this content."""
+        if self.seal == self.sealed().seal:
+            return []
+        return [Verified("seal", self.seal, None, False, "the certificate was changed after it was written")]
+
+    def runs(self, folder: Path, *, held_out: bool) -> tuple[Path, ...]:
+        """Paths of the recordings that are fitted, or of those that are held out."""
+        return tuple(folder / recording.file for recording in self.recordings if recording.held_out is held_out)
+
+    def rig_in(self, folder: Path) -> str:
+        """Path of the rig file, or the name of a built-in one."""
+        path = folder / self.rig.file
+        return str(path) if path.is_file() else self.rig.file
+
+    def to_text(self) -> str:
+        """The file's text."""
+        return self.model_dump_json(indent=1) + "\n"
+
+
+def load_certificate(path: Path) -> Certificate:
+    """Read a certificate.
+
+    Raises:
+        RunError: it cannot be read, is no certificate, or is of another policy.
+    """
+    text = _text(path)
+    try:
+        whole = json.loads(text, object_pairs_hook=_without_repeated_keys)
+        _refuse_other_policies(path, whole)
+        return Certificate.model_validate_json(text)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        key = ".".join(map(str, fault["loc"])) or "the file"
+        kind = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
+        message = kind or str(fault["msg"]).removeprefix("Value error, ")
+        raise RunError(f"{path}: is not a valid certificate of policy {POLICY}: {key}: {message}") from error
+    except (ValueError, RecursionError) as error:
+        raise RunError(f"{path}: is not a certificate (JSON): {error}") from error
+
+
+def _text(path: Path, max_mb: int = 16) -> str:
+    """The text of a file; a certificate of a thousand recordings has less than one MB."""
+    try:
+        if regular(path, RunError).stat().st_size > max_mb << 20:
+            raise RunError(f"{path}: is not a certificate: larger than {max_mb} MB")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise RunError(f"{path}: is not a certificate: not text in UTF-8") from error
+
+
+def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Refuse two values of one key: people may read the first, programs read the last."""
+    whole: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in whole:
+            raise ValueError(f"key {key!r} is there twice")
+        whole[key] = value
+    return whole
+
+
+def _refuse_other_policies(path: Path, whole: Any) -> None:
+    if not isinstance(whole, dict):
+        raise RunError(f"{path}: is not a certificate: no JSON object")
+    if "policy" not in whole and whole.get("schema") == 1:
+        raise RunError(
+            f"{path}: is a certificate of policy 1 (dpr-lab 0.2), which kept its tolerances in the file, where anyone"
+            f" could loosen them. This version verifies policy {POLICY}: certify the recordings again, or verify with"
+            " dpr-lab 0.2"
+        )
+    policy = whole.get("policy")
+    if isinstance(policy, int) and not isinstance(policy, bool) and policy != POLICY:
+        age = "newer: update dpr-lab" if policy > POLICY else "older: certify the recordings again"
+        raise RunError(f"{path}: is a certificate of policy {policy}, but this version verifies {POLICY}. It is {age}")

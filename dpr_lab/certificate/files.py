@@ -1,0 +1,85 @@
+"""The recordings and the rig file of a certificate: note their hashes, and compare them."""
+
+import os
+from pathlib import Path
+
+from dpr_lab.certificate.document import Certificate, CertifiedRecording, CertifiedRig
+from dpr_lab.certificate.lines import Verified
+from dpr_lab.configs import sha256_of
+from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.rig import load_rig
+from dpr_lab.storage.reader import load_run
+
+
+def certify_recording(path: Path, folder: Path, *, held_out: bool) -> CertifiedRecording:
+    """Note a run file of a certificate in a folder.
+
+    Raises:
+        RunError: it is no run.
+    """
+    readings = load_run(path).readings_sha256
+    return CertifiedRecording(
+        file=_relative(path, folder), sha256=sha256_of(path), readings=readings, held_out=held_out
+    )
+
+
+def certify_rig(rig: str, folder: Path) -> CertifiedRig:
+    """Note a rig file, or a built-in rig, of a certificate in a folder.
+
+    Raises:
+        ConfigError: the rig is not valid.
+    """
+    path = Path(rig)
+    return CertifiedRig(file=_relative(path, folder) if path.is_file() else rig, sha256=load_rig(rig).sha256)
+
+
+def _relative(path: Path, folder: Path) -> str:
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+
+
+def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
+    """Compare a run file with its hashes.
+
+    The readings decide: another import of the same table is another file with the same readings.
+    """
+    try:
+        holds, now, reason = _compare(certified, folder / certified.file)
+    except RunError as error:
+        holds, now, reason = False, None, str(error)
+    except OSError as error:
+        holds, now, reason = False, None, f"cannot be read: {error.strerror}"
+    return Verified(certified.file, certified.sha256[:12], now, holds, reason)
+
+
+def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | None, str]:
+    """Whether it holds, the hash of the file, and the reason."""
+    if not path.is_file():
+        return False, None, "is not there"
+    now = sha256_of(path)
+    same_file = now == certified.sha256
+    if not same_file and not _has_readings(path, certified.readings):
+        return False, now[:12], "is not the file that was certified"
+    if same_file and load_run(path).readings_sha256 != certified.readings:
+        return False, now[:12], "does not hold the certified readings"
+    return True, now[:12], "" if same_file else "another file of the same readings"
+
+
+def _has_readings(path: Path, readings: str) -> bool:
+    try:
+        return load_run(path).readings_sha256 == readings
+    except RunError:
+        return False
+
+
+def compare_rig(certificate: Certificate, folder: Path) -> Verified:
+    """Compare the rig file with its hash.
+
+    Raises:
+        ConfigError: it is not there or not valid.
+    """
+    try:
+        now, then = load_rig(certificate.rig_in(folder)).sha256, certificate.rig.sha256
+    except OSError as error:
+        raise ConfigError(f"{certificate.rig.file}: cannot be read: {error.strerror}") from error
+    reason = "" if now == then else "is not the file that was certified"
+    return Verified(certificate.rig.file, then[:12], now[:12], now == then, reason)

@@ -1,0 +1,1 @@
+"""Results of recommended checks: what a measurement says of each cause, and the updated diagnosis."""

@@ -1,0 +1,167 @@
+"""Predictive density of a measured amplitude under each candidate cause, and under a cause that is none of them.
+
+A measurement gives y with the standard uncertainty u of an amplitude of one effect. The recordings predict that
+amplitude: its fitted size is s with the standard deviation w if the effect is the cause; if another effect is the cause
+it is a small background of standard deviation b. A cause outside the candidates leaves it at the background, or makes
+it anything of a plausible size (a Cauchy density of scale c, which is proper and has no sharp end):
+
+    f(y | has it)      = N(y; s, w^2 + (m s)^2 + u^2)
+    f(y | has it not)  = N(y; 0, b^2 + u^2),                          b = m' min(t, |s|)
+    f(y | none)        = (1 - h) N(y; 0, b^2 + u^2) + h V(y; u, c),   c = k max(t, |s|)
+
+with t the typical size of the amplitude, V the Cauchy density convolved with the normal density of the measurement (the
+Voigt profile), and m, m', h, k of `CheckSettings`. A very small u changes little: w, m s and b remain. Where a size
+rests on the scale b of torques and inertias, w contains the uncertainty of that scale. Equation (59) of docs/theory.md.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import voigt_profile
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, AdvisedCheck, Diagnosis, Interval
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class CheckSettings:
+    """How the result of a check counts."""
+
+    model_error: float = 0.1
+    """m: standard deviation of a fitted amplitude beyond that of its fit, relative to it: its law and
+    the bench only agree so far. Assumed, not measured; a scale of torques that is off by less is covered by it."""
+    linear_error: float = 0.3
+    """The same, in addition, where the amplitude is of a linear score test and was not fitted. Assumed."""
+    background: float = 0.1
+    """m': standard deviation of an amplitude whose effect is not the cause, relative to the smaller of its typical and
+    its fitted size. Every rig has a little of every effect; a tenth of the size that explains the gap makes 1 % of its
+    excess. Assumed."""
+    broad: float = 3.0
+    """k: scale of an amplitude that no fit predicts, in typical or fitted sizes, whichever is larger. `typical` of the
+    library is what laboratory rigs have; a Cauchy density of three times that has 20 % above nine times it."""
+    elsewhere: float = 0.5
+    """h: probability that a cause outside the candidates comes with another size of the measured amplitude. Nothing is
+    known of such a cause, so either case has half (principle of indifference)."""
+    outside: float = 0.02
+    """Least prior probability of a cause outside the candidates: `Calibration.outside_when_closed`, from blind trials
+    whose library lacked the cause."""
+    questioned: float = 3.0
+    """Standard deviations from every prediction beyond which a value is questioned: one right value of 370 is."""
+    largest: float = 1e6
+    """Largest value and uncertainty that are accepted, in typical or fitted sizes, whichever is larger."""
+    largest_power: float = 6.0
+    """Power of ten beyond which a Bayes factor is only bounded in words: no normal tail is known so far out."""
+    dropped: float = 0.01
+    """Probability, relative to that of its class, below which a member leaves the class."""
+    iterations: int = 20
+    """Of a fit to new recordings."""
+
+
+SETTINGS = CheckSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """A measured amplitude as a cause predicts it, normal."""
+
+    mean: float
+    std: float
+
+    def z(self, value: float, std: float) -> float:
+        """Standard deviations between a measured value and the prediction."""
+        return abs(value - self.mean) / float(np.hypot(self.std, std))
+
+    def log_density(self, value: float, std: float) -> float:
+        """Logarithm of the predictive density of a value with a standard uncertainty."""
+        spread = float(np.hypot(self.std, std))
+        return -0.5 * self.z(value, std) ** 2 - float(np.log(spread * np.sqrt(2 * np.pi)))
+
+
+@dataclass(frozen=True, slots=True)
+class Predictions:
+    """What each candidate predicts of a measured amplitude, in its unit."""
+
+    candidates: Mapping[str, Prediction]
+    background: Prediction
+    """Where its effect is not the cause."""
+    scale: float
+    """c: of the amplitude under a cause outside the candidates."""
+    largest: float
+    """Largest value and uncertainty that can be meant."""
+    estimate: Interval | None
+    """As the recordings give it if its effect is the cause."""
+
+    def log_densities(self, value: float, std: float) -> dict[str, float]:
+        """Logarithm of the predictive density under each candidate, and under none of them."""
+        found = {name: prediction.log_density(value, std) for name, prediction in self.candidates.items()}
+        broad = float(np.log(voigt_profile(value / self.scale, std / self.scale, 1.0) / self.scale))
+        little = self.background.log_density(value, std)
+        h = SETTINGS.elsewhere
+        return found | {NONE_OF_THEM: float(np.logaddexp(np.log1p(-h) + little, np.log(h) + broad))}
+
+    def nearest(self, value: float, std: float) -> float:
+        """Standard deviations between a measured value and the candidate that predicts it best."""
+        return min(prediction.z(value, std) for prediction in self.candidates.values())
+
+
+def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str]) -> Predictions:
+    """What the candidates of a diagnosis predict of the amplitude that a check measures.
+
+    Args:
+        diagnosis: it has the fitted sizes
+        check: a measurement
+        names: the candidates
+    """
+    typical, estimate = check.amplitudes[0].typical, estimate_of(diagnosis, check)
+    size = abs(estimate.value) if estimate else typical
+    background = Prediction(0.0, SETTINGS.background * min(typical, size))
+    present = Prediction(0.0, SETTINGS.broad * typical)
+    if estimate:
+        low, high = estimate.interval90
+        fitted = (high - low) / 2 / NORMAL_Q90
+        present = Prediction(estimate.value, float(np.hypot(fitted, SETTINGS.model_error * estimate.value)))
+    largest = max(typical, size)
+    return Predictions(
+        {name: present if has(name, check.measures, check.amplitudes[0].name) else background for name in names},
+        background,
+        SETTINGS.broad * largest,
+        SETTINGS.largest * largest,
+        estimate,
+    )
+
+
+def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
+    """The measured amplitude as the recordings give it if its effect is the cause; None where nothing was fitted."""
+    if check.expected:
+        return check.expected
+    fitted = next((effect.parameters for effect in diagnosis.effects if effect.name == check.measures), {})
+    names = [amplitude.name for amplitude in check.amplitudes]
+    if not {*names} <= {*fitted}:
+        return None
+    values = np.array([fitted[name].value for name in names])
+    ends = [fitted[name].interval90_with_scale or fitted[name].interval90 for name in names]
+    reach = np.array([(high - low) / 2 for low, high in ends])
+    return magnitude(values, np.diag(reach**2))
+
+
+def magnitude(values: Array, covariance: Array) -> Interval | None:
+    """Root of the sum of squares of some amplitudes with its reach, by their (n, n) squared reaches; None at zero."""
+    if len(values) == 1:
+        value, reach = float(values[0]), float(np.sqrt(covariance[0, 0]))
+    else:
+        value = float(np.linalg.norm(values))
+        slope = values / (value or 1.0)
+        reach = float(np.sqrt(slope @ covariance @ slope))
+    return Interval(value=value, interval90=(value - reach, value + reach)) if value else None
+
+
+def has(name: str, measured: str, amplitude: str) -> bool:
+    """Whether an effect has the amplitude of another: forms of one share them, except for what the wider form adds."""
+    if amplitude == EFFECTS[measured].adds and name in EFFECTS[measured].nested:
+        return False
+    return not {name, *EFFECTS[name].nested}.isdisjoint({measured, *EFFECTS[measured].nested})

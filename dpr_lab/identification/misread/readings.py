@@ -1,0 +1,168 @@
+"""Other ways to read a recording: zero, unit, sign and order of the angles, encoder counts, time, torques and arm."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.estimation.arm_motion import FEWEST, arm_motion
+from dpr_lab.estimation.noise import ORDER, difference_std
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+Angles = Callable[[Array, Array], tuple[Array, Array]]
+"""(theta1, theta2) as they would be, rad, of what was read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Misreading:
+    """Another way to read a recording."""
+
+    cause: str
+    """What was described wrongly, and the option or the key of the rig file that mends it."""
+    read: Callable[[Run], Run | None]
+    """The run as it would be; None where this way does not apply to it."""
+    arm: bool = False
+    """Whether it lets the arm move, which a compliant arm does too."""
+
+
+def readings(rig: Rig) -> tuple[Misreading, ...]:
+    """All other ways that are tried, for runs of a rig."""
+    return (*_ANGLES, *_scaled(rig), *_TIMES, *_TORQUES, _arm(rig))
+
+
+def _of_angles(cause: str, angles: Angles) -> Misreading:
+    def read(run: Run) -> Run | None:
+        inner, outer = angles(run.theta[:, 1], run.theta[:, 2])
+        return replace(run, theta=np.column_stack([run.theta[:, 0], inner, outer]), counts=None)
+
+    return Misreading(cause, read)
+
+
+_RELATIVE = 'the angles of the outer rod are to the inner one (import with --angles relative, or joint2 = "relative")'
+_ABSOLUTE = 'the angles of the outer rod are to the vertical (import with --angles absolute, or joint2 = "absolute")'
+
+_ANGLES = (
+    _of_angles(
+        "the zero of the angles is the other end (imported with the wrong --zero, or a wrong zero_counts)",
+        lambda inner, outer: (inner + np.pi, outer + np.pi),
+    ),
+    _of_angles("one rod's sign is reversed (direction of one encoder)", lambda inner, outer: (-inner, outer)),
+    _of_angles(
+        "the sign of joint 2 is reversed (direction of its encoder)", lambda inner, outer: (inner, 2 * inner - outer)
+    ),
+    _of_angles(_RELATIVE, lambda inner, outer: (inner, inner + outer - np.pi)),
+    _of_angles(_RELATIVE, lambda inner, outer: (inner, inner + outer)),  # of a table with zero at the upper end
+    _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner + np.pi)),
+    _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner)),
+    _of_angles("inner and outer rod are exchanged (order of the columns, or of the encoders)", lambda a, b: (b, a)),
+    _of_angles("the angles are in degrees (import with --unit deg)", lambda a, b: (np.radians(a), np.radians(b))),
+    _of_angles(
+        "the angles are in radians (import with --unit rad)",
+        lambda a, b: (np.pi + np.degrees(a - np.pi), np.pi + np.degrees(b - np.pi)),
+    ),
+)
+
+
+def _scaled(rig: Rig) -> Iterator[Misreading]:
+    """Angles from hanging that are a multiple of what was read: of both joints, of one joint, of one rod.
+
+    Factors are those of half, double and quadrature counts.
+    """
+    counts, relative = rig.encoders.counts_per_rev, rig.encoders.joint2 == "relative"
+    for factor in (0.5, 2.0, 0.25, 4.0):
+        told = [f"{count / factor:.0f}" for count in counts]
+        key = "counts_per_rev in the rig file is wrong: {} (it is {}); of a table of angles, --scale and --offset"
+        both = key.format(f"{told[1]} for joint 1 and {told[2]} for joint 2", f"{counts[1]} and {counts[2]}")
+        yield _of_angles(f"both joints turn by {factor:g} times what is read ({both})", _times(factor, factor))
+        for joint in (1, 2):
+            own = key.format(f"{told[joint]} for joint {joint}", counts[joint])
+            s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)
+            yield _of_angles(f"joint {joint} turns by {factor:g} times what is read ({own})", _times(s1, s2, relative))
+            if relative:
+                rod = f"theta{joint} is {factor:g} times what is read (--scale theta{joint}={factor:g} and --offset)"
+                yield replace(_of_angles(rod, _times(s1, s2)), read=_of_tables(_of_angles(rod, _times(s1, s2))))
+
+
+def _times(s1: float, s2: float, relative: bool = False) -> Angles:
+    """Angles from hanging times a factor each; of `relative` ones joint 2 keeps its own angle to the inner rod."""
+
+    def angles(inner: Array, outer: Array) -> tuple[Array, Array]:
+        first, second = inner - np.pi, outer - np.pi - relative * (inner - np.pi)
+        return np.pi + s1 * first, np.pi + s2 * second + relative * s1 * first
+
+    return angles
+
+
+def _of_tables(reading: Misreading) -> Callable[[Run], Run | None]:
+    """The same reading, of runs that hold angles and no counts."""
+    return lambda run: reading.read(run) if run.counts is None else None
+
+
+def _in_time(factor: float) -> Callable[[Run], Run | None]:
+    def read(run: Run) -> Run | None:
+        return replace(run, t=run.t * factor, rate_hz=run.rate_hz / factor) if run.arm is None else None
+
+    return read
+
+
+_TIMES = (
+    Misreading("the times are in milliseconds (import with --time-unit ms)", _in_time(1e-3)),
+    Misreading("the times are in microseconds (import with --time-unit us)", _in_time(1e-6)),
+    Misreading("the times are in seconds (import with --time-unit s)", _in_time(1e3)),
+)
+
+
+def _driven(change: Callable[[Array], Array]) -> Callable[[Run], Run | None]:
+    def read(run: Run) -> Run | None:
+        return None if run.torques is None else replace(run, torques=change(run.torques), commanded=None)
+
+    return read
+
+
+_TORQUES = (
+    Misreading(
+        "the sign of torque 2 is reversed (multiply its column by -1, or turn the sign of the drive)",
+        _driven(lambda torques: torques * [1.0, -1.0]),
+    ),
+    Misreading(
+        "the sign of torque 1 is reversed (multiply its column by -1, or turn the sign of the drive)",
+        _driven(lambda torques: torques * [-1.0, 1.0]),
+    ),
+    Misreading(
+        "the signs of both torques are reversed (multiply their columns by -1, or turn the signs of the angles)",
+        _driven(lambda torques: -torques),
+    ),
+    Misreading(
+        "torque 1 and torque 2 are exchanged (order of their columns)", _driven(lambda torques: torques[:, ::-1])
+    ),
+)
+
+
+def _arm(rig: Rig) -> Misreading:
+    length = "" if "L0" in rig.rig.model_fields_set else "; the rig file then needs [rig] L0"
+    return Misreading(
+        f"the arm moves although it is described as clamped (import with --arm prescribed{length})",
+        _with_moving_arm,
+        arm=True,
+    )
+
+
+def _with_moving_arm(run: Run, above_noise: float = 20.0) -> Run | None:
+    """The run with the arm's motion as its encoder shows it; None where the arm stands still or was not read.
+
+    Args:
+        run: with readings of theta0
+        above_noise: range of theta0, in standard deviations of its readings, from which the arm moves
+    """
+    theta0 = run.swing.theta[:, 0]
+    if run.arm is not None or len(theta0) <= max(ORDER, FEWEST) or not np.isfinite(theta0).all():
+        return None
+    noise = float(difference_std(run.swing.t, theta0[:, None])[0])
+    moved = float(np.ptp(theta0))
+    if moved == 0.0 or moved < above_noise * noise:
+        return None
+    return replace(run, arm=arm_motion(run.t, run.theta[:, 0], run.name))

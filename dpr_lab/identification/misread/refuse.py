@@ -1,0 +1,85 @@
+"""Refuse recordings that were read with another zero, unit, sign or order than they were written with.
+
+Such a reading still makes curves, and a fit of them ends somewhere: with ratios that no masses have, or far from the
+curves. What explains them ten times better is then the likely cause.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import IdentificationError, RunError
+from dpr_lab.identification.misread.tried import SETTINGS, better_readings, fitted, impossible, residual, second_look
+from dpr_lab.identification.ratio_fit import RatioFit
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+
+def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
+    """Make sure that recordings can be of the rig.
+
+    Raises:
+        IdentificationError: they cannot; with the likely cause, which was tried.
+        RunError: a run without enough samples or motion, however it is read.
+    """
+    found, refused = _as_read(runs, rig)
+    possible = found is not None and not impossible(found.ratios, rig)
+    if found is not None and possible and residual(found) < SETTINGS.suspicious:
+        return
+    causes = [
+        reading.cause for reading, _ in better_readings(runs, rig, np.inf if found is None else found.chi2_per_dof)
+    ]
+    if causes:
+        raise IdentificationError(
+            f"these recordings are not of this rig as they are read; tried otherwise, they fit: {', or '.join(causes)}"
+        )
+    if refused is not None:
+        raise refused
+    if found is None or not possible or residual(found) > SETTINGS.hopeless:
+        raise IdentificationError(
+            "these recordings are of no double pendulum with this L1"
+            + (f": {impossible(found.ratios, rig)}" if found is not None and not possible else "")
+            + "; another zero, sign, unit or order of the angles was tried and does not explain it: check the unit of"
+            " time, L1 and g in the rig file, counts_per_rev, and that the arm is clamped"
+        )
+
+
+def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError | None]:
+    """The fit of the recordings as they are read, and why there is none where a run shows too little."""
+    try:
+        return fitted(runs, rig), None
+    except RunError as error:
+        return None, error
+
+
+def refuse_negative_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None:
+    """Make sure that ratios, and the inertia b that known torques or masses give, are positive.
+
+    Args:
+        unknown: (7,) ratios, b and p/b of a fit
+        runs: that were fitted
+        rig: that they are said to be of
+
+    Raises:
+        IdentificationError: they are not; with the likely cause.
+    """
+    *ratios, b, _ = unknown.tolist()
+    if b > 0 and min(ratios[:3]) > 0:
+        return
+    wrong = f"the known torques or masses fit only a negative inertia (b = {b:.3g} kg m^2)"
+    wrong = wrong if min(ratios[:3]) > 0 else impossible(unknown[: len(ratios)], rig)
+    hint = second_look(runs, rig).sentence or "Check the signs and units of angles and torques, and the unit of time."
+    raise IdentificationError(f"{wrong}. {hint}")
+
+
+def refuse_impossible(ratios: Array, rig: Rig) -> None:
+    """Make sure that (5,) ratios can be those of rods with masses.
+
+    Raises:
+        IdentificationError: they cannot.
+    """
+    if why := impossible(ratios, rig):
+        raise IdentificationError(f"{why}: check zero, unit, sign and order of the angles, and L1 in the rig file")

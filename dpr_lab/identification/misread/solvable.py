@@ -1,0 +1,28 @@
+"""An analysis of recordings that determine nothing ends in a sentence, not in an error of linear algebra."""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+
+from dpr_lab.errors import IdentificationError
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+def solvable(analysis: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """The same analysis of recordings; it raises `IdentificationError` where its equations have no solution."""
+
+    @wraps(analysis)
+    def solved(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        try:
+            return analysis(*args, **kwargs)
+        except np.linalg.LinAlgError as error:
+            raise IdentificationError(
+                "these recordings do not determine the model: its equations have no finite solution. Check zero, unit,"
+                " sign and order of the angles and the unit of time, or record larger and longer swings"
+            ) from error
+
+    return solved

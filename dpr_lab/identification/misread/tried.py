@@ -1,0 +1,201 @@
+"""Other readings of recordings, each fitted: which of them explains the recordings, and by how much."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.errors import RunError
+from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
+from dpr_lab.identification.misread.energy import energy_rise
+from dpr_lab.identification.misread.readings import Misreading, readings
+from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
+from dpr_lab.identification.ratio_fit import RatioFit, short_fit
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class MisreadSettings:
+    """When a reading is doubted."""
+
+    looked_at_s: float = 5.0
+    """Of each run; a wrong reading is wrong from the start."""
+    tried_s: float = 2.5
+    """The same, while other readings are tried."""
+    suspicious: float = 0.02
+    """Residual over the spread of the angle. Rods alone reach 2e-4 on a clean plant, 0.002 and 0.065 on rigs with much
+    friction; wrong readings of a clean plant start at 0.05."""
+    hopeless: float = 0.3
+    """The same, where nothing of the swing is left in the fit."""
+    better: float = 10.0
+    """Times that another reading's chi2 must be lower."""
+    explained: float = 20.0
+    """Reduced chi-square from which another reading must be far better: a wrong one may fit better by chance."""
+    far_better: float = 1000.0
+    """Times that it must be lower then."""
+    spare: float = 1.05
+    """What the limits of the ratios are widened by: a ratio has an uncertainty."""
+    rate_hz: float = 250.0
+    """Sample rate at which other readings are tried: they must differ by far more than the noise."""
+    iterations: int = 20
+    """Of each fit of another reading; the right one converges in ten."""
+    thorough: int = 40
+    """Of each fit of the recordings as they are read."""
+
+
+SETTINGS = MisreadSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class BetterReading:
+    """Another reading that explains recordings better."""
+
+    reading: Misreading
+    share: float
+    """Of the excess chi2 of the recordings as they were read that it takes away."""
+
+
+@dataclass(frozen=True, slots=True)
+class SecondLook:
+    """What speaks against the description of recordings."""
+
+    tried: tuple[BetterReading, ...]
+    """Other readings that explain them better, the best first."""
+    energy_rise: float
+    """Rise of the rods' energy over its range that no passive rods have; counts where no reading explains it."""
+
+    @property
+    def sentence(self) -> str:
+        """The likely mistake, and the option that mends it; empty where nothing speaks against the description."""
+        if self.tried:
+            causes = ", or ".join(dict.fromkeys(one.reading.cause for one in self.tried))
+            return f"Read otherwise, rods without any effect explain {self.tried[0].share:.1%} of the excess: {causes}."
+        if self.energy_rise < ENERGY.entering:
+            return ""
+        return (
+            f"The energy of the rods rises by {self.energy_rise:.0%} of its range, which no passive rig does: something"
+            " drives the rods that is not described. Import known torques (without --torque none), import an arm that"
+            " moves with its column of theta0 and --arm prescribed, or check counts_per_rev and the units."
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """What speaks against the description of the recordings."""
+
+    hint: str = ""
+    """The likely mistake and what mends it; empty where nothing speaks against the description."""
+    withholds: bool = False
+    """Whether that explains as much as the chosen effects, so that none of them is a cause."""
+
+
+def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
+    """Try other readings of recordings that the rods alone are far from explaining.
+
+    Args:
+        runs: as they were read
+        rig: that they are said to be of
+    """
+    first = fitted(runs, rig)
+    explained = better_readings(runs, rig, np.inf if first is None else first.chi2_per_dof)
+    if explained:
+        before = max(np.inf if first is None else first.chi2_per_dof - 1, 1e-9)
+        tried = [
+            BetterReading(reading, float(1 - max(fit.chi2_per_dof - 1, 0.0) / before)) for reading, fit in explained
+        ]
+        return SecondLook(tuple(tried), 0.0)
+    return SecondLook((), energy_rise(_preprocessed(runs, rig), rig))
+
+
+def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[tuple[Misreading, RatioFit]]:
+    """Other readings that explain the runs far better, the best first; of those that are far worse than it, none.
+
+    Args:
+        runs: as they were read
+        rig: that they are said to be of
+        chi2_per_dof: of the rods as they were read
+    """
+    limit = max(min(SETTINGS.explained, chi2_per_dof / SETTINGS.better), chi2_per_dof / SETTINGS.far_better)
+    good = [
+        (reading, other)
+        for reading, other in _otherwise(runs, rig)
+        if other.chi2_per_dof < limit and residual(other) < SETTINGS.suspicious
+    ]
+    good = sorted(good, key=lambda one: one[1].chi2_per_dof)
+    return [one for one in good if one[1].chi2_per_dof < SETTINGS.better * good[0][1].chi2_per_dof]
+
+
+def impossible(ratios: Array, rig: Rig) -> str:
+    """Why no positive masses have (5,) ratios; empty for those that some have.
+
+    With m2 at l2 on the rod and M >= m2 at the joint: d = m2 l2 L1 > 0, b >= m2 l2^2, a >= M L1^2, e1 >= M L1 g, so
+    that a/b > (d/b)^2 and e1/b >= (d/b)^2 g/L1.
+    """
+    a, d, e1, *_ = ratios.tolist()
+    least = d * d / SETTINGS.spare
+    if not np.isfinite(ratios).all() or min(a, d, e1) <= 0:
+        values = ", ".join(f"{name} = {value:.3g}" for name, value in zip(RATIOS, ratios.tolist(), strict=True))
+        return f"no masses have {values}"
+    if a < least:
+        return f"no masses have a/b = {a:.3g} with d/b = {d:.3g}"
+    if e1 < least * rig.g / rig.L1:
+        return f"no masses have e1/b = {e1:.3g} with d/b = {d:.3g} and L1 = {rig.L1:g} m"
+    return ""
+
+
+def fitted(runs: Sequence[Run], rig: Rig, *, quick: bool = False) -> RatioFit | None:
+    """The rods alone fitted to the beginning of each run; None where the fit has no finite result."""
+    with np.errstate(all="ignore"):
+        try:
+            prepared = _preprocessed(runs, rig, thinned=quick)
+            iterations = SETTINGS.iterations if quick else SETTINGS.thorough
+            found = short_fit(rig.nominal, prepared, rig, iterations=iterations)
+        except np.linalg.LinAlgError:
+            return None
+    return found if np.isfinite(found.chi2_per_dof) else None
+
+
+def residual(found: RatioFit) -> float:
+    """Root mean square residual over the spread of the angle within a run; of the worse rod."""
+    segments, t = found.problem.segments, found.problem.segments
+    owner = np.repeat(segments.run, np.diff(t.offsets))
+    measured = found.problem.joints.to_rods(found.problem.measured)
+    spread = np.std(np.concatenate([measured[owner == i] - measured[owner == i].mean(axis=0) for i in set(owner)]), 0)
+    rms = np.sqrt(np.mean((measured - found.predicted) ** 2, axis=0))
+    both = not all(setup.alone for setup in segments.setups)
+    return float(np.max((rms / np.maximum(spread, 1e-12))[: 1 + both]))
+
+
+def _otherwise(runs: Sequence[Run], rig: Rig) -> Iterator[tuple[Misreading, RatioFit]]:
+    for reading in readings(rig):
+        read = [reading.read(run) for run in runs]
+        if all(one is None for one in read):
+            continue
+        try:
+            other = fitted([one or run for one, run in zip(read, runs, strict=True)], rig, quick=True)
+        except RunError:  # without motion or samples as it is read so
+            continue
+        if other is not None and not impossible(other.ratios, rig):
+            yield reading, other
+
+
+def _preprocessed(runs: Sequence[Run], rig: Rig, *, thinned: bool = False) -> list[PreprocessedRun]:
+    seconds = SETTINGS.tried_s if thinned else SETTINGS.looked_at_s
+    prepared = [preprocess(_beginning(run, seconds), rig) for run in runs]
+    return [_thinned(item) for item in prepared] if thinned else prepared
+
+
+def _beginning(run: Run, seconds: float) -> Run:
+    return run.between(-np.inf, np.max(run.t[:1], initial=0.0) + seconds)
+
+
+def _thinned(item: PreprocessedRun) -> PreprocessedRun:
+    """Every so manieth sample; noise and states are those of all samples. Known torques stay whole."""
+    every = max(1, round(item.run.rate_hz / SETTINGS.rate_hz)) if item.run.torques is None else 1
+    keep = np.arange(len(item.run.t)) % every == 0
+    return replace(item, run=item.run.only(keep), states=item.states[keep])

@@ -1,0 +1,164 @@
+"""How far parameters may be off that nothing but the rig file's prior fixes (docs/theory.md, equation 56).
+
+Each of the nine is taken as lognormal. Its median is the measured value, or the nominal one. The standard deviation of
+its logarithm is that of a measured value, std / measured, or that of a value spread evenly between its bounds,
+ln(upper / lower) / sqrt(12). The ratios of inertias and gravity then update this prior, in logarithms z = ln Z:
+
+    K = P0 J^T (J P0 J^T + C)^-1,    z = z0 + K (ln q - ln q(z0)),    P = P0 - K J P0,    J = d ln q / d z
+
+Ratios of friction take no part: an effect that the model misses changes them first. Masses, lengths and inertias are
+positive and enter as products, so logarithms are nearly linear even for bounds that are a factor of ten apart.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import BASE, RATIOS, base_jacobian, base_parameters, whole_parameters
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, unknown_ratios
+from dpr_lab.identification.model import EstimatedValue, ParameterValue
+from dpr_lab.identification.prior_update import unknown_jacobian
+from dpr_lab.identification.scaling.scale import Interval90, Scale, lognormal90
+from dpr_lab.rig import PARAMETERS, Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class PriorSettings:
+    """How the ratios update the prior."""
+
+    ratio_std: float = 1e-3
+    """Relative standard deviation of the ratios: an effect that the model misses moves them by about as much."""
+    longest_step: float = 0.5
+    """Change of a logarithm in one iteration, at most."""
+    converged: float = 1e-9
+    """Change of a logarithm in the last iteration, at most."""
+
+
+SETTINGS = PriorSettings()
+
+_B = BASE.index("b")
+
+
+def scale_of(b: ParameterValue, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> Scale:
+    """The scale of absolute sizes that the rig file fixes.
+
+    Args:
+        b: the value of b in use, and what fixed it
+        unknown: (7,) ratios, b and p/b, of which only ratios count
+        rig: measured values, nominal values and bounds
+        visible: places in `UNKNOWN_RATIOS` that the recordings show; the five ratios by default
+    """
+    Z, P = _posterior(unknown, rig, visible)
+    base = base_parameters(Z, rig.L1, rig.g)[_B]
+    slopes = base_jacobian(Z, rig.L1, rig.g)[_B] * Z / base
+    std = float(np.sqrt(slopes @ P @ slopes))
+    lower, upper = (float(base_parameters(edge, rig.L1, rig.g)[_B]) for edge in _edges(rig))
+    interval = _interval(float(base), std, lower, upper, b.value)
+    return Scale(b=b.value, interval90=interval, fixed_by="bound" if b.fixed_by == "bound" else "measured")
+
+
+def with_intervals(
+    nine: Mapping[str, ParameterValue],
+    base: Mapping[str, ParameterValue],
+    ratios: Mapping[str, EstimatedValue],
+    scale: Scale,
+    unknown: Array,
+    rig: Rig,
+    visible: Sequence[int] | None = None,
+) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
+    """The nine and the base parameters with 90 % intervals, which hold the uncertainty of the scale.
+
+    Args:
+        nine: the nine parameters
+        base: the six absolute base parameters
+        ratios: the ratios with their intervals
+        scale: what absolute values assume
+        unknown: (7,) ratios, b and p/b
+        rig: measured values, nominal values and bounds
+        visible: as of `scale_of`
+    """
+    absolute = {"b": base["b"].model_copy(update={"interval90": scale.interval90})}
+    for name in BASE:
+        if name != "b":
+            ends = (scale.b * ratios[f"{name}/b"].interval90[0], scale.b * ratios[f"{name}/b"].interval90[1])
+            interval = _of_std(base[name]) or scale.absolute90(base[name].value, ends)
+            absolute[name] = base[name].model_copy(update={"interval90": interval})
+    loose = loose90(np.array([item.value for item in nine.values()]), unknown, rig, visible)
+    found = {
+        name: item.model_copy(
+            update={"interval90": _of_std(item) or (absolute.get(name) or item).interval90 or loose[name]}
+        )
+        for name, item in nine.items()
+    }
+    return found, {name: absolute[name] for name in BASE}
+
+
+def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> dict[str, Interval90]:
+    """90 % intervals of the nine by the prior and the ratios, for those that nothing but bounds fixes.
+
+    Args:
+        Z: (9,) values in use, which the intervals hold
+        unknown: (7,) ratios, b and p/b
+        rig: measured values, nominal values and bounds
+        visible: as of `scale_of`
+    """
+    median, P = _posterior(unknown, rig, visible)
+    lower, upper = _edges(rig)
+    b = base_parameters(median, rig.L1, rig.g)[_B]
+    slopes = base_jacobian(median, rig.L1, rig.g)[_B] * median / b
+    scale_std = np.sqrt(slopes @ P @ slopes)
+    found = {}
+    for i, name in enumerate(PARAMETERS):
+        if name in BASE:  # friction: its ratio to b is seen, b is not
+            low, high = lognormal90(float(b / unknown[SCALE] * Z[i]), float(scale_std))
+            found[name] = (float(min(low, Z[i])), float(max(high, Z[i])))
+        else:
+            found[name] = _interval(median[i], P[i, i] ** 0.5, lower[i], upper[i], Z[i])
+    return found
+
+
+def _of_std(value: ParameterValue) -> Interval90 | None:
+    """The normal interval of a value that something but bounds fixes."""
+    if value.std is None:
+        return None
+    reach = NORMAL_Q90 * value.std
+    return value.value - reach, value.value + reach
+
+
+def _interval(median: float, log_std: float, lower: float, upper: float, value: float) -> Interval90:
+    """A lognormal 90 % interval inside the bounds, wide enough for the value in use."""
+    low, high = lognormal90(median, log_std)
+    return float(min(max(low, lower), value)), float(max(min(high, upper), value))
+
+
+def _edges(rig: Rig) -> Array:
+    """(2, 9) bounds; of a measured value as far as its own 90 % interval reaches."""
+    reach = NORMAL_Q90 * np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) * ~rig.searched
+    return rig.bounds + np.outer([-1.0, 1.0], reach)
+
+
+def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None) -> tuple[Array, Array]:
+    """(9,) most likely parameters and the (9, 9) covariance of their logarithms, given the ratios but friction."""
+    seen = range(len(RATIOS)) if visible is None else visible
+    places = [i for i in (*range(len(RATIOS)), ON_ELBOW) if i in seen and i not in FRICTION]
+    lower, upper = rig.bounds
+    relative = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) / rig.nominal
+    P0 = np.diag(np.where(rig.searched, np.log(upper / lower) / np.sqrt(12), relative) ** 2)
+    z0 = z = np.log(rig.nominal)
+    P = P0
+    for _ in range(30):
+        Z = np.exp(z)
+        q = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))[places]
+        J = unknown_jacobian(Z, rig)[places] * Z / q[:, None]
+        K = P0 @ J.T @ np.linalg.pinv(J @ P0 @ J.T + SETTINGS.ratio_std**2 * np.eye(len(places)), hermitian=True)
+        P = P0 - K @ J @ P0
+        step = z0 + K @ (np.log(unknown[places] / q) - J @ (z0 - z)) - z
+        z = z + np.clip(step, -SETTINGS.longest_step, SETTINGS.longest_step)
+        if np.max(np.abs(step)) < SETTINGS.converged:
+            break
+    return np.exp(z), P

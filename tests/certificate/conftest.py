@@ -1,0 +1,50 @@
+"""Two runs of a rig with Coulomb friction, certified once for all tests."""
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.certificate.document import load_certificate
+from dpr_lab.rig import Rig
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.workflows import certify as workflow
+from dpr_lab.workflows.certify import certify
+from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
+
+LIBRARY = ("coulomb_joint1", "coulomb_joint2")
+
+
+def request_of(folder: Path) -> DiagnoseRequest:
+    return DiagnoseRequest((folder / "X1.mcap", folder / "X2.mcap"), "paper", library=LIBRARY, seed=3)
+
+
+@pytest.fixture(scope="session")
+def folder(recorded: Callable, paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Tables, runs, and `certificate.json`."""
+    where = tmp_path_factory.mktemp("certified")
+    for run in recorded({"coulomb_joint1": {"torque_Nm": 4e-3}}, duration=2.5)[:2]:
+        table = where / f"{run.name}.csv"
+        columns = np.column_stack([run.t, run.theta[:, 1:]])[run.t >= 0]
+        np.savetxt(table, columns, delimiter=",", header="t_s,theta1_rad,theta2_rad", comments="", fmt="%.12g")
+        import_csv(table, paper, out=where / f"{run.name}.mcap")
+    certify(request_of(where), where / "certificate.json")
+    return where
+
+
+@cache
+def _diagnosed(request: DiagnoseRequest) -> object:
+    return diagnose(request)
+
+
+@pytest.fixture
+def remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Diagnose each request once only: its answer is the same every time."""
+    monkeypatch.setattr(workflow, "diagnose", lambda request, on_event: _diagnosed(request))
+
+
+def reseal(path: Path) -> None:
+    """Give an edited certificate the seal of its new content, as anybody can."""
+    path.write_text(load_certificate(path).sealed().to_text(), encoding="utf-8")

@@ -1,0 +1,111 @@
+"""A verdict carries hints to a wrong description, claims no gap only where one would show, and orders twins by size."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS, effect_params, plausibility
+from dpr_lab.errors import IdentificationError, RunError
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.inference.posterior import EffectPosterior
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.verdict import listed_causes
+from dpr_lab.report.plain import as_json
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.workflows.diagnose import failures
+from sim_device.trials.driven import driven_runs
+
+SOME = {
+    name: EFFECTS[name] for name in ("coulomb_joint1", "torque_scale_joint2", "spring_joint2", "rotor_inertia_joint2")
+}
+TWINS = {name: EFFECTS[name] for name in ("wrong_length_L1", "clock_rate")}
+
+
+@pytest.fixture(scope="module")
+def swings(recorded: Callable[..., list[Run]]) -> list[Run]:
+    return recorded({}, duration=2.0)
+
+
+def with_signs(runs: list[Run], signs: tuple[int, int]) -> list[Run]:
+    return [replace(run, torques=np.asarray(run.torques) * signs, commanded=None) for run in runs]
+
+
+@pytest.fixture(scope="module")
+def without_torques(paper: Rig) -> Diagnosis:
+    runs = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven_runs(paper, 0)[1]]
+    return diagnose(runs, paper, library=SOME)
+
+
+@pytest.mark.slow
+def test_torques_that_were_left_out_are_a_hint_and_no_cause_is_named(without_torques: Diagnosis) -> None:
+    assert without_torques.verdict == "unexplained"
+    assert "--torque none" in without_torques.sentence
+    assert without_torques.effects == without_torques.rivals == []
+    assert without_torques.probabilities["unexplained"] > 0.9
+    assert any("--torque none" in sentence for sentence in failures(without_torques, []))
+    as_json(without_torques.to_json())
+
+
+@pytest.mark.slow
+def test_torques_that_fit_only_a_negative_inertia_are_refused_with_the_sign(paper: Rig) -> None:
+    runs = with_signs(driven_runs(paper, 0)[1], (1, -1))
+    with pytest.raises(IdentificationError, match=r"negative inertia .* sign of torque 2"):
+        diagnose(runs, paper, library={name: SOME[name] for name in ("coulomb_joint1", "spring_joint2")})
+
+
+@pytest.mark.slow
+def test_a_gain_that_no_drive_has_gives_way_to_a_wrong_sign(paper: Rig) -> None:
+    runs = with_signs(driven_runs(paper, 0)[1], (-1, 1))
+    found = diagnose(runs, paper, library={"torque_scale_joint1": EFFECTS["torque_scale_joint1"]})
+    assert found.verdict == "unexplained"
+    assert "sign of torque 1" in found.hints[0]
+    assert found.effects == []
+
+
+@pytest.mark.slow
+def test_a_clean_rig_has_no_hint_and_a_visible_one_stays_named(swings, recorded, paper: Rig) -> None:
+    clean = diagnose(swings, paper, library=SOME)
+    assert (clean.verdict, clean.hints) == ("no_gap", [])
+    assert failures(clean, ["gap", "unexplained"]) == []
+    stiff = diagnose(recorded({"coulomb_joint1": {"torque_Nm": 0.01}}, duration=2.0), paper, library=SOME)
+    assert (stiff.verdict, stiff.hints) == ("named", [])
+
+
+@pytest.mark.slow
+def test_recordings_that_cannot_show_a_gap_are_inconclusive(swings, paper: Rig, rng: np.random.Generator) -> None:
+    noisy = [replace(run, theta=run.theta + rng.normal(0, 0.03, run.theta.shape), counts=None) for run in swings]
+    found = diagnose(noisy, paper, library=SOME)
+    assert found.verdict == "inconclusive"
+    assert "cannot show a gap" in found.sentence
+    assert failures(found, []) == [f"inconclusive: {found.sentence}"]
+
+
+def test_runs_without_motion_are_refused(swings, paper: Rig) -> None:
+    still = [replace(run, theta=np.broadcast_to(run.theta[:1], run.theta.shape), counts=None) for run in swings]
+    with pytest.raises(RunError, match="no motion to analyse"):
+        diagnose(still, paper)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.94, 1.06])
+def test_a_length_error_that_no_clock_can_have_is_led_by_the_length(swings, paper: Rig, factor: float) -> None:
+    wrong = paper.model_copy(update={"rig": paper.rig.model_copy(update={"L1": factor * paper.L1})})
+    (effect,) = diagnose(swings, wrong, library=TWINS).effects
+    assert effect.name == "wrong_length_L1"
+    assert effect.members == ["wrong_length_L1", "clock_rate"]
+    assert effect.odds["clock_rate"] < 1e-3
+
+
+def test_a_size_is_the_less_plausible_the_further_beyond_its_scale() -> None:
+    sizes = [effect_params({"clock_rate": {"excess": x}}) for x in (0.0, 1e-5, 1e-4, 1e-3, -1e-2)]
+    prior = [plausibility(params, "clock_rate") for params in sizes]
+    assert prior == pytest.approx([1.0, 1.0, 0.5, 1e-4, 1e-8], rel=1e-3)
+    assert plausibility(effect_params({"wrong_length_L1": {"added_m": 2e-3}}), "wrong_length_L1") > 0.98
+
+
+def test_a_cause_that_is_next_to_impossible_is_not_listed() -> None:
+    causes = [EffectPosterior(name, (name,), (), p) for name, p in (("a", 0.9), ("b", 0.004), ("c", 0.3))]
+    assert [item.name for item in listed_causes(causes)] == ["a", "c"]

@@ -1,0 +1,194 @@
+"""A measured value under each candidate cause and under none of them: probabilities, questions and refusals."""
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import RunError
+from dpr_lab.gap.checks.measurement import SETTINGS, Predictions, predictions
+from dpr_lab.gap.checks.update import candidates, hypotheses, posterior, update_with_measurement
+from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, Diagnosis, Quantity
+from tests.a_diagnosis import CLOCK, LENGTH, SIZES, interval, made, measurement
+
+
+def after(diagnosis: Diagnosis) -> dict[str, float]:
+    return diagnosis.checks_done[-1].after
+
+
+def test_a_value_that_agrees_with_the_fit_confirms_its_effect() -> None:
+    found = update_with_measurement(made(), made().checks[0], 0.0051, 1e-4)
+    assert after(found)[CLOCK] > 0.97
+    assert found.verdict == "named"
+    assert found.checks_done[0].log10_bayes_factor[CLOCK] > 1.5
+
+
+def test_a_value_that_fits_nobody_is_questioned_and_once_confirmed_speaks_for_another_cause() -> None:
+    diagnosis = made()
+    with pytest.raises(RunError, match=r"of 50 %. It is 99 times the estimate of this quantity, 0.505 %") as refused:
+        update_with_measurement(diagnosis, diagnosis.checks[0], 0.5, 1e-9)
+    assert "--force" in str(refused.value)
+    found = update_with_measurement(diagnosis, diagnosis.checks[0], 0.5, 1e-9, confirmed=True)
+    assert after(found)[NONE_OF_THEM] > 0.999
+    assert found.probabilities[NONE_OF_THEM] > 0.999
+    assert found.verdict == "unexplained"
+    assert found.sentence.startswith("After check 1-abcd")
+    assert "none of the named effects explains what was measured" in found.sentence
+    assert found.remedies == []
+
+
+def test_both_candidates_measured_as_zero_leave_neither() -> None:
+    first = update_with_measurement(made(), made().checks[0], 0.0, 1e-5)
+    assert after(first)[LENGTH] > 0.9
+    assert first.verdict == "named"
+    second = update_with_measurement(first, first.checks[0], 0.0, 1e-4)
+    assert second.checks_done[1].before == after(first)
+    assert after(second)[NONE_OF_THEM] > 0.999
+    assert second.verdict == "unexplained"
+
+
+def test_zero_within_a_large_uncertainty_says_nothing() -> None:
+    found = update_with_measurement(made(), made().checks[0], 0.0, 1.0)
+    assert after(found)[CLOCK] == pytest.approx(0.49, abs=0.02)
+
+
+def test_an_uncertainty_far_below_the_possible_changes_nothing() -> None:
+    diagnosis = made()
+    first, second = (
+        after(update_with_measurement(diagnosis, diagnosis.checks[0], 0.0052, std)) for std in (1e-6, 1e-15)
+    )
+    assert first == pytest.approx(second, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "message"),
+    [
+        (math.nan, 1e-4, "must be a finite number, not nan"),
+        (math.inf, 1e-4, "must be a finite number, not inf"),
+        (1e308, 1e-4, "is no possible rate error of the device's clock"),
+        (0.005, 1e308, "is no possible rate error of the device's clock"),
+        (0.005, 0.0, "uncertainty must be above 0 and finite, not 0"),
+        (0.005, -1.0, "uncertainty must be above 0 and finite, not -1"),
+        (0.005, math.nan, "uncertainty must be above 0 and finite, not nan"),
+    ],
+)
+def test_impossible_numbers_are_refused_with_a_sentence(value: float, std: float, message: str) -> None:
+    diagnosis = made()
+    with pytest.raises(RunError, match=message):
+        update_with_measurement(diagnosis, diagnosis.checks[0], value, std, confirmed=True)
+
+
+def friction() -> Diagnosis:
+    """A diagnosis that names Stribeck friction or Coulomb friction of joint 2."""
+    name, simple = "stribeck_joint2", "coulomb_joint2"
+    parameters = {"torque_Nm": interval(0.0061), "extra_at_rest_Nm": interval(0.0005, 0.1)}
+    effect = {"name": name, "class": [name, simple], "probability": 0.9, "parameters": parameters, "share": 0.9}
+    check = {**measurement(CLOCK, name, 1), "measures": name, "splits": [name, simple], "expected": None}
+    check |= {"quantity": "extra_at_rest_Nm, N m"}
+    return made(effects=[effect], checks=[check], model_effects={}, remedies=[])
+
+
+def test_a_value_of_the_other_torque_is_recognised() -> None:
+    diagnosis = friction()
+    assert diagnosis.checks[0].quantity == Quantity.of("stribeck_joint2", "extra_at_rest_Nm")
+    expected = r"0.0061 N m. It is 12.2 times the estimate of this quantity, 0.0005 N m .*"
+    with pytest.raises(RunError, match=expected + r"Did you measure the Coulomb friction torque while sliding of"):
+        update_with_measurement(diagnosis, diagnosis.checks[0], 0.0061, 1e-4)
+
+
+def test_friction_is_not_negative() -> None:
+    diagnosis = friction()
+    with pytest.raises(RunError, match="cannot be negative"):
+        update_with_measurement(diagnosis, diagnosis.checks[0], -0.0005, 1e-5, confirmed=True)
+    assert update_with_measurement(diagnosis, diagnosis.checks[0], -1e-5, 1e-5).checks_done
+
+
+def densities(diagnosis: Diagnosis) -> tuple[Predictions, dict[str, float]]:
+    check = diagnosis.checks[0]
+    return predictions(diagnosis, check, candidates(diagnosis, check.about)), hypotheses(diagnosis, check.about)
+
+
+def integrated(y: float, u: float, size: Any) -> float:
+    """Density of a measured y by numerical integration over the true amplitude, whose density is `size`."""
+
+    def integrand(true: float) -> float:
+        return float(stats.norm.pdf(y, true, u) * size.pdf(true))
+
+    near = [size.mean() + k * size.std() for k in (-9, -3, 0, 3, 9)] if math.isfinite(size.std()) else [0.0]
+    pieces = sorted({*near, *(y + k * u for k in (-30, -5, 0, 5, 30))})
+    return sum(integrate.quad(integrand, a, b, limit=200)[0] for a, b in itertools.pairwise(pieces))
+
+
+@pytest.mark.parametrize(("y", "u"), [(0.005, 2e-4), (0.0, 1e-4), (0.0042, 5e-4), (0.02, 1e-3), (-0.3, 0.01)])
+def test_the_update_is_that_of_numerical_integration(y: float, u: float) -> None:
+    predicted, prior = densities(made())
+    size, background = SIZES[CLOCK], 0.1 * 1e-3
+    spread = math.hypot(0.02 * size / 1.6448536, 0.1 * size)
+    little, broad = stats.norm(0, background), stats.cauchy(0, 3 * size)
+    by_hand = {
+        CLOCK: integrated(y, u, stats.norm(size, spread)),
+        LENGTH: integrated(y, u, little),
+        NONE_OF_THEM: 0.5 * integrated(y, u, little) + 0.5 * integrated(y, u, broad),
+    }
+    logs = predicted.log_densities(y, u)
+    for name, density in by_hand.items():
+        if density > 1e-60:
+            assert math.exp(logs[name]) == pytest.approx(density, rel=1e-4), name
+    probabilities, factors = posterior(prior, logs)
+    whole = sum(prior[name] * density for name, density in by_hand.items())
+    for name, density in by_hand.items():
+        assert probabilities[name] == pytest.approx(prior[name] * density / whole, rel=1e-3, abs=1e-12)
+        others = [other for other in prior if other != name]
+        average = sum(prior[o] * by_hand[o] for o in others) / sum(prior[o] for o in others)
+        if min(density, average) > 1e-60:
+            assert 10 ** factors[name] == pytest.approx(density / average, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("u", [1e-9, 1e-4, 1e-2])
+def test_the_density_of_a_cause_outside_the_candidates_is_proper(u: float) -> None:
+    predicted, _ = densities(made())
+    y = np.sinh(np.linspace(-25, 25, 40_001)) * 1e-7
+    y = np.concatenate([y, np.linspace(-5, 5, 20_001) * max(u, 1e-4)])
+    y.sort()
+    density = np.exp([predicted.log_densities(float(v), u)[NONE_OF_THEM] for v in y])
+    assert integrate.trapezoid(density, y) == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.slow
+def test_probabilities_are_calibrated_where_truth_is_drawn_from_the_model() -> None:
+    """Of all results after which a hypothesis has the probability p, it is true in a share p."""
+    predicted, prior = densities(made())
+    rng, names = np.random.default_rng(11), list(prior)
+    prior = {CLOCK: 0.4, LENGTH: 0.3, NONE_OF_THEM: 0.3}
+    given, true = [], []
+    for _ in range(3000):
+        cause = names[rng.choice(3, p=list(prior.values()))]
+        u = float(np.exp(rng.uniform(np.log(1e-5), np.log(1e-2))))
+        size = predicted.candidates.get(cause, predicted.background)
+        amplitude = rng.normal(size.mean, size.std)
+        if cause == NONE_OF_THEM and rng.random() < SETTINGS.elsewhere:
+            amplitude = predicted.scale * rng.standard_cauchy()
+        probabilities, _ = posterior(prior, predicted.log_densities(rng.normal(amplitude, u), u))
+        given += [probabilities[name] for name in names]
+        true += [name == cause for name in names]
+    p, hit = np.array(given), np.array(true)
+    for low, high in zip(np.linspace(0, 0.9, 10), np.linspace(0.1, 1, 10), strict=True):
+        inside = (p >= low) & (p <= high)
+        spread = max(np.sqrt((p[inside] * (1 - p[inside])).sum()), 1.0)
+        assert abs(hit[inside].sum() - p[inside].sum()) < 4 * spread, (low, inside.sum())
+
+
+def test_every_effect_says_what_is_measured_of_it() -> None:
+    for effect in EFFECTS.values():
+        measured = {effect.amplitudes[0].name, *([effect.adds] if effect.adds else [])}
+        for name in measured:
+            quantity = effect.bench_quantity(name)
+            assert quantity.words != name, effect.name
+            assert {*quantity.parameters} <= {amplitude.name for amplitude in effect.amplitudes}
+        for quantity in effect.quantities:
+            assert len({p.unit for p in effect.amplitudes if p.name in quantity.parameters}) == 1

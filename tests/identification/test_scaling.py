@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import BASE, RATIOS, base_parameters, whole_parameters
+from dpr_lab.effects import EFFECTS
+from dpr_lab.fitting.estimate import unknown_ratios
+from dpr_lab.identification.model import EstimatedValue
+from dpr_lab.identification.prior_update import update_prior
+from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
+from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.rig import PARAMETERS, Rig, load_rig
+from dpr_lab.rig_tables import Parameter
+
+WEIGHED = 1e-4
+"""Standard uncertainty of a weighed mass, kg."""
+
+
+def known(rig: Rig, Z: np.ndarray, *names: str) -> Rig:
+    weighed = {
+        name: Parameter(nominal=value, measured=value, std=WEIGHED)
+        for name, value in zip(PARAMETERS, Z.tolist(), strict=True)
+        if name in names
+    }
+    return rig.model_copy(update={"parameters": {**rig.parameters, **weighed}})
+
+
+def seen(rig: Rig, Z: np.ndarray) -> np.ndarray:
+    return unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
+
+
+def scale(rig: Rig, unknown: np.ndarray) -> Scale:
+    _, base = update_prior(unknown[:5], np.diag((1e-3 * unknown[:5]) ** 2), rig)
+    return scale_of(base["b"], unknown, rig)
+
+
+@pytest.mark.parametrize(("name", "weighed"), [("paper", ()), ("paper", ("m1", "m2", "mb")), ("multiarm", ())])
+def test_the_interval_of_the_scale_holds_the_true_b_in_nine_rigs_of_ten(name: str, weighed: tuple[str, ...]) -> None:
+    rig, rng, held = load_rig(name), np.random.default_rng(5), []
+    for _ in range(150):
+        Z = rng.uniform(*rig.bounds)
+        low, high = scale(known(rig, Z, *weighed), seen(rig, Z)).interval90
+        held.append(low <= base_parameters(Z, rig.L1, rig.g)[BASE.index("b")] <= high)
+    assert 0.8 < np.mean(held) <= 1.0
+
+
+def test_a_scale_that_only_bounds_fix_says_that_it_is_not_measured(paper: Rig) -> None:
+    assumed = scale(paper, seen(paper, paper.nominal))
+    assert assumed.fixed_by == "bound"
+    assert assumed.assumption == "assuming b = 0.00533 kg m^2 (not measured)"
+    assert "Only their ratios to b are identified" in assumed.sentence
+
+
+def test_measured_values_that_fix_b_make_absolute_sizes(paper: Rig) -> None:
+    rig = known(paper, paper.nominal, "l2", "m2", "J2", "m1", "mb")
+    measured = scale(rig, seen(rig, rig.nominal))
+    assert measured.fixed_by == "measured"
+    assert "Measured values of the rig file fix" in measured.sentence
+
+
+def test_an_absolute_interval_is_as_wide_as_fit_and_scale_together() -> None:
+    assumed = Scale(b=0.005, interval90=(0.004, 0.006), fixed_by="bound")
+    assert assumed.absolute90(2.0, (2.0, 2.0)) == pytest.approx((1.6, 2.4))
+    assert assumed.absolute90(2.0, (1.7, 2.3)) == pytest.approx((1.5, 2.5))
+    assert assumed.absolute90(-2.0, (-2.0, -2.0)) == pytest.approx((-2.4, -1.6))
+    assert assumed.absolute90(2.0, (2.0, 2.0), power=-1) == pytest.approx((2.0 / 1.2, 2.5))
+    assert assumed.absolute90(2.0, (1.7, 2.3), power=0) == (1.7, 2.3)
+    identified = assumed.model_copy(update={"fixed_by": "data"})
+    assert identified.absolute90(2.0, (1.7, 2.3)) == (1.7, 2.3)
+
+
+def test_a_ratio_does_not_depend_on_the_assumed_b() -> None:
+    for b in (0.004, 0.005):
+        assumed = Scale(b=b, interval90=(0.9 * b, 1.1 * b), fixed_by="bound")
+        assert assumed.ratio(3.0 * b) == pytest.approx(3.0)
+        assert assumed.ratio90((2.0 * b, 4.0 * b)) == pytest.approx((2.0, 4.0))
+        assert assumed.ratio(3.0 / b, power=-1) == pytest.approx(3.0)
+
+
+def test_every_parameter_of_an_effect_has_a_power_of_the_scale_and_the_unit_of_its_ratio() -> None:
+    for effect in EFFECTS.values():
+        for parameter in effect.parameters:
+            assert bool(parameter.ratio_unit) == (parameter.scale_power != 0), parameter
+    assert EFFECTS["coulomb_joint1"].parameters[0].ratio_unit == "1/s^2"
+    assert EFFECTS["encoder_offset_joint1"].parameters[0].scale_power == 0
+
+
+def test_values_that_only_bounds_fix_have_an_interval_inside_those_bounds(paper: Rig) -> None:
+    unknown = seen(paper, paper.nominal)
+    nine, base = update_prior(unknown[:5], np.diag((1e-3 * unknown[:5]) ** 2), paper)
+    ratios = {
+        name: EstimatedValue(value=value, std=0.0, interval90=(value, value))
+        for name, value in zip(RATIOS, unknown[:5].tolist(), strict=True)
+    }
+    nine, base = with_intervals(nine, base, ratios, scale_of(base["b"], unknown, paper), unknown, paper)
+    for name, (lower, upper) in zip(PARAMETERS, paper.bounds.T.tolist(), strict=True):
+        low, high = nine[name].interval90 or (np.nan, np.nan)
+        assert nine[name].fixed_by == "bound"
+        assert lower <= low < nine[name].value < high <= upper
+    low, high = base["a"].interval90 or (np.nan, np.nan)
+    width = np.array(base["b"].interval90) / base["b"].value
+    assert np.array([low, high]) / base["a"].value == pytest.approx(width, rel=1e-6)

@@ -1,0 +1,44 @@
+from dpr_lab.drift.changes import Difference, Drift, Moved
+from dpr_lab.report.drift import basis_sentence, group_rows, relative, rows, sentence
+
+
+def moved(name: str = "c2/b", first: float = 0.2, change: float = 0.03) -> Moved:
+    ends = (change - 0.005, change + 0.005)
+    return Moved(
+        name=name,
+        first=first,
+        scatter=1e-3,
+        differences=(Difference(1, change, ends), Difference(2, change, ends)),
+        after=0,
+        step=change,
+        step_interval=ends,
+        between=("2026-11-16", "2026-11-18"),
+        change=change,
+        change_interval=ends,
+        p=1e-4,
+        moved=True,
+    )
+
+
+def drift(*parameters: Moved) -> Drift:
+    days = ("2026-11-16", "2026-11-17", "2026-11-18")
+    return Drift(days, (3, 3, 3), parameters, "runs of one group", 3.5, 0.012)
+
+
+def test_the_result_says_between_which_groups_a_parameter_changed() -> None:
+    assert "c2/b by +15 % between 2026-11-16 and 2026-11-18" in sentence(drift(moved()))
+    (row,) = rows(drift(moved()))
+    assert "2026-11-16 and 2026-11-18" in row
+    assert [row[1] for row in group_rows(drift(moved()))] == [
+        "2026-11-17 less 2026-11-16",
+        "2026-11-18 less 2026-11-16",
+    ]
+
+
+def test_a_change_from_nothing_has_no_per_cent() -> None:
+    assert relative(moved(first=1e-5), 0.03) == "+0.03"
+
+
+def test_ratios_of_sizes_are_explained() -> None:
+    assert "ratios to b" in basis_sentence(drift(moved("coulomb_joint2.torque_Nm/b")))
+    assert "ratios to b" not in basis_sentence(drift(moved("c2/b")))

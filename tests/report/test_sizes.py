@@ -1,0 +1,68 @@
+import pytest
+
+from dpr_lab.gap.result.diagnosis import EffectSize, NamedEffect
+from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.report.gap.sizes import absolute_sentence, scale_note, size_in_sentence, sizes_cell
+from tests.report.test_gap_report import diagnosis as diagnosis
+
+NOT_MEASURED = Scale(b=0.00541, interval90=(0.00487, 0.00623), fixed_by="bound")
+TORQUE = EffectSize(
+    value=0.00230,
+    interval90=(0.00228, 0.00232),
+    ratio=0.425,
+    ratio_unit="1/s^2",
+    ratio_interval90=(0.421, 0.429),
+    interval90_with_scale=(0.00207, 0.00265),
+)
+
+
+def named(size: EffectSize = TORQUE) -> NamedEffect:
+    return NamedEffect.model_validate(
+        {"name": "coulomb_joint1", "class": ["coulomb_joint1"], "probability": 0.9, "share": 0.5}
+        | {"parameters": {"torque_Nm": size}}
+    )
+
+
+def test_where_only_ratios_are_identified_the_ratio_stands_before_the_absolute_size(diagnosis) -> None:
+    found = diagnosis(scale=NOT_MEASURED, effects=[named()])
+    cell = sizes_cell(found, found.effects[0])
+    assert cell == (
+        "torque / b = 0.4250 1/s² (0.4210 to 0.4290); assuming b = 0.00541 kg m² (not measured):"
+        " torque 2.30 mN m (2.07 to 2.65)"
+    )
+    assert size_in_sentence(found, found.effects[0]) == "torque / b = 0.4250 1/s², 0.4210 to 0.4290"
+    assert "Assuming b = 0.00541 kg m² (not measured)" in absolute_sentence(found)
+    assert "2.30 mN m (2.07 to 2.65)" in absolute_sentence(found)
+    assert "0.00487 to 0.00623" in scale_note(found)
+
+
+def test_a_measured_scale_gives_an_absolute_size_with_the_uncertainty_of_the_scale(diagnosis) -> None:
+    found = diagnosis(scale=NOT_MEASURED.model_copy(update={"fixed_by": "measured"}), effects=[named()])
+    assert sizes_cell(found, found.effects[0]) == "torque 2.30 mN m (2.07 to 2.65)"
+    assert absolute_sentence(found) == ""
+
+
+def test_an_angle_has_no_ratio_and_a_diagnosis_of_an_older_version_keeps_its_interval(diagnosis) -> None:
+    old = EffectSize(value=0.0023, interval90=(0.0022, 0.0024))
+    found = diagnosis(effects=[named(old)])
+    assert sizes_cell(found, found.effects[0]) == "torque 2.30 mN m (2.20 to 2.40)"
+    assert scale_note(found) == ""
+
+
+@pytest.mark.parametrize(("unit", "text"), [("1/kg", "torque · b"), ("N m", "torque / b")])
+def test_a_ratio_says_whether_b_divides_or_multiplies(diagnosis, unit: str, text: str) -> None:
+    size = TORQUE.model_copy(update={"ratio_unit": "m^2" if unit == "1/kg" else "1/s^2"})
+    found = diagnosis(scale=NOT_MEASURED, effects=[named(size)])
+    assert sizes_cell(found, found.effects[0]).startswith(text)
+
+
+def test_a_negative_drift_of_friction_is_put_into_words(diagnosis) -> None:
+    drift = named().model_copy(
+        update={
+            "name": "friction_drift_joint1",
+            "parameters": {"rate_Nm_per_rad": TORQUE.model_copy(update={"value": -1e-5})},
+        }
+    )
+    found = diagnosis(scale=NOT_MEASURED, effects=[drift])
+    assert "viscous friction falls during the swing" in sizes_cell(found, drift)
+    assert "viscous friction falls during the swing" in size_in_sentence(found, drift)
