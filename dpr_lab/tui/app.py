@@ -1,23 +1,20 @@
 """The app: a stepper on top, the step that is shown below it, keys at the foot."""
 
 import asyncio
-import os
-import sys
 import time
-import webbrowser
 from collections.abc import Iterable, Sequence
-from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from rich.console import RenderableType
 from textual import events, on
 from textual._compositor import CompositorUpdate
-from textual.app import App, ComposeResult, SystemCommand
+from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.dom import DOMNode
 from textual.driver import Driver
 from textual.screen import Screen
+from textual.widget import Widget
 from textual.widgets import ContentSwitcher, Static
 from textual.worker import WorkerFailed
 
@@ -27,6 +24,10 @@ from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.guard import Guarded, log
 from dpr_lab.tui.keys import Keymap, KeyNames, about_keys, actions
 from dpr_lab.tui.line_breaks import keep_units_whole
+from dpr_lab.tui.notices.message_log import FILE, MessageLog
+from dpr_lab.tui.notices.notice_app import NoticeApp
+from dpr_lab.tui.pages import open_page
+from dpr_lab.tui.palette import Palette
 from dpr_lab.tui.recorder.connection import DeviceConnection
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.capture import CaptureStep
@@ -35,21 +36,24 @@ from dpr_lab.tui.steps.connect import ConnectStep
 from dpr_lab.tui.steps.diagnose import DiagnoseStep
 from dpr_lab.tui.steps.identify import IdentifyStep
 from dpr_lab.tui.steps.job_step import JobStep
-from dpr_lab.tui.steps.rig import RigStep
+from dpr_lab.tui.steps.rig import RigStep, TableGiven
 from dpr_lab.tui.steps.step import Step
+from dpr_lab.tui.steps.table_import import TableImport
 from dpr_lab.tui.terminal.display import Display
+from dpr_lab.tui.terminal.drivers import our_driver
 from dpr_lab.tui.terminal.plain import Plain
 from dpr_lab.tui.terminal.sight import Sight
 from dpr_lab.tui.terminal.signals import SETTINGS as ENDING
 from dpr_lab.tui.terminal.signals import end_on_signals
 from dpr_lab.tui.texts import NOTICES
 from dpr_lab.tui.themes import THEMES
+from dpr_lab.tui.viewed_app import ViewedApp
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.dialogs import HELP_KEY, HelpScreen, Question
 from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.tui.widgets.run_browser import RunBrowser
 from dpr_lab.tui.widgets.slider import Slider
-from dpr_lab.tui.widgets.status_line import StatusLine
+from dpr_lab.tui.widgets.status_line import COUNTDOWN, StatusLine
 from dpr_lab.tui.widgets.stepper import Stepper, StepStatus
 from dpr_lab.tui.workspace import Workspace
 
@@ -63,7 +67,7 @@ KEYED: tuple[type[DOMNode], ...] = (*STEPS, Chart, Slider, RunBrowser)
 """Whose actions can be given other keys, besides the app's own."""
 
 
-class DprApp(Guarded, App[None]):
+class DprApp(Guarded, NoticeApp, ViewedApp):
     """The bench screen.
 
     Args:
@@ -74,6 +78,7 @@ class DprApp(Guarded, App[None]):
         steps: the steps to show
         sight: confirms that the operator sees the screen; by default the terminal does
         allow_release: whether a browser may release too
+        read_only: whether the screen may only show: no order to a device, no file written
     """
 
     TITLE = "dpr-lab"
@@ -85,7 +90,9 @@ class DprApp(Guarded, App[None]):
         Binding("p,ctrl+left", "move(-1)", "Previous", id="app.previous", show=False),
         HELP_KEY,
         Binding("b", "browse", "Runs", id="app.browse", tooltip="runs: choose, check, export"),
+        Binding("f5", "import_table", "Import", show=False, id="app.import", tooltip="import a table"),
         Binding("f2", "report", "Open report", show=False, id="app.report", tooltip="open the HTML report"),
+        Binding("f4", "messages", "Messages", show=False, id="app.messages", tooltip="messages of this session"),
         Binding("t", "next_theme", "Theme", show=False, id="app.theme"),
         Binding("g", "next_unit", "Degrees/radians", show=False, id="app.unit"),
         Binding("escape", "leave", show=False, id="app.leave"),
@@ -101,19 +108,23 @@ class DprApp(Guarded, App[None]):
         steps: Sequence[type[Step]] = STEPS,
         sight: Sight | None = None,
         allow_release: bool = False,
+        read_only: bool = False,
     ) -> None:
         super().__init__()
+        self.read_only = read_only
         keep_units_whole()
         self._filters.append(Plain())
         self.terminal = Display(lambda: self._driver, self.console._color_system, allow_release)
         self.workspace = workspace
         self.folder = folder
-        self.device = DeviceConnection(folder / "recorder.log")
+        self.device = DeviceConnection(folder / "recorder.log", read_only=read_only)
         names = KeyNames(_keys(keymap or {}), lambda key: self.get_key_display(Binding(key, "")))
         order = tuple(step.NAME for step in STEPS)
         self.services = Services(workspace, self.device, order, names, sight or self.terminal)
         self._notices = notices
         self._saved = True
+        self._had_focus: Widget | None = None
+        self.messages, self.error_title = MessageLog(folder / FILE), names.fill(NOTICES.error_title)
         self.steps = [step(self.services, id=step.NAME.lower()) for step in steps]
         for theme in THEMES:
             self.register_theme(theme)
@@ -156,18 +167,14 @@ class DprApp(Guarded, App[None]):
         for report in self.device.reports():
             for step in self.steps:
                 step.hear(report)
-        recording = next((step.recording for step in self.steps if step.recording is not None), None)
+        urgent = next((str(step.recording) for step in self.steps if step.recording is not None), "")
+        urgent = COUNTDOWN if any(step.counting_down for step in self.steps) else urgent
         work = [step.work for step in self.steps if step.work]
-        self.query_one(StatusLine).show(self.device, recording, work, self.workspace.out, time.monotonic())
+        self.query_one(StatusLine).show(self.device, urgent, work, self.workspace.out, time.monotonic())
 
     def get_driver_class(self) -> type[Driver]:
-        """Textual's for this system; for terminals our own, which never waits for a slow one."""
-        found = super().get_driver_class()
-        if found.__name__ != "LinuxDriver":
-            return found
-        from dpr_lab.tui.terminal.driver import BenchDriver  # needs termios, which not every system has
-
-        return BenchDriver
+        """Our own, where there is one."""
+        return our_driver(super().get_driver_class())
 
     async def on_event(self, event: events.Event) -> None:
         """An answer to a key comes at once."""
@@ -212,7 +219,8 @@ class DprApp(Guarded, App[None]):
     def save(self) -> None:
         """Save the workspace and show what is new; that it cannot be saved is said once."""
         try:
-            self.workspace.save(self.folder)
+            if not self.read_only:
+                self.workspace.save(self.folder)
             self._saved = True
         except DprError as error:
             if self._saved:
@@ -230,17 +238,20 @@ class DprApp(Guarded, App[None]):
     def on_resize(self, event: events.Resize) -> None:
         """More room shows more of the stepper; too little is said, and what is true of the rig stays in sight."""
         width, height = event.size
-        self.screen.set_class(width < LEAST[0] or height < LEAST[1], "-too-small")
+        main = self.screen_stack[0]
+        small = width < LEAST[0] or height < LEAST[1]
+        if small and not main.has_class("-too-small"):
+            self._had_focus = main.focused  # what is not shown loses it
+        main.set_class(small, "-too-small")
         need = f"{width}x{height} is too small: the bench needs {LEAST[0]}x{LEAST[1]}. Make the window larger"
         self.query_one("#too-small", Static).update(f"{need}, or the font smaller. A recording goes on meanwhile.")
-        self.call_after_refresh(self.redraw)
+        self.call_after_refresh(self._resized)
 
-    def notify(self, message: str, **options: Any) -> None:
-        """Say something, once: not again while it is still to be read, and with the one before at most."""
-        for old in [*self._notifications][: -NOTICES.most + 1]:
-            self._unnotify(old, refresh=False)
-        if all(notice.message != message for notice in self._notifications):
-            super().notify(message, **options)
+    def _resized(self) -> None:
+        main, had = self.screen_stack[0], self._had_focus
+        if not main.has_class("-too-small") and main.focused is None:
+            main.set_focus(had if had is not None and had.focusable else self.current)
+        self.redraw()
 
     @on(Stepper.Chosen)
     def _chosen(self, event: Stepper.Chosen) -> None:
@@ -282,6 +293,20 @@ class DprApp(Guarded, App[None]):
         """Look at the runs, and choose those to work on."""
         self.push_screen(RunBrowser(self.services, self.workspace.runs), self._choose_runs)
 
+    @on(TableGiven)
+    def _import_given(self, event: TableGiven) -> None:
+        self.action_import_table(event.file)
+
+    def action_import_table(self, file: Path | None = None) -> None:
+        """Import a recording of another logger, with the rig that is chosen."""
+        self.push_screen(TableImport(self.workspace.rig, self.workspace.out / "runs", file), self._imported)
+
+    def _imported(self, run: Path | None) -> None:
+        if run is not None:
+            self._choose_runs([*self.workspace.runs, run])
+            news = f"imported as {run}, and taken for identification"
+            self.notify(news, timeout=NOTICES.news_s, markup=False)
+
     def action_next_theme(self) -> None:
         """Dark, light, high contrast."""
         names = [theme.name for theme in THEMES]
@@ -306,31 +331,14 @@ class DprApp(Guarded, App[None]):
         if not stakes:
             self.exit()
         elif not isinstance(self.screen, Question):
-            self.push_screen(Question(f"Quit now and lose {' and '.join(stakes)}?", "Quit", "Stay"), self._quit_if)
+            self.push_screen(Question(f"Quit now? {' '.join(stakes)}", "Quit", "Stay"), self._quit_if)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        """The steps, and every action with its key, in the command palette; another step's is done there."""
+        """The steps, and every action with its key, in the command palette."""
         yield from super().get_system_commands(screen)
-        for number, step in enumerate(self.steps, 1):
-            yield SystemCommand(f"{number} {step.NAME}", f"Go to step {number}", partial(self.action_go, number))
-            yield from (self._command(binding, step.NAME, number) for binding in _bindings(step))
-        yield from (self._command(binding, "dpr-lab", 0) for binding in _bindings(self) if binding.key not in "123456")
+        yield from Palette(self, self.steps, self.services.keys, self.action_go).commands()
 
-    def _command(self, binding: Binding, place: str, number: int) -> SystemCommand:
-        words = binding.tooltip or binding.description
-        known = binding.id is not None and binding.id in self.services.keys.keys
-        key = self.services.keys.of(binding.id or "") if known else self.get_key_display(binding)
-
-        async def act() -> None:
-            if number:
-                self.action_go(number)
-            await self.run_action(binding.action, self.steps[number - 1] if number else self)
-
-        return SystemCommand(f"{place}: {words}", f"key {key}", act)
-
-    def deliver_screenshot(
-        self, filename: str | None = None, path: str | None = None, time_format: str | None = None
-    ) -> str | None:
+    def save_picture(self, filename: str | None, path: str | None, time_format: str | None) -> str | None:
         """Save a picture of the screen beside the work; say where, or why not."""
         folder = Path(path) if path else self.workspace.out / "screenshots"
         try:
@@ -347,10 +355,7 @@ class DprApp(Guarded, App[None]):
         page = self.current.report()
         if page is None or not page.is_file():
             raise DprError("No report here yet: Compare and Diagnose write one each when they have run")
-        if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
-            self.notify(f"The report is {page} (no desktop to open it on)", timeout=NOTICES.news_s, markup=False)
-        else:
-            self.run_worker(partial(webbrowser.open, page.as_uri()), thread=True, exit_on_error=False)
+        open_page(self, page)
 
     def mishap(self, error: Exception) -> None:
         """Tell the operator what went wrong; what nobody foresaw goes to a log file with its traceback.
@@ -363,7 +368,7 @@ class DprApp(Guarded, App[None]):
             text = self.services.keys.fill(str(error))
         else:
             text = f"Unexpected: {type(error).__name__}: {error}. Your work is kept; {log(error, self.folder)}"
-        self.notify(text, title="Error", severity="error", timeout=NOTICES.error_s, markup=False)
+        self.notify(text, severity="error", markup=False)
 
     def _handle_exception(self, error: Exception) -> None:
         if self.is_running and self.screen_stack:
@@ -392,9 +397,3 @@ def _keys(keymap: Keymap) -> dict[str, str]:
     for owner in (DprApp, *KEYED):
         keys |= actions(owner)
     return keys | keymap
-
-
-def _bindings(owner: DOMNode) -> list[Binding]:
-    """The actions of a class that have words."""
-    own = owner.__class__.__dict__.get("BINDINGS", ())
-    return [binding for binding in own if isinstance(binding, Binding) and binding.description]

@@ -21,6 +21,7 @@ from textual.dom import DOMNode
 from textual.keys import Keys
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.whole_file import regular
 
 MODIFIERS = ("ctrl", "shift", "alt", "super", "meta", "hyper")
 
@@ -83,7 +84,7 @@ def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOM
         ConfigError: not TOML, no such action, no such key, or one key for two actions of one place.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(regular(path, ConfigError).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

@@ -9,7 +9,7 @@ class PathSuggester(Suggester):
     """The first folder, or file of a kind, that begins as what is written; `~` is the user's own folder.
 
     Args:
-        suffix: of the files, with the dot; folders alone where it is empty
+        suffix: of the files, with the dot; folders alone where it is empty, all files for `*`
     """
 
     def __init__(self, suffix: str) -> None:
@@ -24,6 +24,6 @@ class PathSuggester(Suggester):
             names = sorted(path for path in where.iterdir() if path.name.startswith(begun))
         except OSError:
             return None
-        fit = (path for path in names if path.is_dir() or (self._suffix and path.suffix == self._suffix))
+        fit = (path for path in names if path.is_dir() or self._suffix in ("*", path.suffix or None))
         first = next((f"{path.name}/" if path.is_dir() else path.name for path in fit), None)
         return None if first is None or not value else value[: len(value) - len(begun)] + first

@@ -15,10 +15,13 @@ from dpr_lab.report.tables import recorded, run_name, run_pose
 
 @dataclass(frozen=True, slots=True)
 class NoticeTimes:
-    """How long a notice stays, s, and how many; Escape takes them away sooner."""
+    """How long a notice stays, s, and how many; Escape takes them away sooner. All are in the message log."""
 
-    error_s: float = 15.0
-    """Long enough to read what to do about it."""
+    stays_s: float = 86400.0
+    """An error: until Escape or another step."""
+    error_title: str = "Error (esc: close · {app.messages}: all messages)"
+    error_s: float = 30.0
+    """A warning that says what to do about it."""
     news_s: float = 20.0
     """Of a job that ended while another step was shown, and of a release that was refused on a slow line."""
 

@@ -1,20 +1,30 @@
 """The screen as a page for a browser on this computer."""
 
+import asyncio
+import os
+import secrets
 import shlex
+import signal
+import sys
+from asyncio.subprocess import PIPE, Process
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from dpr_lab.errors import ConfigError, LinkError
+from dpr_lab.tui.terminal.signals import SETTINGS
 
 HOST = "127.0.0.1"
 NEEDS = "a page needs textual-serve: pip install 'dpr-lab[web]'"
+HEADERS = {"Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY", "Cache-Control": "no-store"}
 
 
 def serve(command: Sequence[str], port: int) -> None:
     """Run a command for every browser that opens the page, until Ctrl-C.
 
-    Other computers cannot reach it; pages of other places that are open in the same browser are refused, and the page
-    itself is not let fetch anything from anywhere else.
+    Other computers cannot reach it. Other users of this computer can reach the port, so every address starts with a
+    random token, which is printed and nowhere else: `http://127.0.0.1:PORT/TOKEN/`. Without it the answer is 403. Pages
+    of other places that are open in the same browser are refused, and the page itself may load nothing from elsewhere.
 
     Args:
         command: runs the screen
@@ -25,36 +35,144 @@ def serve(command: Sequence[str], port: int) -> None:
         LinkError: the port is taken.
     """
     try:
-        from aiohttp import web  # pyright: ignore[reportMissingImports]
-        from textual_serve.server import Server  # pyright: ignore[reportMissingImports]
+        page = _page(command, port, secrets.token_urlsafe(32))
     except ImportError as error:
         raise ConfigError(NEEDS) from error
-    place = f"{HOST}:{port}"
-
-    async def keep_in(request: Any, response: Any) -> None:
-        response.headers["Content-Security-Policy"] = policy(place)
-
-    @web.middleware
-    async def refuse_others(request: Any, handler: Any) -> Any:
-        if request.host != place or request.headers.get("Origin", f"http://{place}") != f"http://{place}":
-            raise web.HTTPForbidden(text=f"open http://{place}")
-        return await handler(request)
-
-    class Page(Server):
-        async def _make_app(self) -> Any:
-            app = await super()._make_app()
-            app.middlewares.append(refuse_others)
-            app.on_response_prepare.append(keep_in)
-            return app
-
     try:
-        Page(shlex.join(command), HOST, port, "dpr-lab").serve()
+        page.serve()
     except OSError as error:
-        raise LinkError(f"http://{place}: {error.strerror or error}: name another port with --serve") from error
+        place = f"http://{HOST}:{port}"
+        raise LinkError(f"{place}: {error.strerror or error}: name another port with --serve") from error
 
 
 def policy(place: str) -> str:
     """What a page may load: what this place serves."""
     return (
-        f"default-src http://{place} 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src http://{place} ws://{place}"
+        f"default-src http://{place} 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src http://{place} ws://{place};"
+        " frame-ancestors 'none'"
     )
+
+
+def _page(command: Sequence[str], port: int, token: str) -> Any:
+    """The server of the page.
+
+    Raises:
+        ImportError: textual-serve is not installed.
+    """
+    import logging
+
+    from aiohttp import web  # pyright: ignore[reportMissingImports]
+    from textual_serve.server import Server, to_int  # pyright: ignore[reportMissingImports]
+
+    place = f"{HOST}:{port}"
+    screen_type = _screen_type()
+
+    @web.middleware
+    async def guard(request: Any, handler: Any) -> Any:
+        own = request.host == place and request.headers.get("Origin", f"http://{place}") == f"http://{place}"
+        shown = (request.query.get("token", ""), request.path.split("/")[1])
+        if not own or not any([secrets.compare_digest(word.encode(), token.encode()) for word in shown]):
+            raise web.HTTPForbidden(text="open the address that dpr-lab tui --serve printed\n")
+        return await handler(request)
+
+    async def keep_in(request: Any, response: Any) -> None:
+        response.headers.update({"Content-Security-Policy": policy(place), **HEADERS})
+
+    class Page(Server):
+        def __init__(self) -> None:
+            super().__init__(shlex.join(command), HOST, port, "dpr-lab")
+            self.screens: dict[Any, Any] = {}
+
+        async def _make_app(self) -> Any:
+            app = await super()._make_app()
+            app.add_subapp(f"/{token}", await super()._make_app())
+            app.middlewares.append(guard)
+            app.on_response_prepare.append(keep_in)
+            app.on_startup.append(self.announce)
+            return app
+
+        async def on_startup(self, app: Any) -> None:
+            """Of this app and of the one below its token: nothing is to be done twice."""
+
+        async def announce(self, app: Any) -> None:
+            logging.getLogger("aiohttp.access").setLevel(logging.WARNING)  # it would log the token
+            print(f"open http://{place}/{token}/", "whoever has this address has the screen; Ctrl-C ends it", sep="\n")
+            sys.stdout.flush()
+
+        async def on_shutdown(self, app: Any) -> None:
+            open_pages, self.screens = self.screens, {}
+            closing = [websocket.close(code=1001, message=b"the server ends") for websocket in open_pages]
+            ending = [screen.stop() for screen in open_pages.values()]
+            await asyncio.gather(*closing, *ending, return_exceptions=True)
+
+        async def handle_index(self, request: Any) -> Any:
+            if request.path == "/":
+                raise web.HTTPSeeOther(f"/{token}/")
+            return await super().handle_index(request)
+
+        async def handle_websocket(self, request: Any) -> Any:
+            websocket = web.WebSocketResponse(heartbeat=15)
+            await websocket.prepare(request)
+            screen = screen_type(
+                self.command,
+                write_bytes=websocket.send_bytes,
+                write_str=websocket.send_str,
+                close=websocket.close,
+                download_manager=self.download_manager,
+            )
+            self.screens[websocket] = screen
+            try:
+                size = (to_int(request.query.get(name, ""), least) for name, least in (("width", 80), ("height", 24)))
+                await screen.start(*size)
+                await self._process_messages(websocket, screen)
+            except (ValueError, LookupError, TypeError, AssertionError):
+                pass  # not what our page sends
+            finally:
+                await screen.stop()
+                self.screens.pop(websocket, None)
+            return websocket
+
+    return Page()
+
+
+def _screen_type() -> type:
+    from textual_serve.app_service import AppService  # pyright: ignore[reportMissingImports]
+
+    class ServedScreen(AppService):
+        """A screen in a process and a session of its own, which ends within a bounded time."""
+
+        async def _open_app_process(self, width: int = 80, height: int = 24) -> Process:
+            self._process = process = await asyncio.create_subprocess_exec(
+                *shlex.split(self.command),
+                stdin=PIPE,
+                stdout=PIPE,
+                stderr=PIPE,
+                env=self._build_environment(width=width, height=height),
+                start_new_session=True,  # Ctrl-C is for the server, which ends the screens
+            )
+            self._stdin = process.stdin
+            return process
+
+        async def on_data(self, payload: bytes) -> None:
+            with suppress(ConnectionError):  # a screen that ends is read to its end, or it waits for us for ever
+                await super().on_data(payload)
+
+        async def on_meta(self, data: bytes) -> None:
+            with suppress(ConnectionError):
+                await super().on_meta(data)
+
+        async def stop(self) -> None:
+            process = self._process
+            if process is None:
+                return
+            with suppress(TimeoutError):
+                # A screen gives itself `patience_s` to end.
+                async with asyncio.timeout(SETTINGS.patience_s + 5.0):
+                    await super().stop()
+                    await process.wait()
+            if process.returncode is None:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                await process.wait()
+
+    return ServedScreen

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import platformdirs
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.report.angles import UNITS, AngleUnit
@@ -18,6 +18,8 @@ UNSAVED = (
     "what is on the bench will not be remembered at the next start (runs and results are kept): free the disk or the"
     " folder, or name another in DPR_LAB_STATE"
 )
+
+FRESH = "the bench starts fresh; choose rig, link and runs again (recordings and results are kept)"
 
 
 def state_folder() -> Path:
@@ -131,9 +133,12 @@ def load(folder: Path) -> tuple[Workspace, list[str]]:
         workspace = _WORKSPACE.validate_json(path.read_bytes())
     except FileNotFoundError:
         return Workspace(), []
-    except (OSError, ValueError) as error:
-        reason = str(error).splitlines()[0]
-        return Workspace(), [f"{path}: cannot be used ({reason}): the bench starts fresh"]
+    except ValidationError as error:
+        fault = error.errors()[0]
+        key = ".".join(str(part) for part in fault["loc"]) or "the file"
+        return Workspace(), [f"{path}: {key} cannot be read ({fault['msg']}): {FRESH}"]
+    except OSError as error:
+        return Workspace(), [f"{path}: cannot be read ({error.strerror}): {FRESH}"]
     return workspace, _drop_missing(workspace)
 
 

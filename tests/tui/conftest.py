@@ -129,6 +129,8 @@ def fixed_diagnosis() -> Path:
 class Watched:
     """The sight of a screen that a Pilot watches: a headless app has no terminal that could confirm a frame."""
 
+    multiplexer = ""
+
     async def seen(self, patience_s: float) -> float:
         return 0.0
 

@@ -13,10 +13,13 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
+from dpr_lab.tui.terminal.multiplexer import IN_ENVIRONMENT
+
 TOKEN = re.compile(
     rb"\x1b\[(?P<parameters>[?>=<0-9;:$]*)(?P<final>[@-~])|\x1b[()].|\x1b[=>78]|\x1b\][^\x07]*\x07|(?P<text>[^\x1b]+)"
 )
 PATIENCE_S = 300.0
+DIRECT = {"TERM": "xterm-256color", "COLORTERM": "truecolor"}
 
 
 class VirtualScreen:
@@ -25,10 +28,13 @@ class VirtualScreen:
     Args:
         size: columns and rows
         answer: takes what the terminal says to the program
+        replies: what it says it is: final letter of the question `ESC [ > ...` -> reply
     """
 
-    def __init__(self, size: tuple[int, int], answer: Callable[[bytes], object]) -> None:
-        self.size, self._answer = size, answer
+    def __init__(
+        self, size: tuple[int, int], answer: Callable[[bytes], object], replies: Mapping[bytes, bytes] | None = None
+    ) -> None:
+        self.size, self._answer, self._replies = size, answer, replies or {}
         self.answers = True
         self.modes: set[bytes] = set()
         """Private modes that are set, such as `?1049`."""
@@ -67,6 +73,8 @@ class VirtualScreen:
     def _control(self, parameters: bytes, final: bytes) -> None:
         if parameters[:1] == b"?" and final in b"hl":
             (self.modes.add if final == b"h" else self.modes.discard)(parameters)
+        elif parameters == b">" and final in self._replies:
+            self._answer(self._replies[final])
         elif final == b"H":
             row, column = ([int(part or 1) for part in parameters.split(b";")] + [1, 1])[:2]
             self._x, self._y = min(column, self.size[0]) - 1, min(row, self.size[1]) - 1
@@ -85,6 +93,7 @@ class Terminal(VirtualScreen):
         size: columns and rows
         bytes_per_s: what the line carries; None for any amount
         answers: whether it answers cursor-position reports
+        replies: what it says it is, see `VirtualScreen`
     """
 
     def __init__(
@@ -94,8 +103,9 @@ class Terminal(VirtualScreen):
         size: tuple[int, int] = (80, 24),
         bytes_per_s: float | None = None,
         answers: bool = True,
+        replies: Mapping[bytes, bytes] | None = None,
     ) -> None:
-        super().__init__(size, lambda data: os.write(self._master, data))
+        super().__init__(size, lambda data: os.write(self._master, data), replies)
         self.bytes_per_s, self.answers = bytes_per_s, answers
         self.received = 0
         """Bytes so far."""
@@ -111,7 +121,7 @@ class Terminal(VirtualScreen):
             stdin=slave,
             stdout=slave,
             stderr=slave,
-            env={**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor", **environment},
+            env={**without_multiplexer(os.environ), **DIRECT, **environment},
             start_new_session=True,
             preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
         )
@@ -173,6 +183,11 @@ class Terminal(VirtualScreen):
             self.shown.append((time.monotonic(), self.text()))
             if rate is not None:
                 time.sleep(len(data) / rate)
+
+
+def without_multiplexer(environment: Mapping[str, str]) -> dict[str, str]:
+    """The environment of a terminal that is not in tmux or the like, wherever the tests run."""
+    return {name: value for name, value in environment.items() if name not in IN_ENVIRONMENT}
 
 
 def to_ready(terminal: Terminal) -> None:

@@ -166,10 +166,10 @@ async def test_help_shows_the_step_and_its_keys(tmp_path: Path) -> None:
 async def test_quitting_asks_only_when_something_would_be_lost(tmp_path: Path) -> None:
     app = faulty(tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
-        app.steps[0].stake = "the search under way"
+        app.steps[0].stake = "The search ends without a result."
         await pilot.press("ctrl+q")
         assert isinstance(app.screen, Question)
-        assert "lose the search under way?" in str(app.screen.query_one(Static).render())
+        assert "Quit now? The search ends without a result." in str(app.screen.query_one(Static).render())
         await pilot.press("n")
         assert app.is_running
         assert not isinstance(app.screen, Question)
@@ -262,6 +262,23 @@ async def test_a_screen_that_is_too_small_says_so_and_keeps_what_is_true_of_the_
 
 
 @pytest.mark.slow
+async def test_after_the_window_was_too_small_the_keys_work_again(tmp_path: Path, until, said) -> None:
+    # The step had lost the focus: "r does nothing here now", below "Press r to RELEASE".
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
+    async with app.run_test(size=(80, 24)) as pilot:
+        for key, focused in (("3", app.steps[2]), ("2", app.query_one("#names"))):
+            await pilot.press(key)
+            for small in ((60, 20), (79, 24), (30, 5)):
+                await pilot.resize_terminal(*small)
+                await until(pilot, lambda: app.query_one("#too-small").display)
+                await pilot.resize_terminal(80, 24)
+                await until(pilot, lambda: not app.query_one("#too-small").display)
+                await until(pilot, lambda focused=focused: app.screen.focused is focused)
+        await pilot.press("3", "r")
+        assert "Not released: press s to be guided to the pose first" in said(app)
+
+
+@pytest.mark.slow
 async def test_the_stepper_keeps_its_two_rows(tmp_path: Path) -> None:
     # At 120 columns it wrapped behind step 4 and pushed out what is missing and what is next.
     data = Path(__file__).parent / "data"
@@ -291,7 +308,7 @@ async def test_a_key_that_does_nothing_says_so_and_old_notices_make_room(tmp_pat
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("3", "r", "k", "8")
         assert said(app).splitlines() == [
-            "Nothing to keep yet: a recording must be finished first",
+            "k does nothing here now; f1: which keys do",
             "8 does nothing here now; f1: which keys do",
         ]
         await pilot.press("1")  # they were about what is left now

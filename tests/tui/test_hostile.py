@@ -80,7 +80,7 @@ async def test_a_state_folder_that_cannot_be_written_is_a_sentence(tmp_path: Pat
     (tmp_path / "file").write_text("")
     state = tmp_path / "file" / "state"
     workspace, notices = load(state)
-    assert notices == [] or "cannot be used" in notices[0]
+    assert notices == [] or "cannot be read" in notices[0]
     app = DprApp(workspace, state, notices=notices)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()

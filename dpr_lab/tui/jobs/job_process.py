@@ -11,6 +11,7 @@ from textual.message import Message
 from dpr_lab.child_process import ChildFunction
 from dpr_lab.tui.jobs.job_control import work
 from dpr_lab.tui.jobs.job_events import JobCancelled, JobCompiling, JobEvent, JobFailed, JobProgress
+from dpr_lab.tui.read_only import refuse_job
 
 
 class JobProcess:
@@ -93,7 +94,12 @@ class JobHeard(Message, bubble=False):
 
 
 def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) -> JobProcess:
-    """Start a job as `JobProcess` does; what it tells comes to its owner as `JobHeard`."""
+    """Start a job as `JobProcess` does; what it tells comes to its owner as `JobHeard`.
+
+    Raises:
+        SafetyStop: the page is read-only, and the job does more than read.
+    """
+    refuse_job(getattr(owner.app, "read_only", False), function)
     job = JobProcess(function, **arguments)
 
     def listen() -> None:

@@ -6,11 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dpr_lab.errors import SafetyStop
+from dpr_lab.tui.read_only import READ_ONLY
 from dpr_lab.tui.recorder.messages import (
     AttemptFinished,
     AttemptSeen,
     CaptureAttempt,
     Connected,
+    GoAhead,
     Idle,
     RecorderFailed,
     RecorderOrder,
@@ -38,10 +41,15 @@ class DeviceConnection:
     """The attempt under way."""
     seen: Sighting = field(default_factory=Sighting)
     """The rods as they were last seen; kept when the device is gone."""
+    ordered: float | None = None
+    """When a release was ordered whose outcome is not known, `time.monotonic()`, s."""
+    read_only: bool = False
+    """Whether no device may be called, and none told anything."""
     _recorder: Recorder | None = None
 
     async def open(self, url: str, rig: str, runs: Path) -> None:
         """Call a device; a report tells whether it answers. One that was connected is let go first."""
+        self._refuse()
         await self.close()
         self.opening = time.monotonic()
         self._recorder = await asyncio.to_thread(Recorder, url, rig, runs, self.log)
@@ -49,7 +57,7 @@ class DeviceConnection:
     async def close(self) -> None:
         """Let the device go; a recording under way is finished as incomplete."""
         recorder, self._recorder = self._recorder, None
-        self.connected = self.lost = self.opening = self.attempt = None
+        self.connected = self.lost = self.opening = self.attempt = self.ordered = None
         self.message, self.seen = "", Sighting()
         if recorder is not None:
             await asyncio.to_thread(recorder.close)
@@ -60,9 +68,15 @@ class DeviceConnection:
 
     def tell(self, order: RecorderOrder) -> None:
         """Give the recorder an order; without one it is dropped."""
+        self._refuse()
         if self._recorder is not None:
             self.attempt = order.attempt if isinstance(order, CaptureAttempt) else self.attempt
+            self.ordered = order.given_at if isinstance(order, GoAhead) else self.ordered
             self._recorder.tell(order)
+
+    def _refuse(self) -> None:
+        if self.read_only:
+            raise SafetyStop(READ_ONLY)
 
     def reports(self) -> Iterator[RecorderReport]:
         """What the recorder said since the last call."""
@@ -79,6 +93,8 @@ class DeviceConnection:
                 self.connected, self.opening, self.lost = report, None, None
             case Idle() | AttemptSeen():
                 self.seen = seen_in(report, self.seen)
+                if self.ordered is not None and self.seen.settles(self.ordered):
+                    self.ordered = None
             case RecorderFailed():
                 self.attempt = None
                 if not report.alive:

@@ -1,8 +1,11 @@
 """A capture as the operator sees it: reports go out, the go-ahead and the cancel come in."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from dpr_lab.acquisition.capture import Progress, Released, SwingReading, capture
 from dpr_lab.acquisition.device import Device
@@ -35,17 +38,21 @@ class _GuidedCapture:
         self._lost_before = device.losses
         self._asked_at: float | None = None
         self._released = False
+        self._unsent: list[SwingReading] = []
 
     def on_progress(self, progress: Progress) -> None:
         """Report; ends the capture by raising when the operator wants that or is gone."""
         self._released = self._released or isinstance(progress, Released)
         self._end_if_wanted()
         if isinstance(progress, SwingReading):
-            progress = _thinned(progress)
+            self._unsent.append(_thinned(progress))
+            progress = _joined(self._unsent)
         status = self._device.status
         latched = None if status is None else status.latched
         lost = lost_since(self._lost_before, self._device)
-        self._outbox.add_if_read(AttemptSeen(self._order.attempt, progress, latched, self._device.heard_at, lost))
+        seen = AttemptSeen(self._order.attempt, progress, latched, self._device.heard_at, lost)
+        if self._outbox.add_if_read(seen):
+            self._unsent.clear()
 
     def confirm(self) -> bool | None:
         """Whether to release: only on an order given for this attempt and pose, after it was asked for, just now."""
@@ -67,5 +74,11 @@ class _GuidedCapture:
 
 def _thinned(recorded: SwingReading) -> SwingReading:
     t, theta = recorded.fresh
-    step = max(1, round(1 / (SETTINGS.trace_hz * (t[1] - t[0])))) if len(t) > 1 else 1
-    return SwingReading(recorded.t, recorded.theta, recorded.samples, (t[::step], theta[::step]))
+    step = max(1, round(1 / (SETTINGS.trace_hz * float(np.median(np.diff(t)))))) if len(t) > 1 else 1
+    return replace(recorded, fresh=(t[::step], theta[::step]))
+
+
+def _joined(readings: Sequence[SwingReading]) -> SwingReading:
+    """The newest reading, with the points of those that found no room in the pipe."""
+    t, theta = zip(*(reading.fresh for reading in readings), strict=True)
+    return replace(readings[-1], fresh=(np.concatenate(t), np.concatenate(theta)))

@@ -67,10 +67,12 @@ class Outbox:
         """Something the screen must hear."""
         self._waiting.put(report)
 
-    def add_if_read(self, report: RecorderReport) -> None:
-        """Something that is soon out of date."""
-        if self._waiting.qsize() < SETTINGS.unread:
+    def add_if_read(self, report: RecorderReport) -> bool:
+        """Send something that is soon out of date, unless reports wait unread; returns whether it is sent."""
+        room = self._waiting.qsize() < SETTINGS.unread
+        if room:
             self._waiting.put(report)
+        return room
 
     def close(self) -> None:
         """Send what is left, for as long as the screen reads."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from dpr_lab.acquisition.capture import Captured, CaptureOptions, Progress
+from dpr_lab.transports.software_link import leads_to_software
 from firmware_protocol.clock import ClockFit
 from firmware_protocol.identity import DeviceInfo
 
@@ -61,7 +62,7 @@ class Connected:
     @property
     def simulated(self) -> bool:
         """Whether there are no rods."""
-        return self.url.startswith("sim:") or self.info.simulated_time
+        return self.url.startswith("sim:") or (self.info.simulated_time and leads_to_software(self.url))
 
 
 @dataclass(frozen=True, slots=True)

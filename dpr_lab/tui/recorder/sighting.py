@@ -14,6 +14,9 @@ class SightingSettings:
 
     fresh_s: float = 1.5
     """A device reports ten times a second and counts as lost after one; beyond that nobody knows."""
+    outcome_s: float = 4.0
+    """After an order to release. The recorder drops an order after 2 s, and a device answers RELEASE within 1 s. So a
+    latch that is reported closed later than this was not opened by that order."""
 
 
 SETTINGS = SightingSettings()
@@ -33,6 +36,12 @@ class Sighting:
     def fresh(self, now: float) -> bool:
         """Whether it still holds."""
         return now - self.at <= SETTINGS.fresh_s
+
+    def settles(self, ordered: float) -> bool:
+        """Whether it shows what became of a release that was ordered at this time, `time.monotonic()`, s."""
+        if self.latched is None:
+            return False
+        return self.at >= ordered if not self.latched else self.at > ordered + SETTINGS.outcome_s
 
     def ago(self, now: float) -> str:
         """`last seen 3.2 s ago`."""

@@ -1,5 +1,6 @@
 """Place the rods, let them go, record, judge."""
 
+import random
 import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -31,7 +32,7 @@ from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.texts import NOTICES, counted_runs
 from dpr_lab.tui.widgets.capture_view import CaptureState, CaptureView
 from dpr_lab.tui.widgets.checklist import kept, next_pose, set_aside
-from dpr_lab.tui.widgets.countdown import Countdown
+from dpr_lab.tui.widgets.countdown import Countdown, new_code
 from dpr_lab.tui.widgets.status_line import RecordingNow
 
 
@@ -71,7 +72,8 @@ Record one free swing for each pose of the rig.
 
 `{capture.end}` ends an attempt; the rods stay held, and what was recorded is kept. Nothing but the countdown ever opens
 the latch. `{capture.pose_up}` and `{capture.pose_down}` choose the pose, `{capture.length}` how long to record,
-`{capture.repeats}` how often. `{capture.connect}` connects again after the cable was out.
+`{capture.repeats}` how often. `{capture.connect}` connects again after the cable was out. `{app.import}` imports a
+recording of another logger in the place of a capture.
 
 What is grey is old: the device was not heard since, and the latch may have opened.
 """
@@ -87,8 +89,8 @@ What is grey is old: the device was not heard since, and the latch may have open
         Binding("k", "keep", "Keep", id="capture.keep", tooltip="keep the recording"),
         Binding("a", "again", "Again", id="capture.again", tooltip="put the recording aside and repeat"),
         Binding("x", "end", "End", id="capture.end", tooltip="end the attempt"),
-        Binding("up", "pose(-1)", "Pose", id="capture.pose_up", show=False),
-        Binding("down", "pose(1)", "Pose", id="capture.pose_down", show=False),
+        Binding("up", "pose(-1)", "Pose", id="capture.pose_up", tooltip="previous pose", show=False),
+        Binding("down", "pose(1)", "Pose", id="capture.pose_down", tooltip="next pose", show=False),
         Binding("d", "length", "How long", id="capture.length", tooltip="how long to record", show=False),
         Binding("f", "repeats", "How often", id="capture.repeats", tooltip="how often to record each pose", show=False),
         Binding("c", "connect", "Connect", id="capture.connect", tooltip="connect again", show=False),
@@ -104,6 +106,8 @@ What is grey is old: the device was not heard since, and the latch may have open
         self._repeats = 1
         self._attempts = 0
         self._countdown: Countdown | None = None
+        self._ordered = False
+        self._chance = random.SystemRandom()
 
     def compose(self) -> ComposeResult:
         """One view of it all."""
@@ -125,7 +129,9 @@ What is grey is old: the device was not heard since, and the latch may have open
         if self.device.opening is not None:
             return "Capture needs a device: one is being connected, wait"
         if self.device.connected is None:
-            return f"Capture needs a device: press {self.services.key_of('Connect')} and connect one"
+            table = self.services.keys.of("app.import")
+            connect = self.services.key_of("Connect")
+            return f"Capture needs a device: press {connect} and connect one ({table} imports a table instead)"
         if self._rig is None:
             return f"Capture needs a rig file that can be read: press {self.services.key_of('Rig')} and choose one"
         if not self._rig.poses:
@@ -135,11 +141,12 @@ What is grey is old: the device was not heard since, and the latch may have open
     def at_stake(self) -> str:
         """A swing that is being recorded, or that was and is not decided about."""
         if self.recording is not None:
-            return "the recording under way"
+            return "The recording under way ends here; what was recorded until then is kept."
         if self.workspace.undecided is None:
             return ""
         keep = self.services.keys.of("capture.keep")
-        return f"the swing {run_name(self.workspace.undecided)}, which is not kept yet ({keep} in Capture keeps it)"
+        name = run_name(self.workspace.undecided)
+        return f"Nothing is lost: the file of {name} stays, and the next start asks again ({keep} in Capture keeps it)."
 
     @property
     def recording(self) -> RecordingNow | None:
@@ -150,6 +157,11 @@ What is grey is old: the device was not heard since, and the latch may have open
         of = None if self.options.until_rest else self.options.duration
         return RecordingNow(attempt.name, attempt.recorded.t if attempt.recorded is not None else 0.0, of)
 
+    @property
+    def counting_down(self) -> bool:
+        """Whether the countdown to a release runs."""
+        return self._countdown is not None
+
     def enter(self) -> None:
         """Read the rig file again: it may have changed."""
         self._rig = None
@@ -159,8 +171,13 @@ What is grey is old: the device was not heard since, and the latch may have open
             self._pose = next_pose(self._done(), self._repeats, self._pose)
         self._draw()
 
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Keep and Again only where a recording waits for a decision."""
+        return action not in ("keep", "again") or self.workspace.undecided is not None
+
     def hear(self, report: RecorderReport) -> None:
         """Follow the attempt under way."""
+        self._follow_order()
         match report:
             case RecorderFailed():
                 self._failed(report)
@@ -184,6 +201,7 @@ What is grey is old: the device was not heard since, and the latch may have open
             raise DprError(self.missing())
         self._attempts += 1
         self._ended = None
+        self.app.clear_notifications()  # they were about the attempt before
         self.attempt = Attempt(self._attempts, self._pose, self._rig.poses[self._pose])
         self.device.tell(CaptureAttempt(self._attempts, self._pose, self.options))
         self._draw()
@@ -193,12 +211,13 @@ What is grey is old: the device was not heard since, and the latch may have open
         attempt = self.attempt
         obstacle = self._obstacle()
         if attempt is None or obstacle:
-            self.notify(f"Not released: {obstacle}", severity="warning", markup=False)
+            self.notify(f"Not released: {obstacle}", severity="warning", timeout=NOTICES.news_s, markup=False)
             return
         keys = frozenset(
             key for key, active in self.screen.active_bindings.items() if active.binding.id == "capture.release"
         )
-        self._countdown = Countdown(attempt.name, keys, self.services.sight)
+        self._countdown = Countdown(attempt.name, keys, self.services.sight, new_code(self._chance, keys))
+        self._draw()
         self.app.push_screen(self._countdown, self._counted_down)
 
     def action_keep(self) -> None:
@@ -278,22 +297,33 @@ What is grey is old: the device was not heard since, and the latch may have open
             held = "nothing was released, the rods stay held"
             if not self.device.fresh(time.monotonic()):
                 held = "no release was ordered, but the device is silent, so the latch is UNKNOWN: keep clear"
-            why = countdown.why if countdown is not None else ""
-            text = f"Not released: {why}; {held}" if why else f"Stopped: {held}"
-            self.notify(text, severity="warning", timeout=NOTICES.news_s, markup=False)
+            why = obstacle if countdown is None else countdown.why
+            self.notify(f"Not released: {why}; {held}", severity="warning", timeout=NOTICES.news_s, markup=False)
         elif obstacle:
-            self.notify(f"Not released: {obstacle}", severity="warning", markup=False)
+            self.notify(f"Not released: {obstacle}", severity="warning", timeout=NOTICES.news_s, markup=False)
         else:
+            self._ordered = True
             self.device.tell(GoAhead(attempt.number, attempt.name, time.monotonic()))
         self._draw()
+
+    def _follow_order(self) -> None:
+        """Say so when the rods turn out to be held after a release was ordered."""
+        if self._ordered and self.device.ordered is None:
+            self._ordered = False
+            if self.device.seen.latched:
+                held = "The release was not carried out: the latch is CLOSED, the rods are held"
+                self.notify(held, severity="warning", timeout=NOTICES.news_s, markup=False)
 
     def _follow(self, report: AttemptSeen | GoAheadAsked | AttemptFinished) -> None:
         attempt = self.attempt
         if attempt is None or report.attempt != attempt.number:
             return
+        before = attempt.phase
         attempt.hear(report)
+        if isinstance(report, GoAheadAsked) or (attempt.phase is Phase.RECORDING and attempt.phase is not before):
+            self.app.bell()  # the operator looks at the rods
         if self._countdown is not None and attempt.obstacle:
-            self._countdown.stop()
+            self._countdown.stop(attempt.obstacle)
         if isinstance(report, AttemptFinished):
             self.workspace.undecided = report.captured.run_file
             self.post_message(self.Done())
@@ -304,8 +334,9 @@ What is grey is old: the device was not heard since, and the latch may have open
 
     def _failed(self, report: RecorderFailed) -> None:
         if report.attempt is not None or not report.alive:
+            self.app.bell()
             if self._countdown is not None:
-                self._countdown.stop()
+                self._countdown.stop(report.message)
             if self.attempt is not None and self.attempt.phase is not Phase.JUDGED:
                 self._ended, self.attempt = self.attempt, None
         self.post_message(self.Done())
@@ -334,6 +365,8 @@ What is grey is old: the device was not heard since, and the latch may have open
             now=now,
             live=self.device.fresh(now),
             lost=self.device.lost is not None,
+            ordered=self.device.ordered,
+            countdown=self.counting_down,
             undecided=run_name(self.workspace.undecided) if self.workspace.undecided is not None else "",
             unit=self.workspace.unit,
             keys=self.services.keys,
@@ -343,3 +376,4 @@ What is grey is old: the device was not heard since, and the latch may have open
             obstacle=self.missing(),
         )
         self.query_one(CaptureView).show(state)
+        self.refresh_bindings()

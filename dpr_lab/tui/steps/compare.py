@@ -316,7 +316,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
 
     def _draw_angle(self, shown: "Comparison", freely: "FreeRun", axis: int, marks: list[Mark]) -> None:
         unit = self.workspace.unit
-        measured = Series("measured", shown.t, unit.per_rad * shown.measured[:, axis])
+        measured = Series("measured", shown.t, unit.per_rad * shown.measured[:, axis], on_top=True)
         simulated = Series("free run", freely.t, unit.per_rad * freely.theta[:, axis], "secondary")
         lines = [measured, simulated]
         if (beside := self.query_one(Beside).chosen) is not None:

@@ -24,7 +24,7 @@ from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.texts import NOTICES
 from dpr_lab.tui.widgets.dialogs import Question
-from dpr_lab.tui.widgets.readout import BAD, GOOD, old_text
+from dpr_lab.tui.widgets.readout import BAD, GOOD, angles_text, old_text, ordered_text
 
 SIMULATED = TRANSPORTS["sim"].example
 CONNECTING = "connecting ({connect.disconnect}: give up)"
@@ -100,7 +100,8 @@ follows this computer's. That closes the latch, and leaves it closed.
             case RecorderFailed():
                 self._exercised = ""
                 if report.alive or self.device.lost is not None or not self.display:  # the page says the others
-                    severity = "warning" if report.alive else "error"
+                    mild = report.alive and self.device.ordered is None
+                    severity = "warning" if mild else "error"
                     self.notify(report.message, severity=severity, timeout=NOTICES.error_s, markup=False)
             case _:
                 return
@@ -219,7 +220,7 @@ follows this computer's. That closes the latch, and leaves it closed.
             return [*_identity(device.connected), *self._rods(now), *self._clock()]
         lines = [Content.styled(f"{BAD} {device.message}", "$error") if device.message else Content("not connected")]
         if device.lost is not None:
-            lines.append(old_text(device.seen, now, self.workspace.unit))
+            lines.append(old_text(device.seen, device.ordered, now, self.workspace.unit))
         return lines
 
     def _rods(self, now: float) -> list[Content]:
@@ -227,9 +228,11 @@ follows this computer's. That closes the latch, and leaves it closed.
         if seen.theta is None:
             return []
         if not self.device.fresh(now):
-            return [old_text(seen, now, unit)]
+            return [old_text(seen, self.device.ordered, now, unit)]
+        if self.device.ordered is not None:
+            return [ordered_text(self.device.ordered, now)]
         latch = "closed, the rods are held" if seen.latched else "open, the rods are free"
-        return [_row("latch", latch), _row("angles", f"{unit.all_of(seen.theta)}  ({unit.scale})")]
+        return [_row("latch", latch), _row("angles", f"{angles_text(seen.theta, unit)}  ({unit.scale})")]
 
     def _clock(self) -> list[Content]:
         if isinstance(self._exercised, str):

@@ -328,7 +328,7 @@ def _effect(row: Sequence[str]) -> Group:
     name, twins, probability, share, parameters = row
     told = f": probability {probability}, {share} of the excess comes back without it"
     below = [f"cannot be told from: {twins}"] if twins != gap_tables.ALONE else []
-    below.append(f"90 % interval: {parameters}")
+    below.append(f"size, 90 % interval: {parameters}")
     indented = (Padding(Text(line), (0, 0, 0, 4)) for line in below)
     return Group(Text(name, "bold").append(told, "not bold"), *indented, "")
 

@@ -200,8 +200,10 @@ bench's folder.
             absolute
         )
         nine = table("Nine parameters, and what fixed each", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
-        self.query_one("#ratios-text", Static).update(Group(ratios, Text(tables.RATIO_NOTE, "dim"), *base, warnings))
-        self.query_one("#nine-text", Static).update(Group(nine, Text(tables.PARAMETER_NOTE, "dim")))
+        self.query_one("#ratios-text", Static).update(
+            Group(ratios, Text(tables.ratio_note(model), "dim"), *base, warnings)
+        )
+        self.query_one("#nine-text", Static).update(Group(nine, Text(tables.parameter_note(model), "dim")))
         self.query_one("#seen-text", Static).update(_seen(model))
 
     def _doubt(self, model: "Model") -> str:

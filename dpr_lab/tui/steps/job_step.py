@@ -139,7 +139,7 @@ class JobStep(Step):
 
     def at_stake(self) -> str:
         """The work that runs."""
-        return self.WORK if self.job is not None else ""
+        return f"{self.WORK.capitalize()} ends without a result." if self.WORK and self.job is not None else ""
 
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:
         """Start a job in the place of the one that may run, of which nothing more is heard."""

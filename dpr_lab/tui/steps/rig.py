@@ -9,6 +9,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.content import Content
+from textual.message import Message
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
@@ -22,11 +23,18 @@ from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.rig_editor import RigEditor
 from dpr_lab.tui.steps.step import Step
-from dpr_lab.tui.steps.table_import import TableImport
 from dpr_lab.tui.widgets.readout import BAD
 
 UNNAMED = "No rig is named: choose one from the list, or write the path of a rig file ({rig.edit})"
 CORRECT = "correct it, then press {rig.read}"
+
+
+class TableGiven(Message):
+    """A table was named in the place of a rig file."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self.file = file
 
 
 class RigStep(Step):
@@ -41,8 +49,8 @@ another name; it is saved only when it passes the checks of every rig file.
 A parameter is either searched for between bounds, or measured on the bench with a standard uncertainty, with which it
 then enters the identification. `{rig.read}` reads the file again after you changed it.
 
-The path of a recording of another logger (a table, `.mat`, `.npz`, `.h5`, `.parquet`, a ROS 2 bag) in the place of a
-rig file shows what is understood of it with the rig that is chosen; `ctrl+s` there makes a run of it.
+`{app.import}` imports a recording of another logger (a table, `.mat`, `.npz`, `.h5`, `.parquet`, a ROS 2 bag) with the
+rig that is chosen.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("i", "edit", "Type in", id="rig.edit", tooltip="name another rig file"),
@@ -102,7 +110,8 @@ rig file shows what is understood of it with the rig that is chosen; `ctrl+s` th
             raise ConfigError(self.worded(UNNAMED))
         path = Path(name).expanduser()
         if name and path.exists() and path.suffix != ".toml":
-            self.app.push_screen(TableImport(path, self.workspace.rig, self.workspace.out / "runs"), self._imported)
+            self.query_one(Input).value = self.workspace.rig
+            self.post_message(TableGiven(path))
             return
         if path.is_file():
             name = str(path.resolve())
@@ -124,14 +133,6 @@ rig file shows what is understood of it with the rig that is chosen; `ctrl+s` th
         if file is not None:
             self.query_one(Input).value = str(file)
             await self.action_read()
-
-    def _imported(self, run: Path | None) -> None:
-        self.query_one(Input).value = self.workspace.rig
-        if run is not None:
-            self.workspace.runs.append(run)
-            self.notify(f"imported as {run}, and taken for identification")
-            self.post_message(self.Done())
-        self.focus()
 
     def _offer(self) -> None:
         """Rigs used before, then those built in."""

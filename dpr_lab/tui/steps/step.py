@@ -55,6 +55,11 @@ class Step(Guarded, Vertical, can_focus=True):
         """What the step records now."""
         return None
 
+    @property
+    def counting_down(self) -> bool:
+        """Whether the countdown to a release runs."""
+        return False
+
     def outcome(self) -> str:
         """A few words for the stepper once there is a result; empty before."""
         return ""
@@ -83,5 +88,5 @@ class Step(Guarded, Vertical, can_focus=True):
         """Called with everything that the recorder says."""
 
     def at_stake(self) -> str:
-        """What quitting now would lose, as an object of `lose`; empty when nothing."""
+        """A sentence: what becomes of work that is not finished if the operator quits now; empty when there is none."""
         return ""

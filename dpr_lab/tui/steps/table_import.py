@@ -1,8 +1,9 @@
-"""A recording of another logger, looked at before it becomes a run."""
+"""Import a recording of another logger: its options, a preview, and a question where the preview warns."""
 
 import asyncio
+import shlex
 from pathlib import Path
-from typing import Any, ClassVar, get_args
+from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -11,31 +12,29 @@ from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
-from dpr_lab.errors import DprError, RunError
-from dpr_lab.report.text_plot import text_plot
-from dpr_lab.storage.csv_import import Angles, ArmKind, ImportOptions, TimeUnit, TorqueChoice, Unit, Zero
+from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.report.text_plot import text_chart
 from dpr_lab.storage.tables.columns import AXES
 from dpr_lab.storage.tables.preview import Preview
 from dpr_lab.tui.guard import Guarded
+from dpr_lab.tui.path_suggester import PathSuggester
+from dpr_lab.tui.steps.table_options import option_list, parse_options
+from dpr_lab.tui.widgets.dialogs import Question
 from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.workflows.import_table import ImportRequest, import_table, preview_table
 
-WORDS = {"angles": Angles, "zero": Zero, "unit": Unit, "time_unit": TimeUnit}
-NAMED = {"torque": TorqueChoice, "arm": ArmKind}
-NUMBERS = ("rate_hz", "wrap", "start_s", "duration_s")
-HINT = (
-    "relative hanging deg ms t=COLUMN theta1=COLUMN theta2=COLUMN take=NAME rate_hz=200 wrap=360 pose=X1"
-    " torque=measured arm=prescribed"
-)
+FILE = "path of a table, .csv.gz, .mat, .npz, .h5, .parquet, .mcap, or the folder of a ROS 2 bag"
+OPTIONS = "options, as --unit deg --angles relative --zero hanging --pose X1; Enter shows the preview"
+WARNING = "warning: "
 
 
 class TableImport(Guarded, ModalScreen[Path | None]):
-    """What is understood of a file with what is said of it; dismissed with the run that was written.
+    """The options and the preview of `dpr-lab import table`; dismissed with the run that was written.
 
     Args:
-        file: the recording
         rig: rig file, or the name of a built-in one
         runs: folder of the run
+        file: the recording; None asks for it
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -48,87 +47,98 @@ class TableImport(Guarded, ModalScreen[Path | None]):
     TableImport Input { height: 1; }
     """
 
-    def __init__(self, file: Path, rig: str, runs: Path) -> None:
+    def __init__(self, rig: str, runs: Path, file: Path | None = None) -> None:
         super().__init__()
         self._file, self._rig, self._runs = file, rig, runs
+        self._shown: tuple[ImportRequest, Preview] | None = None
 
     def compose(self) -> ComposeResult:
-        """What is said of the file, and what was understood."""
+        """File, options, and what is understood of it."""
         with Vertical() as page:
-            page.border_title = f"Import {self._file.name}: nothing written yet"
-            yield Input(placeholder=HINT, id="said", compact=True)
+            page.border_title = f"Import a table, with the rig {self._rig}: nothing is written yet"
+            text = str(self._file) if self._file is not None else ""
+            yield Input(text, placeholder=FILE, id="table", suggester=PathSuggester("*"), compact=True)
+            yield Input(placeholder=OPTIONS, id="options", compact=True)
             with VerticalScroll():
-                yield Static("reading", id="understood", markup=False)
+                yield Static(_options_text(), id="understood", markup=False)
             yield KeyLine()
 
     async def on_mount(self) -> None:
-        """Look at the file as it is."""
-        self.query_one(Input).focus()
-        await self.on_input_submitted()
+        """Show the file as it is, where it is known."""
+        self.query_one("#table" if self._file is None else "#options", Input).focus()
+        if self._file is not None:
+            await self.on_input_submitted()
 
     async def on_input_submitted(self) -> None:
-        """Look at it with what is said now."""
+        """Show the file with the options as they are now."""
+        self._shown = None
         try:
-            found = await asyncio.to_thread(preview_table, self._request())
+            request = self._request()
+            preview = await asyncio.to_thread(preview_table, request)
         except DprError as error:
-            shown = Content.styled(f"{error}\n\nsay more above, then Enter: {HINT}", "$error")
-        else:
-            shown = Content("\n".join(_lines(found)))
-        self.query_one("#understood", Static).update(shown)
+            self._show(Content.assemble((f"{error}\n\n", "$error"), _options_text()))
+            return
+        self._shown = request, preview
+        self._show(Content("\n").join([*_lines(preview), Content(""), _options_text()]))
 
     async def action_save(self) -> None:
-        """Write the run."""
+        """Write the run that the preview shows; ask first where it warns."""
         try:
-            imported = await asyncio.to_thread(import_table, self._request())
+            seen = self._shown is not None and self._shown[0] == self._request()
+        except DprError:
+            seen = False
+        if not seen or self._shown is None:
+            await self.on_input_submitted()
+            if self._shown is not None:
+                self.notify("This is the preview of what would be imported now: look at it, then import", markup=False)
+            return
+        warnings = warnings_of(self._shown[1])
+        if not warnings:
+            await self._save(True)
+            return
+        self.app.push_screen(
+            Question(f"Import it in spite of this?\n\n{chr(10).join(warnings)}", "Import", "Back"), self._save
+        )
+
+    async def _save(self, sure: bool | None) -> None:
+        if not sure or self._shown is None:
+            return
+        try:
+            imported = await asyncio.to_thread(import_table, self._shown[0])
         except DprError as error:
-            self.query_one("#understood", Static).update(Content.styled(f"not imported: {error}", "$error"))
+            self._show(Content.styled(f"not imported: {error}", "$error"))
         else:
             self.dismiss(imported.file.resolve())
 
+    def _show(self, content: Content) -> None:
+        self.query_one("#understood", Static).update(content)
+
     def _request(self) -> ImportRequest:
-        return ImportRequest(self._file, self._rig, self._runs, options_of(self.query_one(Input).value))
+        name = self.query_one("#table", Input).value.strip()
+        if not name:
+            raise ConfigError(f"no table is named: write the {FILE}")
+        typed = parse_options(self.query_one("#options", Input).value)
+        return ImportRequest(
+            Path(name).expanduser(), self._rig, self._runs, typed.options, rods=typed.rods, elbow=typed.elbow
+        )
 
 
-def options_of(said: str) -> ImportOptions:
-    """How a table is to be read, in words such as `relative hanging deg t=time rate_hz=200`.
-
-    Raises:
-        RunError: a word that says nothing.
-    """
-    options: dict[str, Any] = {"unit": None, "time_unit": None}
-    columns: dict[str, str] = {}
-    for word in said.split():
-        name, _, value = word.partition("=")
-        about = next((about for about, known in WORDS.items() if word in get_args(known)), None)
-        if about is not None:
-            options[about] = word
-        elif value and name in ("t", *AXES):
-            columns[name] = value
-        elif value and name in NUMBERS:
-            options[name] = _number(word, value)
-        elif name in NAMED and value in get_args(NAMED[name]):
-            options[name] = value
-        elif value and name in ("take", "pose"):
-            options[name] = tuple(value.split(",")) if name == "take" else value
-        else:
-            raise RunError(f"{word!r} says nothing of a table; there are: {HINT}")
-    try:
-        return ImportOptions(columns=columns, **options)
-    except ValueError as error:
-        raise RunError(str(error)) from error
+def warnings_of(preview: Preview) -> list[str]:
+    """What is doubtful of a table, to be confirmed before its run is used."""
+    return [question.sentence for question in preview.questions]
 
 
-def _number(word: str, value: str) -> float:
-    try:
-        return float(value)
-    except ValueError as error:
-        raise RunError(f"{word!r} needs a number") from error
+def _options_text() -> Content:
+    return Content.styled("options, as in dpr-lab import table:\n" + "\n".join(option_list()), "dim")
 
 
-def _lines(found: Preview) -> list[str]:
-    lines = [f"{name:<9}{text}" for name, text in found.facts().items()]
+def _lines(preview: Preview) -> list[Content]:
+    warnings = [Content.styled(f"{WARNING}{text}", "bold $warning") for text in warnings_of(preview)]
+    if preview.mend:
+        warnings.append(Content.styled(f"add to the options: {shlex.join(preview.mend)}", "bold"))
+    lines = [f"{name:<9}{text}" for name, text in preview.facts().items()]
     lines += ["", f"{'t_s':>11}" + "".join(f"{axis:>11}" for axis in AXES)]
-    lines += ["".join(f"{value:>11.5f}" for value in row) for row in found.first_rows(3)]
+    lines += ["".join(f"{value:>11.5f}" for value in row) for row in preview.first_rows(3)]
     for axis in (1, 2):
-        lines += ["", AXES[axis], *text_plot(found.t, found.theta[:, axis], height=4)]
-    return [*lines, "", *found.notes]
+        lines += ["", f"{AXES[axis]}, 0 = upright", *text_chart(preview.t, preview.theta[:, axis], height=4)]
+    return [*warnings, *map(Content, [*preview.notes, *lines])]

@@ -6,6 +6,7 @@ the answer confirms the frame, and no key and no late answer can be taken for it
 """
 
 import asyncio
+import os
 import time
 from collections.abc import Callable
 
@@ -15,16 +16,14 @@ from textual.driver import Driver
 from textual.geometry import Size
 
 from dpr_lab.errors import SafetyStop
+from dpr_lab.tui.read_only import READ_ONLY
 from dpr_lab.tui.terminal.frame import CellFrame
+from dpr_lab.tui.terminal.multiplexer import from_environment
 from dpr_lab.tui.terminal.pace import Pace
 
 BEGIN, END = "\x1b[?2026h", "\x1b[?2026l"
 """A terminal that knows synchronized output shows what is between them at once."""
 WHY_UNSEEN = "use a terminal on this computer, a faster line or a smaller window, or release with dpr-lab capture"
-READ_ONLY = (
-    "a browser is read-only, since whoever opens the page need not stand at the rods: release at the bench, or start"
-    " with dpr-lab tui --allow-release"
-)
 
 
 class Display:
@@ -75,6 +74,14 @@ class Display:
             if waiting is not None and not waiting.done() and round_trip is not None:
                 waiting.set_result(round_trip)
         self._send_soon()
+
+    @property
+    def multiplexer(self) -> str:
+        """As `Sight.multiplexer` says; a browser's terminal answers for itself."""
+        driver = self._driver()
+        if driver is None or driver.is_web:
+            return ""
+        return from_environment(os.environ) or getattr(driver, "multiplexer", "")
 
     async def seen(self, patience_s: float) -> float:
         """As `Sight.seen` says."""

@@ -29,6 +29,9 @@ from dpr_lab.tui.widgets.readout import BAD, GOOD, Placement
 BEGIN = "press {capture.start}: the latch closes and you are guided to the pose"
 BEGIN_HELD = "the latch is closed; press {capture.start} to be guided to the pose"
 ALL_DONE = "all poses are recorded: {app.next} goes on. {capture.start} records this one again"
+RELEASING = "RELEASING after the countdown. Any key but {capture.release} stops it"
+SENT = "RELEASE sent: the latch opens. Keep clear"
+MAY_BE_FREE = "RELEASE was sent, the rods may be free: keep clear until the latch is seen again"
 CHOICE = "{capture.keep}: keep it  {capture.again}: put it aside and repeat"
 TONES = {Phase.READY: "bold $success", Phase.RECORDING: "bold $primary"}
 
@@ -51,6 +54,10 @@ class CaptureState:
     """Whether what was seen last still holds."""
     lost: bool
     """Whether a device that was connected is gone."""
+    ordered: float | None
+    """When a release was ordered whose outcome is not known, `time.monotonic()`, s."""
+    countdown: bool
+    """Whether the countdown to a release runs."""
     undecided: str
     """A run of an earlier session that was neither kept nor repeated."""
     unit: AngleUnit
@@ -99,7 +106,7 @@ class CaptureView(Vertical):
             if shown.content != content:
                 shown.update(content, layout=name == "headline")
         self._show_rods(state)
-        self._show_swing(state.attempt or state.ended, state.unit)
+        self._show_swing(swung, state.unit, "last swing, ended early: " if state.attempt is None else "")
 
     def _show_rods(self, state: CaptureState) -> None:
         rig, attempt = state.rig, state.attempt
@@ -109,24 +116,31 @@ class CaptureView(Vertical):
         pose = None if wanted is None else wanted.theta.tolist()
         self.query_one(Pendulum).show(state.seen.theta, pose, lengths, old=not state.live)
 
-    def _show_swing(self, attempt: Attempt | None, unit: AngleUnit) -> None:
+    def _show_swing(self, attempt: Attempt | None, unit: AngleUnit, which: str) -> None:
         t, theta = attempt.trace if attempt is not None else (np.empty(0), np.empty((0, 3)))
-        shown = theta * unit.per_rad
+        turns = np.round((theta[0] - attempt.pose.theta) / (2 * np.pi)) if attempt is not None and len(t) else 0
+        shown = (theta - 2 * np.pi * turns) * unit.per_rad
         lines = [Series("θ1 inner", t, shown[:, 1]), Series("θ2 outer", t, shown[:, 2], tone="secondary")]
         self.query_one(Chart).show(
-            lines, x_label="time from release (s)", y_label=f"angle ({unit.symbol.strip()}, 0 = upright)"
+            lines,
+            x_label="time from release (s)",
+            y_label=f"{which if len(t) else ''}angle ({unit.symbol.strip()}, 0 = upright)",
         )
 
 
 def headline(state: CaptureState) -> Content:
     """What to do now, in one line."""
     attempt = state.attempt
+    if state.countdown and state.live:
+        return Content.styled(f"{state.pose}: {state.keys.fill(RELEASING)}", "bold $background on $warning")
     if state.lost:
         return Content.styled(_after_loss(state), "bold $background on $error")
     if attempt is not None and attempt.captured is not None:
         ok = attempt.captured.quality.ok
         text = f"{attempt.name}: {GOOD + ' good' if ok else BAD + ' degraded'}. {state.keys.fill(CHOICE)}"
         return Content.styled(text, "bold $success" if ok else "bold $warning")
+    if state.ordered is not None and (attempt is None or attempt.phase is not Phase.RECORDING):
+        return Content.styled(SENT if state.live and attempt else MAY_BE_FREE, "bold $background on $warning")
     if attempt is None and state.undecided:
         return Content.styled(f"{state.undecided}: not decided yet. {state.keys.fill(CHOICE)}", "bold $warning")
     if attempt is None:
@@ -143,6 +157,8 @@ def headline(state: CaptureState) -> Content:
 def _after_loss(state: CaptureState) -> str:
     swung = state.ended is not None and state.ended.phase is Phase.RECORDING
     danger = "the rods may swing" if swung else "the latch may open"
+    if state.ordered is not None and not swung:
+        danger = "RELEASE was sent, the rods may be free"
     return state.keys.fill(f"DEVICE LOST: {danger}, keep clear; check the cable, {{capture.connect}}: connect again")
 
 
@@ -163,7 +179,7 @@ def _readout(state: CaptureState) -> Iterator[Content]:
         yield Content(f"run    {run_name(attempt.captured.run_file)}")
         return
     if not state.live:
-        yield readout.old_text(state.seen, state.now, state.unit)
+        yield readout.old_text(state.seen, state.ordered, state.now, state.unit)
     else:
         yield from _live(state)
     if attempt is not None:
@@ -175,10 +191,13 @@ def _live(state: CaptureState) -> Iterator[Content]:
     if placement is not None:
         yield readout.placement_text(placement, state.unit)
     elif state.seen.theta is not None:
-        yield Content.styled(state.unit.all_of(state.seen.theta), "bold")
+        yield Content.styled(readout.angles_text(state.seen.theta, state.unit), "bold")
     if attempt is not None and attempt.phase is not Phase.RECORDING:
         yield readout.rest_text(attempt.rest, state.rig, state.unit)
-    yield readout.latch_text(state.seen.latched)
+    if state.ordered is not None:
+        yield readout.ordered_text(state.ordered, state.now)
+    else:
+        yield readout.latch_text(state.seen.latched)
 
 
 def _judgement(verdict: QualityReport) -> Iterator[Content]:

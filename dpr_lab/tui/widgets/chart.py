@@ -53,6 +53,8 @@ class Series:
     y: Array
     """(n,) values; NaN breaks the line."""
     tone: Tone = "primary"
+    on_top: bool = False
+    """Whether it is drawn over the lines that it coincides with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,7 +278,7 @@ class Chart(Vertical, can_focus=True):
         self._head.update(self._legend())
         self._plot.clear()
         self._plot.end_labels = [*self._end_labels(x_view)]
-        for series in self._content.series:
+        for series in sorted(self._content.series, key=lambda series: series.on_top):
             self._draw_series(series, x_view, columns)
         if self._content.band is not None:
             self._draw_band(self._content.band, x_view, columns)

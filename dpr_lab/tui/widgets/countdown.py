@@ -1,68 +1,99 @@
 """Three, two, one: the last moment to change one's mind before the rods are let go."""
 
 import asyncio
+import random
 import time
 from typing import ClassVar
 
 from textual import events
 from textual.app import ComposeResult
 from textual.containers import Vertical
+from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Digits, Static
 
 from dpr_lab.errors import SafetyStop
 from dpr_lab.tui.terminal.sight import SIGHT, Sight
 
+LETTERS = "acdefhjkmnpqrtuvwxyz"
+"""Letters of a code; none that is easily taken for another."""
+
+
+def new_code(chance: random.Random, without: frozenset[str]) -> str:
+    """A code of different letters, none of which is one of the release keys `without`."""
+    return "".join(chance.sample([letter for letter in LETTERS if letter not in without], SIGHT.code_length))
+
 
 class Countdown(ModalScreen[bool]):
     """Answers true once it has run out and every number of it was seen.
 
     It begins when the terminal has confirmed that it drew it; a number that is not confirmed in time, any key but the
-    release key, a click, or leaving the terminal answer false.
+    release key, a click, or leaving the terminal answer false. A multiplexer confirms with nobody attached: there the
+    operator types the code that is shown, and then the countdown begins.
 
     Args:
         pose: what is about to be released
         keys: the release keys, by Textual's names; pressing one again changes nothing
         sight: confirms what was seen
+        code: to be typed where a multiplexer confirms what is shown, see `new_code`
     """
 
     SECONDS: ClassVar[int] = 3
     SECOND_S: ClassVar[float] = 1.0
 
-    def __init__(self, pose: str, keys: frozenset[str], sight: Sight) -> None:
+    def __init__(self, pose: str, keys: frozenset[str], sight: Sight, code: str) -> None:
         super().__init__()
         self._pose, self._keys, self._sight = pose, keys, sight
+        self._multiplexer = sight.multiplexer
+        self._code = code if self._multiplexer else ""
+        self._to_type = self._code
+        self._typed = asyncio.Event()
         self._over = self._covered = False
         self.why = ""
-        """Why it was refused; empty where the operator stopped it."""
+        """Why nothing is released."""
 
     def compose(self) -> ComposeResult:
-        """The number and how to stop it."""
+        """What is asked for, the number and how to stop it."""
         with Vertical(classes="dialog small"):
-            yield Static(f"RELEASING {self._pose} in", markup=False)
+            yield Static(id="asked", markup=False)
             yield Digits(str(self.SECONDS))
             yield Static("Any other key stops this; the rods stay held.")
 
     def on_mount(self) -> None:
-        """Start counting."""
+        """Start counting, or ask for the code."""
+        self._show()
         self.run_worker(self._count())
         self.watch(self.app, "app_focus", self._watch_focus, init=False)
 
     def on_key(self, event: events.Key) -> None:
-        """Stop at any other key."""
+        """Take a letter of the code, or stop at any other key."""
         event.stop()
         event.prevent_default()
-        if event.key not in self._keys:
-            self.stop()
+        if event.key in self._keys:
+            return
+        if self._to_type and event.character == self._to_type[0]:
+            self._to_type = self._to_type[1:]
+            self._show()
+            if not self._to_type:
+                self._typed.set()
+            return
+        pressed = f"the key {event.key} was pressed"
+        self.stop(f"{pressed}, which is not the next letter of the code" if self._to_type else pressed)
 
     def on_click(self) -> None:
         """Stop at a click."""
-        self.stop()
+        self.stop("the mouse was clicked")
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Stop where the dialog has no room."""
+        if event.size.width < SIGHT.least_columns or event.size.height < SIGHT.least_rows:
+            self.stop("the window became too small to show the countdown")
 
     def on_screen_suspend(self) -> None:
         """Stop when something else comes on top."""
         if not self._over:
             self._over = self._covered = True
+            self.why = "another dialog opened"
 
     def on_screen_resume(self) -> None:
         """Go once what was on top is gone."""
@@ -70,8 +101,8 @@ class Countdown(ModalScreen[bool]):
             self._covered = False
             self.dismiss(False)
 
-    def stop(self, why: str = "") -> None:
-        """Answer that the rods are not to be released."""
+    def stop(self, why: str) -> None:
+        """Answer that the rods are not to be released, for this reason."""
         if not self._over:
             self._over, self.why = True, why
             self._covered = not self.is_current
@@ -80,10 +111,26 @@ class Countdown(ModalScreen[bool]):
 
     def _watch_focus(self, focused: bool) -> None:
         if not focused:
-            self.stop()
+            self.stop("the terminal lost the focus")
+
+    def _show(self) -> None:
+        """The number once it counts; the code before."""
+        self.query_one(Digits).display = not self._to_type
+        asked = Content(f"RELEASING {self._pose} in")
+        if self._to_type:
+            typed, left = self._code[: -len(self._to_type)], self._to_type
+            asked = Content.assemble(
+                f"RELEASE {self._pose}: type ",
+                (typed, "dim"),
+                (left, "bold reverse"),
+                f"\n\n{self.SECONDS} s after its last letter the latch opens. {self._multiplexer} confirms pictures"
+                " also while nobody is attached: the code shows that you see this one.\n",
+            )
+        self.query_one("#asked", Static).update(asked)
 
     async def _count(self) -> None:
         try:
+            await self._be_typed()
             await self._come_into_sight()
             for left in range(self.SECONDS, 0, -1):
                 self.query_one(Digits).update(str(left))
@@ -91,12 +138,23 @@ class Countdown(ModalScreen[bool]):
                 await self._be_seen()
                 await asyncio.sleep(max(begun + self.SECOND_S - time.monotonic(), 0.0))
             await self._be_seen()
+            if self._sight.multiplexer != self._multiplexer:
+                raise SafetyStop(f"{self._sight.multiplexer} answered only now for the terminal: try again")
         except SafetyStop as unseen:
             self.stop(str(unseen))
             return
         if not self._over and self.is_current:
             self._over = True
             self.dismiss(True)
+
+    async def _be_typed(self) -> None:
+        """Wait until the code was typed, where one is required."""
+        if not self._code:
+            return
+        try:
+            await asyncio.wait_for(self._typed.wait(), SIGHT.code_s)
+        except TimeoutError:
+            raise SafetyStop(f"the code was not typed within {SIGHT.code_s:g} s") from None
 
     async def _come_into_sight(self) -> None:
         """Wait until a slow line has drawn the dialog and then answers at once."""

@@ -1,8 +1,9 @@
 """What the operator reads while placing the rods: each angle beside the one wanted, rest, latch, losses."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from textual.content import Content
 
 from dpr_lab.acquisition.holding import RestReading
@@ -86,14 +87,33 @@ def latch_text(latched: bool | None) -> Content:
     return Content("latch  ■ CLOSED, the rods are held" if latched else "latch  □ OPEN, the rods are free")
 
 
-def old_text(seen: Sighting, now: float, unit: AngleUnit) -> Content:
-    """What was last seen, marked as old; the latch may have opened or closed since."""
-    lines = [latch_text(None)]
-    if seen.latched is not None:
+def angles_text(theta: Sequence[float], unit: AngleUnit) -> str:
+    """Absolute angles without whole turns: the arm within half a turn of 0, the rods between -90 and 270 degrees.
+
+    The rods rest near 180 degrees (hanging) or near 0 (upright); neither lies at an end of that range.
+    """
+    arm, *rods = np.asarray(theta)
+    return unit.all_of([_wrapped(arm, 0.0), *(_wrapped(rod, np.pi / 2) for rod in rods)])
+
+
+def _wrapped(angle: float, middle: float) -> float:
+    return float(middle + np.remainder(angle - middle + np.pi, 2 * np.pi) - np.pi)
+
+
+def ordered_text(ordered: float, now: float) -> Content:
+    """A release that was ordered and whose outcome is not known."""
+    text = f"latch  {UNKNOWN} UNKNOWN\n       RELEASE was sent {now - ordered:.1f} s ago: the rods may be free"
+    return Content.styled(text, "bold $warning")
+
+
+def old_text(seen: Sighting, ordered: float | None, now: float, unit: AngleUnit) -> Content:
+    """What was last seen, marked as old; the latch may have opened or closed since, or opened by an order."""
+    lines = [latch_text(None) if ordered is None else ordered_text(ordered, now)]
+    if seen.latched is not None and ordered is None:
         was = "CLOSED" if seen.latched else "OPEN"
         lines.append(Content.styled(f"       {was} when {seen.ago(now)}", "dim"))
     if seen.theta is not None:
-        lines.append(Content.styled(f"{unit.all_of(seen.theta)}\n       {seen.ago(now)}", "dim"))
+        lines.append(Content.styled(f"{angles_text(seen.theta, unit)}\n       {seen.ago(now)}", "dim"))
     return Content("\n").join(lines)
 
 

@@ -56,6 +56,8 @@ from before. `{runs.filter}` shows only those with the words you write.
 to `exports/` beside the folder of the runs. `{runs.recover}` writes what a cut run still holds as a whole file.
 `{runs.note}` edits the note of the run under the cursor; it is kept beside the file, which never changes.
 
+`{runs.import}` ends with this choice and imports a table of another logger, which is then chosen too.
+
 `{runs.folder}` lists the runs of another folder, where the right arrow completes a path and up and down bring folders
 looked at before; what is chosen stays chosen.
 
@@ -74,6 +76,7 @@ none. Why is said below the list.
         Binding("o", "other", "Other", id="runs.folder", tooltip="another folder"),
         Binding("ctrl+r", "recover", "Recover", id="runs.recover"),
         HELP_KEY,
+        Binding("f5", "import_table", "Import", id="runs.import", tooltip="import a table of another logger"),
     ]
     DEFAULT_CSS = """
     RunBrowser { align: center middle; }
@@ -150,6 +153,11 @@ none. Why is said below the list.
             self.dismiss(None)
         else:
             self._to_list()
+
+    def action_import_table(self) -> None:
+        """End with this choice, and import a table."""
+        self.dismiss(self._chosen if self._touched else None)
+        self.app.call_later(self.app.run_action, "app.import_table")
 
     def action_choose(self) -> None:
         """Choose the run under the cursor, or not."""
@@ -343,7 +351,7 @@ def _row(path: Path, known: RunSurveyed | None) -> tuple[str, ...]:
     info = known.info
     return (
         info.pose or "–",
-        recorded(path) or local_time(info.created_utc),
+        recorded(path) or local_time(info.recorded_utc) or "–",
         f"{info.duration_s:.1f}",
         str(sum(info.lost.values())),
         "whole" if info.complete else "cut",

@@ -20,19 +20,32 @@ class RecordingNow:
     of: float | None = None
     """How long it will be, s; None until rest."""
 
+    def __str__(self) -> str:
+        """Pose and time, as the row shows them."""
+        of = "" if self.of is None else f" of {self.of:g}"
+        return f"● REC {self.pose} {self.t:.0f}{of} s"
+
+
+COUNTDOWN = "RELEASING"
+"""In the place of a recording, while the countdown runs."""
+
 
 class StatusLine(Static):
     """Never states what is not known now."""
 
-    def show(
-        self, device: DeviceConnection, recording: RecordingNow | None, work: Sequence[str], folder: Path, now: float
-    ) -> None:
-        """Draw, where something changed; what has no room goes in the order in which it is missed least."""
+    def show(self, device: DeviceConnection, urgent: str, work: Sequence[str], folder: Path, now: float) -> None:
+        """Draw, where something changed; what has no room goes in the order in which it is missed least.
+
+        Args:
+            device: the device
+            urgent: a recording or a countdown under way; empty for none
+            work: what is computed
+            folder: where results go
+            now: `time.monotonic()`, s
+        """
         parts = [_device(device, now), _latch(device, now)]
-        if recording is not None:
-            of = "" if recording.of is None else f" of {recording.of:g}"
-            text = f" ● REC {recording.pose} {recording.t:.0f}{of} s "
-            parts.append(Content.styled(text, "bold $background on $error"))
+        if urgent:
+            parts.append(Content.styled(f" {urgent} ", "bold $background on $error"))
         lines = [Content("  ").join([*parts, *rest]) for rest in _rests(work, folder)]
         line = next((line for line in lines if line.cell_length <= self.content_size.width), lines[-1])
         if line != self.content:
@@ -64,6 +77,9 @@ def _latch(device: DeviceConnection, now: float) -> Content:
     seen = device.seen
     if device.connected is None and device.lost is None:
         return Content("")
+    if device.ordered is not None:
+        known = "the latch opens" if device.fresh(now) else f"latch UNKNOWN, {seen.ago(now)}"
+        return Content.styled(f" RELEASE sent: {known} ", "bold $background on $warning")
     if not device.fresh(now) or seen.latched is None:
         return Content.styled(f"latch UNKNOWN, {seen.ago(now)}", "bold $warning")
     return Content.styled("latch CLOSED" if seen.latched else "latch OPEN", "bold")

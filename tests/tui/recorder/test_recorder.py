@@ -10,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import TypeVar
 
+import numpy as np
 import pytest
 
 from dpr_lab.acquisition.capture import CaptureOptions, SwingReading
@@ -17,6 +18,7 @@ from dpr_lab.acquisition.device import Device
 from dpr_lab.storage.inspect import recover, verify
 from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
+from dpr_lab.tui.recorder.guided_capture import _GuidedCapture
 from dpr_lab.tui.recorder.messages import (
     AttemptFinished,
     AttemptSeen,
@@ -94,6 +96,27 @@ def test_only_a_fresh_go_ahead_for_this_very_attempt_releases(recorder, tmp_path
     assert finished.captured.quality.ok
 
 
+def test_points_of_a_swing_that_found_no_room_are_sent_with_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A screen that was late drew a dot here and there in the place of a line.
+    room, sent = [True, False, False, True], []
+
+    def add(report: AttemptSeen) -> bool:
+        sent.append(report.progress.fresh)
+        return room[len(sent) - 1]
+
+    device = SimpleNamespace(losses={}, status=None, heard_at=0.0)
+    inbox = SimpleNamespace(why_to_end=lambda attempt: "")
+    order = CaptureAttempt(1, "X1", CaptureOptions())
+    guided = _GuidedCapture(order, device, inbox, SimpleNamespace(add_if_read=add))  # pyright: ignore[reportArgumentType]
+    t = np.delete(np.arange(400) / 1000, [101])  # the second sample of a report was lost
+    for piece in np.split(t, [100, 199, 299]):
+        guided.on_progress(SwingReading(piece[-1], (0, 0, 0), 0, (piece, np.zeros((len(piece), 3)))))
+    assert [len(each) for each, _ in sent] == [10, 10, 20, 30]
+    last = sent[-1][0]
+    assert last[0] == 0.1
+    assert np.diff(last).max() < 0.012
+
+
 def test_rods_that_rest_are_told_of_twice_a_second_and_their_noise_is_not(paper) -> None:
     device = SimpleNamespace(status=SimpleNamespace(latched=False), heard_at=0.0)
     told: list = []
@@ -167,6 +190,7 @@ from dpr_lab.tui.steps.capture import CaptureStep
 from dpr_lab.tui.widgets.countdown import Countdown
 
 class Watched:
+    multiplexer = ""
     async def seen(self, patience_s):
         return 0.0
 

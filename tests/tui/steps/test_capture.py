@@ -1,18 +1,22 @@
 """The guided release with a Pilot at the keys and a simulated device at the end of a real link."""
 
+import math
+import random
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from textual import events
 from textual.content import Content
 from textual.pilot import Pilot
 from textual.style import Style
 from textual.visual import RenderOptions
-from textual.widgets import Static
+from textual.widgets import Digits, Static
 
-from dpr_lab.acquisition.capture import CaptureOptions
+from dpr_lab.acquisition.capture import CaptureOptions, SwingReading
 from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.holding import RestReading
 from dpr_lab.report.angles import UNITS
@@ -22,16 +26,22 @@ from dpr_lab.storage.reader import load_run
 from dpr_lab.transports import open_transport
 from dpr_lab.tui.app import DprApp
 from dpr_lab.tui.line_breaks import Hanging, keep_units_whole
-from dpr_lab.tui.recorder.attempt import Phase
-from dpr_lab.tui.recorder.messages import AttemptSeen, Connected, Idle
+from dpr_lab.tui.recorder.attempt import Attempt, Phase
+from dpr_lab.tui.recorder.messages import AttemptSeen, Connected, Idle, RecorderFailed
 from dpr_lab.tui.recorder.sighting import Sighting
 from dpr_lab.tui.steps.capture import CaptureStep
-from dpr_lab.tui.widgets.countdown import Countdown
+from dpr_lab.tui.terminal.sight import SightSettings
+from dpr_lab.tui.widgets import countdown
+from dpr_lab.tui.widgets.chart import Chart
+from dpr_lab.tui.widgets.countdown import Countdown, new_code
 from dpr_lab.tui.widgets.dialogs import Question
-from dpr_lab.tui.widgets.readout import rest_text
+from dpr_lab.tui.widgets.key_line import KeyLine
+from dpr_lab.tui.widgets.readout import angles_text, rest_text
+from dpr_lab.tui.widgets.status_line import StatusLine
 from dpr_lab.tui.workspace import load
 from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import State
+from tests.tui.conftest import Watched
 
 SIM = "sim://?seed=1"
 SECOND = CaptureOptions(duration=1.0, pose_timeout=600.0, rest_timeout=60.0)
@@ -180,6 +190,118 @@ async def test_any_other_key_and_rods_that_move_stop_the_countdown(
 
 
 @pytest.mark.slow
+async def test_what_stops_the_countdown_is_named(app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
+
+    async def shrink(pilot: Pilot[None]) -> None:
+        await pilot.resize_terminal(30, 10)
+
+    async def leave(pilot: Pilot[None]) -> None:
+        app.post_message(events.AppBlur())
+
+    ways = {
+        "the mouse was clicked": lambda pilot: pilot.click("#asked"),
+        "the terminal lost the focus": leave,
+        "the window became too small to show the countdown": shrink,
+    }
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        await to_ready(pilot, until, step)
+        for why, way in ways.items():
+            await pilot.press("r")
+            assert isinstance(app.screen, Countdown)
+            assert step.counting_down
+            await until(pilot, lambda: "RELEASING" in str(app.query_one(StatusLine).render()))
+            assert "Any key but r stops it" in headline(app)
+            await way(pilot)
+            await until(pilot, lambda why=why: f"Not released: {why}; nothing was released" in said(app))
+            await until(pilot, lambda: "RELEASING" not in str(app.query_one(StatusLine).render()))
+    assert recorded(app) == []
+
+
+@pytest.mark.slow
+async def test_in_a_multiplexer_the_code_that_is_shown_is_typed_before_the_countdown(
+    app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Watched, "multiplexer", "tmux")
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        await to_ready(pilot, until, step)
+        await pilot.press("r")
+        first = code(app)
+        await pilot.press("r", first[0], "r", "1")
+        assert "the key 1 was pressed, which is not the next letter of the code" in said(app)
+        await pilot.press("r")
+        assert code(app) != first
+        assert not app.screen.query_one(Digits).display
+        await pilot.pause(1.0)  # the countdown of these tests takes 0.15 s
+        assert step.attempt.phase is Phase.READY
+        await pilot.press(*code(app))
+        await until(pilot, in_phase(step, Phase.JUDGED))
+    assert len(recorded(app)) == 1
+
+
+@pytest.mark.slow
+async def test_a_code_that_nobody_types_ends_the_countdown(
+    app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Watched, "multiplexer", "tmux")
+    monkeypatch.setattr(countdown, "SIGHT", SightSettings(code_s=0.2))
+    async with app.run_test(size=(80, 24)) as pilot:
+        step = await connect(pilot, until, SIM)
+        await to_ready(pilot, until, step)
+        await pilot.press("r")
+        await until(pilot, lambda: "Not released: the code was not typed within 0.2 s" in said(app))
+    assert recorded(app) == []
+
+
+def code(app: DprApp) -> str:
+    return str(app.screen.query_one("#asked", Static).render()).split()[3]
+
+
+def test_a_code_has_different_letters_none_of_them_a_release_key() -> None:
+    codes = [new_code(random.Random(seed), frozenset({"r", "space"})) for seed in range(200)]
+    assert all(len(set(each)) == 3 and "r" not in each for each in codes)
+    assert len(set(codes)) > 150
+
+
+async def test_a_release_whose_outcome_is_unknown_stays_in_sight(app: DprApp, said) -> None:
+    # "RELEASE was sent, the rods may be free" vanished within 34 s and "CLOSED when last seen" remained.
+    async with app.run_test(size=(80, 24)) as pilot:
+        device = app.device
+        device.connected = Connected(SIM, DeviceInfo("1.0.0", "1", (16384,) * 3, 4000, 1000), 1000, (), "")
+        await pilot.press("3")
+        step = app.query_one(CaptureStep)
+        step.attempt = Attempt(1, "X1", step._rig.poses["X1"])
+
+        def hear(report) -> str:
+            device.note(report)
+            for each in app.steps:
+                each.hear(report)
+            return f"{headline(app)} | {app.query_one('#readout', Static).render()}"
+
+        now = time.monotonic()
+        hear(Idle((0.0, 3.1, 0.1), True, now))
+        device.ordered = now
+        lost = hear(RecorderFailed(1, "no answer to RELEASE; RELEASE was sent, so the rods may be free", alive=False))
+        assert "DEVICE LOST: RELEASE was sent, the rods may be free" in lost
+        assert "latch  ? UNKNOWN" in lost
+        assert "CLOSED" not in lost
+        await pilot.pause()
+        assert [notice.severity for notice in app._notifications] == ["error"]
+        device.connected, device.lost = device.lost, None
+        early = hear(Idle((0.0, 3.1, 0.1), True, now + 1.0))
+        assert "the rods may be free: keep clear until the latch is seen again" in early
+        assert "CLOSED" not in early
+        assert device.ordered is not None
+        hear(Idle((0.0, 3.1, 0.1), False, now + 1.1))
+        assert device.ordered is None
+        device.ordered = now
+        hear(Idle((0.0, 3.1, 0.1), True, now + 10.0))
+        assert device.ordered is None
+
+
+@pytest.mark.slow
 async def test_quitting_during_the_countdown_releases_nothing(app: DprApp, until, cable) -> None:
     port = cable()
     async with app.run_test(size=(80, 24)) as pilot:
@@ -200,7 +322,7 @@ async def test_a_cable_pulled_while_recording_costs_the_rest_of_the_swing_only(a
         await to_ready(pilot, until, step)
         await pilot.press("r")
         await until(pilot, lambda: step.attempt.recorded is not None and step.attempt.recorded.t > 0.5)
-        assert step.at_stake() == "the recording under way"
+        assert step.at_stake() == "The recording under way ends here; what was recorded until then is kept."
         await pilot.press("1", "z")
         await until(pilot, lambda: "A capture is under way: end it first" in said(app))
         await pilot.press("3")
@@ -266,6 +388,44 @@ async def test_the_page_asks_for_what_is_left_to_do(app: DprApp, monkeypatch: py
         assert "turn" in str(readout.render())
 
 
+async def test_keep_and_again_are_offered_only_for_a_recording_that_waits(app: DprApp, tmp_path: Path) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("3")
+
+        def offered() -> set[str]:
+            return {active.binding.id or "" for active in app.screen.active_bindings.values()}
+
+        assert not {"capture.keep", "capture.again"} & offered()
+        app.workspace.undecided = tmp_path / "20261121T101500Z_X1_1.mcap"
+        app.query_one(CaptureStep).enter()
+        await pilot.pause()
+        assert {"capture.keep", "capture.again"} <= offered()
+        assert "k Keep a Again" in str(app.query_one(KeyLine).render())
+
+
+async def test_a_swing_that_ended_early_is_named_so_and_angles_have_no_whole_turns(app: DprApp) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("3")
+        step = app.query_one(CaptureStep)
+        attempt = Attempt(1, "X1", step._rig.poses["X1"])
+        t = np.linspace(0.0, 1.0, 101)
+        theta = np.stack([0 * t, np.pi - 8 * np.pi + 0 * t, 0.1 + 8 * np.pi * (t - 1)], axis=1)
+        attempt.hear(AttemptSeen(1, SwingReading(1.0, (0.0, 0.0, 0.0), 101, (t, theta)), False, 0.0))
+        step._ended = attempt
+        step.enter()
+        chart = app.query_one("#swing", Chart)
+        assert chart._content.y_label.startswith("last swing, ended early: angle")
+        inner, outer = (series.y for series in chart._content.series)
+        assert inner[0] == pytest.approx(180.0)
+        assert (outer[0], outer[-1]) == pytest.approx((5.73, 5.73 + 4 * 360), abs=0.01)
+    assert angles_text((-0.1, math.radians(-1615.0), math.radians(179.9 + 360)), UNITS["degrees"]) == (
+        "θ0 -5.7°  θ1 +185.0°  θ2 +179.9°"
+    )
+    assert angles_text((6.2, math.radians(359.0), math.radians(-89.0)), UNITS["degrees"]) == (
+        "θ0 -4.8°  θ1 -1.0°  θ2 -89.0°"
+    )
+
+
 def test_the_limit_that_failed_is_named(paper) -> None:
     # "moving (limit 0.02 rad/s), 0.014 rad/s": the limit that was shown had been kept.
     shaking = RestReading((0.0, 3.1, 0.1), (0.0, 0.0), 0.05, 0.014, 0.01, False, "")
@@ -299,7 +459,7 @@ async def test_quitting_before_a_swing_is_kept_asks_and_the_next_start_offers_it
         run = await to_judged(pilot, until, step)
         await pilot.press("ctrl+q")
         assert isinstance(app.screen, Question)
-        assert f"{run_name(run)}, which is not kept yet (k in Capture keeps it)" in str(
+        assert f"the file of {run_name(run)} stays, and the next start asks again (k in Capture keeps it)" in str(
             app.screen.query_one(Static).render()
         )
         await pilot.press("y")

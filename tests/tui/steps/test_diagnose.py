@@ -52,7 +52,7 @@ async def test_from_runs_to_a_saved_diagnosis(lab, until, recorded: list[Path], 
         assert pilot.app.workspace.held_out == recorded[2:]
         await pilot.press("s")
         await until(pilot, lambda: "step" in text(pilot.app, "#state"))
-        assert step(pilot.app).at_stake() == "the diagnosis that is running"
+        assert step(pilot.app).at_stake() == "The diagnosis that is running ends without a result."
         await until(pilot, lambda: step(pilot.app).job is None)
         folder = pilot.app.workspace.out / "diagnosis"
         assert pilot.app.workspace.diagnosis == folder / "diagnosis.json"

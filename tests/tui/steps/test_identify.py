@@ -33,7 +33,7 @@ def step(app: App[None]) -> IdentifyStep:
 async def test_from_runs_to_a_saved_model(lab, until, recorded: list[Path]) -> None:
     async with lab(IdentifyStep, runs=recorded) as pilot:
         await pilot.press("s")
-        assert step(pilot.app).at_stake() == "the identification that is running"
+        assert step(pilot.app).at_stake() == "The identification that is running ends without a result."
         await until(pilot, lambda: step(pilot.app).job is None)
         bench = pilot.app.workspace
         assert bench.model == bench.out / "model.json"

@@ -7,10 +7,8 @@ from textual.widgets import Input, OptionList, Static, TextArea
 
 from dpr_lab.configs import BUILTIN
 from dpr_lab.rig import load_rig
-from dpr_lab.storage.reader import load_run
 from dpr_lab.tui.steps.rig import RigStep
 from dpr_lab.tui.steps.rig_editor import RigEditor
-from dpr_lab.tui.steps.table_import import TableImport
 from dpr_lab.tui.widgets.dialogs import Question
 
 
@@ -67,31 +65,3 @@ async def test_rigs_used_before_are_offered_first(lab, until, tmp_path: Path) ->
         await pilot.press("y")
         await until(pilot, lambda: not isinstance(pilot.app.screen, RigEditor))
         assert pilot.app.workspace.rig == str(mine)
-
-
-async def test_a_recording_of_another_logger_is_looked_at_and_imported(lab, until, tmp_path: Path) -> None:
-    table = tmp_path / "swing.csv"
-    table.write_text("t,theta1,theta2\n" + "".join(f"{k * 0.005},{20 - k / 10},{k / 8}\n" for k in range(300)))
-    async with lab(RigStep) as pilot:
-
-        def understood() -> str:
-            return str(pilot.app.screen.query_one("#understood", Static).content)
-
-        step, before = pilot.app.query_one(RigStep), list(pilot.app.workspace.runs)
-        step.query_one("#rig_file", Input).value = str(table)
-        await pilot.press("u")
-        await until(pilot, lambda: isinstance(pilot.app.screen, TableImport))
-        await until(pilot, lambda: "rad, absolute, upright is 0" in understood())
-        assert "200 Hz" in understood()
-        said = pilot.app.screen.query_one(Input)
-        said.value = "backwards"
-        await pilot.press("enter")
-        await until(pilot, lambda: "'backwards' says nothing of a table" in understood())
-        said.value = "hanging deg relative"
-        await pilot.press("enter")
-        await until(pilot, lambda: "deg, relative, hanging is 0" in understood())
-        await pilot.press("ctrl+s")
-        await until(pilot, lambda: len(pilot.app.workspace.runs) == len(before) + 1)
-        run = load_run(pilot.app.workspace.runs[-1])
-        assert run.theta[0, 1] == pytest.approx(3.1415926 + 20 / 57.29578, abs=1e-4)
-        assert step.query_one("#rig_file", Input).value == pilot.app.workspace.rig

@@ -1,7 +1,7 @@
 """The command itself on a terminal of our own, and the real process of a simulated device."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,15 @@ OnTerminal = Callable[..., Terminal]
 
 @pytest.fixture
 def on_terminal(tmp_path: Path) -> Iterator[OnTerminal]:
-    """(link, option=) -> `dpr-lab tui` with that link, on a terminal with these options, connected at Capture."""
+    """(link, option=) -> `dpr-lab tui` with that link, on a terminal with these options, connected at Capture.
+
+    `environment` are more variables of the command.
+    """
     made: list[Terminal] = []
 
-    def start(link: str, **options: Any) -> Terminal:
+    def start(link: str, environment: Mapping[str, str] | None = None, **options: Any) -> Terminal:
         command = [sys.executable, "-m", "dpr_lab", "tui", "--link", link, "--out", str(tmp_path / "bench")]
-        made.append(Terminal(command, {}, **options))
+        made.append(Terminal(command, environment or {}, **options))
         made[-1].until_shown("Connect")
         made[-1].press("c")
         made[-1].until_shown("latch OPEN")

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -9,7 +10,11 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -52,28 +57,54 @@ class Browser(VirtualScreen):
                 self.take(data)
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-@pytest.mark.parametrize("allowed", thinned([False, True], 2), ids=["read-only", "--allow-release"])
-def test_a_browser_releases_only_where_that_was_allowed(tmp_path: Path, allowed: bool, monkeypatch) -> None:
+@pytest.fixture
+def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Browser]]:
+    """(words of the command) -> the screen on a page."""
     monkeypatch.setenv("TEXTUAL_DRIVER", "textual.drivers.web_driver:WebDriver")
     monkeypatch.setenv("TERM", "xterm-256color")
-    options = ["--link", "sim://?seed=1", "--out", str(tmp_path / "bench"), *(["--allow-release"] if allowed else [])]
-    page = Browser(*options, environment=dict(os.environ))
-    try:
-        page.until_shown("Connect")
-        page.press("c")
-        page.until_shown("SIMULATED")
-        page.press("3")
-        page.until_shown("the latch closes")
-        page.press("s")
-        page.until_shown("to RELEASE")
-        page.press("r")
-        page.until_shown("REC" if allowed else "read-only")
-        assert bool(list((tmp_path / "bench").rglob("*.mcap"))) == allowed
-    finally:
-        page.process.kill()
-        page.process.communicate()
+    opened: list[Browser] = []
+
+    def show(*words: str) -> Browser:
+        options = ["--link", "sim://?seed=1", "--out", str(tmp_path / "bench"), *words]
+        opened.append(Browser(*options, environment=dict(os.environ)))
+        opened[-1].until_shown("Connect")
+        return opened[-1]
+
+    yield show
+    for browser in opened:
+        browser.process.kill()
+        browser.process.communicate()
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_a_browser_releases_where_that_was_allowed(tmp_path: Path, page: Callable[..., Browser]) -> None:
+    browser = page("--allow-release")
+    browser.press("c")
+    browser.until_shown("SIMULATED")
+    browser.press("3")
+    browser.until_shown("the latch closes")
+    browser.press("s")
+    browser.until_shown("to RELEASE")
+    browser.press("r")
+    browser.until_shown("REC")
+    assert list((tmp_path / "bench").rglob("*.mcap"))
+
+
+def children(pid: int) -> list[str]:
+    found = subprocess.run(["ps", "-o", "args=", "--ppid", str(pid)], capture_output=True, text=True).stdout
+    return [line for line in found.splitlines() if "resource_tracker" not in line]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_read_only_page_neither_calls_a_device_nor_writes(tmp_path: Path, page: Callable[..., Browser]) -> None:
+    browser = page()
+    browser.press("c")
+    browser.until_shown("read-only")
+    assert children(browser.process.pid) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 def free_port() -> int:
@@ -96,47 +127,158 @@ def opened(url: str, **headers: str) -> tuple[int, str, str]:
         return refused.code, "", ""
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-def test_the_page_is_for_this_computer_alone_and_shows_the_first_screen(tmp_path: Path) -> None:
+@dataclass
+class Served:
+    """`dpr-lab tui --serve`, and the address that it printed."""
+
+    process: subprocess.Popen[str]
+    port: int
+    words: list[str]
+    url: str
+
+    @property
+    def place(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    @property
+    def token(self) -> str:
+        return self.url.split("/")[3]
+
+    def websocket(self, path: str) -> str:
+        return f"ws://{self.place}{path}"
+
+
+@pytest.fixture
+def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Served]]:
     pytest.importorskip("textual_serve")
-    port = free_port()
-    place = f"127.0.0.1:{port}"
-    words = ["tui", "--serve", str(port), "--link", "sim://", "--out", str(tmp_path / "bench")]
-    server = subprocess.Popen([sys.executable, "-m", "dpr_lab", *words], stdout=subprocess.DEVNULL)
-    try:
+    monkeypatch.setenv("DPR_LAB_STATE", str(tmp_path / "state"))
+    started: list[subprocess.Popen[str]] = []
+
+    def start(*words: str) -> Served:
+        port = free_port()
+        words = ("tui", "--serve", str(port), "--link", "sim://", "--out", str(tmp_path / "bench"), *words)
+        command = [sys.executable, "-m", "dpr_lab", *words]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        started.append(process)
+        assert process.stdout is not None
+        said = process.stdout.readline().split()
+        assert said[0] == "open"
         deadline = time.monotonic() + PATIENCE_S
         while not answers(port):
-            assert server.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.1)
-        listening = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()]
-        assert {word[1] for word in listening if word[3] == "0A" and word[1].endswith(f":{port:04X}")} == {
-            f"0100007F:{port:04X}"
-        }
-        status, may_load, text = opened(f"http://{place}/")
-        assert status == 200
-        assert f"ws://{place}/ws" in text
-        assert "//" not in may_load.replace(f"http://{place}", "").replace(f"ws://{place}", "")
-        assert opened(f"http://{place}/", Host="evil.example")[0] == 403
-        assert opened(f"http://{place}/ws", Origin="http://evil.example")[0] == 403
-        assert "Connect" in asyncio.run(first_screen(f"ws://{place}/ws?width=80&height=24", f"http://{place}"))
-        taken = subprocess.run([sys.executable, "-m", "dpr_lab", *words], capture_output=True, text=True)
-        assert taken.returncode == 4
-        assert "name another port" in taken.stderr
-    finally:
-        server.terminate()
-        server.wait(PATIENCE_S)
+        return Served(process, port, list(words), said[1])
+
+    yield start
+    for process in started:
+        process.terminate()
+        process.wait(PATIENCE_S)
+        assert process.stdout is not None
+        process.stdout.close()
 
 
-async def first_screen(url: str, origin: str) -> str:
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_page_is_for_this_computer_alone_and_shows_the_first_screen(served: Callable[..., Served]) -> None:
+    page = served()
+    place, at = page.place, f"{page.port:04X}"
+    listening = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()]
+    assert {word[1] for word in listening if word[3] == "0A" and word[1].endswith(f":{at}")} == {f"0100007F:{at}"}
+    status, may_load, text = opened(page.url)
+    assert status == 200
+    assert page.websocket(f"/{page.token}/ws") in text
+    assert "//" not in may_load.replace(f"http://{place}", "").replace(f"ws://{place}", "")
+    assert opened(page.url, Host="evil.example")[0] == 403
+    assert opened(page.url, Origin="http://evil.example")[0] == 403
+    url = page.websocket(f"/{page.token}/ws?width=80&height=24")
+    assert "Connect" in asyncio.run(screen_of(url, "Connect"))
+    taken = subprocess.run([sys.executable, "-m", "dpr_lab", *page.words], capture_output=True, text=True)
+    assert taken.returncode == 4
+    assert "name another port" in taken.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_without_the_token_there_is_neither_page_nor_screen(served: Callable[..., Served]) -> None:
+    page = served()
+    assert len(page.token) >= 40
+    wrong = page.token[:-1] + ("a" if page.token[-1] != "a" else "b")
+    for path in ("/", "/ws", "/static/css/xterm.css", "/anything", f"/{wrong}/", f"/{wrong}/ws", f"/?token={wrong}"):
+        assert opened(f"http://{page.place}{path}")[0] == 403, path
+    for path in (
+        f"/?token={page.token}",
+        f"/static/css/xterm.css?token={page.token}",
+        f"/{page.token}/static/js/textual.js",
+    ):
+        assert opened(f"http://{page.place}{path}")[0] == 200, path
+    for path in ("/ws", f"/{wrong}/ws", f"/ws?token={wrong}"):
+        with pytest.raises(Exception, match="403"):
+            asyncio.run(screen_of(page.websocket(path), "Connect"))
+    assert children(page.process.pid) == []  # no screen was started
+    assert "Connect" in asyncio.run(screen_of(page.websocket(f"/ws?token={page.token}"), "Connect"))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_read_only_page_refuses_the_device_over_a_real_websocket(served: Callable[..., Served]) -> None:
+    page = served()
+    url = page.websocket(f"/{page.token}/ws?width=80&height=24")
+    assert "read-only" in asyncio.run(screen_of(url, "Connect", "c", "read-only"))
+
+
+def session_of(leader: int) -> list[str]:
+    """The processes of a session that still run."""
+    found = subprocess.run(["ps", "-o", "pid=,args=", "-s", str(leader)], capture_output=True, text=True).stdout
+    return [line for line in found.splitlines() if "<defunct>" not in line]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("number", thinned([signal.SIGKILL, signal.SIGTERM, signal.SIGINT], 2))
+def test_screens_that_hold_a_device_end_with_the_server(number: int, served: Callable[..., Served]) -> None:
+    page = served("--allow-release")
+
+    async def end_while_connected() -> int:
+        async with screen(page.websocket(f"/{page.token}/ws?width=80&height=24")) as (websocket, shown):
+            await until(websocket, shown, "Connect")
+            await websocket.send_json(["stdin", "c"])
+            await until(websocket, shown, "SIMULATED")
+            (leader,) = subprocess.run(
+                ["ps", "-o", "pid=", "--ppid", str(page.process.pid)], capture_output=True, text=True
+            ).stdout.split()
+            page.process.send_signal(number)
+            return int(leader)
+
+    leader = asyncio.run(end_while_connected())
+    deadline = time.monotonic() + PATIENCE_S
+    while page.process.poll() is None or session_of(leader):
+        assert time.monotonic() < deadline, session_of(leader)
+        time.sleep(0.2)
+
+
+@asynccontextmanager
+async def screen(url: str) -> AsyncIterator[tuple[Any, VirtualScreen]]:
+    """A websocket, and what it draws."""
     from aiohttp import ClientSession  # pyright: ignore[reportMissingImports]
 
-    screen = VirtualScreen((80, 24), lambda answer: None)
-    async with ClientSession() as session, session.ws_connect(url, headers={"Origin": origin}) as page:
-        async with asyncio.timeout(PATIENCE_S):
-            while "Connect" not in screen.text():
-                said = await page.receive()
-                if isinstance(said.data, bytes):
-                    screen.take(said.data)
-    return screen.text()
+    origin = f"http://{url.split('/')[2]}"
+    async with ClientSession() as session, session.ws_connect(url, headers={"Origin": origin}) as websocket:
+        yield websocket, VirtualScreen((80, 24), lambda answer: None)
+
+
+async def until(websocket: Any, shown: VirtualScreen, text: str) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while text not in shown.text():
+            said = await websocket.receive()
+            if isinstance(said.data, bytes):
+                shown.take(said.data)
+
+
+async def screen_of(url: str, text: str, *then: str) -> str:
+    """What is shown once a text is; then keys and further texts by turns."""
+    async with screen(url) as (websocket, shown):
+        await until(websocket, shown, text)
+        for key, answer in zip(then[::2], then[1::2], strict=True):
+            await websocket.send_json(["stdin", key])
+            await until(websocket, shown, answer)
+        return shown.text()

@@ -1,0 +1,38 @@
+"""An app whose messages are logged, and whose errors stay until they are taken away."""
+
+from typing import Any
+
+from textual.app import App
+from textual.notifications import Notify, SeverityLevel
+
+from dpr_lab.tui.notices.message_log import MessageLog
+from dpr_lab.tui.notices.message_screen import MessageScreen
+from dpr_lab.tui.texts import NOTICES
+
+
+class NoticeApp(App[None]):
+    """Mixin of the app."""
+
+    messages: MessageLog
+    error_title: str = "Error"
+
+    def notify(self, message: str, *, severity: SeverityLevel = "information", **options: Any) -> None:
+        """Show a message; an error stays until Escape or another step."""
+        if severity == "error":
+            options |= {"timeout": NOTICES.stays_s, "title": self.error_title}
+        super().notify(message, severity=severity, **options)
+
+    def on_notify(self, event: Notify) -> None:
+        """Log a message, unless it still stands; of those that stand, errors make room last."""
+        new, standing = event.notification, [*self._notifications]
+        if any(notice.message == new.message for notice in standing):
+            event.prevent_default()
+            return
+        standing.sort(key=lambda notice: (notice.severity == "error", notice.raised_at))
+        for old in standing[: max(len(standing) + 1 - NOTICES.most, 0)]:
+            self._unnotify(old, refresh=False)
+        self.messages.add(new.severity, new.message)
+
+    def action_messages(self) -> None:
+        """Show all messages of this session."""
+        self.push_screen(MessageScreen(self.messages))

@@ -1,0 +1,85 @@
+"""What a page in a browser may do without `--allow-release`: look, and nothing else.
+
+Refused is all that is not in the tables below, so that what is added later is refused until it is listed.
+"""
+
+import errno
+import os
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from dpr_lab.errors import SafetyStop
+
+READ_ONLY = (
+    "This page is read-only: it sends nothing to the device and writes no file. Work at the bench, or start with"
+    " dpr-lab tui --serve PORT --allow-release"
+)
+
+ACTIONS = frozenset(
+    (
+        *("accept", "answer", "browse", "choose", "choose_all", "cursor", "cursors", "cycle", "filter", "go", "help"),
+        *(
+            "leave",
+            "length",
+            "look",
+            "messages",
+            "move",
+            "next_theme",
+            "next_unit",
+            "other",
+            "page",
+            "pan",
+            "quit",
+            "read",
+        ),
+        *("to", "verify", "view", "whole", "zoom", "zoom_y"),
+    )
+)
+"""Actions of ours that only show something; those of Textual's widgets move a cursor or a text and are free."""
+
+SCREENS = frozenset(("CommandPalette", "HelpScreen", "MessageScreen", "Question", "RunBrowser"))
+"""Screens on top of a step that only show something, by the names of their classes."""
+
+JOBS = frozenset(("survey", "verify"))
+"""Jobs that only read run files, by the names of their functions."""
+
+
+def changes(owner: object, action: str) -> bool:
+    """Whether an action is one of ours and does more than show something."""
+    method = getattr(owner, f"action_{action}", None)
+    return method is not None and str(method.__module__).startswith("dpr_lab.") and action not in ACTIONS
+
+
+def refuse_job(read_only: bool, function: Callable[..., Any]) -> None:
+    """Raise SafetyStop for a job that does more than read."""
+    if read_only and function.__name__ not in JOBS:
+        raise SafetyStop(READ_ONLY)
+
+
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+_CHANGES = frozenset(
+    (
+        *("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod"),
+        *("os.chown", "os.utime", "os.system", "subprocess.Popen", "os.posix_spawn", "os.exec"),
+    )
+)
+
+
+def forbid_writing() -> None:
+    """Refuse from now on whatever in this process opens a file to write it, changes a folder or starts a program.
+
+    The tables above give the operator a reason; this holds where one of them forgets something. It cannot be undone.
+    """
+    sys.dont_write_bytecode = True
+    sys.addaudithook(_refuse_writing)
+
+
+def _refuse_writing(event: str, arguments: tuple[Any, ...]) -> None:
+    if event == "open":
+        path, _, flags = arguments
+        if isinstance(path, int) or not (flags or 0) & _WRITING or str(path).startswith("/dev/"):
+            return
+    elif event not in _CHANGES:
+        return
+    raise PermissionError(errno.EACCES, READ_ONLY)

@@ -1,0 +1,41 @@
+"""Recognise programs that keep a session and answer cursor queries in place of the terminal in front of the operator.
+
+tmux, GNU screen, Zellij and mosh are terminals of their own: they confirm a frame at once, also with nobody attached.
+"""
+
+import re
+from collections.abc import Mapping
+
+IN_ENVIRONMENT = {"TMUX": "tmux", "STY": "GNU screen", "ZELLIJ": "Zellij"}
+"""Variable that a multiplexer sets for its programs -> its name."""
+IN_TERM = {"tmux": "tmux", "screen": "GNU screen or tmux"}
+"""Beginning of TERM -> name; ssh passes TERM on to the remote computer, but not the variables above."""
+IN_ATTRIBUTES = {"83": "GNU screen", "84": "tmux", "1;10;0": "mosh"}
+"""Reply to `ESC [ > c` (secondary device attributes, DEC): terminal type or whole reply -> name.
+
+Sources: screen's ansi.c and tmux's input.c send the first letter of their name, mosh's terminalfunctions.cc this text.
+"""
+IN_VERSION = ("tmux", "screen", "zellij")
+"""Words in the reply to `ESC [ > q` (XTVERSION, xterm)."""
+
+QUERY = "\x1b[>c\x1b[>q"
+"""Asks the terminal for its attributes and its version."""
+ATTRIBUTES = re.compile(r"\x1b\[>([\d;]*)c")
+
+
+def from_environment(environment: Mapping[str, str]) -> str:
+    """Name of the multiplexer that the environment variables show; empty for none."""
+    for variable, name in IN_ENVIRONMENT.items():
+        if environment.get(variable):
+            return name
+    return next((name for start, name in IN_TERM.items() if environment.get("TERM", "").startswith(start)), "")
+
+
+def from_attributes(reply: str) -> str:
+    """Name of the multiplexer that sent these attributes, such as `84;0;0`; empty for a terminal."""
+    return IN_ATTRIBUTES.get(reply) or IN_ATTRIBUTES.get(reply.partition(";")[0], "")
+
+
+def from_version(reply: str) -> str:
+    """Name of the multiplexer that sent this version, such as `tmux 3.4`; empty for a terminal."""
+    return reply if any(word in reply.lower() for word in IN_VERSION) else ""

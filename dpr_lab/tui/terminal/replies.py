@@ -1,0 +1,66 @@
+"""Keys of a terminal, and its replies to the question what it is."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from textual import events
+from textual._xterm_parser import XTermParser
+from textual.keys import Keys
+
+from dpr_lab.tui.terminal.multiplexer import ATTRIBUTES, from_attributes, from_version
+
+VERSION_BEGINS, VERSION_ENDS = "\x1bP>|", "\x1b\\"
+
+
+@dataclass(frozen=True, slots=True)
+class ReplySettings:
+    """What counts as a reply."""
+
+    longest: int = 64
+    """Characters of a version; known ones have 8 to 30."""
+
+
+SETTINGS = ReplySettings()
+
+
+class ReplyParser(XTermParser):
+    """Textual's parser, which would take an unknown reply for keys.
+
+    Args:
+        identified: called with the name of a multiplexer that replied
+        debug: Textual's
+    """
+
+    def __init__(self, identified: Callable[[str], object], debug: bool = False) -> None:
+        super().__init__(debug)
+        self._identified = identified
+        self._version: str | None = None
+
+    def _sequence_to_key_events(self, sequence: str, alt: bool = False) -> Iterable[events.Key]:
+        reply = self._in_reply(sequence)
+        return [events.Key(Keys.Ignore, sequence)] if reply else super()._sequence_to_key_events(sequence, alt)
+
+    def _in_reply(self, sequence: str) -> bool:
+        """Whether a sequence is part of a reply; the parser offers every sequence as it grows."""
+        if self._version is not None:
+            return self._goes_on(sequence)
+        if sequence == VERSION_BEGINS:
+            self._version = ""
+            return True
+        if (attributes := ATTRIBUTES.fullmatch(sequence)) is None:
+            return False
+        self._tell(from_attributes(attributes[1]))
+        return True
+
+    def _goes_on(self, sequence: str) -> bool:
+        assert self._version is not None
+        if len(sequence) == 1 and sequence.isprintable() and len(self._version) < SETTINGS.longest:
+            self._version += sequence
+            return True
+        version, self._version = self._version, None
+        self._tell(from_version(version))
+        return sequence == VERSION_ENDS
+
+    def _tell(self, name: str) -> None:
+        if name:
+            self._identified(name)

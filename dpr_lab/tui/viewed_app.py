@@ -1,0 +1,46 @@
+"""An app that can be read-only: it then runs only the actions and shows only the screens that change nothing."""
+
+from typing import Any
+
+from textual.app import App
+from textual.dom import DOMNode
+from textual.screen import Screen
+
+from dpr_lab.errors import SafetyStop
+from dpr_lab.tui.read_only import READ_ONLY, SCREENS, changes
+
+
+class ViewedApp(App[None]):
+    """What it refuses it refuses with one sentence."""
+
+    read_only = False
+    """Whether it may only show: no order to a device, no file written."""
+
+    async def _dispatch_action(self, namespace: DOMNode, action_name: str, params: Any) -> bool:
+        if self.read_only and changes(namespace, action_name):
+            self._handle_exception(SafetyStop(READ_ONLY))
+            return True
+        return await super()._dispatch_action(namespace, action_name, params)
+
+    def push_screen(self, screen: Screen[Any] | str, *arguments: Any, **options: Any) -> Any:
+        """Show a screen on top of this one.
+
+        Raises:
+            SafetyStop: one that does more than show something, of a read-only page.
+        """
+        if self.read_only and type(screen).__name__ not in SCREENS:
+            raise SafetyStop(READ_ONLY)
+        return super().push_screen(screen, *arguments, **options)
+
+    def deliver_screenshot(
+        self, filename: str | None = None, path: str | None = None, time_format: str | None = None
+    ) -> str | None:
+        """Save a picture of the screen; of a read-only page say that none is saved."""
+        if self.read_only:
+            self._handle_exception(SafetyStop(READ_ONLY))
+            return None
+        return self.save_picture(filename, path, time_format)
+
+    def save_picture(self, filename: str | None, path: str | None, time_format: str | None) -> str | None:
+        """Save a picture of the screen; where it is."""
+        return super().deliver_screenshot(filename, path, time_format)
