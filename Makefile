@@ -1,8 +1,12 @@
-# Nothing but Python 3.11+ and make is needed: every target installs what it uses into .venv.
+# Nothing but Python 3.11+ and make is needed: every target installs what it uses into .venv. `make demo` needs the
+# package alone; the other targets need the tools of development too, which take twice the space again.
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-STAMP  := $(VENV)/.installed
+CORE   := $(VENV)/.core
+DEV    := $(VENV)/.dev
+# Python compiles what it imports; to compile everything costs time and a fifth of the space.
+INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 OUT    ?= out/demo
 FUZZ_SECONDS ?= 120
 CORES   := $(shell getconf _NPROCESSORS_ONLN)
@@ -11,50 +15,53 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-all check docs bench fuzz format clean
 
-demo: $(STAMP)  ## record a simulated pendulum through the real protocol, identify it, compare, draw; then a blind trial
+demo: $(CORE)  ## record a simulated pendulum through the real protocol, identify it, compare, draw; then a blind trial
 	$(BIN)/dpr-lab demo --out $(OUT)
 
 # Tests of one file share what they record and identify, so one process gets them all.
-test: $(STAMP)  ## fast tests first, then the slow ones
+test: $(DEV)  ## fast tests first, then the slow ones
 	$(BIN)/pytest -m "not slow and not hardware" -n $(CORES) --dist loadfile
 	$(BIN)/pytest -m "slow and not long and not hardware" -n $(CORES) --dist loadfile
 
 test-all: test  ## and the long ones: every case of every table, before a release
 	DPR_LAB_FULL=1 $(BIN)/pytest -m "slow and not hardware" -n $$(($(CORES) + 1)) --dist loadfile
 
-check: $(STAMP)  ## style, types, import contracts
+check: $(DEV)  ## style, types, import contracts
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
-docs: $(STAMP)  ## the documentation as a site in out/site; a warning is an error
-	$(BIN)/python -c 'import sphinx, furo, myst_nb' 2>/dev/null || $(BIN)/python -m pip install --quiet --editable '.[docs]'
+docs: $(DEV)  ## the documentation as a site in out/site; a warning is an error
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs out/site
 	@echo "out/site/index.html"
 
-bench: $(STAMP)  ## speed and reliability figures, printed beside their targets
-	for name in evaluator wall_time uncertainty identify mujoco_sysid tui_redraw; do $(BIN)/python benchmarks/$$name.py || exit 1; done
+bench: $(DEV)  ## speed and reliability figures, printed beside their targets
+	for name in evaluator wall_time uncertainty identify mujoco_sysid tui_redraw large_table; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 	$(BIN)/python benchmarks/diagnosis.py --quick
 	$(BIN)/python benchmarks/clean_rigs.py --quick
 	$(BIN)/python benchmarks/drift.py --quick
 	$(BIN)/python benchmarks/soak.py --minutes 10
 
-fuzz: $(STAMP)  ## every reader of foreign bytes against inputs made to break it, FUZZ_SECONDS each
-	$(BIN)/python -m pip install --quiet --editable '.[fuzz]'
+fuzz: $(DEV)  ## every reader of foreign bytes against inputs made to break it, FUZZ_SECONDS each
+	$(INSTALL) --editable '.[fuzz]'
 	for target in frames slcan session run_file run_content table rig model; do \
 		$(BIN)/python fuzz/run.py $$target --seconds $(FUZZ_SECONDS) || exit 1; done
 
-format: $(STAMP)
+format: $(DEV)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
 clean:
 	rm -rf $(VENV) out
 
-$(STAMP): pyproject.toml
+$(CORE): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "dpr-lab needs Python 3.11 or newer; this is " + sys.version.split()[0] + ". Try: make PYTHON=python3.12")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
-	touch $(STAMP)
+	$(INSTALL) --upgrade pip
+	$(INSTALL) --editable .
+	touch $@
+
+$(DEV): $(CORE)
+	$(INSTALL) --editable '.[dev]'
+	touch $@

@@ -14,9 +14,9 @@ import numpy as np
 from _bars import Bar, at_least, at_most, options, show
 from _trial_cases import Case, hidden, opened
 
+from dpr_lab.gap.checks.update import candidates, update_with_measurement, update_with_recordings
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease, Diagnosis
-from dpr_lab.gap.result.take_back import candidates, take_runs, take_value
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
@@ -70,11 +70,15 @@ def played(
             break
         check, count = choice(asked), count + 1
         if check.release is not None:
-            found = take_runs(found, check, [released(plant, rig, check.release)], rig)
+            found = update_with_recordings(found, check, [released(plant, rig, check.release)], rig)
         else:
-            true = truth.sizes(rig, found.scale_b).get(check.measures, {}).get(check.amplitude.name, 0.0)
-            std = READ * check.amplitude.typical
-            found = take_value(found, check, true + std * rng.standard_normal(), std)
+            sizes = truth.sizes(rig, found.scale_b).get(check.measures, {})
+            true = sizes.get(check.amplitudes[0].name, 0.0)
+            if len(check.amplitudes) > 1:
+                true = float(np.linalg.norm([sizes.get(amplitude.name, 0.0) for amplitude in check.amplitudes]))
+            std = READ * check.amplitudes[0].typical
+            measured = true + std * rng.standard_normal()
+            found = update_with_measurement(found, check, measured, std, confirmed=True)
     return found, count
 
 

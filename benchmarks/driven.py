@@ -13,7 +13,6 @@ import argparse
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -154,7 +153,7 @@ def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
     for some in DRIVE:  # one after the other, from a little of each
         names += some
         begun = effect_params({name: {p.name: BEGUN * p.typical for p in EFFECTS[name].amplitudes} for name in some})
-        at = replace(at, params=at.params + begun - effect_params({}))
+        at = at.changed(params=at.params + begun - effect_params({}))
         at = fit(problem, at, free_parameters(at, names, problem), iterations=25).estimate
     return at
 

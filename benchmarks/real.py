@@ -189,7 +189,7 @@ def _beside(case: Case, found: Diagnosis, published: Published) -> tuple[list[st
     """Ratios, and free runs on held-out recordings, beside those of the published model."""
     _, unseen, _ = in_pieces(case.runs, case.held_out)
     base = base_parameters([published.Z[name] for name in PARAMETERS], case.rig.L1, case.rig.g)
-    at = Estimate(unknown_ratios(base), effect_params(published.effects), np.zeros((0, 4)))
+    at = Estimate.of(unknown_ratios(base), effect_params(published.effects), np.zeros((0, 4)))
     theirs = free_runs(Recordings(tuple(record(run, case.rig) for run in unseen), case.rig), at).errors_rad
     tried = [run.name for run in unseen if run.name in found.gap.free_run_rad]
     errors = np.array([[theirs[name], *found.gap.free_run_rad[name].values()] for name in tried])

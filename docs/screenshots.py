@@ -51,6 +51,8 @@ async def until(pilot: Pilot[None], condition: Callable[[], object]) -> None:
 class Watched:
     """The sight of a screen that this script watches: it has no terminal that could confirm what it drew."""
 
+    multiplexer = ""
+
     async def seen(self, patience_s: float) -> float:
         """At once."""
         return 0.0

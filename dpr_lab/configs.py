@@ -7,7 +7,8 @@ from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from dpr_lab.errors import ConfigError
+from dpr_lab.errors import ConfigError, unknown_name
+from dpr_lab.whole_file import regular
 
 _PACKAGE = Path(__file__).parent
 # Installed as a wheel the built-in files lie inside the package; in a checkout they are the top-level folder.
@@ -26,14 +27,14 @@ def find_config(kind: str, name: str | Path) -> Path:
     Raises:
         ConfigError: there is neither such a file nor such a built-in name.
     """
-    path = Path(name)
+    path = regular(Path(name), ConfigError)
     if path.is_file():
         return path
     builtin = BUILTIN / kind / f"{name}.toml"
     if path.name == str(name) and builtin.is_file():
         return builtin
-    known = ", ".join(sorted(p.stem for p in (BUILTIN / kind).glob("*.toml")))
-    raise ConfigError(f"{name}: no such file, and no built-in name of {kind} (there are: {known})")
+    known = sorted(p.stem for p in (BUILTIN / kind).glob("*.toml"))
+    raise ConfigError(unknown_name(f"{name}: no such file, and no built-in name of {kind}", str(name), known))
 
 
 def read_config(path: Path, model: type[Model]) -> Model:
@@ -44,7 +45,7 @@ def read_config(path: Path, model: type[Model]) -> Model:
             one line for each fault, naming the file, the key and the value.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = regular(path, ConfigError).read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:

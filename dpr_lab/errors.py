@@ -16,7 +16,9 @@ Each class carries the exit code that `dpr-lab` ends with. A wrong argument from
 a bad candidate in a search is a value (cost `inf`), a bug is an `assert`.
 """
 
+import difflib
 import re
+from collections.abc import Callable, Iterable
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """What moves a terminal's cursor, turns the direction of text, or is no character."""
@@ -25,6 +27,55 @@ _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u20
 def printable(text: str) -> str:
     """Text that a file, a device or a file's name may have said, as it can be shown: controls are spelled out."""
     return _CONTROL.sub(lambda control: control[0].encode("unicode_escape").decode(), text)
+
+
+def known_name(name: str, known: Iterable[str], worded: Callable[[str], str] = str) -> str | None:
+    """The known name that is meant by a name, by its words, or by both (`words [name]`); None if there is none."""
+    wanted, names = " ".join(name.lower().split()), list(known)
+    for candidate in names:
+        words = worded(candidate).lower()
+        if wanted in (candidate.lower(), words, words.removesuffix(f" [{candidate.lower()}]")):
+            return candidate
+    return None
+
+
+def unknown_name(
+    problem: str,
+    name: str,
+    known: Iterable[str],
+    worded: Callable[[str], str] = str,
+    few: int = 8,
+    nearest: int = 5,
+) -> str:
+    """The message for a name that does not exist: all names where there are few, else the nearest.
+
+    Args:
+        problem: what is wrong: `no effect named dust`
+        name: as it was given
+        known: the names that exist
+        worded: a known name as people read it
+        few: up to so many names are all listed
+        nearest: so many are listed otherwise
+    """
+    names = list(known)
+    shown = [worded(each) for each in names]
+    if not names:
+        return f"{problem}; there are none"
+    between = "; " if any("," in words for words in shown) else ", "
+    if len(names) <= few:
+        return f"{problem}; there are: {between.join(shown)}"
+    pairs = zip(names, shown, strict=True)
+    ranked = sorted(pairs, key=lambda pair: _similarity(name, *pair), reverse=True)
+    return f"{problem}; nearest of {len(names)}: {between.join(words for _, words in ranked[:nearest])}"
+
+
+def _similarity(given: str, known: str, words: str) -> float:
+    """Share of characters that a text has shared with a name or its words, 0 to 1; 1 for the start of either."""
+    given = given.lower().strip()
+    texts = known.lower(), words.lower().removesuffix(f" [{known.lower()}]")
+    if given and any(text.startswith(given) for text in texts):
+        return 1.0
+    return max(difflib.SequenceMatcher(None, given, text).ratio() for text in texts)
 
 
 class DprError(Exception):

@@ -1,6 +1,8 @@
 """How far long work is: what the numerical core tells while it works, as values and never as text to be parsed."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,3 +58,21 @@ class GenerationDone:
 @dataclass(frozen=True, slots=True)
 class LocalFitBegan:
     """The search is over; the local fit goes from its best individual to the noise floor."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImportProgress:
+    """A table is being read, or the run of it written."""
+
+    step: Literal["read", "write"]
+    done: int
+    """Bytes read, or rows written."""
+    of: int
+    """Bytes of the file, or rows of the run."""
+
+
+OnImport = Callable[[ImportProgress], None]
+
+
+def unwatched(progress: ImportProgress) -> None:
+    """Ignore the progress of an import."""

@@ -63,13 +63,21 @@ class Rig(Shown, RigTable):
     """
 
     rig: RigGeometry
+    """Name, lengths (m) and gravity (m/s^2)."""
     parameters: dict[str, Parameter]
+    """The nine kinetic parameters by name, SI: nominal values, bounds, measured values."""
     encoders: Encoders = Encoders()
+    """How counts become angles."""
     poses: dict[Name, Pose] = Field(default_factory=dict)
+    """Name -> where the rods are held before a release, rad."""
     added_mass: AddedMass | None = None
+    """A known mass while it is clamped on, kg and m; None without one."""
     rods: Rods = Rods()
+    """Which rods hang on the rig."""
     joints: Joints = Joints()
+    """Joints with geared motors."""
     link: LinkSettings = LinkSettings()
+    """Where the device is, and its sample rate."""
     _path: Path | None = PrivateAttr(default=None)
     _sha256: str = PrivateAttr(default="")
 

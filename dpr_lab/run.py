@@ -1,8 +1,10 @@
 """A run: one release recorded, or one table imported."""
 
+from __future__ import annotations
+
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +25,8 @@ never arrived. Of a device with drives there is `torque` besides: its torques ne
 class Run(Shown):
     """What was measured during one release.
 
-    Time is the device's: t = (tick - release tick) / rate, so t = 0 is the release, and the samples with t < 0 are the
-    rest before it. Missing samples are simply absent from `t`; nothing is resampled.
+    Time is the device's, t = (tick - release tick) / rate, or that of an imported table. t = 0 is the release, and the
+    samples with t < 0 are the rest before it. Missing samples are simply absent from `t`; nothing is resampled.
     """
 
     name: str
@@ -38,7 +40,9 @@ class Run(Shown):
     pose: str | None
     """Name of the pose asked for."""
     rig_name: str
+    """Name of the rig it was recorded on."""
     rig_sha256: str
+    """SHA-256 of that rig file; empty for a rig made in memory."""
     rate_hz: float
     """Nominal sample rate; the real instants are in `t`."""
     added_mass: AddedMass | None = None
@@ -60,11 +64,19 @@ class Run(Shown):
     lost: Mapping[str, int] = field(default_factory=dict)
     """Samples lost, by cause (`LOSS_CAUSES`)."""
     clock: Mapping[str, float] = field(default_factory=dict)
-    """Fit of the device's time to the host's (`rate_ppm`, `rate_ppm_std`, ...); empty where none was made."""
+    """Rate of the device's clock against the host's, parts per million: by PING and PONG (`rate_ppm`, `rate_ppm_std`,
+    ...) and by the arrival of its samples (`arrival_ppm`, `arrival_margin_ppm`); empty where neither was seen."""
     file: Path | None = None
+    """The run file or table that it was read from; None for a run made in memory."""
     sha256: str = ""
+    """SHA-256 of that file; empty where there is none."""
     recorded_utc: str = ""
-    """When its file was begun, ISO 8601; empty where that was not the recording: a table that was imported."""
+    """When it was recorded, ISO 8601 date, or date and time; empty where a table that was imported does not say it."""
+    keep_rest: bool | None = None
+    """Of an imported table: whether all rows are taken as a swing, even where the rods seem to be held. None of a
+    recording by a device, which says when it released."""
+    arm_read: bool | None = None
+    """Of an imported table: whether it has a column of the arm. None of a recording by a device."""
     notes: tuple[str, ...] = ()
     """What the reader or importer wants the operator to know (gaps kept, doubled rows left out)."""
 
@@ -80,7 +92,7 @@ class Run(Shown):
         clamped = self.mounting == "clamped" and len(self.t)
         return float(np.median(self.theta[:, 2] - self.theta[:, 1])) if clamped else 0.0
 
-    def driven_by(self, kind: str | None) -> "Run":
+    def driven_by(self, kind: str | None) -> Run:
         """The same run with the torques of a kind, `measured` or `commanded`; None for those that it has.
 
         Raises:
@@ -111,30 +123,33 @@ class Run(Shown):
         return self.theta[self.t < 0]
 
     @property
-    def swing(self) -> "Run":
+    def swing(self) -> Run:
         """The same run from the release on."""
-        return self._cut(self.t >= 0)
+        return self.only(self.t >= 0)
 
     @property
     def duration(self) -> float:
         """Time from release to the last sample, s."""
         return float(self.t[-1]) if len(self.t) else 0.0
 
-    def between(self, start: float, stop: float) -> "Run":
+    def between(self, start: float, stop: float) -> Run:
         """The samples with start <= t < stop; t is kept as it is."""
-        return self._cut((self.t >= start) & (self.t < stop))
+        return self.only((self.t >= start) & (self.t < stop))
 
     @property
     def readings_sha256(self) -> str:
-        """Hash of all that a fit reads of this run: the same after another import of the same table."""
-        unread = {"name": "", "file": None, "sha256": "", "recorded_utc": "", "notes": ()}
+        """Hash of everything that a fit reads of this run: equal after another import of the same table."""
+        unread = ("name", "file", "sha256", "recorded_utc", "keep_rest", "arm_read", "notes")
         digest = hashlib.sha256()
-        known = (part for part in _flat(astuple(replace(self, **unread))) if part is not None)
-        for part in known:
-            digest.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
+        for each in fields(self):
+            if each.name not in unread:
+                digest.update(f"{each.name}=".encode())
+                for part in _flat(getattr(self, each.name)):
+                    digest.update(_bytes(part))
         return digest.hexdigest()
 
-    def _cut(self, keep: NDArray[np.bool_]) -> "Run":
+    def only(self, keep: NDArray[np.bool_]) -> Run:
+        """The samples (n,) to keep."""
         counts = None if self.counts is None else self.counts[keep]
         torques = None if self.torques is None else self.torques[keep]
         commanded = None if self.commanded is None else self.commanded[keep]
@@ -143,17 +158,33 @@ class Run(Shown):
         )
 
 
+def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
+    """Runs as a tuple; a single run counts as one."""
+    return (runs,) if isinstance(runs, Run) else tuple(runs)
+
+
 def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
     """The kinds of known torques that drove these runs, where it is said of them."""
     return tuple(sorted({run.torque_kind for run in runs if run.torques is not None} - {""}))
 
 
-def _flat(parts: tuple[Any, ...]) -> Iterator[Any]:
-    for part in parts:
-        if isinstance(part, tuple):
+def _flat(value: Any) -> Iterator[Any]:
+    """The numbers, texts and arrays of a value, through dataclasses, tuples and mappings."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = {each.name: getattr(value, each.name) for each in fields(value)}
+    if isinstance(value, Mapping):
+        value = tuple(sorted(value.items()))
+    if isinstance(value, tuple):
+        for part in value:
             yield from _flat(part)
-        else:
-            yield part
+    else:
+        yield value
+
+
+def _bytes(part: Any) -> bytes:
+    if isinstance(part, np.ndarray):
+        return f"{part.dtype.str}{part.shape}".encode() + part.tobytes()
+    return f"{part!r};".encode()
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,10 +227,36 @@ def elbow_turn(theta: NDArray[np.float64], mounting: Mounting, settings: Mountin
     return apart if mounting == "clamped" else min(apart, outer)  # an absolute encoder without a rod stands still
 
 
-def clock_error(clock: Mapping[str, float], sigmas: float = 5.0) -> float:
-    """By how much a device's clock runs wrong at least, parts per million: what its own uncertainty cannot explain."""
-    rate, std = clock.get("rate_ppm"), clock.get("rate_ppm_std")
-    return max(0.0, abs(rate) - sigmas * std) if rate is not None and std is not None else 0.0
+def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tuple[float, float]]:
+    """Rate of a device's clock and the bound on its error, parts per million, by `pong` and by `arrival` of samples."""
+    rates = {"pong": ("rate_ppm", "rate_ppm_std", sigmas), "arrival": ("arrival_ppm", "arrival_margin_ppm", 1.0)}
+    return {
+        name: (clock[rate], factor * clock[margin])
+        for name, (rate, margin, factor) in rates.items()
+        if rate in clock and margin in clock
+    }
+
+
+def clock_error(clock: Mapping[str, float]) -> tuple[float, str]:
+    """By how much a device's clock runs wrong at least, parts per million, and the rate with its interval in words.
+
+    At least: what the uncertainty of PING and PONG, or of the samples' arrival, cannot explain; the greater of both.
+    """
+    wrong = [(max(0.0, abs(rate) - margin), rate, margin) for rate, margin in clock_rates(clock).values()]
+    least, rate, margin = max(wrong, default=(0.0, 0.0, 0.0))
+    return least, _clock_words(rate, margin)
+
+
+def _clock_words(rate_ppm: float, margin_ppm: float) -> str:
+    """A rate as `5.0 % fast (4.6 to 5.4)`."""
+    size, margin, unit, digits = abs(rate_ppm), margin_ppm, "ppm", 0
+    if size >= 1000:
+        size, margin, unit = size / 1e4, margin / 1e4, "%"
+        digits = int(np.clip(-np.floor(np.log10(max(margin, 1e-9))), 1, 3))
+    return (
+        f"{size:.{digits}f} {unit} {'fast' if rate_ppm > 0 else 'slow'}"
+        f" ({size - margin:.{digits}f} to {size + margin:.{digits}f})"
+    )
 
 
 def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
@@ -209,11 +266,13 @@ def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
         RunError: the device's clock is further off the host's than any crystal.
     """
     for run in runs:
-        if clock_error(run.clock) > limit_ppm:
+        error, words = clock_error(run.clock)
+        if error > limit_ppm:
             raise RunError(
-                f"{run.file}: its clock runs {run.clock['rate_ppm']:+.0f} ppm off the host's (limit {limit_ppm:g}; a"
-                " crystal keeps to some 100): every time and every result in seconds would be as wrong. Mend the"
-                " device's sample timer and record again, or take the run as it is with --any-clock"
+                f"{run.file}: the device's clock runs {words} against the computer that recorded it (limit"
+                f" {limit_ppm:g} ppm; a crystal keeps to about 100 ppm): all times and all results in seconds are wrong"
+                " by as much. Repair the device's sample timer and record again, or use the run as it is with"
+                " --any-clock"
             )
 
 

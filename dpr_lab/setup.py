@@ -1,5 +1,7 @@
 """What is known of a run besides its readings: what hung on the rig, and what drove it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +64,7 @@ class Setup:
     """What hung on the rig during a run, and what drove it."""
 
     mounting: Mounting = "both"
+    """What swings: both rods, the inner or outer one alone, or both with the elbow clamped."""
     added: AddedMass | None = None
     """The known mass that was clamped on."""
     elbow: float = 0.0

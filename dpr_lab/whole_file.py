@@ -1,10 +1,38 @@
-"""Files that are written whole or not at all, with an error that an operator can act on."""
+"""Files that are read only where they are regular, and written whole or not at all."""
 
+import stat
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 from dpr_lab.errors import DprError
+
+SPECIAL = {
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+"""What a reader would wait for, by the kind of its file."""
+
+
+def regular(path: Path, error: type[DprError] = DprError) -> Path:
+    """Give back a path that can be opened without waiting: a regular file, a folder, or nothing yet.
+
+    Args:
+        path: of an input
+        error: what is raised
+
+    Raises:
+        DprError: a pipe, a socket or a device, whose content may never come or end.
+    """
+    try:
+        kind = SPECIAL.get(stat.S_IFMT(path.stat().st_mode))
+    except OSError:  # nothing there, or not to be looked at: whoever opens it says so
+        return path
+    if kind is not None:
+        raise error(f"{path}: is {kind}, not a file: save what it delivers in a file first")
+    return path
 
 
 def write_whole(path: Path, write: Callable[[Path], object], error: type[DprError] = DprError) -> None:

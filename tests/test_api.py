@@ -1,5 +1,6 @@
 """What `import dpr_lab as dpr` offers, and how results show themselves."""
 
+import inspect
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 
 import dpr_lab as dpr
 from dpr_lab.effects import EFFECTS
-from dpr_lab.run import Run
+from dpr_lab.run import Run, as_runs
 
 FRICTION = "coulomb_joint2"
 
@@ -20,7 +21,7 @@ FRICTION = "coulomb_joint2"
 def test_every_public_name_is_there_with_a_docstring() -> None:
     for name in dpr.__all__:
         assert getattr(dpr, name).__doc__, name
-    assert set(dpr.__all__) <= set(dir(dpr))
+    assert set(dir(dpr)) == {"__doc__", "__version__", *dpr.__all__}
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = dpr.nothing
 
@@ -98,3 +99,36 @@ def test_plots_are_figures(results, found) -> None:
         dpr.plot_horizon(found),
     ]
     assert all(isinstance(figure, Figure) for figure in figures)
+
+
+@pytest.mark.parametrize("name", [name for name in dpr.__all__ if name[0].islower()])
+def test_help_shows_plain_types(name: str) -> None:
+    signature = str(inspect.signature(getattr(dpr, name)))
+    assert "numpy.ndarray[tuple" not in signature
+    assert "Annotated" not in signature
+    assert "<function" not in signature
+    assert len(signature) < 700
+
+
+def test_help_of_identify_names_run_and_rig() -> None:
+    parameters = inspect.signature(dpr.identify).parameters
+    assert parameters["runs"].annotation == "Run | Sequence[Run]"
+    assert parameters["rig"].annotation == "Rig"
+
+
+def test_one_run_counts_as_a_sequence_of_one(runs: list[Run]) -> None:
+    rig = dpr.load_rig("paper")
+    alone, listed = dpr.identifiability(runs[0], rig), dpr.identifiability(runs[:1], rig)
+    assert alone.to_json() == listed.to_json()
+    assert as_runs(runs[0]) == (runs[0],)
+    assert as_runs(runs) == tuple(runs)
+
+
+@pytest.mark.slow
+def test_one_run_is_identified_and_diagnosed_without_a_list(runs: list[Run]) -> None:
+    rig = dpr.load_rig("paper")
+    model = dpr.identify(runs[0], rig, seed=0)
+    assert [used.file for used in model.runs] == [str(runs[0].file or runs[0].name)]
+    found = dpr.diagnose(runs[0], rig, library={FRICTION: EFFECTS[FRICTION]})
+    assert found.basis == "one release"
+    assert isinstance(dpr.plot_response(dpr.compare(runs[0], rig, model)), Figure)

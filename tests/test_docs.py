@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dpr_lab.gap.result.certificate import load_certificate
+from dpr_lab.certificate.document import load_certificate
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -391,7 +391,7 @@ def test_a_kind_of_file_to_import_is_a_file_and_a_row(copy: Copy) -> None:
         from dpr_lab.rig import load_rig
         from dpr_lab.storage.csv_import import ImportOptions
         from dpr_lab.storage.tables.preview import preview
-        lines = [f"{k / 100} 3.0 {3 + k / 100}"[::-1] for k in range(50)]
+        lines = [f"{k / 100} {3 + k / 200} {3 + k / 100}"[::-1] for k in range(50)]
         (file := Path("a.rev")).write_text("\\n".join(["REVERSED", *lines]))
         found = preview(file, load_rig("paper"), ImportOptions())
         print(found.kind, found.samples, found.rate_hz, found.theta[-1, 2])

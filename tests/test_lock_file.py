@@ -23,6 +23,7 @@ def test_the_lock_file_covers_the_project() -> None:
         *extras["hdf5"],
         *extras["ros2"],
         *extras["cluster"],
+        *extras["signing"],
         *extras["dev"],
     ]
     missing = {name(requirement) for requirement in wanted} - {name(line) for line in pinned} - {"dpr-lab"}

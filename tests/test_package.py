@@ -11,8 +11,10 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.version import __version__
+from tests.installed_sizes import added_mb, extras, requirements, sizes_mb
 
 ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -77,3 +79,41 @@ def test_what_an_index_shows_of_the_package_links_to_nothing_it_has_not(built: P
         shown = archive.read(name).decode()
     assert "dpr-lab tui" in shown
     assert re.findall(r"\]\((?!https?:)", shown) == []
+
+
+def commands_of(target: str, venv: Path) -> str:
+    """What make would run for a target, with the environment in a folder."""
+    command = ["make", "--dry-run", target, f"VENV={venv}"]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+
+
+def test_the_demo_installs_the_package_alone_and_the_tests_what_they_need(tmp_path: Path) -> None:
+    demo, tests = (commands_of(target, tmp_path / "venv") for target in ("demo", "test"))
+    assert "--editable ." in demo
+    assert "[dev]" not in demo
+    assert ".dev" not in demo
+    assert "--editable '.[dev]'" in tests
+    for target in ("check", "docs", "bench", "fuzz", "format"):
+        assert "--editable '.[dev]'" in commands_of(target, tmp_path / "venv"), target
+
+
+def test_the_tests_upgrade_the_environment_of_the_demo_and_nothing_is_installed_twice(tmp_path: Path) -> None:
+    (tmp_path / ".core").touch()
+    assert "pip" not in commands_of("demo", tmp_path)
+    tests = commands_of("test", tmp_path)
+    assert "-m venv" not in tests
+    assert "--editable '.[dev]'" in tests
+    (tmp_path / ".dev").touch()
+    assert "pip" not in commands_of("test", tmp_path)
+
+
+@pytest.mark.long
+def test_the_readme_says_what_is_installed() -> None:
+    """Within a tenth, or 5 MB: libraries grow from version to version."""
+    told = {name: float(size) for name, size in re.findall(r"^\| `(\w+)` \|.*\| (\d+) \|$", README, flags=re.MULTILINE)}
+    (core,) = re.findall(r"The package and the libraries that it needs are (\d+) MB", README)
+    measured = {name: sum(added_mb(name).values()) for name in extras() if name in told}
+    assert set(extras()) - set(told) <= {"fuzz"}
+    assert float(core) == pytest.approx(sum(sizes_mb(requirements()).values()), rel=0.1)
+    for name, size in told.items():
+        assert size == pytest.approx(measured[name], rel=0.1, abs=5), name

@@ -9,12 +9,30 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.rig import PARAMETERS, load_rig
 from dpr_lab.tui.app import STEPS, DprApp
 from dpr_lab.tui.keys import load_keymap
+from sim_device.plant.config import load_plant
 from tests.pages import FOLLOWED, NOT_COMMANDS, PAGES, READ, RECORD, ROOT, STAND_INS, blocks, follow, name, to_follow
 
-QUICK = ("docs/reference/python.md", "docs/rig-file.md", "docs/tutorials/your-hardware.md")
+QUICK = (
+    "docs/reference/python.md",
+    "docs/rig-file.md",
+    "docs/tutorials/your-hardware.md",
+    "docs/tutorials/your-table.md",
+)
 """Pages that take seconds; the others record and diagnose for minutes."""
+
+VERDICTS = {
+    "README.md": {"diagnosis/diagnosis.json": {}},
+    "docs/tutorials/simulated-rig.md": {"diagnosis/diagnosis.json": {}},
+    "docs/tutorials/your-table.md": {"diagnosis/diagnosis.json": {"coulomb_joint2": ("torque_Nm", 0.9e-3)}},
+}
+"""By page and file: the effects of the plant that was recorded, and the true size of one parameter of each."""
+
+IDENTIFIED = {"README.md": "model.json", "docs/tutorials/simulated-rig.md": "model.json"}
+"""By page: a model that was identified from releases of the simulated rig `paper`."""
 
 AROUND = """
 #include "device.h"
@@ -73,6 +91,15 @@ READERS: dict[str, Callable[[Path], object]] = {
 }
 
 
+def check_ratios(file: Path) -> None:
+    """Compare the ratios of an identified model with those of the simulated rig that was recorded."""
+    model, rig, plant = json.loads(file.read_text(encoding="utf-8")), load_rig("paper"), load_plant("paper", 1)
+    truth = ratios(base_parameters([plant.parameters[name] for name in PARAMETERS], rig.L1, rig.g))
+    for ratio, value in zip(RATIOS, truth.tolist(), strict=True):
+        estimate = model["ratios"][ratio]
+        assert abs(estimate["value"] - value) < 5 * estimate["std"], ratio
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize(
@@ -82,3 +109,13 @@ def test_a_page_can_be_followed(page: str, tmp_path: Path) -> None:
     if page == "docs/worked-example.md" and not RECORD.is_file():
         pytest.skip(f"no real record at {RECORD}")
     follow(ROOT / page, tmp_path, patience_s=3000)
+    if page in IDENTIFIED:
+        check_ratios(tmp_path / IDENTIFIED[page])
+    for file, truth in VERDICTS.get(page, {}).items():
+        diagnosis = json.loads((tmp_path / file).read_text(encoding="utf-8"))
+        named = {one["name"]: one for one in diagnosis["effects"]}
+        assert named.keys() == truth.keys(), diagnosis["sentence"]
+        for effect, (parameter, value) in truth.items():
+            lower, upper = named[effect]["parameters"][parameter]["interval90"]
+            assert named[effect]["probability"] > 0.9, diagnosis["sentence"]
+            assert lower - (upper - lower) < value < upper + (upper - lower), diagnosis["sentence"]

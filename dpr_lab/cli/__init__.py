@@ -39,7 +39,7 @@ def main() -> None:
         sys.unraisablehook = _say_unraisable
         from dpr_lab.cli.app import app
 
-        _run(app)
+        _run(lambda: app(prog_name="dpr-lab"))
     except DprError as error:
         _end(str(error), error.exit_code)
     except KeyboardInterrupt as stopped:

@@ -1,15 +1,18 @@
 """`dpr-lab certify` and `dpr-lab verify`: a diagnosis that others can check."""
 
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import HeldOut, Library, RigName, names_in
+from dpr_lab.cli.checks import AnyClock, HeldOut, Library, MaxEffects, RigName, TorqueKind, Without, names_in
 from dpr_lab.cli.console import emit, json_mode, line, table
 
 if TYPE_CHECKING:
-    from dpr_lab.gap.result.certificate import Verified
+    from dpr_lab.certificate.lines import Declared, Verified
+    from dpr_lab.workflows.certify import Certified, VerifiedCertificate
 
 
 def certify(
@@ -17,11 +20,24 @@ def certify(
     rig: RigName,
     held_out: HeldOut = None,
     library: Library = None,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
+    without: Without = None,
+    max_effects: MaxEffects = 4,
+    seed: Annotated[int, typer.Option(min=0, max=(1 << 63) - 1, help="Same seed, same answer.")] = 0,
+    any_clock: AnyClock = False,
+    torque: TorqueKind = None,
+    sign: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="KEY",
+            help="Sign with this Ed25519 private key (extra `signing`); ssh-keygen -t ed25519 makes one.",
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="The certificate.")] = Path("certificate.json"),
     as_json: Annotated[bool, typer.Option("--json", help="The certificate on stdout too.")] = False,
 ) -> None:
-    """Diagnose runs and write a certificate: hashes of recordings, rig and code, and every claim with its tolerance.
+    """Diagnose runs and write a certificate: hashes of recordings, rig and code, choices, and every claim.
+
+    `dpr-lab verify` repeats the diagnosis and compares each claim. docs/certificates.md says what that proves.
 
     Example: dpr-lab certify runs/*.mcap --rig paper --out certificate.json
     """
@@ -30,51 +46,118 @@ def certify(
     from dpr_lab.workflows.certify import certify as certify_runs
     from dpr_lab.workflows.diagnose import DiagnoseRequest
 
-    request = DiagnoseRequest(tuple(runs), rig, tuple(held_out or ()), library=names_in(library), seed=seed)
-    with Listener() as listener:
-        made = certify_runs(request, out, listener)
-    if as_json:
-        emit(made.model_dump(by_alias=True))
-        return
-    table(
-        "Certified",
-        ["claim", "value", "within"],
-        [[k, _said(c.value), _said(c.within)] for k, c in made.claims.items()],
+    request = DiagnoseRequest(
+        tuple(runs),
+        rig,
+        tuple(held_out or ()),
+        library=names_in(library),
+        without=tuple(without or ()),
+        max_effects=max_effects,
+        seed=seed,
+        any_clock=any_clock,
+        torque=torque,
     )
+    with Listener() as listener:
+        made = certify_runs(request, out, listener, sign, _ask_passphrase if sys.stdin.isatty() else None)
+    if as_json:
+        emit(made.certificate.model_dump(mode="json"))
+        return
+    _show_certified(made)
     line(f"certificate: {out}")
+
+
+def _ask_passphrase() -> str:
+    return typer.prompt("Passphrase of the key", hide_input=True, err=True)
+
+
+def _show_certified(made: "Certified") -> None:
+    _show_declared("Choices", made.choices)
+    _show_declared("Origin", made.origin)
+    rows = [
+        [name, _cell(required.claim.value), _interval(required.claim.interval90), _tolerance(required.within)]
+        for name, required in made.claims.items()
+    ]
+    table("Certified", ["claim", "value", "90 % interval", "tolerance"], rows)
 
 
 def verify(
     certificate: Annotated[Path, typer.Argument(help="A certificate, its recordings where it says.")],
+    signed_by: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PUBKEY",
+            help="Fail unless this Ed25519 public key signed it (extra `signing`).",
+        ),
+    ] = None,
+    same_code: Annotated[
+        bool, typer.Option("--same-code", help="Fail unless code and libraries are those of the certificate.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Make a certified diagnosis again and say which claims hold; ends with 1 where one does not.
+    """Repeat a certified diagnosis and compare every claim; ends with 1 where one does not hold.
+
+    The claims and their tolerances are rules of this program, not of the file. What the certificate declares and no
+    repetition can confirm (choices, code, origin) is shown first.
 
     Example: dpr-lab verify certificate.json
     """
     json_mode(as_json)
-    from dataclasses import asdict
-
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.certify import verify as verify_certificate
 
     with Listener() as listener:
-        lines = verify_certificate(certificate, listener)
-    holds = all(item.holds for item in lines)
+        done = verify_certificate(certificate, listener, signed_by, same_code=same_code)
     if as_json:
-        emit({"schema": 1, "holds": holds, "claims": [asdict(item) for item in lines]})
+        from dataclasses import asdict
+
+        emit({"schema": 2, "holds": done.holds, **asdict(done)})
     else:
-        rows = [[i.claim, _said(i.certified), _said(i.found), _held(i)] for i in lines]
-        table("Verified", ["claim", "certified", "now", ""], rows)
-        broken = [item.claim for item in lines if not item.holds]
-        line("Every claim holds." if holds else f"Does not hold: {', '.join(broken)}.")
-    if not holds:
+        _show_verified(done)
+    if not done.holds:
         raise typer.Exit(1)
 
 
-def _held(item: "Verified") -> str:
-    return ": ".join(filter(None, ("holds" if item.holds else "", item.reason)))
+def _show_verified(done: "VerifiedCertificate") -> None:
+    _show_declared("Choices: not verified, judge them", done.choices)
+    _show_declared("Origin: declared by the certificate", done.origin)
+    files = [[each.claim, _cell(each.certified), _cell(each.now), _held(each)] for each in done.lines if _is_file(each)]
+    table("Files and signature", ["what", "certified", "now", "result"], files)
+    claims = [
+        [each.claim, _cell(each.certified), _cell(each.now), _tolerance(each.within), _held(each)]
+        for each in done.lines
+        if not _is_file(each)
+    ]
+    if claims:
+        table("Claims", ["claim", "certified", "now", "tolerance", "result"], claims)
+    broken = [each.claim for each in done.lines if not each.holds]
+    if broken:
+        line(f"Does not hold: {', '.join(broken)}.")
+        return
+    departures = [choice.name for choice in done.choices if choice.note]
+    line("Every claim holds under the choices above." if departures else "Every claim holds under the default choices.")
+    if departures:
+        line(f"Not the default: {', '.join(departures)}.")
 
 
-def _said(value: Any) -> str:
+def _show_declared(title: str, declared: "Sequence[Declared]") -> None:
+    table(title, ["what", "value", "note"], [[each.name, each.value, each.note] for each in declared])
+
+
+def _is_file(checked: "Verified") -> bool:
+    return checked.within is None
+
+
+def _held(checked: "Verified") -> str:
+    return ": ".join(filter(None, ("holds" if checked.holds else "FAILS", checked.reason)))
+
+
+def _interval(ends: tuple[float, float] | None) -> str:
+    return "" if ends is None else f"{ends[0]:.5g} to {ends[1]:.5g}"
+
+
+def _tolerance(within: float | None) -> str:
+    return f"{within:.2g}" if within else "equal"
+
+
+def _cell(value: Any) -> str:
     return "" if value is None else (f"{value:.5g}" if isinstance(value, float) else str(value))

@@ -1,31 +1,45 @@
-"""`dpr-lab check`: the result of an advised check is taken back."""
+"""`dpr-lab check`: record the result of a recommended check."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import TorqueKind, complete_rig, positive
+from dpr_lab.cli.checks import TorqueKind, complete_rig
 from dpr_lab.cli.console import emit, json_mode, line, table
+
+if TYPE_CHECKING:
+    from dpr_lab.gap.result.diagnosis import Diagnosis
 
 
 def check(
-    diagnosis: Annotated[Path, typer.Argument(help="What diagnose --json printed.")],
-    check_id: Annotated[str, typer.Argument(metavar="ID", help="Id of the check that was done.")],
-    runs: Annotated[list[Path] | None, typer.Argument(help="The recording that it asked for (.mcap).")] = None,
-    value: Annotated[float | None, typer.Option(help="What was measured, in the unit that the check names.")] = None,
-    std: Annotated[float | None, typer.Option(callback=positive, help="Its standard uncertainty.")] = None,
+    diagnosis: Annotated[Path, typer.Argument(help="diagnosis.json of `diagnose --out`, or output of `--json`.")],
+    check_id: Annotated[str, typer.Argument(metavar="ID", help="Id of the check; `diagnose` lists them.")],
+    runs: Annotated[list[Path] | None, typer.Argument(help="For a recording: its run files (.mcap).")] = None,
+    value: Annotated[
+        str | None,
+        typer.Option(help="For a measurement: the value with its unit, such as '6.1 mN m', '0.5 %' or '3 mrad'."),
+    ] = None,
+    std: Annotated[
+        str | None, typer.Option(help="Its standard uncertainty; without a unit it is in the unit of the value.")
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Take a value that none of the candidate causes predicts.")
+    ] = False,
     rig: Annotated[
         str | None,
-        typer.Option(help="Rig file; the one stored with the run when left out.", autocompletion=complete_rig),
+        typer.Option(help="Rig file; by default the one stored with the run.", autocompletion=complete_rig),
     ] = None,
     torque: TorqueKind = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the new diagnosis.json and its page.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the new diagnosis.json and its report.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The new diagnosis as JSON on stdout.")] = False,
 ) -> None:
-    """Take the result of an advised check back: probabilities move, and a new diagnosis names its parent.
+    """Record the result of a recommended check and update the probabilities of the causes.
 
-    Example: dpr-lab check diagnosis/diagnosis.json 1-3fa2 --value 0.0021 --std 0.0002 --out checked
+    The result is a measured value, or one or more runs. A value that none of the candidate causes predicts is refused
+    until it is confirmed with --force; it then speaks for a cause outside the candidates.
+
+    Example: dpr-lab check diagnosis/diagnosis.json 1-3fa2 --value '2.1 mN m' --std '0.2 mN m' --out checked
     """
     json_mode(as_json)
     if (value is None) != (std is None):
@@ -36,16 +50,24 @@ def check(
     from dpr_lab.workflows.check import CheckRequest, take_check
 
     with Listener() as listener:
-        request = CheckRequest(diagnosis, check_id, tuple(runs or ()), value, std, rig, out, torque)
-        found = take_check(request, listener)
+        request = CheckRequest(diagnosis, check_id, tuple(runs or ()), value, std, rig, out, torque, confirmed=force)
+        updated = take_check(request, listener)
     if as_json:
-        emit(found.to_json())
-        return
+        emit(updated.to_json())
+    else:
+        show(updated, out)
+
+
+def show(updated: "Diagnosis", out: Path | None) -> None:
+    """The last check on stdout: the conclusion first, then the probabilities before and after."""
     from dpr_lab.report.gap import tables
     from dpr_lab.workflows.diagnose import RECORD
 
-    done = found.checks_done[-1]
-    line(tables.sentence(found))
-    table(f"Check {done.check.id}: {done.result}", tables.MOVED_COLUMNS, tables.moved_rows(done))
+    done = updated.checks_done[-1]
+    line(tables.sentence(updated))
+    title = f"Check {done.check.id}: {done.result}"
+    table(title, tables.MOVED_COLUMNS, tables.moved_rows(done), note=tables.MOVED_NOTE)
+    if updated.checks:
+        table("Remaining checks", tables.CHECK_COLUMNS, tables.check_rows(updated), note=tables.CHECK_NOTE)
     if out:
         line(f"diagnosis: {out / RECORD}")

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import typer
 
 from dpr_lab.cli.console import folded
+from dpr_lab.errors import known_name, unknown_name
 
 
 def positive(value: float | None) -> float | None:
@@ -39,30 +40,40 @@ class Choices:
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in found]
 
     def check(self, value: str | None) -> str | None:
-        """A callback of an option.
+        """A callback of an option: names with commas between, each a name or its words; returns names.
 
         Raises:
-            BadParameter: a name that there is not.
+            BadParameter: an unknown name.
         """
-        self._refuse([] if value is None else value.split(","))
-        return value
+        return None if value is None else ",".join(map(self._known, self._split(value)))
 
     def check_each(self, value: list[str] | None) -> list[str] | None:
-        """A callback of an option that may be given again.
+        """A callback of an option that may be given again; each value is a name or its words; returns names.
 
         Raises:
-            BadParameter: a name that there is not.
+            BadParameter: an unknown name.
         """
-        self._refuse(value or [])
-        return value
+        return None if value is None else [self._known(name) for name in value]
 
-    def _refuse(self, given: Iterable[str]) -> None:
-        known = list(self.names())
-        unknown = [name for name in map(str.strip, given) if name not in known]
-        if unknown:
-            named = ", ".join(name or "''" for name in unknown)
-            said = f"no {self.what} named {named}; there are: {'; '.join(map(self.worded, known))}"
-            raise typer.BadParameter(folded(said, sys.stderr, len("Error: Invalid value for '--objective': ")))
+    def _split(self, value: str) -> list[str]:
+        """Names with commas between, some of whose words have commas themselves."""
+        parts: list[str] = []
+        for part in value.split(","):
+            whole = f"{parts[-1]},{part}" if parts else ""
+            if whole and known_name(whole, self.names(), self.worded):
+                parts[-1] = whole
+            else:
+                parts.append(part)
+        return parts
+
+    def _known(self, given: str) -> str:
+        name = known_name(given, self.names(), self.worded)
+        if name is None:
+            message = unknown_name(
+                f"no {self.what} named {given.strip() or repr(given)}", given, self.names(), self.worded
+            )
+            raise typer.BadParameter(folded(message, sys.stderr, len("Error: Invalid value for '--objective': ")))
+        return name
 
 
 def names_in(given: str | None) -> tuple[str, ...] | None:
@@ -147,11 +158,20 @@ RigName = Annotated[str, typer.Option(help="Rig file, or the name of a built-in 
 Library = Annotated[
     str | None,
     typer.Option(
-        help="Effects to choose from, by comma; all by default. A name that is none lists them with their words.",
+        help="Effects to choose from, by comma, by name or words; all by default. Tab completes; docs/effects.md.",
         callback=EFFECT_NAMES.check,
         autocompletion=EFFECT_NAMES.complete,
     ),
 ]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Effect to leave out, by name or words; may be given again.",
+        callback=EFFECT_NAMES.check_each,
+        autocompletion=EFFECT_NAMES.complete,
+    ),
+]
+MaxEffects = Annotated[int, typer.Option(min=1, max=8, help="Maximum number of effects at once.")]
 HeldOut = Annotated[
     list[Path] | None, typer.Option(help="Run that names must carry over to, not fitted; may be given again.")
 ]

@@ -13,8 +13,12 @@ if TYPE_CHECKING:
 
 def demo(
     out: Annotated[
-        Path, typer.Option(help="Folder of runs, model and report; each demo's trial gets a folder of its own in it.")
-    ] = Path("out/demo"),
+        Path | None,
+        typer.Option(help="Folder of the results; out/demo, or sample with --table, when left out."),
+    ] = None,
+    sample: Annotated[
+        bool, typer.Option("--table", help="Write three sample tables (CSV) and their rig file instead.")
+    ] = False,
     seed: Annotated[
         int | None,
         typer.Option(min=0, help="Same seed, same demo; when left out, fresh chance draws the plant of the trial."),
@@ -27,19 +31,37 @@ def demo(
     The simulated device is another process with a plant of its own; its true values are asked for only when
     everything else is done. The first demo on a computer compiles the kernels, which takes a minute or two.
 
+    With --table: write three recorded releases as CSV tables and their rig file, to practise on (see the tutorial
+    docs/tutorials/your-table.md). Nothing is simulated or diagnosed then.
+
     Example: dpr-lab demo --out out/demo
     """
     json_mode(as_json)
+    if sample:
+        _write_tables(out or Path("sample"), as_json)
+        return
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.demo import DemoRequest
     from dpr_lab.workflows.demo import demo as run_demo
 
     with Listener() as listener:
-        done = run_demo(DemoRequest(out, seed, realtime=realtime), listener)
+        done = run_demo(DemoRequest(out or Path("out/demo"), seed, realtime=realtime), listener)
     if as_json:
         emit(_record(done))
     else:
         _show(done)
+
+
+def _write_tables(out: Path, as_json: bool) -> None:
+    from dpr_lab.workflows.sample_tables import write_sample_tables
+
+    rig, *tables = write_sample_tables(out)
+    if as_json:
+        emit({"rig": str(rig), "tables": [str(file) for file in tables]})
+        return
+    for file in (rig, *tables):
+        line(file)
+    line(f"Next: dpr-lab import table {tables[-1]} --rig {rig} --dry-run")
 
 
 def _record(done: "DemoResult") -> dict[str, Any]:

@@ -5,7 +5,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import EFFECT_NAMES, REASON_NAMES, AnyClock, HeldOut, Library, RigName, TorqueKind, names_in
+from dpr_lab.cli.checks import (
+    REASON_NAMES,
+    AnyClock,
+    HeldOut,
+    Library,
+    MaxEffects,
+    RigName,
+    TorqueKind,
+    Without,
+    names_in,
+)
 from dpr_lab.cli.console import emit, json_mode, line, say, table
 
 if TYPE_CHECKING:
@@ -18,15 +28,8 @@ def diagnose(
     model: Annotated[Path | None, typer.Option(help="A model that `identify` wrote, to start from.")] = None,
     held_out: HeldOut = None,
     library: Library = None,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Effect to leave out; may be given again.",
-            callback=EFFECT_NAMES.check_each,
-            autocompletion=EFFECT_NAMES.complete,
-        ),
-    ] = None,
-    max_effects: Annotated[int, typer.Option(min=1, max=8, help="At most so many effects at once.")] = 4,
+    without: Without = None,
+    max_effects: MaxEffects = 4,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder of report, figures, corrected model and exports.")] = None,
     any_clock: AnyClock = False,
@@ -34,7 +37,8 @@ def diagnose(
     fail_on: Annotated[
         str | None,
         typer.Option(
-            help="End with 1 on any of these, by comma: gap, unexplained, unsure, sensor.",
+            help="End with 1 on any of these, by comma: gap, unexplained, unsure, sensor. Recordings that cannot show a"
+            " gap, or are probably described wrongly, always end with 1.",
             callback=REASON_NAMES.check,
             autocompletion=REASON_NAMES.complete,
         ),
@@ -85,6 +89,7 @@ def show(found: "Diagnosis") -> None:
     """The diagnosis on stdout: the verdict first."""
     from dpr_lab.report.gap import tables
     from dpr_lab.report.gap.sections.trust import trust_words
+    from dpr_lab.report.gap.sizes import scale_note
     from dpr_lab.report.words import in_words
 
     line(tables.sentence(found))
@@ -92,7 +97,12 @@ def show(found: "Diagnosis") -> None:
         line(in_words(remedy))
     line(in_words(found.where_sentence))
     if found.effects:
-        table("Which effects", tables.EFFECT_COLUMNS, tables.effect_rows(found), note=tables.EFFECT_NOTE)
+        table(
+            "Which effects",
+            tables.EFFECT_COLUMNS,
+            tables.effect_rows(found),
+            note=f"{tables.EFFECT_NOTE} {scale_note(found)}".strip(),
+        )
     if len(found.effects) > 1:
         table("One effect after the other", tables.STEP_COLUMNS, tables.step_rows(found), note=tables.STEP_NOTE)
     if rows := tables.standing_rows(found):

@@ -30,7 +30,7 @@ def drift(
     torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Say which parameters of a rig moved between groups of runs, by how much and after which group.
+    """Say which parameters of a rig moved between groups of runs, by how much and between which groups.
 
     Example: dpr-lab drift runs/*.mcap --rig paper --by day --fail-on-drift --out drift
     """

@@ -52,7 +52,7 @@ def export(
 
 
 def _show(done: "ExportResult") -> None:
-    from dpr_lab.report.words import in_words
+    from dpr_lab.report.words import in_words, scaled_unit
 
     if done.lab is not None and done.bare_rad is not None:
         rows = [["the lab's own simulation", f"{1e3 * done.lab.off_rad:.3g}", f"{100 * done.lab.closed:.0f} %"]]
@@ -68,6 +68,7 @@ def _show(done: "ExportResult") -> None:
             line(f"{name}: without {in_words(effect)}: {reason}")
         if name in done.instead:
             line(f"{name}: fitted again with {in_words(', '.join(done.instead[name])) or 'no effect'} instead")
+    line(scaled_unit(done.scale_sentence))
     for sentence in done.refused.values():
         say(sentence)
     for name, path in done.files.items():

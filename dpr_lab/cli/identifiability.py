@@ -43,8 +43,9 @@ def identifiability(
 
 
 def show(found: "Identifiability") -> None:
-    """The findings as tables and sentences on stdout, at most 80 columns wide."""
+    """Print the findings as tables and sentences: as wide as the terminal, or 160 columns in a pipe."""
     from dpr_lab.identification.directions import described
+    from dpr_lab.identification.identifiability import CRAMER_RAO_NOTE
     from dpr_lab.report.digits import plus_minus
     from dpr_lab.shown import FIXED_BY
 
@@ -59,12 +60,19 @@ def show(found: "Identifiability") -> None:
             else (name, f"{value:.3g}", "not seen")
             for (name, value), std in zip(found.unknowns.items(), found.cramer_rao_std.values(), strict=True)
         ],
+        note=CRAMER_RAO_NOTE,
     )
     table(
         "Nine parameters, and what fixes each",
-        ("parameter", "value ± std", "fixed by", "measured values that help"),
+        ("parameter", "value ± std", "90 % interval", "fixed by", "measured values that help"),
         [
-            (name, plus_minus(p.value, p.std), FIXED_BY[p.fixed_by], ", ".join(_helping(found, name)))
+            (
+                name,
+                plus_minus(p.value, p.std),
+                "" if p.interval90 is None else " to ".join(f"{end:.3g}" for end in p.interval90),
+                FIXED_BY[p.fixed_by],
+                ", ".join(_helping(found, name)),
+            )
             for name, p in found.parameters.items()
         ],
     )
@@ -97,8 +105,16 @@ def _show_advice(found: "Identifiability") -> None:
         _print("All nine are fixed; a further measurement only makes them more exact.")
     table(
         "One more measurement on the bench",
-        ("measurement", "fixes", "gain (bits)"),
-        [(advice.name, ", ".join(advice.frees), f"{advice.gain_bits:z.1f}") for advice in found.advice],
+        ("measurement", "reads", "fixes", "gain (bits)"),
+        [
+            (
+                advice.name,
+                f"{advice.quantity.symbol}, {advice.quantity.unit}",
+                ", ".join(advice.frees),
+                f"{advice.gain_bits:z.1f}",
+            )
+            for advice in found.advice
+        ],
     )
     if found.advice:
         _print(found.advice[0].sentence)

@@ -76,7 +76,7 @@ def show(model: "Model") -> None:
         "Five ratios: all that a free swing fixes",
         tables.RATIO_COLUMNS,
         tables.ratio_rows(model),
-        note=tables.RATIO_NOTE,
+        note=tables.ratio_note(model),
     )
     if absolute := tables.base_rows(model):
         table("Base parameters: these runs show their scale too", tables.BASE_COLUMNS, absolute)
@@ -85,6 +85,6 @@ def show(model: "Model") -> None:
         rows = [(name, *("none" if end is None else f"{end:.7g}" for end in ends)) for name, ends in profiled]
         table("90 % intervals by profile likelihood", ("ratio", "from", "to"), rows)
     nine = tables.parameter_rows(model)
-    table("Nine parameters, and what fixed each", tables.PARAMETER_COLUMNS, nine, note=tables.PARAMETER_NOTE)
+    table("Nine parameters, and what fixed each", tables.PARAMETER_COLUMNS, nine, note=tables.parameter_note(model))
     for warning in model.warnings:
         say(f"warning: {warning}")

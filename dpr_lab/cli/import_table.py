@@ -1,6 +1,7 @@
 """`dpr-lab import table`: a recording of any logger becomes a run."""
 
 import math
+import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -27,7 +28,9 @@ def _group() -> None:
 
 
 def import_table(
-    file: Annotated[Path, typer.Argument(help="A table, .mat, .npz, .h5, .parquet, .mcap, or the folder of a bag.")],
+    file: Annotated[
+        Path, typer.Argument(help="A table, .csv.gz, .mat, .npz, .h5, .parquet, .mcap, or a bag's folder.")
+    ],
     rig: RigName,
     pose: Annotated[str | None, typer.Option(help="The rig's pose that the swing started from.")] = None,
     angles: Annotated[
@@ -50,6 +53,10 @@ def import_table(
     wrap: Annotated[
         float | None, typer.Option(callback=positive, help="Where the logger wraps, in its unit, e.g. 360 or 4096.")
     ] = None,
+    time_wrap: Annotated[
+        float | None,
+        typer.Option(callback=positive, help="Where the times wrap, in their unit: 4294967296 for a 32-bit counter."),
+    ] = None,
     scale: Annotated[str | None, typer.Option(help="Multiply the angles: -1, or theta1=-1,theta2=0.5.")] = None,
     offset: Annotated[str | None, typer.Option(help="Then add, in their unit: 90, or theta1=90.")] = None,
     torque: Annotated[
@@ -64,6 +71,13 @@ def import_table(
     ] = "clamped",
     rods: Rods = None,
     elbow: Elbow = None,
+    keep_rest: Annotated[
+        bool, typer.Option("--keep-rest", help="Take all rows, even where the rods seem to be held.")
+    ] = False,
+    recorded_at: Annotated[
+        str, typer.Option(help="When it was recorded, e.g. 2026-03-01 or 2026-03-01T14:30; local time without a zone.")
+    ] = "",
+    note: Annotated[str, typer.Option(help="Your own words, kept with the run; drift --by label reads them.")] = "",
     start_s: Annotated[float, typer.Option(min=0, help="Leave out so much of the beginning.")] = 0.0,
     duration_s: Annotated[float | None, typer.Option(callback=positive, help="Keep only so much.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what was understood, write nothing.")] = False,
@@ -77,6 +91,7 @@ def import_table(
     Example: dpr-lab import table swing.mat --rig paper --pose X1 --angles relative --zero hanging --dry-run
     """
     json_mode(as_json)
+    from dpr_lab.cli.listener import Listener
     from dpr_lab.storage.csv_import import ImportOptions
     from dpr_lab.workflows.import_table import ImportRequest, import_table, preview_table
 
@@ -89,10 +104,14 @@ def import_table(
         take=names_in(take) or (),
         rate_hz=rate_hz,
         wrap=wrap,
+        time_wrap=time_wrap,
         scale=_numbers("scale", scale),
         offset=_numbers("offset", offset),
         start_s=start_s,
         duration_s=duration_s,
+        keep_rest=keep_rest,
+        recorded_at=_date(recorded_at),
+        note=note,
         pose=pose,
         torque=torque,
         input_delay_s=input_delay_s,
@@ -100,14 +119,19 @@ def import_table(
     )
     request = ImportRequest(file, rig, out, options, rods, elbow)
     if dry_run:
-        _show(preview_table(request), as_json)
+        with Listener() as listener:
+            understood = preview_table(request, listener)
+        _show(understood, as_json)
         return
-    imported = import_table(request)
+    with Listener() as listener:
+        imported = import_table(request, listener)
     if as_json:
         emit(asdict(imported.info))
         return
-    for note in imported.info.notes:
-        say(note)
+    for remark in imported.notes:
+        say(remark)
+    for question in imported.questions:
+        say(f"warning: {question.sentence}")
     line(f"{imported.file}: {imported.info.samples} samples, {imported.info.duration_s:.3f} s")
 
 
@@ -119,7 +143,7 @@ import_app.command("csv", help="The same as `import table`. Example: dpr-lab imp
 
 def _show(understood: "Preview", as_json: bool) -> None:
     """What was understood of a table; nothing was written."""
-    from dpr_lab.report.text_plot import text_plot
+    from dpr_lab.report.text_plot import text_chart
 
     if as_json:
         emit(understood.to_json())
@@ -132,11 +156,24 @@ def _show(understood: "Preview", as_json: bool) -> None:
     rows = [[f"{value:.6f}" for value in row] for row in understood.first_rows()]
     table("First rows (rad; 0 upright)", ("t_s", *AXES), rows)
     for axis in (1, 2):
-        line(f"{AXES[axis]} over {understood.duration_s:.4g} s")
-        for drawn in text_plot(understood.t, understood.theta[:, axis]):
+        line(f"{AXES[axis]}, 0 = upright")
+        for drawn in text_chart(understood.t, understood.theta[:, axis]):
             line(drawn)
     for note in understood.notes:
         say(note)
+    for question in understood.questions:
+        say(f"warning: {question.sentence}")
+    if understood.mend:
+        say(f"add to the command: {shlex.join(understood.mend)}")
+
+
+def _date(text: str) -> str:
+    from dpr_lab.storage.tables.options import parse_recorded_at
+
+    try:
+        return parse_recorded_at(text) if text else ""
+    except ValueError as error:
+        raise typer.BadParameter(str(error).replace("recorded_at", "--recorded-at")) from error
 
 
 def _numbers(option: str, text: str | None) -> dict[str, float]:

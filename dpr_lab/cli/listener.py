@@ -45,6 +45,8 @@ class Listener:
             case events.RunRead():
                 for note in event.notes:
                     say(f"{event.name}: {note}")
+            case events.ImportProgress():
+                self._at(f"{event.step} the table", event.done, event.of)
             case events.GenerationDone():
                 text = f"generation {event.number}, cost {event.best_cost:.4g}"
                 self._at("identify", event.number / event.at_most, 1.0, text)

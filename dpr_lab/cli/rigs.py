@@ -68,7 +68,11 @@ Weighed = "as 0.21, or weighed and to be held as 0.21+-0.001"
 @app.command()
 def new(
     name: Annotated[str | None, typer.Option(help="Of the rig.")] = None,
+    l0: Annotated[float | None, typer.Option("--l0", help="Length of the arm, m.")] = None,
     l1: Annotated[float | None, typer.Option("--l1", help="Between the two joints, m.")] = None,
+    l1_std: Annotated[
+        float | None, typer.Option("--l1-std", help="Standard uncertainty of --l1, m; a diagnosis then fits L1.")
+    ] = None,
     l2: Annotated[float | None, typer.Option("--l2", help="Length of the outer rod, m.")] = None,
     m1: Annotated[str | None, typer.Option(help=f"Inner rod, kg, {Weighed}.")] = None,
     m2: Annotated[str | None, typer.Option(help=f"Outer rod, kg, {Weighed}.")] = None,
@@ -78,11 +82,19 @@ def new(
     joint2: Annotated[
         Literal["relative", "absolute"] | None, typer.Option(help="What the outer rod's encoder reads.")
     ] = None,
+    rezeroed: Annotated[
+        bool, typer.Option("--rezeroed", help="Joints 1 and 2 are set to zero before each recording.")
+    ] = False,
+    geared: Annotated[
+        list[int] | None, typer.Option(help="Joint (1 or 2) on which a geared motor stays; may be repeated.")
+    ] = None,
+    rods: Annotated[Literal["both", "inner", "outer"], typer.Option(help="Mounted rods.")] = "both",
+    elbow: Annotated[Literal["free", "clamped"], typer.Option(help="Whether joint 2 can turn.")] = "free",
     url: Annotated[str | None, typer.Option("--link", help="Where the device is.")] = None,
     out: Annotated[Path | None, typer.Option(help="File to write; NAME.toml when left out.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a rig file with sensible bounds from lengths and weights; a terminal is asked what no flag says.
+    """Write a rig file with sensible bounds from lengths and masses. A terminal is asked for missing values.
 
     Example: dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12 --out my_rig.toml
     """
@@ -112,6 +124,12 @@ def new(
         counts_per_rev or 16384,
         joint2 or "relative",
         url or "sim://",
+        l0,
+        l1_std,
+        tuple(sorted(set(geared or ()))),
+        rezeroed,
+        rods,
+        elbow,
     )
     file = new_rig(measures, out or Path(f"{name}.toml"))
     if as_json:

@@ -28,13 +28,16 @@ def tui(
         bool,
         typer.Option(
             "--allow-release",
-            help="In a browser: whoever reaches the page may open the latch, seen from the bench or not.",
+            help="In a browser: whoever has the address may command the device, open the latch and write files.",
         ),
     ] = False,
     serve: Annotated[
         int | None,
         typer.Option(
-            min=1, max=65535, metavar="PORT", help="Show it at http://127.0.0.1:PORT, to browsers on this computer."
+            min=1,
+            max=65535,
+            metavar="PORT",
+            help="Show it to browsers on this computer, read-only; prints the address to open, which holds a token.",
         ),
     ] = None,
 ) -> None:
@@ -62,13 +65,17 @@ def tui(
     os.environ.setdefault("TEXTUAL_FPS", str(FRAMES_PER_S))
     from dpr_lab.tui.app import KEYED, DprApp
     from dpr_lab.tui.keys import keys_file, load_keymap
+    from dpr_lab.tui.read_only import forbid_writing
     from dpr_lab.tui.workspace import load, state_folder
 
     keymap = load_keymap(keys_file(), DprApp, KEYED)
     workspace, notices = load(state_folder())
     workspace.rig, workspace.link = rig or workspace.rig, link or workspace.link
     workspace.out = (out or workspace.out).expanduser().resolve()
-    app = DprApp(workspace, state_folder(), keymap, notices, allow_release=allow_release)
+    read_only = served and not allow_release
+    app = DprApp(workspace, state_folder(), keymap, notices, allow_release=allow_release, read_only=read_only)
+    if read_only:
+        forbid_writing()
     app.run()
     if app.return_code:
         raise typer.Exit(app.return_code)

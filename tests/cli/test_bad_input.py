@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 RIG = Path(__file__).parents[2] / "configs" / "rigs" / "paper.toml"
-GOOD = "t_s,theta1_rad,theta2_rad\n" + "".join(f"{k * 0.005},{3.1 + 0.1 * np.cos(k / 30)},{3.2}\n" for k in range(400))
+GOOD = "t_s,theta1_rad,theta2_rad\n" + "".join(
+    f"{k * 0.005},{3.1 + 0.1 * np.cos(k / 30)},{3.2 + 0.15 * np.cos(k / 30)}\n" for k in range(400)
+)
 
 
 def changed_rig(tmp_path: Path, old: str, new: str) -> Path:
@@ -164,10 +166,10 @@ def test_a_doubled_row_is_left_out_and_reported(tmp_path: Path, cli) -> None:
 
 def test_a_table_that_begins_before_its_zero_is_remarked_on(tmp_path: Path, cli) -> None:
     header, *rows = GOOD.splitlines()
-    early = [f"{-0.005 * k},3.2,3.2" for k in range(40, 0, -1)]
+    early = [f"{-0.005 * k},{3.1 + 0.1 * np.cos(k / 30)},{3.2 + 0.15 * np.cos(k / 30)}" for k in range(40, 0, -1)]
     done = imported(cli, tmp_path, "\n".join([header, *early, *rows]))
     assert done.code == 0, done.err
-    assert "start_s 0.2" in done.err
+    assert "--start-s 0.2" in done.err
 
 
 def test_a_recording_counts_once(tmp_path: Path, runs: list[Path], cli) -> None:

@@ -172,7 +172,7 @@ def test_bad_input_is_answered_with_a_sentence_and_a_code(worn: list[Path], mode
         (
             (*worn, "--rig", "paper", "--library", "gremlins"),
             2,
-            "no effect named gremlins; there are: dry friction, joint 1 [coulomb_joint1]",
+            "no effect named gremlins; nearest of ",
         ),
         ((*worn, "--rig", "paper", "--without", "gremlins"), 2, "no effect named gremlins"),
         ((*worn, "--rig", "paper", "--library", ""), 2, "no effect named"),

@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 
 from dpr_lab.cli.checks import EFFECT_NAMES, OBJECTIVE_NAMES, SEARCHES, built_in_rigs, complete_rig
 from dpr_lab.configs import BUILTIN
@@ -38,9 +39,9 @@ def test_a_rate_that_cannot_be_is_refused_before_anyone_moves(cli, tmp_path: Pat
     [
         (("identify", "x", "--rig", "paper", "--search", "luck"), "covariance matrix adaptation [cma_es]"),
         (("identify", "x", "--rig", "paper", "--objective", "luck"), "short segments, chaos-safe [segments]"),
-        (("diagnose", "x", "--rig", "paper", "--library", "luck"), "dry friction, joint 1 [coulomb_joint1]; "),
-        (("diagnose", "x", "--rig", "paper", "--without", "luck"), "dry friction, joint 1 [coulomb_joint1]; "),
-        (("export", "x", "--to", "luck"), "MuJoCo [mjcf]; "),
+        (("diagnose", "x", "--rig", "paper", "--library", "luck,coulom"), "nearest of"),
+        (("diagnose", "x", "--rig", "paper", "--without", "luck of coulomb"), "dry friction, joint 1 [coulomb_joint1]"),
+        (("export", "x", "--to", "luck"), "MuJoCo [mjcf]"),
         (("diagnose", "x", "--rig", "paper", "--fail-on", "luck"), "unexplained"),
     ],
 )
@@ -49,6 +50,18 @@ def test_a_wrong_choice_ends_with_2_and_lists_the_right_ones(cli, words, known: 
     assert done.code == 2
     assert "luck" in done.err
     assert known in done.err
+
+
+def test_effects_are_named_by_identifier_or_words_and_the_nearest_are_listed() -> None:
+    one = "coulomb_joint1"
+    for given in (one, EFFECTS[one].words, f"{EFFECTS[one].words} [{one}]", EFFECTS[one].words.upper()):
+        assert EFFECT_NAMES.check_each([given]) == [one]
+    assert EFFECT_NAMES.check(f"{EFFECTS[one].words}, base_tilt") == f"{one},base_tilt"
+    with pytest.raises(typer.BadParameter) as refused:
+        EFFECT_NAMES.check("coulomb_jiont2")
+    message = str(refused.value)
+    assert "coulomb_joint2" in message
+    assert len(message) < 500
 
 
 def test_choices_are_completed() -> None:
@@ -112,7 +125,9 @@ def test_sentences_end_their_lines_between_words(on_terminal) -> None:
     code, text = on_terminal(wrong, {"COLUMNS": "80"})
     assert code == 2
     assert max(map(len, text.splitlines())) <= 80
-    assert set(EFFECTS) <= set(re.findall(r"\[(\w+)\]", text))
+    nearest = [name for name in re.findall(r"\[(\w+)\]", text) if name != "OPTIONS"]
+    assert len(nearest) == 5
+    assert set(nearest) <= set(EFFECTS)
     program = "from dpr_lab.cli.console import line; line('residual ' * 20)"
     code, text = on_terminal([sys.executable, "-c", program], {"COLUMNS": "80"})
     assert max(map(len, text.splitlines())) <= 80

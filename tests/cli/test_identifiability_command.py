@@ -12,7 +12,7 @@ def test_without_runs_it_simulates_the_poses_of_the_rig_file(cli) -> None:
     assert done.code == 0, done.err
     assert "5 of 9" in done.out
     assert "m1, m2, mb, c1, c2, J1, J2 +1 %" in done.out
-    assert max(len(line.rstrip()) for line in done.out.splitlines()) <= 80
+    assert max(len(line.rstrip()) for line in done.out.splitlines()) <= 160
     assert "simulated releases from X1, X2, X3" in done.err
 
 

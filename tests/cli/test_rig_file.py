@@ -36,9 +36,21 @@ def test_a_rig_file_from_flags_can_be_used(cli, tmp_path: Path) -> None:
     assert "exists already" in again.err
 
 
+def test_flags_describe_arm_length_geared_joints_zeros_and_mounted_rods(cli, tmp_path: Path) -> None:
+    words = ("--l0", "0.4", "--l1-std", "0.002", "--geared", "2", "--geared", "1", "--rezeroed", "--rods", "inner")
+    assert cli("rig", "new", *FLAGS, *words, "--out", "my.toml", cwd=tmp_path).code == 0
+    rig = load_rig(tmp_path / "my.toml")
+    assert (rig.rig.L0, rig.rig.L1_std, rig.joints.geared) == (0.4, 0.002, (1, 2))
+    assert rig.encoders.rezeroed
+    assert rig.rods.mounted == "inner"
+    assert cli("rig", "check", "my.toml", "--json", cwd=tmp_path).json["findings"] == []
+
+
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
+        ((*FLAGS, "--geared", "3"), 3, "joints.geared"),
+        ((*FLAGS, "--rods", "outer", "--elbow", "clamped"), 3, "no elbow to clamp"),
         (FLAGS[:-2], 2, "--m2 is needed: Outer rod, kg"),
         ((*FLAGS[:-1], "heavy"), 2, "--m2 'heavy': write it as 0.21, or weighed and to be held as 0.21+-0.001"),
         ((*FLAGS[:-1], "-1"), 3, "parameters.m2"),

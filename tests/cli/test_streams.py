@@ -142,18 +142,18 @@ from dpr_lab.cli.console import json_mode
 class Lost:
     def __del__(self):
         signal.raise_signal(signal.SIGINT)
-def wrapped():
+def wrapped(**_):
     json_mode(True)
     try:
         raise KeyboardInterrupt
     except KeyboardInterrupt as error:
         raise RuntimeError("the compiler failed") from error
-def lost():
+def lost(**_):
     import time
     json_mode(True)
     Lost()
     time.sleep(60)
-def dropped():
+def dropped(**_):
     import time
     json_mode(True)
     try:

@@ -31,7 +31,7 @@ def driven(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         folder = tmp_path_factory.mktemp(f"day{k}")
         tau = random.normal(0, 0.1, (len(T), 2)) + 0.2 * np.sin(7 * T + k)[:, None]
         laid_out = segments([T], setups=[Setup(torques=Torques(T, tau))])
-        start = Estimate(at, effect_params({}), np.array([[2.4 + 0.3 * k, 3.6, 0.0, 0.0]]))
+        start = Estimate.of(at, effect_params({}), np.array([[2.4 + 0.3 * k, 3.6, 0.0, 0.0]]))
         theta = np.cumsum(RodsAlone(rig_constants(paper)).predict(laid_out, start), axis=1)
         table = np.column_stack([T, theta + random.normal(0, 2e-4, theta.shape), tau, 2 * tau])
         np.savetxt(folder / f"x{k}.csv", table, delimiter=",", header=NAMES, comments="")

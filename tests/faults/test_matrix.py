@@ -23,6 +23,7 @@ IN_THE_SWING_S = "5"
 ALL = "every sample"
 COUNTED = "every sample but those lost, which are counted"
 FLAGGED = "every sample as the encoder gave it; the run is marked degraded"
+MARKED = "every sample; the run is marked degraded"
 UNTIL = "every sample until then, in a file marked as incomplete"
 NO_RELEASE = "the rest before the release, in a file marked as incomplete"
 HELD = "no RELEASE was sent and no file begun"
@@ -85,6 +86,29 @@ CASES = (
     ),
     Case("tick and counters wrap", 0, ALL, links=(SERIAL, BUS), words=("--duration", "75"), rare=True),
     Case("the device's clock 500 ppm fast", 0, ALL, device={"clock": "realtime", "drift_ppm": 500.0}),
+    Case("PING not answered", 6, MARKED, ("lose_pongs=1",), device={"clock": "realtime"}),
+    Case(
+        "the device's clock 5 % fast, PING not answered",
+        6,
+        MARKED,
+        ("lose_pongs=1",),
+        device={"clock": "realtime", "drift_ppm": 50_000.0},
+    ),
+    Case(
+        "the device's clock 100 % fast, PONG frozen",
+        6,
+        MARKED,
+        ("pong_scale=0",),
+        device={"clock": "realtime", "drift_ppm": 1e6},
+    ),
+    Case(
+        "the sample timer 5 % fast, PONG from a right one",
+        6,
+        MARKED,
+        (f"pong_scale={1 / 1.05:.7f}",),
+        device={"clock": "realtime", "drift_ppm": 50_000.0},
+    ),
+    Case("STATUS says latched throughout the swing", 6, MARKED, ("stuck_latch=1",)),
 )
 
 
@@ -133,7 +157,9 @@ def _what_survives(runs: list[Path], wrong_samples: Any, device: dict[str, Any],
     if wrong:
         assert about.gate.startswith("degraded")
         return FLAGGED
-    return COUNTED if sum(about.lost.values()) or _damaged(about.gate_figures) else ALL
+    if sum(about.lost.values()) or _damaged(about.gate_figures):
+        return COUNTED
+    return MARKED if about.gate.startswith("degraded") else ALL
 
 
 def _damaged(figures: Any) -> bool:

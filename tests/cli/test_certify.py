@@ -1,0 +1,67 @@
+"""`dpr-lab certify` and `dpr-lab verify`."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+
+@pytest.fixture(scope="module")
+def certified(cli: Callable, runs: list[Path], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A certificate, and what `certify` printed."""
+    path = tmp_path_factory.mktemp("certified") / "certificate.json"
+    words = ["--held-out", runs[2], "--library", "coulomb_joint1,latency_joint2", "--max-effects", 2, "--seed", 5]
+    done = cli("certify", *runs[:2], "--rig", "paper", *words, "--out", path)
+    assert done.code == 0, done.err
+    return path, done.out
+
+
+def shows_choices_first(text: str) -> bool:
+    top = text.partition("share of the gap closed")[0]
+    shown = ("library", "coulomb_joint1, latency_joint2", "maximum number of effects", "seed", "held-out recordings")
+    return all(words in top for words in shown)
+
+
+def test_certify_and_verify_show_the_choices_first(cli: Callable, certified: tuple[Path, str]) -> None:
+    path, printed = certified
+    assert shows_choices_first(printed)
+    done = cli("verify", path)
+    assert done.code == 0, done.out + done.err
+    assert shows_choices_first(done.out)
+    assert "Every claim holds under the choices above." in done.out
+    assert "Not the default: library, maximum number of effects, seed." in done.out
+
+
+def test_verify_says_the_same_for_programs(cli: Callable, certified: tuple[Path, str]) -> None:
+    done = cli("verify", certified[0], "--json", "--same-code")
+    assert done.code == 0, done.err
+    assert done.json["holds"] is True
+    assert {"choices", "origin", "lines"} <= set(done.json)
+    notes = {each["name"]: each["note"] for each in done.json["choices"]}
+    assert notes["seed"] == "default: 0"
+    assert notes["held-out recordings"] == ""
+
+
+def test_a_broken_certificate_ends_with_1_and_no_traceback(cli: Callable, certified: tuple[Path, str]) -> None:
+    path = certified[0].with_name("edited.json")
+    whole = json.loads(certified[0].read_text(encoding="utf-8"))
+    whole["claims"]["a/b"]["value"] = 42.0
+    path.write_text(json.dumps(whole), encoding="utf-8")
+    done = cli("verify", path)
+    assert (done.code, "Does not hold: seal." in done.out) == (1, True)
+    whole["choices"]["seed"] = -5
+    path.write_text(json.dumps(whole), encoding="utf-8")
+    done = cli("verify", path)
+    assert done.code == 3
+    assert "choices.seed" in done.err
+    assert "Traceback" not in done.err
+
+
+def test_an_older_certificate_says_so(cli: Callable, tmp_path: Path) -> None:
+    (tmp_path / "old.json").write_text('{"schema": 1, "claims": {}}', encoding="utf-8")
+    done = cli("verify", tmp_path / "old.json")
+    assert done.code == 3
+    assert "is a certificate of policy 1 (dpr-lab 0.2)" in done.err

@@ -1,0 +1,53 @@
+"""The sample tables: what `demo --table` writes, and that they are what the simulated bench records."""
+
+import runpy
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.configs import BUILTIN
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import PARAMETERS, load_rig
+from dpr_lab.workflows.sample_tables import write_sample_tables
+from tests.cli.conftest import Cli
+
+ROOT = Path(__file__).parents[2]
+SAMPLES = BUILTIN / "tables"
+
+
+def test_the_demo_writes_three_tables_and_their_rig_file(cli: Cli, tmp_path: Path) -> None:
+    done = cli("demo", "--table", "--out", tmp_path / "sample", "--json")
+    assert done.code == 0
+    files = sorted(file.name for file in (tmp_path / "sample").iterdir())
+    assert files == ["bench.toml", "elbow.csv", "low.csv", "side.csv"]
+    assert sum(file.stat().st_size for file in (tmp_path / "sample").iterdir()) < 300_000
+    assert load_rig(tmp_path / "sample" / "bench.toml").name == "bench"
+
+
+def test_tables_that_are_there_already_are_not_overwritten(tmp_path: Path) -> None:
+    write_sample_tables(tmp_path)
+    (tmp_path / "low.csv").write_text("mine")
+    with pytest.raises(ConfigError, match="exists already; choose another folder with --out"):
+        write_sample_tables(tmp_path)
+    assert (tmp_path / "low.csv").read_text() == "mine"
+
+
+def test_the_rig_file_of_the_tables_allows_their_plant() -> None:
+    rig = load_rig(SAMPLES / "bench.toml")
+    truth = tomllib.loads((ROOT / "configs" / "plants" / "bench.toml").read_text())["parameters"]
+    for name in PARAMETERS:
+        known = rig.parameters[name]
+        if known.measured is not None and known.std is not None:
+            assert abs(truth[name] - known.measured) < 2 * known.std
+        else:
+            assert known.lower is not None
+            assert known.upper is not None
+            assert known.lower < truth[name] < known.upper
+
+
+@pytest.mark.slow
+def test_the_tables_are_what_the_simulated_bench_records(tmp_path: Path) -> None:
+    runpy.run_path(str(ROOT / "docs" / "sample_tables.py"))["record"](tmp_path)
+    recorded = {file.name: file.read_text() for file in tmp_path.iterdir()}
+    assert recorded == {file.name: file.read_text() for file in SAMPLES.glob("*.csv")}
