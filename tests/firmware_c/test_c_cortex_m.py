@@ -95,8 +95,9 @@ def captured_at_last(url: str, *asked) -> tuple[str, Captured]:
 def test_a_capture_has_every_count_as_it_was_read(pose, rate_hz, board, swing, paper, tmp_path):
     options = CaptureOptions(rate_hz=rate_hz, duration=1.0, rest_timeout=60.0)
     uid, captured = captured_at_last(board.url, paper, pose, options, tmp_path)
-    # An emulated timer is no crystal: a busy computer slows it down.
-    assert {check.name for check in captured.quality.checks if not check.ok} <= {"clock"}, captured.quality.sentence
+    # An emulated timer is no crystal: a busy computer slows it down, and not evenly.
+    wrong = {check.name for check in captured.quality.checks if not check.ok}
+    assert wrong <= {"clock", "clock_fit"}, captured.quality.sentence
     assert sum(captured.lost.values()) == 0
     counts = load_run(captured.run_file).swing.counts
     assert counts is not None
