@@ -102,6 +102,7 @@ def record(run: Run, rig: Rig, settings: ThinningSettings = THINNING) -> Record:
     if (run.t >= settings.after_release_s).sum() < MIN_SAMPLES:
         raise RunError(f"{run.name}: fewer than {MIN_SAMPLES} samples after the release: nothing to diagnose")
     seen = screen(run, rig)
+    run = seen.run
     fastest = _fastest(seen, settings.fastest)
     rate_hz = _block_rate(seen, fastest, run.rate_hz, settings)
     t, joints, sigma = _as_read(seen) if rate_hz is None else _blocks(seen, rate_hz, settings.least_kept)

@@ -10,6 +10,8 @@ A swing is smooth over a few milliseconds, so what an encoder does wrong shows a
     non_white_noise           neighbouring readings share their error
     noise_level               noise other than the rig file says
     undithered_quantisation   counts that stand still at rest: rounding does not average out
+    stamp_jitter              stamps that jitter although the readings were taken evenly: replaced by even instants
+    periodic_delay            every n-th reading taken later than its stamp: left out
 """
 
 from dataclasses import dataclass, replace
@@ -21,6 +23,7 @@ from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.estimation.noise import noise_floor, rest_correlation
 from dpr_lab.gap.data.differences import noise_by_speed, stride_ratio
 from dpr_lab.gap.data.implausible import repeated, too_fast
+from dpr_lab.gap.data.instants import even_instants, periodic_delay
 from dpr_lab.gap.data.local_faults import local_faults
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -74,6 +77,8 @@ class Finding:
 class Screened:
     """A swing with its sensor faults known."""
 
+    run: Run
+    """The run, on the instants at which its readings were taken."""
     t: Array
     """(n,) instants since the release, s."""
     joints: Array
@@ -101,17 +106,25 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
     Raises:
         RunError: too few samples to tell the noise.
     """
+    run, stamped = _on_true_instants(run, rig)
     swing, period = run.swing, 1.0 / run.rate_hz
     t, joints = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:])
+    late, delayed = _late(run, t, joints)
     count = _count_size(run, rig)
     dithered, on_grid = _dithered(run, rig, count, settings), _on_grid(run, rig, joints, settings)
-    at_rest = np.maximum(noise_floor(run, rig).std_joint, count / np.sqrt(12))
+    in_time = run.only(~np.pad(late, (len(run.t) - len(t), 0)))
+    at_rest = np.maximum(noise_floor(in_time, rig).std_joint, count / np.sqrt(12))
     colour, coloured = _colour(run, rig, joints, settings)
     noise = at_rest * colour  # noise that was filtered shows only over wider spacings
     jitter, jittered = _jitter(run, t, joints, noise, settings)
     wild, stale = too_fast(t, joints), repeated(t, joints, noise, jitter, period)
-    keep = ~(wild | stale)
-    findings = [*_gaps(run.name, t, period, settings), *_levels(run, rig, at_rest, dithered, settings)]
+    keep = ~(wild | stale | late[:, None])
+    findings = [
+        *stamped,
+        *delayed,
+        *_gaps(run.name, t, period, settings),
+        *_levels(run, rig, at_rest, dithered, settings),
+    ]
     breaks: list[tuple[float, int]] = []
     for axis, name in enumerate(AXES):
         found = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
@@ -130,8 +143,39 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
     if jitter:
         jitter = max(jitter, noise_by_speed(t, joints, noise, period, keep)[0])
     findings += [*jittered, *coloured]
-    found = Screened(t, joints, keep, tuple(sorted(breaks)), noise, jitter, count, dithered, on_grid, tuple(findings))
+    found = Screened(
+        run, t, joints, keep, tuple(sorted(breaks)), noise, jitter, count, dithered, on_grid, tuple(findings)
+    )
     return _without_joint2(found) if run.setup.alone else found
+
+
+def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
+    """The run with even instants where its stamps jitter about them."""
+    even = even_instants(run.t, _read_joints(run, rig))
+    if even is None:
+        return run, []
+    even -= min(even[run.t >= 0.0].min(), 0.0)  # no reading of the swing may come before the release
+    rms = float(np.std(run.t - even))
+    evidence = f"the stamps jitter by {1e3 * rms:.2g} ms rms about an even clock; the readings fit even instants better"
+    return replace(run, t=even), [Finding("stamp_jitter", run.name, None, None, evidence)]
+
+
+def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Finding]]:
+    """(n,) readings that come late in a cycle."""
+    delay = periodic_delay(t, joints[:, :1] if run.setup.alone else joints)
+    if delay is None:
+        return np.zeros(len(t), dtype=bool), []
+    evidence = (
+        f"every {delay.cycle}th reading is taken {1e3 * delay.delay_s:.3g} +- {1e3 * delay.std_s:.1g} ms after its"
+        " stamp: it is left out"
+    )
+    return delay.late(len(t)), [Finding("periodic_delay", run.name, None, float(t[delay.first]), evidence)]
+
+
+def _read_joints(run: Run, rig: Rig) -> Array:
+    """(n, 1 or 2) angles of the joints that have a rod, rad."""
+    joints = rig.encoders.joint_angles.of_rods(run.theta[:, 1:])
+    return joints[:, :1] if run.setup.alone else joints
 
 
 def _without_joint2(found: Screened) -> Screened:

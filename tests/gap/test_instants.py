@@ -1,0 +1,88 @@
+"""Instants of readings: jittered stamps and late readings are found in tables whose truth is known, and nowhere else."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dpr_lab.gap.data.instants import even_instants, periodic_delay
+
+Array = NDArray[np.float64]
+
+
+def readings(instants: Array, noise: float, seed: int = 0) -> Array:
+    """(n, 2) rad: two joints of several frequencies and amplitudes, read at instants (n,) with white noise."""
+    swing = [
+        1.5 * np.cos(6 * instants) * np.exp(-instants / 10) + 0.3 * np.sin(15.1 * instants + 1),
+        1.2 * np.sin(9 * instants + 0.3 * np.sin(3 * instants)),
+    ]
+    exact = np.stack(swing, axis=1)
+    return exact + noise * np.random.default_rng(seed).standard_normal(exact.shape)
+
+
+@pytest.mark.parametrize(
+    ("period", "cycle", "delay", "noise"),
+    [
+        (1e-3, 26, 2.5e-3, 3e-4),
+        (1e-3, 26, 3e-4, 3e-4),
+        (2e-3, 10, 1e-3, 1e-3),
+        (1e-2, 7, 5e-3, 3e-3),
+        (5e-3, 2, 1e-3, 1e-3),
+        (5e-3, 3, -5e-3, 1e-3),
+    ],
+)
+def test_every_nth_reading_that_is_late_is_found_with_its_delay(period, cycle, delay, noise):
+    stamps = np.arange(3000) * period
+    late = np.arange(len(stamps)) % cycle == 1
+    fault = periodic_delay(stamps, readings(stamps + delay * late, noise))
+    assert fault is not None
+    assert fault.cycle == cycle
+    if cycle > 2:  # of two readings in turn either may be the late one
+        assert fault.first == 1
+        assert fault.delay_s == pytest.approx(delay, rel=0.1)
+    assert abs(fault.delay_s) == pytest.approx(abs(delay), rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("period", [1e-3, 5e-3, 1e-2])
+def test_even_readings_have_no_fault(period, seed):
+    stamps = np.arange(2000) * period
+    angles = readings(stamps, 1e-3, seed)
+    assert periodic_delay(stamps, angles) is None
+    assert even_instants(stamps, angles) is None
+
+
+@pytest.mark.parametrize(("period", "jitter", "noise"), [(2e-3, 1e-4, 2e-4), (1e-2, 2e-3, 1e-3)])
+def test_stamps_that_jitter_about_an_even_clock_are_evened(period, jitter, noise):
+    taken = np.arange(2000) * period
+    stamps = taken + jitter * np.abs(np.random.default_rng(1).standard_normal(len(taken)))
+    instants = even_instants(stamps, readings(taken, noise))
+    assert instants is not None
+    assert np.std(instants - taken) < 0.5 * np.std(stamps - taken)
+    assert (np.diff(instants) > 0).all()
+
+
+@pytest.mark.parametrize(("period", "jitter", "noise"), [(2e-3, 1e-4, 2e-4), (1e-2, 2e-3, 1e-3)])
+def test_uneven_stamps_that_are_right_stay(period, jitter, noise):
+    even = np.arange(2000) * period
+    stamps = even + jitter * np.abs(np.random.default_rng(1).standard_normal(len(even)))
+    assert even_instants(stamps, readings(stamps, noise)) is None
+
+
+def test_a_few_wild_readings_are_no_cycle():
+    stamps = np.arange(3000) * 2e-3
+    angles = readings(stamps, 5e-4)
+    angles[np.random.default_rng(3).integers(10, 2990, 6)] += 0.2
+    assert periodic_delay(stamps, angles) is None
+
+
+@pytest.mark.parametrize("still", [np.zeros((3000, 2)), np.ones((3000, 1))])
+def test_rods_at_rest_have_no_instants_to_judge(still):
+    stamps = np.arange(3000) * 1e-3 + 1e-4 * np.random.default_rng(0).random(3000)
+    assert even_instants(stamps, still) is None
+    assert periodic_delay(stamps, still) is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_instants_that_jitter_at_random_are_no_cycle(seed):
+    taken = np.arange(3000) * 1e-3 + 3e-4 * np.random.default_rng(seed).standard_normal(3000)
+    assert periodic_delay(np.arange(3000) * 1e-3, readings(taken, 1e-4, seed)) is None
