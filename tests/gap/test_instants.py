@@ -1,4 +1,4 @@
-"""Instants of readings: jittered stamps and late readings are found in tables whose truth is known, and nowhere else."""
+"""Jittered stamps and late readings are found where they are known to be, and nowhere else."""
 
 import numpy as np
 import pytest

@@ -51,7 +51,7 @@ class InstantSettings:
     wild: float = 8.0
     """Standard deviations up to which a single reading counts in the search for a cycle,"""
     usual: float = 0.98
-    """or what this share of the readings keeps to, where that is more: one reading of a cycle is late, not one in all."""
+    """or what this share of the readings keeps to, where that is more: the late readings of a cycle are many."""
     reach: int = 4
     """Samples on either side over which a speed is taken."""
 

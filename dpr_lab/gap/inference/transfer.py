@@ -4,9 +4,14 @@ The chosen set is set against itself without the effect, both fitted to the same
 
     d_s = chi2_s(without) - chi2_s(with)
 
-for each segment s of it, neighbours taken together, an effect carries over where the sum of d is above zero beyond
-chance, and below zero beyond chance on no run, and where it closes no less than half of the share of the gap that it
-closes in the fitted recordings. What does not explains these recordings, and not the next.
+for each segment s of it, neighbours taken together, an effect carries over where d is above zero beyond chance (its
+sum, or its signed ranks), and below zero beyond chance on no run, and where it closes no less than half of the share of
+the gap that it closes in the fitted recordings. What does not explains these recordings, and not the next.
+
+The sum alone is blind to a fall of every segment that is largest in a few: its spread is then as large as itself. The
+signed ranks see that it falls everywhere.
+
+Source: Wilcoxon (1945), Individual comparisons by ranking methods, Biometrics Bulletin 1, 80-83.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -152,7 +157,8 @@ def _helps(unseen: Unseen, fall: Array) -> bool:
     """Whether chi2 falls beyond chance on all, and rises beyond chance on none."""
     whole, spread = _sum(fall)
     each = [_sum(fall[own]) for _, own in unseen.runs]
-    return whole > spread and all(total > -reach for total, reach in each)
+    beyond_chance = whole > spread or (whole > 0.0 and _signed_rank(fall) > TRANSFER.beyond_chance)
+    return beyond_chance and all(total > -reach for total, reach in each)
 
 
 def _keeps(above: Array, noise: Array, less: Hypothesis, chosen: Hypothesis) -> bool:
@@ -163,8 +169,21 @@ def _keeps(above: Array, noise: Array, less: Hypothesis, chosen: Hypothesis) -> 
     return share(above) >= TRANSFER.kept * share(fitted)
 
 
+def _signed_rank(fall: Array) -> float:
+    """Standard errors of Wilcoxon's signed-rank sum of blocks of segments from zero."""
+    blocks = _blocks(fall)
+    ranks = 1.0 + np.argsort(np.argsort(np.abs(blocks)))
+    n = len(blocks)
+    return float((ranks * np.sign(blocks)).sum() / np.sqrt(n * (n + 1) * (2 * n + 1) / 6))
+
+
+def _blocks(fall: Array) -> Array:
+    """Sums over neighbouring segments: they resemble each other."""
+    return np.add.reduceat(fall, np.arange(0, len(fall), BOOTSTRAP.block))
+
+
 def _sum(fall: Array) -> tuple[float, float]:
-    """Sum over segments, and how far chance may take it: neighbouring segments resemble each other."""
-    blocks = np.add.reduceat(fall, np.arange(0, len(fall), BOOTSTRAP.block))
+    """Sum over segments, and how far chance may take it."""
+    blocks = _blocks(fall)
     spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
     return float(fall.sum()), float(TRANSFER.beyond_chance * spread)
