@@ -1,4 +1,4 @@
-"""Fit the constants that turn scores into probabilities: `dpr_lab.gap.inference.posterior.CALIBRATION`.
+"""Fit the constants that turn scores into probabilities: `dpr_lab.gap.classes.posterior.CALIBRATION`.
 
 Procedure: draw tuning trials of every kind (never the foreign effects that are held back, never the seeds of
 `benchmarks/diagnosis.py`), diagnose them with the constants as they are, and look at every effect that was put forward:
@@ -20,7 +20,7 @@ from _trial_cases import Scored
 from diagnosis import FIRST_SEED, GROUPS, campaign, trials_of
 from scipy.optimize import minimize
 
-from dpr_lab.gap.inference.posterior import CALIBRATION, Calibration
+from dpr_lab.gap.classes.posterior import CALIBRATION, Calibration
 from dpr_lab.trials.score import Claim
 from dpr_lab.trials.summary import calibration_error
 

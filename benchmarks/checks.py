@@ -14,7 +14,7 @@ import numpy as np
 from _bars import Bar, at_least, at_most, options, show
 from _trial_cases import Case, hidden, opened
 
-from dpr_lab.gap.checks.update import candidates, update_with_measurement, update_with_recordings
+from dpr_lab.checks.update import candidates, update_with_measurement, update_with_recordings
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease, Diagnosis
 from dpr_lab.rig import Rig

@@ -28,12 +28,12 @@ from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import fit
-from dpr_lab.gap.data.pieces import in_pieces
-from dpr_lab.gap.data.record import record
-from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.free_run import own_zeros
-from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
-from dpr_lab.gap.selection.hypothesis import free_parameters
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.hypothesis.hypothesis import free_parameters
+from dpr_lab.gap.screen.pieces import in_pieces
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import own_zeros
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv

@@ -12,11 +12,11 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Recorded
-from dpr_lab.gap.data.record import record as screened
-from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.result.advise import TOLD_APART
-from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
-from dpr_lab.gap.selection.score import Score, ScoreTest, score_test
+from dpr_lab.gap.advice.advise import TOLD_APART
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
+from dpr_lab.gap.screen.record import record as screened
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.plant.config import PlantConfig, load_plant

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
-from dpr_lab.gap.data.pieces import in_pieces
-from dpr_lab.gap.data.record import record
-from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.inference.free_run import free_runs
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.screen.pieces import in_pieces
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.rig import PARAMETERS, Rig, load_rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv

@@ -110,8 +110,8 @@ def recorded(paper: Rig) -> Callable[..., list[Any]]:
 @pytest.fixture(scope="session")
 def screened(paper: Rig) -> Callable[..., Any]:
     """(runs, rig) -> `Recordings`."""
-    from dpr_lab.gap.data.record import record
-    from dpr_lab.gap.data.recordings import Recordings
+    from dpr_lab.gap.screen.record import record
+    from dpr_lab.gap.screen.recordings import Recordings
 
     return lambda runs, rig=paper: Recordings(tuple(record(run, rig) for run in runs), rig)
 
@@ -119,7 +119,7 @@ def screened(paper: Rig) -> Callable[..., Any]:
 @pytest.fixture(scope="session")
 def bare(screened: Callable[..., Any]) -> Callable[..., Any]:
     """(runs[, rig]) -> their segments and the bare model fitted to them."""
-    from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
+    from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 
     def fitted(*args: Any) -> Any:
         recordings = screened(*args)
@@ -132,7 +132,7 @@ def bare(screened: Callable[..., Any]) -> Callable[..., Any]:
 def tested() -> Callable[..., Any]:
     """(problem, fit, effects) -> score test of effects whose shapes need nothing of the recordings."""
     from dpr_lab.effects.effect import Recorded
-    from dpr_lab.gap.selection.score import score_test
+    from dpr_lab.gap.hypothesis.score_test import score_test
 
     nothing = Recorded((None,), lambda: [])
     return lambda problem, fit, effects: score_test(problem, fit, effects, nothing)

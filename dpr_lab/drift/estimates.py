@@ -11,10 +11,10 @@ from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.fitting.estimate import SCALE, FreeParameter
 from dpr_lab.fitting.gauss_newton import fit
-from dpr_lab.gap.data.record import record
-from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
-from dpr_lab.gap.selection.hypothesis import free_parameters
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.hypothesis.hypothesis import free_parameters
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run

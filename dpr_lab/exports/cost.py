@@ -8,8 +8,8 @@ import numpy as np
 from dpr_lab.errors import RunError
 from dpr_lab.exports.refit import bare_model
 from dpr_lab.exports.replay import Replay, release
-from dpr_lab.gap.data.pieces import in_pieces
-from dpr_lab.gap.inference.out_of_sample import share
+from dpr_lab.gap.screen.pieces import in_pieces
+from dpr_lab.gap.transfer.out_of_sample import share
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run

@@ -17,11 +17,11 @@ from dpr_lab.exports.python_module import known_effects
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.data.pieces import in_pieces
-from dpr_lab.gap.data.record import record
-from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.selection.bare_model import fit_bare_model
-from dpr_lab.gap.selection.hypothesis import free_parameters
+from dpr_lab.gap.bare_model import fit_bare_model
+from dpr_lab.gap.hypothesis.hypothesis import free_parameters
+from dpr_lab.gap.screen.pieces import in_pieces
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run

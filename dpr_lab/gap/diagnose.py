@@ -15,26 +15,26 @@ from dpr_lab.effects.families import expected_of
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.data.pieces import in_pieces
-from dpr_lab.gap.data.record import record
-from dpr_lab.gap.data.recordings import Recordings
+from dpr_lab.gap.advice.advise import advise
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.classes.posterior import effect_posterior
+from dpr_lab.gap.conclusion.conclusion import Findings, conclude
+from dpr_lab.gap.conclusion.description import description
+from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.evidence.evidence import evidence
-from dpr_lab.gap.inference.description import description
-from dpr_lab.gap.inference.free_run import free_runs
-from dpr_lab.gap.inference.out_of_sample import Unseen, held_out_runs
-from dpr_lab.gap.inference.posterior import effect_posterior
-from dpr_lab.gap.inference.transfer import transfer
-from dpr_lab.gap.inference.uncertainty import covariance
-from dpr_lab.gap.result.advise import advise
-from dpr_lab.gap.result.conclusion import Findings, conclude
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.thresholds import far_from_noise
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.result.gap import gap
-from dpr_lab.gap.result.locate import locate
-from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
-from dpr_lab.gap.selection.hypothesis import Hypothesis
-from dpr_lab.gap.selection.select import select
-from dpr_lab.gap.selection.selected import Selection
-from dpr_lab.gap.selection.thresholds import far_from_noise
+from dpr_lab.gap.screen.pieces import in_pieces
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import free_runs
+from dpr_lab.gap.transfer.gap import gap
+from dpr_lab.gap.transfer.out_of_sample import Unseen, held_out_runs
+from dpr_lab.gap.transfer.transfer import transfer
+from dpr_lab.gap.where.locate import locate
+from dpr_lab.gap.which.select import select
+from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.refuse import refuse_negative_scale
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan

@@ -7,9 +7,9 @@ from typing import Any
 
 from dpr_lab.errors import DprError
 from dpr_lab.exports import FORMATS, ExportFormat
+from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.cost import Replayed, Yardstick, yardstick
 from dpr_lab.exports.refit import fitted_for
-from dpr_lab.gap.result.corrected import corrected_model
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model

@@ -23,13 +23,13 @@ from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.errors import DprError
 from dpr_lab.fitting.estimate import Estimate, whole_of
-from dpr_lab.gap.data.record import record
-from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.data.screen import Screened
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.inference.free_run import free_runs
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.trust import NOTHING, REFUSED, ConfusionCell, Trust, TrustShare, TrustTrial
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.sensor_faults import Screened
+from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.trials.summary import wilson90

@@ -48,8 +48,8 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
             that no candidate predicts and that is not confirmed.
         DprError: a result cannot be written.
     """
+    from dpr_lab.checks.update import find_check, update_with_measurement, update_with_recordings
     from dpr_lab.configs import sha256_of
-    from dpr_lab.gap.checks.update import find_check, update_with_measurement, update_with_recordings
     from dpr_lab.gap.result.diagnosis import load_diagnosis
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.reader import stored_rig

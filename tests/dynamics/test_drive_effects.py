@@ -17,9 +17,9 @@ from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import trajectory
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
-from dpr_lab.gap.selection.hypothesis import free_parameters
-from dpr_lab.gap.selection.scan import shapes
-from dpr_lab.gap.selection.score import score_test
+from dpr_lab.gap.hypothesis.hypothesis import free_parameters
+from dpr_lab.gap.hypothesis.scan import shapes
+from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
 

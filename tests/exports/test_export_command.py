@@ -12,8 +12,8 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.exports import refit
 from dpr_lab.exports.refit import fitted_for, moving
 from dpr_lab.fitting.gauss_newton import fit
-from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
-from dpr_lab.gap.selection.hypothesis import free_parameters
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.identification.model import (
     Covariance,
     EstimatedValue,

@@ -8,9 +8,9 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.disturbance import torque_noise
 from dpr_lab.fitting.whitening import innovations, padded
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
-from dpr_lab.gap.selection.thresholds import at_noise_floor
+from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Torques
 from sim_device.trials.driven import DriveFault, driven_runs

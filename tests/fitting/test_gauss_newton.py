@@ -10,9 +10,9 @@ from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.gauss_newton import GaussNewton, fit
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.projection import ColumnSpace, bounded_solution
-from dpr_lab.gap.selection.cross_validation import folds, left_out_chi2, predictive_loss
-from dpr_lab.gap.selection.hypothesis import free_parameters
-from dpr_lab.gap.selection.residuals import residual_statistics
+from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2, predictive_loss
+from dpr_lab.gap.hypothesis.hypothesis import free_parameters
+from dpr_lab.gap.hypothesis.residuals import residual_statistics
 from sim_device.plant.config import load_plant
 
 

@@ -7,8 +7,8 @@ from dpr_lab.effects import EFFECTS, effect_params, param_index
 from dpr_lab.effects.effect import Recorded
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.response import trajectory
-from dpr_lab.gap.selection.bare_model import nominal_ratios
-from dpr_lab.gap.selection.scan import shapes
+from dpr_lab.gap.bare_model import nominal_ratios
+from dpr_lab.gap.hypothesis.scan import shapes
 from dpr_lab.rig import Rig
 
 WHOLE_S = 2.0  # no initial state but that of the release, so that the arm's past is the model's

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dpr_lab.checks.update import candidates, find_check, update_with_measurement, update_with_recordings
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
-from dpr_lab.gap.checks.update import candidates, find_check, update_with_measurement, update_with_recordings
+from dpr_lab.gap.advice.advise import told_bits
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.result.advise import told_bits
 from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, AdvisedCheck, Diagnosis, load_diagnosis
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import Pose

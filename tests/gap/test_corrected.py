@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from dpr_lab.gap.result.corrected import corrected_model
+from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, load_model

@@ -8,10 +8,10 @@ import pytest
 
 from dpr_lab.effects import EFFECTS, effect_params, plausibility
 from dpr_lab.errors import IdentificationError, RunError
+from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.conclusion.verdict import listed_causes
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.inference.posterior import EffectPosterior
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.result.verdict import listed_causes
 from dpr_lab.report.plain import as_json
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run

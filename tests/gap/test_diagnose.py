@@ -8,9 +8,9 @@ import pytest
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.inference.detectable import detectable
+from dpr_lab.gap.hypothesis.detectable import detectable
+from dpr_lab.gap.hypothesis.hypothesis import free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.selection.hypothesis import free_parameters, hypothesis
 from dpr_lab.rig import Rig
 from sim_device.plant.config import load_plant
 from tests.thinned import thinned
@@ -168,10 +168,10 @@ PIECE = 2668
 @pytest.mark.timeout(600)
 @pytest.mark.skipif(not REAL.is_file(), reason="the real recording is not here")
 def test_a_real_rig_is_predicted_three_and_a_half_times_better_than_by_viscous_friction(screened):
-    from dpr_lab.gap.inference.free_run import free_runs
-    from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
-    from dpr_lab.gap.selection.select import select
-    from dpr_lab.gap.selection.thresholds import at_noise_floor
+    from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+    from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
+    from dpr_lab.gap.transfer.free_run import free_runs
+    from dpr_lab.gap.which.select import select
     from dpr_lab.rig import load_rig
     from dpr_lab.run import Run
 

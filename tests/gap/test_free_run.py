@@ -10,9 +10,9 @@ from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.effects import SIZE
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
-from dpr_lab.gap.data.record import Record, record
-from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.free_run import free_runs
+from dpr_lab.gap.screen.record import Record, record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dpr_lab.gap.data.instants import even_instants, periodic_delay
+from dpr_lab.gap.screen.instants import even_instants, periodic_delay
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 import pytest
 
-from dpr_lab.gap.result.locate import locate
+from dpr_lab.gap.where.locate import locate
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from dpr_lab.checks.update import candidates, hypotheses, posterior, update_with_measurement
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
-from dpr_lab.gap.checks.measurement import SETTINGS, Predictions, predictions
-from dpr_lab.gap.checks.update import candidates, hypotheses, posterior, update_with_measurement
+from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, predictions
 from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, Diagnosis, Quantity
 from tests.a_diagnosis import CLOCK, LENGTH, SIZES, interval, made, measurement
 

@@ -6,10 +6,10 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Recorded
-from dpr_lab.gap.data.record import record as screened
-from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
-from dpr_lab.gap.selection.score import ScoreTest, score_test
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.hypothesis.score_test import ScoreTest, score_test
+from dpr_lab.gap.screen.record import record as screened
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import Rig
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record

@@ -1,8 +1,8 @@
 import pytest
 
 from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.result.diagnosis import NamedEffect
-from dpr_lab.gap.result.remedies import remedies
 from dpr_lab.rig import Rig
 
 

@@ -5,11 +5,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dpr_lab.dynamics.base import base_parameters
-from dpr_lab.gap.data.record import record
-from dpr_lab.gap.data.recordings import Recordings
-from dpr_lab.gap.inference.free_run import free_runs
-from dpr_lab.gap.inference.out_of_sample import left_out
-from dpr_lab.gap.selection.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import free_runs
+from dpr_lab.gap.transfer.out_of_sample import left_out
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 

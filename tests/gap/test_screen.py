@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dpr_lab.gap.data.record import _blocks
-from dpr_lab.gap.data.screen import screen
+from dpr_lab.gap.screen.record import _blocks
+from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.data.pieces import whole
-from dpr_lab.gap.data.screen import screen
+from dpr_lab.gap.conclusion.verdict import how_far
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.inference.out_of_sample import GapReduction
-from dpr_lab.gap.inference.transfer import Transfer
-from dpr_lab.gap.result.verdict import how_far
+from dpr_lab.gap.screen.pieces import whole
+from dpr_lab.gap.screen.sensor_faults import screen
+from dpr_lab.gap.transfer.out_of_sample import GapReduction
+from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 

@@ -156,7 +156,7 @@ def as_imported_before(file: Path, out: Path) -> Path:
 def test_a_table_in_counts_without_the_arm_does_not_say_that_the_arm_was_read(
     tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
 ) -> None:
-    from dpr_lab.gap.data.record import record
+    from dpr_lab.gap.screen.record import record
 
     table = tables["counts/none"]
     made = import_csv(table.write(tmp_path), paper, table.options, tmp_path / "a.mcap")

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.covariance import considered, shifted
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import UncertaintySource
-from dpr_lab.gap.selection.hypothesis import Hypothesis
 from dpr_lab.rig import MASSES, Rig
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.gap.data.record import THINNING, Record
-from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.result.evidence import Occupancy
+from dpr_lab.gap.screen.record import THINNING, Record
+from dpr_lab.gap.screen.recordings import Recordings
 
 Array = NDArray[np.float64]
 

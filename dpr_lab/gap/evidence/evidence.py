@@ -4,16 +4,16 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.data.recordings import Recordings
 from dpr_lab.gap.evidence.coverage import coverage
 from dpr_lab.gap.evidence.exclusions import exclusions
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
-from dpr_lab.gap.inference.detectable import detectable
-from dpr_lab.gap.inference.free_run import FreeRuns
-from dpr_lab.gap.inference.transfer import Transfer
+from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.result.evidence import Closing, Evidence, RecordingUsed
-from dpr_lab.gap.selection.selected import Selection
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import FreeRuns
+from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.which.selected import Selection
 from dpr_lab.version import __version__
 
 

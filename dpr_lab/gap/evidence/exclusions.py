@@ -9,10 +9,10 @@ detectable size is 5 s, so that the effect is smaller with the confidence
 from collections.abc import Mapping
 from statistics import NormalDist
 
-from dpr_lab.gap.inference.detectable import SIGMAS
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.result.evidence import Exclusion
-from dpr_lab.gap.selection.hypothesis import Hypothesis
-from dpr_lab.gap.selection.score import ScoreTest
 
 
 def exclusions(at: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]) -> list[Exclusion]:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.linearise import UNKNOWN_STARTS, UNREAD_STARTS
-from dpr_lab.gap.data.record import Record
-from dpr_lab.gap.inference.free_run import FREE_RUN, FreeRuns
-from dpr_lab.gap.selection.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.screen.record import Record
+from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRuns
 
 Array = NDArray[np.float64]
 

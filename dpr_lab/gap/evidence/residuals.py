@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.data.screen import AXES
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import ResidualLook, Whiteness
-from dpr_lab.gap.selection.hypothesis import Hypothesis
+from dpr_lab.gap.screen.sensor_faults import AXES
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,1 @@
-"""What is said: where, verdict, advice, and the result model."""
+"""The result of a diagnosis, as it is saved."""

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.checks.wording import bayes_factor
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.gap.checks.wording import bayes_factor
-from dpr_lab.gap.data.pieces import whole
 from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, AdvisedCheck, CheckDone, Diagnosis, RivalEffect, Where
+from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import absolute_sentence, size_in_sentence, sizes_cell

@@ -264,7 +264,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
     def _doubt(self, found: "Diagnosis") -> str:
         """Said where the diagnosis is of other runs than those selected."""
-        from dpr_lab.gap.data.pieces import whole
+        from dpr_lab.gap.screen.pieces import whole
 
         closed = found.gap.closed_held_out
         selected = {run.stem for run in (*self.workspace.runs, *self.workspace.held_out)}

@@ -14,7 +14,7 @@ from textual.widgets import DataTable, Input, Static, TabbedContent
 
 from dpr_lab.gap.diagnose import STAGES
 from dpr_lab.gap.result.diagnosis import load_diagnosis
-from dpr_lab.gap.result.locate import where_sentence
+from dpr_lab.gap.where.locate import where_sentence
 from dpr_lab.kernel_cache import COMPILING
 from dpr_lab.progress import StageBegan
 from dpr_lab.report.envelope import signal_scale

@@ -1,0 +1,1 @@
+"""Results of recommended checks, and the diagnosis updated by them."""

@@ -1,0 +1,50 @@
+"""Verdict and sentence of a diagnosis after a check."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dpr_lab.gap.advice.measurement import SETTINGS
+from dpr_lab.gap.conclusion.verdict import Verdict
+from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, CheckDone, Diagnosis
+
+
+def likeliest(probabilities: Mapping[str, float]) -> str:
+    """The hypothesis of the highest probability; of equal ones the first."""
+    return max(probabilities, key=lambda name: probabilities[name])
+
+
+def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[Verdict, str]:
+    """Verdict and sentence after a check; the sentence starts with a change of the most probable cause."""
+    about, after = done.check.about, likeliest(done.after)
+    result = f"After check {done.check.id} ({done.result}):"
+    factor = f"Bayes factor {bayes_factor(done, after)}"
+    if after == NONE_OF_THEM and done.log10_bayes_factor[NONE_OF_THEM] > 0:
+        others = [effect for effect in diagnosis.effects if effect.name != about]
+        left = others and diagnosis.verdict in ("named", "partly_explained")
+        none = (
+            f"{result} none of the named effects explains what was measured. Either the cause is another one, or the"
+            f" measurement is of another quantity (probability {done.before[after]:.2g} -> {done.after[after]:.2g},"
+            f" {factor})."
+        )
+        return ("partly_explained" if left else "unexplained"), f"{none} Before this check: {diagnosis.sentence}"
+    best = likeliest({name: p for name, p in done.after.items() if name != NONE_OF_THEM})
+    moved = (
+        f"{result} {best} {done.before[best]:.2f} -> {done.after[best]:.2f}, Bayes factor {bayes_factor(done, best)}."
+    )
+    if not explained:
+        moved += " The value itself fits none of the candidates."
+    if best == about:
+        return diagnosis.verdict, f"{diagnosis.sentence} {moved}"
+    return diagnosis.verdict, (
+        f"{moved} It is now more probable than {about}. Diagnose again with --without {about} to fit it."
+        f" Before this check: {diagnosis.sentence}"
+    )
+
+
+def bayes_factor(done: CheckDone, name: str) -> str:
+    """A Bayes factor as text: `25`, `0.04`, `3000`, `> 10^6`."""
+    power = done.log10_bayes_factor.get(name, 0.0)
+    if abs(power) > SETTINGS.largest_power:
+        return f"{'>' if power > 0 else '<'} 10^{np.sign(power) * SETTINGS.largest_power:.0f}"
+    return f"{float(f'{10**power:.2g}'):g}"

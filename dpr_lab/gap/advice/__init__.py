@@ -1,0 +1,1 @@
+"""What to measure or record next, and what each cause would show."""

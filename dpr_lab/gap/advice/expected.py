@@ -1,0 +1,56 @@
+"""Size of the amplitude that a check measures, as the recordings give it if the measured effect is the cause."""
+
+import numpy as np
+
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.covariance import considered
+from dpr_lab.gap.advice.measurement import SETTINGS, magnitude
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
+from dpr_lab.gap.result.diagnosis import AdvisedCheck, Interval
+from dpr_lab.gap.which.selected import Selection
+from dpr_lab.identification.scaling.scale import Scale
+
+
+def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> Interval | None:
+    """The expected result of a measurement if its effect is the cause, with its absolute 90 % interval.
+
+    It is of the fit with that effect in place of the named one, or of the score test where there was no such fit.
+
+    Args:
+        selection: the fits
+        scale: of torques and inertias, whose uncertainty a measured torque meets
+        check: the measurement; a recording has no size
+
+    Returns:
+        None for a recording, and where the size is zero
+    """
+    if check.quantity is None or check.about not in selection.without:
+        return None
+    size = _size(selection, check, check.quantity.parameters)
+    power = check.amplitudes[0].scale_power
+    return size and Interval(value=size.value, interval90=scale.absolute90(size.value, size.interval90, power))
+
+
+def _size(selection: Selection, check: AdvisedCheck, names: tuple[str, ...]) -> Interval | None:
+    own = selection.without[check.about].key | {check.measures}
+    fitted = selection.chosen if check.measures in selection.chosen.key else selection.fitted.get(own)
+    if fitted is not None:
+        return _of_fit(fitted, check.measures, names)
+    test = selection.around[check.about]
+    score = test.of(check.measures)
+    return _of_score(test, score, selection.chosen, names) if score else None
+
+
+def _of_fit(fitted: Hypothesis, effect: str, names: tuple[str, ...]) -> Interval | None:
+    free = fitted.fit.free
+    own = [next(i for i, p in enumerate(free) if (p.effect, p.name) == (effect, name)) for name in names]
+    covariance = considered(fitted.fit, fitted.residuals.inflation)[np.ix_(own, own)]
+    return magnitude(np.array([free[i].read(fitted.fit.estimate) for i in own]), NORMAL_Q90**2 * covariance)
+
+
+def _of_score(test: ScoreTest, score: Score, chosen: Hypothesis, names: tuple[str, ...]) -> Interval | None:
+    own = [next(i for i, column in enumerate(score.columns) if test.free[column].name == name) for name in names]
+    covariance = test.beside(score.columns).covariance()[np.ix_(own, own)] * chosen.residuals.inflation
+    covariance = covariance + np.diag((SETTINGS.linear_error * score.amplitudes[own]) ** 2)
+    return magnitude(score.amplitudes[own], NORMAL_Q90**2 * covariance)

@@ -1,0 +1,91 @@
+"""The bare model fitted to screened runs: short segments first, their states carried on to longer ones."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS, whole_parameters
+from dpr_lab.effects import effect_params
+from dpr_lab.errors import RunError
+from dpr_lab.fitting.cut import carried
+from dpr_lab.fitting.disturbance import disturbance
+from dpr_lab.fitting.estimate import SCALE, Estimate, unknown_ratios, with_scale
+from dpr_lab.fitting.gauss_newton import Fit, fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.robust import begun_again, student_weights
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
+from dpr_lab.gap.hypothesis.residuals import lone_readings
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.identification.model import ParameterValue
+from dpr_lab.identification.prior_update import update_prior
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+UNSURE = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3])
+"""Relative standard deviation with which the bare ratios fix the scale: friction may hide anything."""
+
+
+def nominal_ratios(rig: Rig) -> Array:
+    """(7,) ratios, b and p/b of the rig file's best known values."""
+    return unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
+
+
+def scale(unknown: Array, rig: Rig) -> ParameterValue:
+    """b, kg m^2, by the rig file and the ratios (7,): the scale of all torques, which no free swing shows."""
+    values = unknown[: len(RATIOS)]
+    _, base = update_prior(values, np.diag((UNSURE * np.maximum(values, 1e-3)) ** 2), rig)
+    return base["b"]
+
+
+def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Hypothesis]:
+    """Fit the ratios, robustly at the first length and then at the working length.
+
+    Single readings that are off the swing are left out from then on: at a low rate only a model shows them.
+
+    Args:
+        recordings: the runs
+        start: (7,) ratios, b and p/b to start from
+
+    Returns:
+        the runs without such readings, what is fitted at the working length, and the bare model
+
+    Raises:
+        RunError: a stretch of readings that no initial state comes near.
+    """
+    short, initial = recordings.cut(LENGTHS.first)
+    at = Estimate.of(start, effect_params({}), initial)
+    free = free_parameters(at, (), short)
+    rough = fit(short, at, free)
+    _all_followed(recordings, short, rough)
+    if not recordings.exact_torques:
+        short = replace(short, disturbance=disturbance(short, rough.estimate))
+    first = fit(short.weighted(np.sqrt(student_weights(short, rough))), rough.estimate, free)
+    found = first.estimate.ratios
+    driven = any(setup.torques for setup in short.segments.setups)
+    b = float(found[SCALE]) if driven else scale(found, recordings.rig).value
+    recordings = recordings.without(short, lone_readings(short, first.estimate))
+    at = first.estimate.changed(ratios=with_scale(found, b))
+    recordings = replace(recordings, ratios=None if recordings.exact_torques else at.ratios)
+    return recordings, *lengthened(recordings, short, at, LENGTHS.working)
+
+
+def _all_followed(recordings: Recordings, problem: Problem, found: Fit) -> None:
+    lost = np.flatnonzero(~np.isfinite(found.linear.chi2_by_segment))
+    if len(lost):
+        run = recordings.records[problem.segments.run[lost[0]]].run.name
+        at = problem.t[problem.segments.offsets[lost[0]]]
+        raise RunError(
+            f"{run}: the model cannot follow the readings from {at:.2f} s on: check rig file and encoder, or leave the"
+            " run out"
+        )
+
+
+def lengthened(recordings: Recordings, short: Problem, at: Estimate, length: float) -> tuple[Problem, Hypothesis]:
+    """The bare model at another segment length, s, from the states that shorter segments found."""
+    longer, initial = recordings.cut(length)
+    begun = at.changed(initial=carried(short.segments, at.initial, longer.segments, initial))
+    found = fit(longer, begun, free_parameters(begun, (), longer), iterations=20)
+    return longer, hypothesis(longer, (), begun_again(longer, found, initial))

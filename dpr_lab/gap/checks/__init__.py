@@ -1,1 +1,0 @@
-"""Results of recommended checks: what a measurement says of each cause, and the updated diagnosis."""

@@ -1,0 +1,1 @@
+"""How sure each effect is: classes of indistinguishable effects and their probabilities."""

@@ -1,0 +1,50 @@
+"""Named effects that together are one thing, such as a geared drive, and how much of the gap that is."""
+
+from functools import reduce
+
+import numpy as np
+
+from dpr_lab.effects.families import FAMILIES
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
+from dpr_lab.gap.result.diagnosis import NamedEffect, NamedFamily
+from dpr_lab.gap.which.selected import Selection
+
+
+def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -> list[NamedFamily]:
+    """Families of which the named effects are parts.
+
+    A family is as probable as the surest of its marks: friction alone may be a bearing's.
+    """
+    probable = {effect.name: effect.probability for effect in named}
+    return [
+        NamedFamily(
+            name=family.name,
+            words=family.words,
+            effects=list(parts),
+            probability=max(probable[name] for name in parts if name in family.marks),
+            share=_share(problem, selection, parts),
+        )
+        for family in FAMILIES
+        if (parts := family.among(tuple(probable)))
+    ]
+
+
+def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> float:
+    """Of the excess that comes back when all of them are left out, 0 to 1."""
+
+    def less(at: Hypothesis, name: str) -> Hypothesis:
+        return refit_without(problem, at, name, selection.base)
+
+    chosen, whole = selection.chosen, selection.base.residuals.excess
+    back = reduce(less, parts, chosen).residuals.excess - max(chosen.residuals.excess, 0.0)
+    return float(np.clip(back / whole, 0.0, 1.0)) if whole > 0 else 0.0
+
+
+def told(found: list[NamedFamily]) -> str:
+    """Sentences for the headline; empty where there is no family."""
+    return "".join(
+        f" Together {' and '.join(item.effects)} are what a {item.words} does [{item.name}]:"
+        f" {item.share:.0%} of the excess."
+        for item in found
+    )

@@ -1,0 +1,347 @@
+"""What was found, put into words and numbers: the result model."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, UNKNOWN_RATIOS
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.advice.advise import NextStep
+from dpr_lab.gap.advice.expected import expected_size
+from dpr_lab.gap.bare_model import scale
+from dpr_lab.gap.classes.families import families, told
+from dpr_lab.gap.classes.posterior import EffectPosterior, probabilities
+from dpr_lab.gap.conclusion.remedies import remedies
+from dpr_lab.gap.conclusion.verdict import listed_causes, sentence, verdict
+from dpr_lab.gap.hypothesis.detectable import detectable
+from dpr_lab.gap.result.diagnosis import (
+    AdvisedCheck,
+    Diagnosis,
+    EffectSize,
+    Gap,
+    Interval,
+    NamedEffect,
+    RivalEffect,
+    SensorFinding,
+    Where,
+)
+from dpr_lab.gap.result.evidence import Evidence
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.sensor_faults import AXES
+from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.where.locate import Place, where_sentence
+from dpr_lab.gap.which.selected import Selection
+from dpr_lab.identification.misread.tried import Description
+from dpr_lab.identification.scaling.prior_spread import scale_of
+from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.shown import listed
+
+Array = NDArray[np.float64]
+
+PLACES_SHOWN = 6
+"""Maps that a diagnosis shows, the most telling first."""
+
+SURELY = 3.0
+"""Standard uncertainties of L1 beyond which the rig file is wrong about it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """All that the stages of a diagnosis found."""
+
+    recordings: Recordings
+    problem: Problem
+    selection: Selection
+    posteriors: tuple[EffectPosterior, ...]
+    transfer: Transfer
+    description: Description
+    places: tuple[Place, ...]
+    gap: Gap
+    advice: tuple[NextStep, ...]
+    covariance: Array
+    """(free, free) of the chosen fit's values."""
+    cut: str
+    """How a long record was cut; nothing where it was not."""
+
+    @property
+    def intervals(self) -> dict[tuple[str, str], float]:
+        """(effect, parameter) -> half of the 90 % interval of a fitted value."""
+        reach = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
+        free = self.selection.chosen.fit.free
+        return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}
+
+    @property
+    def scale(self) -> Scale:
+        """What absolute sizes assume of b: it was fitted, or is the rig file's."""
+        unknown, intervals = self.selection.chosen.fit.estimate.ratios, self.intervals
+        b = float(unknown[SCALE])
+        if ("", "b") in intervals:
+            reach = intervals["", "b"]
+            return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data")
+        visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
+        assumed = scale(self.selection.base.fit.estimate.ratios, self.recordings.rig)
+        return scale_of(assumed.model_copy(update={"value": b}), unknown, self.recordings.rig, visible)
+
+
+def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
+    """The diagnosis; `seconds` is what it took."""
+    chosen, least = found.selection.chosen, detectable(found.selection.chosen, found.selection.last)
+    withheld = found.description.withholds
+    kind = verdict(found.selection, found.posteriors, found.transfer, least, withheld=withheld)
+    shown = found.posteriors if kind == "named" else listed_causes(found.posteriors)
+    named = [_named(found, item) for item in shown] if kind in ("named", "partly_explained") else []
+    whole = families(found.problem, found.selection, named)
+    at, residuals = chosen.fit.estimate, chosen.residuals
+    return Diagnosis(
+        verdict=kind,
+        sentence=sentence(kind, found.selection, found.posteriors, found.transfer, least, found.description)
+        + told(whole),
+        hints=[found.description.hint] if found.description.hint else [],
+        basis=found.transfer.basis,
+        transfer=_transfer(found.transfer),
+        withdrawn=list(found.transfer.withdrawn),
+        gap=found.gap,
+        where=[_where(place) for place in found.places[:PLACES_SHOWN]],
+        where_sentence=where_sentence(found.places),
+        effects=named,
+        families=whole,
+        rivals=[] if withheld else _rivals(found.posteriors, closest=kind == "unexplained"),
+        probabilities=dict(probabilities(found.selection, () if withheld else found.posteriors, kind)),
+        detectable={name: dict(sizes) for name, sizes in least.items()},
+        sensor_findings=_sensor_findings(found),
+        remedies=remedies(
+            named,
+            named_params(at.params),
+            found.recordings.constants,
+            {*found.transfer.withdrawn, *found.transfer.oversized},
+        ),
+        advice=[said.text for said in found.advice],
+        checks=_checks(found, [item.name for item in named]),
+        ratios={
+            name: _interval(value, found.intervals.get(("", name), 0.0))
+            for name, value in zip(RATIOS, at.ratios[: len(RATIOS)].tolist(), strict=True)
+        },
+        ratio_covariance=_ratio_covariance(found).tolist(),
+        p_over_b=float(at.ratios[ON_ELBOW]) if any(setup.alone for setup in found.problem.segments.setups) else None,
+        chi2_per_dof=residuals.chi2 / residuals.dof,
+        exact_torques=found.recordings.exact_torques,
+        segments=len(found.problem.segments),
+        scale_b=float(at.ratios[SCALE]),
+        scale=found.scale,
+        model_effects=named_params(at.params),
+        assumptions=[*([found.cut] if found.cut else []), *_assumptions(found), *_unseen(least)],
+        evidence=evidence,
+        seconds=seconds,
+    )
+
+
+def _ratio_covariance(found: Findings) -> NDArray[np.float64]:
+    """(5, 5); zero for ratios that no run shows, which are the rig file's."""
+    free = found.selection.chosen.fit.free
+    mine = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
+    whole = np.zeros((len(RATIOS), len(RATIOS)))
+    seen = [i for i in range(len(RATIOS)) if i in mine]
+    own = [mine[i] for i in seen]
+    whole[np.ix_(seen, seen)] = found.covariance[np.ix_(own, own)]
+    return whole
+
+
+def _checks(found: Findings, named: Sequence[str]) -> list[AdvisedCheck]:
+    """All checks of the advice, each once, with ids that those of another diagnosis do not have."""
+    at = found.selection.chosen.fit.estimate
+    own = hashlib.sha256(at.ratios.tobytes() + at.params.tobytes()).hexdigest()[:4]
+    each = {(check.kind, check.text, check.about): check for said in found.advice for check in said.checks}
+    each = {key: check for key, check in each.items() if check.about in named and check.expected_bits > 0}
+    ranked, assumed = sorted(each.values(), key=lambda check: -check.expected_bits), found.scale
+    return [
+        check.model_copy(update={"id": f"{k}-{own}", "expected": expected_size(found.selection, assumed, check)})
+        for k, check in enumerate(ranked, 1)
+    ]
+
+
+def _transfer(found: Transfer) -> dict[str, dict[str, Interval]]:
+    return {
+        effect: {run: Interval(value=share.estimate, interval90=share.interval90) for run, share in runs.items()}
+        for effect, runs in found.effects.items()
+    }
+
+
+def _interval(value: float, reach: float) -> Interval:
+    return Interval(value=value, interval90=(value - reach, value + reach))
+
+
+def _where(place: Place) -> Where:
+    return Where(
+        site=place.site,
+        coordinate=place.coordinate,
+        share=place.share,
+        sentence=place.sentence,
+        knots=place.knots.tolist(),
+        values=place.values.tolist(),
+        std=place.std.tolist(),
+        unit=place.unit,
+    )
+
+
+def _named(found: Findings, item: EffectPosterior) -> NamedEffect:
+    selection = found.selection
+    less, left = selection.without[item.name].residuals.excess, max(selection.chosen.residuals.excess, 0.0)
+    whole = selection.base.residuals.excess
+    values = named_params(selection.chosen.fit.estimate.params).get(item.name, {})
+    errors = {name: found.intervals.get((item.name, name), 0.0) for name in values}
+    assumed = found.scale
+    return NamedEffect.model_validate(
+        {
+            "name": item.name,
+            "class": list(item.members),
+            "odds": dict(zip(item.members, item.odds, strict=False)),
+            "probability": item.probability,
+            "parameters": {name: _size(assumed, item.name, name, value, errors[name]) for name, value in values.items()}
+            | _implied(EFFECTS[item.name], values, errors),
+            "share": float(np.clip((less - left) / whole, 0.0, 1.0)) if whole > 0 else float(less > left),
+        }
+    )
+
+
+def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
+    """What follows from an effect's parameters, their errors taken for independent."""
+    if effect.implied is None:
+        return {}
+    found, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
+    for name, error in errors.items():
+        moved = effect.implied({**values, name: values[name] + error})
+        for key in found:
+            squares[key] += (moved.get(key, np.inf) - found[key]) ** 2
+    reaches = {key: float(np.sqrt(square)) for key, square in squares.items() if np.isfinite(square)}
+    ends = {key: (found[key] - reach, found[key] + reach) for key, reach in reaches.items()}
+    return {key: EffectSize(value=found[key], interval90=ends[key], interval90_with_scale=ends[key]) for key in ends}
+
+
+def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> EffectSize:
+    """A fitted parameter with its ratio to b, and its absolute interval."""
+    parameter, interval = next(p for p in EFFECTS[effect].parameters if p.name == name), (value - reach, value + reach)
+    power = parameter.scale_power
+    size = EffectSize(value=value, interval90=interval, interval90_with_scale=scale.absolute90(value, interval, power))
+    if power == 0 or scale.fixed_by == "data":
+        return size
+    ratios = {"ratio": scale.ratio(value, power), "ratio_interval90": scale.ratio90(interval, power)}
+    return size.model_copy(update=ratios | {"ratio_unit": parameter.ratio_unit})
+
+
+def _rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
+    """What else could stand in a named effect's place; where nothing is named, the closest effects first."""
+    found = [
+        _rival(other.name, other.members, other.probability, other.cosine, item.name)
+        for item in posteriors
+        for other in item.alternatives
+    ]
+    found = sorted(found, key=lambda other: (-other.probability, -other.cosine))
+    if closest:
+        found = [_rival(item.name, item.members, item.probability, 1.0, "") for item in posteriors] + found
+    return found
+
+
+def _rival(name: str, members: Sequence[str], probability: float, cosine: float, instead_of: str) -> RivalEffect:
+    fields = {"name": name, "class": list(members), "probability": probability, "cosine": cosine}
+    return RivalEffect.model_validate(fields | {"instead_of": instead_of})
+
+
+def _sensor_findings(found: Findings) -> list[SensorFinding]:
+    """What the sensors did wrong; a step that an effect found can make is that effect's."""
+    values = named_params(found.selection.chosen.fit.estimate.params)
+    hidden = [0.0, 0.0]
+    for name, effect in EFFECTS.items():
+        if effect.hides_step is not None and name in values:
+            for joint in effect.joints:
+                hidden[joint] = max(hidden[joint], effect.hides_step(values[name]))
+    return [
+        SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence)
+        for item in found.recordings.records
+        for f in item.screened.findings
+        if f.step is None or f.axis not in AXES or abs(f.step) > hidden[AXES.index(f.axis)]
+    ]
+
+
+def _assumptions(found: Findings) -> list[str]:
+    records = found.recordings.records
+    made = [
+        _length(found),
+        _scale(found),
+        "Encoder noise is white beyond what the sensor screen found; readings were averaged over 5 ms.",
+        "Start states of all segments are free; the first 30 ms after each release are left out.",
+    ]
+    if all(item.arm_moves is False for item in records):
+        made.append("Encoder 0 saw the arm stand still, so a compliant arm was not considered.")
+    elif any(item.arm_moves is None for item in records):
+        made.append("The arm's angle was not recorded.")
+    if found.recordings.exact_torques:
+        made.append("Measured torques were taken for exact: what is left is far above what their noise does.")
+    return [*made, *_zeros(found), *_geared(found), *_misleading(found)]
+
+
+def _zeros(found: Findings) -> list[str]:
+    """What the zeros of encoders were fitted to be that are put anew before each recording."""
+    runs, zeros = found.recordings.records, 1e3 * found.selection.chosen.fit.estimate.zeros
+    each = [f"{item.run.name}: {own[0]:.3g} and {own[1]:.3g}" for item, own in zip(runs, zeros, strict=False)]
+    told = "Encoders are zeroed before each recording; what joints 1 and 2 read too much was fitted, mrad"
+    return [f"{told}: {'; '.join(each)}."] if each else []
+
+
+def _geared(found: Findings) -> list[str]:
+    """What is in the model because the rig is known to have it."""
+    names = [name for name in found.selection.chosen.effects if name in found.selection.expected]
+    joints = listed([f"joint {joint}" for joint in found.recordings.rig.joints.geared])
+    told = (
+        f"The rig file has a geared motor on {joints}: {{}} {{}} in the model, large or small, whatever speaks for it."
+    )
+    return [told.format(listed(names), "is" if len(names) == 1 else "are")] if names else []
+
+
+def _misleading(found: Findings) -> list[str]:
+    """What the runs held out spoke against."""
+    names = found.selection.misleading
+    was = "was" if len(names) == 1 else "were"
+    told = "left out of the model, for the runs held out are foretold better so: these runs took part in that choice."
+    return [f"{listed(names)} {was} {told}"] if names else []
+
+
+def _length(found: Findings) -> str:
+    """What is known of L1."""
+    rig, at = found.recordings.rig, found.selection.chosen.fit.estimate
+    if rig.rig.L1_std is None:
+        return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
+    (name,) = found.problem.always
+    (added,) = named_params(at.params).get(name, {"": 0.0}).values()
+    reach = max(found.intervals[key] for key in found.intervals if key[0] == name)
+    told = (
+        f"L1 is given as {rig.L1:g} m with a standard uncertainty of {rig.rig.L1_std:g} m and fitted:"
+        f" {rig.L1 + added:.5g} m +- {reach:.2g} m (90 %), at g = {rig.g:g} m/s^2 and by the device's clock."
+    )
+    return told if abs(added) < SURELY * rig.rig.L1_std else f"{told} The file's uncertainty does not allow that."
+
+
+def _unseen(least: Mapping[str, Mapping[str, float | None]]) -> list[str]:
+    """A sentence on what these recordings would not show at any size."""
+    blind = [name for name, sizes in least.items() if sizes and not any(sizes.values())]
+    return [f"No size of {', '.join(blind)} would show in these recordings."] if blind else []
+
+
+def _scale(found: Findings) -> str:
+    """What fixes the scale of all torques."""
+    if drives := [setup.torques for setup in found.problem.segments.setups if setup.torques]:
+        kinds = " and ".join(sorted({item.kind for item in drives} - {""}))
+        return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques."
+    if any(setup.added for setup in found.problem.segments.setups):
+        return "The known added mass fixes the scale of all torques."
+    if ("", "b") in found.intervals:
+        return "Friction that follows the load of weighed masses fixes the scale of all torques."
+    assumed = found.scale
+    return assumed.sentence if assumed.known else f"{assumed.sentence} A release with a known added mass fixes b."

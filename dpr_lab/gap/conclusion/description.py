@@ -1,0 +1,53 @@
+"""Whether a gap that no effect explains comes from a wrong description of the recordings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise
+from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.which.selected import Selection
+from dpr_lab.identification.misread.tried import Description, SecondLook, second_look
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class DescriptionRules:
+    """When a wrong description stands in the place of causes."""
+
+    as_good: float = 0.02
+    """Share of the excess that another reading may explain less than the chosen effects, and still be as good."""
+    closed: float = 0.93
+    """Share of the excess that effects explain from which energy that seems to enter is no hint: an encoder that reads
+    wrongly makes it too."""
+
+
+RULES = DescriptionRules()
+
+
+def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Transfer) -> Description:
+    """Try other readings where a gap far above the noise stays open, or is closed by effects of an impossible size.
+
+    Args:
+        runs: the fitted runs
+        rig: that they are said to be of
+        selection: the chosen set of effects
+        carried: how it does on recordings that took no part
+    """
+    open_ = not at_noise_floor(selection.chosen) or carried.withdrawn or carried.oversized
+    if not (far_from_noise(selection.base) and open_):
+        return Description()
+    look = second_look(runs, rig)
+    if not look.tried and selection.share_explained >= RULES.closed:
+        return Description()
+    return Description(look.sentence, bool(look.sentence) and _as_good(look, selection))
+
+
+def _as_good(look: SecondLook, selection: Selection) -> bool:
+    """Whether a wrong description explains as much as the effects do; none of these lets energy in."""
+    if not look.tried:
+        return True
+    of_arm = any(EFFECTS[name].stage == "arm" for name in selection.chosen.effects)
+    refuting = [one.share for one in look.tried if not (one.reading.arm and of_arm)]
+    return max(refuting, default=0.0) >= selection.share_explained - RULES.as_good

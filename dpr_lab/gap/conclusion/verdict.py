@@ -1,0 +1,190 @@
+"""The verdict in one word and one sentence; an honest "unexplained" before a wrong name."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.hypothesis.detectable import visible
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
+from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.which.selected import Selection
+from dpr_lab.identification.misread.tried import Description
+from dpr_lab.shown import listed
+
+Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
+
+Detectable = Mapping[str, Mapping[str, float | None]]
+"""Effect -> amplitude -> least size that the recordings would show."""
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictRules:
+    """When a set counts as the cause; set on blind trials with libraries that lack it."""
+
+    named_share: float = 0.93
+    """Of the excess: right models explained 0.97 and more, wrong libraries 0.91 at most."""
+    partly_share: float = 0.5
+    """Of the excess, below which nothing is said to be explained."""
+    sure: float = 0.6
+    """Probability that the surest class of a named set has at least; the sentence gives that of the least sure."""
+    rather: float = 0.5
+    """Probability below which the sentence says how unlikely it is that an effect is the cause."""
+    closes: float = 0.5
+    """Share of the gap that must close on recordings that took no part, for a set to be the cause."""
+    gap_from: float = 0.5
+    """Times the noise from which a remainder that no effect explains is a gap."""
+    listed: float = 0.05
+    """Probability below which an effect is not listed as a cause."""
+    visible: float = 0.5
+    """Share of the effects that must show at their typical size for "no gap" to mean something. Three releases of 4 s
+    at 1 kHz show 0.99, one of 1 s at 30 Hz shows 0.4."""
+    noise: float = 6.0
+    """Standard deviations of the residual up to which a named set counts as the whole story."""
+
+
+RULES = VerdictRules()
+
+
+def verdict(
+    selection: Selection,
+    posteriors: Sequence[EffectPosterior],
+    carried: Transfer,
+    least: Detectable,
+    *,
+    withheld: bool = False,
+) -> Verdict:
+    """Choose the verdict; beyond one release by what carries over to recordings that took no part.
+
+    Args:
+        selection: the chosen set of effects
+        posteriors: of each of them
+        carried: how they do on recordings that took no part
+        least: size of each effect that the recordings would show
+        withheld: whether a wrong description of the recordings explains as much
+    """
+    kind = "unexplained" if withheld else _verdict(selection, posteriors, carried)
+    shown, all_ = visible(least)
+    return "inconclusive" if kind == "no_gap" and shown < RULES.visible * all_ else kind
+
+
+def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
+    """Those that are not next to impossible."""
+    return tuple(item for item in posteriors if item.probability >= RULES.listed)
+
+
+def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> Verdict:
+    chosen, share = selection.chosen, selection.share_explained
+    if not chosen.effects:
+        return "no_gap" if _small(chosen) else "unexplained"
+    whole = share >= RULES.named_share or at_noise_floor(chosen)
+    sure = max(item.probability for item in posteriors) >= RULES.sure
+    tested = carried.basis != "one release"
+    transfers = not tested or (not carried.withdrawn and carried.closed.estimate >= RULES.closes)
+    if chosen.residuals.z < RULES.noise and whole and sure and transfers and not carried.oversized:
+        return "named"
+    nothing = tested and (carried.closed.estimate <= 0 or len(carried.withdrawn) == len(chosen.effects))
+    if share >= RULES.partly_share and not nothing and listed_causes(posteriors):
+        return "partly_explained"
+    return "no_gap" if _small(selection.base) else "unexplained"
+
+
+def _small(item: Hypothesis) -> bool:
+    """Whether what is left is noise, or too little beside it to be called a gap."""
+    return at_noise_floor(item) or item.residuals.noise_ratio < RULES.gap_from
+
+
+def sentence(
+    kind: Verdict,
+    selection: Selection,
+    posteriors: Sequence[EffectPosterior],
+    carried: Transfer,
+    least: Detectable,
+    described: Description,
+) -> str:
+    """What the operator reads first: arguments as of `verdict`, and what speaks against the description."""
+    if kind == "inconclusive":
+        return _inconclusive(least)
+    if described.withholds:
+        gap = selection.base.residuals.noise_ratio
+        return f"Unexplained: a gap of {gap:.2g} times the noise. {described.hint}"
+    told = _sentence(kind, selection, posteriors, carried)
+    return f"{told} {described.hint}" if described.hint else told
+
+
+def _inconclusive(least: Detectable) -> str:
+    shown, all_ = visible(least)
+    return (
+        f"Inconclusive: these recordings cannot show a gap. Of {all_} effects only {shown} would be visible at their"
+        " typical size. Record more releases, longer, with larger swings, at a higher rate or with less noise."
+    )
+
+
+def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> str:
+    share, left = selection.share_explained, selection.chosen.residuals.noise_ratio
+    carrying = [item for item in posteriors if item.name not in carried.withdrawn]
+    likely = [item for item in carrying if item.name not in selection.expected or item.probability >= RULES.rather]
+    carrying = likely or carrying  # the assumptions tell of what is only known to be there
+    if kind == "no_gap":
+        return _no_gap(selection.base)
+    if kind == "named":
+        sure = min(item.probability for item in posteriors)
+        return (
+            f"The gap is explained by {listed(list(map(_class, carrying)))} (probability {sure:.0%}):"
+            f" nothing above the noise floor is left; {how_far(carried)}."
+        )
+    if kind == "partly_explained":
+        named = listed([_class(item) + _unsure(item) for item in listed_causes(carrying) or listed_causes(posteriors)])
+        return (
+            f"Partly explained by {named}: {how_far(carried)}. Of the excess in the fitted recordings {share:.1%} is"
+            f" explained; a remainder of {left:.2g} times the noise has another cause or another form."
+            f"{_doubts(carried)}"
+        )
+    if not posteriors:
+        return f"Unexplained: a gap of {left:.2g} times the noise, and no effect of the library fits it."
+    closest = listed([_class(item) for item in posteriors])
+    if share >= RULES.partly_share:
+        return (
+            f"Unexplained: {closest} would explain {share:.0%} of the excess in these recordings, and not the next:"
+            f" {how_far(carried)}."
+        )
+    return f"Unexplained: closest {closest}, which would explain only {share:.0%} of the excess."
+
+
+def _no_gap(base: Hypothesis) -> str:
+    if at_noise_floor(base):
+        return "No gap visible at this noise: the bare model explains the recordings down to the noise floor."
+    return (
+        f"No gap above the noise: a remainder of {base.residuals.noise_ratio:.2g} times the noise, which no effect of"
+        " the library explains."
+    )
+
+
+def how_far(carried: Transfer) -> str:
+    """The number that transfers, and what it was tested on."""
+    estimate, (low, high) = carried.closed.estimate, carried.closed.interval90
+    if estimate > 0:
+        closed = f"{estimate:.0%} of the gap closes on {{}} (90 % interval {low:.0%} to {high:.0%})"
+    else:
+        closed = f"the gap does not close on {{}} ({estimate:.0%}, 90 % interval {low:.0%} to {high:.0%})"
+    if carried.basis == "one release":
+        return closed.format("quarters left out") + ", from one release: not tested on another"
+    return closed.format(carried.basis)
+
+
+def _doubts(carried: Transfer) -> str:
+    verb = "explains" if len(carried.withdrawn) == 1 else "explain"
+    told = f" {listed(carried.withdrawn)} {verb} these recordings, not the next." if carried.withdrawn else ""
+    if carried.oversized:
+        told += f" {listed(carried.oversized)} would be larger than on any rig: something else has that shape."
+    return told
+
+
+def _unsure(item: EffectPosterior) -> str:
+    """How likely an effect is that is rather not the cause, though it stands for a part of the gap."""
+    return "" if item.probability >= RULES.rather else f" ({item.probability:.0%} likely to be the cause)"
+
+
+def _class(item: EffectPosterior) -> str:
+    return item.name if len(item.members) == 1 else f"({' or '.join(item.members)})"

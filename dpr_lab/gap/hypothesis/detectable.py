@@ -1,0 +1,66 @@
+"""The least size of every effect that these recordings would show."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.fitting.projection import TINY
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.score_test import ScoreTest
+
+SIGMAS = 5.0
+"""Standard deviations from which an effect would show: no chance among some 600 shapes."""
+
+SEEN = 1e-6
+"""Share of a column's squared length that what is fitted must leave, for its amplitude to be seen at all."""
+
+
+def detectable(at: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, float | None]]:
+    """Minimum detectable amplitude of each effect beside what is fitted: five standard deviations.
+
+        size = 5 sqrt(f) / | s |,
+
+    s the change of the whitened readings by one unit, initial states and fitted parameters projected out, f what one
+    independent piece of evidence costs. None where the readings do not change at all.
+
+    Args:
+        at: what is fitted
+        test: its score test
+    """
+    spread = SIGMAS * at.residuals.inflation**0.5
+    found: dict[str, dict[str, float | None]] = {}
+    for item in test.ranking:
+        left = np.diag(test.beside(item.columns).H)
+        scales = test.space.scale[list(item.columns)]
+        found[item.effect.name] = {
+            test.free[column].name: _size(spread, scale, rest)
+            for column, scale, rest in zip(item.columns, scales, left, strict=True)
+        }
+    held = test.space.chosen(list(test.held))
+    left = held.scale**2 / np.diag(held.covariance())
+    for name in at.effects:
+        own = zip(at.fit.free, held.scale, left, strict=True)
+        found[name] = {p.name: _size(spread, s, rest) for p, s, rest in own if p.effect == name and p.amplitude}
+    return {name: found[name] for name in EFFECTS if name in found}
+
+
+def _size(spread: float, scale: float, rest: float) -> float | None:
+    """Of a column of norm 1 / scale, of whose squared length a share is left."""
+    return float(spread * scale / rest**0.5) if rest > SEEN and scale < 1 / TINY else None
+
+
+def visible(least: Mapping[str, Mapping[str, float | None]]) -> tuple[int, int]:
+    """Count the effects that would be visible at their typical size, and those that would be at any size.
+
+    An effect that is invisible at any size does not act here (joint 2 of a single rod) or is absorbed by the ratios.
+
+    Args:
+        least: result of `detectable`
+    """
+    acting = {name: sizes for name, sizes in least.items() if any(size is not None for size in sizes.values())}
+    shown = [
+        any(size is not None and size <= p.typical for p in EFFECTS[name].amplitudes if (size := sizes.get(p.name)))
+        for name, sizes in (acting or least).items()
+    ]
+    return sum(shown), len(shown)

@@ -1,0 +1,148 @@
+"""One explanation of the gap: a set of effects, fitted with ratios and initial states, and what it leaves."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects import EFFECTS, without_effect
+from dpr_lab.fitting.cut import carried
+from dpr_lab.fitting.estimate import (
+    SCALE,
+    Estimate,
+    FreeParameter,
+    effect_parameters,
+    moved,
+    ratio_parameters,
+    visible_ratios,
+    with_scale,
+)
+from dpr_lab.fitting.gauss_newton import Fit, Iteration, descend, fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.cross_validation import folds, predictive_loss
+from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, residual_statistics
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
+
+Array = NDArray[np.float64]
+
+PRICE = 9.0
+"""chi2 units that one more parameter has to earn: the logarithm of some 1e4 samples (BIC)."""
+
+LOST = 10.0
+"""Factor of chi2 from which a linear guess is worse to start from than what it was made of."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """A set of effects, fitted."""
+
+    effects: tuple[str, ...]
+    fit: Fit
+    residuals: ResidualStatistics
+    predictive_loss: Array
+    """(folds,) how badly each run is predicted by the others, in units of chi2."""
+
+    @property
+    def cost(self) -> float:
+        """Held-out chi2 and the price of its parameters, in units of independent evidence it leaves."""
+        scanned = sum(len(EFFECTS[name].shapes) for name in self.effects)
+        return float(self.predictive_loss.sum()) + PRICE * self.residuals.inflation * (len(self.fit.free) + scanned)
+
+    @property
+    def key(self) -> frozenset[str]:
+        """The set of its effects."""
+        return frozenset(self.effects)
+
+
+def hypothesis(problem: Problem, effects: Iterable[str], found: Fit) -> Hypothesis:
+    """Judge a fit."""
+    left = residual_statistics(problem, found)
+    return Hypothesis(tuple(effects), found, left, predictive_loss(found, folds(problem), left.inflation))
+
+
+def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
+    """Whether b is no mere scale: a known mass or torque, or friction by the force of weighed masses on a joint."""
+    weighs = problem.masses_weighed and any(EFFECTS[name].stage == "load" for name in effects)
+    return weighs or any(setup.weighs for setup in problem.segments.setups)
+
+
+def free_parameters(at: Estimate, effects: Sequence[str], problem: Problem) -> tuple[FreeParameter, ...]:
+    """The ratios, b where it can be seen, what is hardly known of the rig, and all that is free of some effects."""
+    names = dict.fromkeys((*problem.always, *effects))
+    visible = visible_ratios(problem.segments.setups, scale_visible(effects, problem))
+    of_effects = (parameter for name in names for parameter in effect_parameters(EFFECTS[name], refined=True))
+    return (*ratio_parameters(at, visible), *of_effects)
+
+
+def begun_with(problem: Problem, before: Hypothesis, test: ScoreTest, item: Score, iterations: int = 0) -> Iteration:
+    """One effect more from where its score puts it, led on by some iterations for a glimpse of its fit."""
+    linear = test.linear.chosen([*test.held, *item.columns])
+    first = descend(problem, _shaped(before, item), item.free, iterations=1, first=linear)
+    if not iterations:
+        return first
+    free = free_parameters(first.estimate, (*before.effects, item.effect.name), problem)
+    return descend(problem, first.estimate, free, iterations=iterations, predicted=first.predicted)
+
+
+def refit_with(
+    problem: Problem,
+    before: Hypothesis,
+    test: ScoreTest,
+    item: Score,
+    iterations: int,
+    begun: Iteration | None = None,
+) -> Hypothesis:
+    """Fit one effect more, from where its score puts it or from where a glimpse led."""
+    begun = begun or begun_with(problem, before, test, item)
+    at, effects = begun.estimate, (*before.effects, item.effect.name)
+    free = free_parameters(at, effects, problem)
+    return hypothesis(problem, effects, fit(problem, at, free, iterations=iterations, predicted=begun.predicted))
+
+
+def refit_with_from_short(
+    problem: Problem, short: tuple[Problem, Array], before: Hypothesis, item: Score, iterations: int
+) -> Hypothesis:
+    """Fit one effect more to short segments first: slower, but it converges where the effect bends the swings far.
+
+    Args:
+        problem: the segments
+        short: shorter segments of the same runs, and initial states to begin with
+        before: the fit without the effect
+        item: the effect in the shape to start from
+        iterations: at most, of each of the two fits
+    """
+    cut, initial = short
+    near = descend(cut, replace(_shaped(before, item), initial=initial), item.free, iterations=iterations)
+    begun = carried(cut.segments, near.estimate.initial, problem.segments, before.fit.estimate.initial)
+    at = near.estimate.changed(initial=begun)
+    effects = (*before.effects, item.effect.name)
+    return hypothesis(problem, effects, fit(problem, at, free_parameters(at, effects, problem), iterations=iterations))
+
+
+def _shaped(before: Hypothesis, item: Score) -> Estimate:
+    params = before.fit.estimate.params.copy()
+    for index, value in item.shape:
+        params[index] = value
+    return before.fit.estimate.changed(params=params)
+
+
+def refit_without(
+    problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis, iterations: int = 15
+) -> Hypothesis:
+    """Fit without one effect, from where the linearised fit puts the others; the bare model's b where none is seen."""
+    names = tuple(name for name in before.effects if name != effect)
+    free, linear, at = before.fit.free, before.fit.linear, before.fit.estimate
+    fallen = np.array([-p.read(at) if p.effect == effect and p.amplitude else 0.0 for p in free])
+    kept = [i for i, parameter in enumerate(free) if parameter.effect != effect]
+    A, e = linear.flat
+    step = fallen.copy()
+    step[kept] = np.linalg.lstsq(A[:, kept], e - A @ fallen, rcond=1e-10)[0]
+    without = at.changed(params=without_effect(at.params, effect))
+    guess = moved(without, [free[i] for i in kept], step[kept], linear.initial_steps(step))
+    if not problem.chi2(guess) < LOST * problem.chi2(without):
+        guess = without
+    if not scale_visible(names, problem):
+        guess = guess.changed(ratios=with_scale(guess.ratios, bare.fit.estimate.ratios[SCALE]))
+    found = fit(problem, guess, free_parameters(guess, names, problem), iterations=iterations)
+    return hypothesis(problem, names, found)

@@ -1,0 +1,115 @@
+"""Score test: how much every effect of the library promises, from one linearised fit.
+
+With A the slopes of what is fitted already and C those of a candidate (initial states projected out of both), the fall
+of chi2 that the candidate promises is that of the bounded least-squares problem
+
+    min | e - A dp - C a |^2,    friction and other one-signed amplitudes not below zero.
+
+Nothing is integrated again for it, and its solution is where the nonlinear fit of that candidate starts.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects.effect import Effect, Recorded, Shape
+from dpr_lab.fitting.estimate import FreeParameter, effect_parameters
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.linearise import Linearisation, linearise
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.fitting.response import TRAJECTORY, trajectory
+from dpr_lab.gap.hypothesis.scan import shapes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """What one effect, in one shape, promises."""
+
+    effect: Effect
+    shape: Shape
+    gain: float
+    """Fall of chi2."""
+    columns: tuple[int, ...]
+    """Of its amplitudes, among the columns of the test."""
+    free: tuple[FreeParameter, ...]
+    """Those of the fit and the effect's amplitudes."""
+    amplitudes: Array
+    """(columns,) the linear solution's."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreTest:
+    """A fit linearised with the columns of a whole library."""
+
+    fit: Fit
+    linear: Linearisation
+    free: tuple[FreeParameter, ...]
+    """Of all columns: those of the fit, then those of the candidates."""
+    space: ColumnSpace
+    ranking: tuple[Score, ...] = ()
+    """Best first; of several shapes of an effect the best."""
+    shaped: Mapping[str, tuple[Score, ...]] = field(default_factory=dict)
+    """All shapes of each effect, the best first."""
+
+    @property
+    def held(self) -> tuple[int, ...]:
+        """Columns of the fit itself."""
+        return tuple(range(len(self.fit.free)))
+
+    def of(self, effect: str) -> Score | None:
+        """The best of one effect; none where it was not tested."""
+        return self.shaped[effect][0] if effect in self.shaped else None
+
+    def beside(self, columns: Sequence[int]) -> ColumnSpace:
+        """Columns of candidates with what is fitted projected out."""
+        return self.space.beside(list(self.held), list(columns))
+
+    def cosine(self, target: Score, other: Score) -> float:
+        """Between what `target` does and the nearest that `other` can do, what is fitted projected out."""
+        own = len(target.columns)
+        direction = target.amplitudes if target.amplitudes.any() else self.space.scale[list(target.columns)]
+        space = self.beside((*target.columns, *other.columns))
+        return space.cosine(direction, slice(0, own), slice(own, None))
+
+
+def score_test(problem: Problem, found: Fit, library: Iterable[Effect], recorded: Recorded) -> ScoreTest:
+    """Test every effect.
+
+    Args:
+        problem: what was measured
+        found: the fit to improve
+        library: the effects to try
+        recorded: what the recordings tell of shapes
+    """
+    along = trajectory(problem, found.estimate, spacing=TRAJECTORY.coarse_s)
+    candidates = [
+        (effect, shape, effect_parameters(effect, overrides=shape))
+        for effect in library
+        for shape in shapes(effect, problem, found, along, recorded)
+    ]
+    free = (*found.free, *(parameter for _, _, own in candidates for parameter in own))
+    linear = linearise(problem, found.estimate, free)
+    test = ScoreTest(found, linear, free, ColumnSpace.of(*linear.flat))
+    tested: dict[str, list[Score]] = {}
+    first = len(found.free)
+    for effect, shape, own in candidates:
+        columns = tuple(range(first, first + len(own)))
+        first += len(own)
+        tested.setdefault(effect.name, []).append(_score(test, effect, shape, columns))
+    shaped = {name: tuple(sorted(items, key=lambda item: -item.gain)) for name, items in tested.items()}
+    ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda item: -item.gain))
+    return replace(test, ranking=ranking, shaped=shaped)
+
+
+def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
+    chosen = [*test.held, *columns]
+    free = tuple(test.free[i] for i in chosen)
+    space = test.space.chosen(chosen)
+    lower = np.array([parameter.lower - parameter.read(test.fit.estimate) for parameter in free])
+    amplitudes = space.solution(lower)[len(test.held) :]
+    return Score(effect, shape, space.gain(lower), columns, free, amplitudes)

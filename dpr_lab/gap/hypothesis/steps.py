@@ -1,0 +1,64 @@
+"""Instants at which the reading of an encoder stepped and stayed: screened ones, or what residuals speak for most."""
+
+from collections.abc import Sequence
+from itertools import repeat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects.effect import Recorded
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.whitening import padded
+from dpr_lab.gap.screen.record import Record
+
+STEPS_KEPT = 3
+"""Steps of a residual that are tried; a recording loses counts once, or so often that it is not worth fitting."""
+
+BEFORE_S = 1e-4
+"""How long before a reading its step is taken to be: within any sample period."""
+
+BLIND = 1e-6
+"""Share of a step's squared length that its segment's initial state must leave, for the step to be seen at all."""
+
+
+def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
+    """What the recordings tell of shapes."""
+    screened = [(axis, run, at) for run, item in enumerate(records) for at, axis in item.screened.breaks]
+    return Recorded(
+        arm_moves=tuple(item.arm_moves for item in records),
+        steps=lambda: screened or [found[1:] for found in _possible(records, _step_gains(problem, fit))[:STEPS_KEPT]],
+    )
+
+
+def _possible(
+    records: Sequence[Record], found: list[tuple[float, int, int, float]]
+) -> list[tuple[float, int, int, float]]:
+    """Those of encoders whose readings are counts."""
+    return [item for item in found if records[item[2]].screened.on_grid[item[1]]]
+
+
+def _step_gains(problem: Problem, fit: Fit) -> list[tuple[float, int, int, float]]:
+    """Gain, joint, run and instant of a step at the best sample of each segment, by cumulative sums from its end.
+
+    A segment wholly after the step sees a constant, which its initial state nearly absorbs; the exact offset is left
+    to the nonlinear fit.
+    """
+    segments, found = problem.segments, []
+    firsts, lengths = segments.offsets[:-1], np.diff(segments.offsets)
+    every = padded(np.ones((*problem.weight.shape, 1)), problem.weight, segments.offsets)[..., 0]
+    for joint in range(2):
+        weight, e, Q = every[:, :, joint], fit.linear.e[:, joint::2], fit.linear.Q[:, joint::2]
+        inner, onto = _from_end(e * weight), _from_end(Q * weight[:, :, None])
+        norm = _from_end(weight**2) - np.sum(onto**2, axis=2)
+        seen = norm > (BLIND * weight.sum(axis=1) ** 2 / lengths)[:, None]
+        gain = np.where(seen, inner**2 / np.where(seen, norm, 1.0), 0.0)
+        best = np.argmax(gain[:, 1:], axis=1) + 1
+        at, most = problem.t[firsts + best] - BEFORE_S, gain[np.arange(len(best)), best]
+        found += zip(most.tolist(), repeat(joint), segments.run.tolist(), at.tolist())
+    return sorted(found, reverse=True)
+
+
+def _from_end(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cumulative sums from the last sample on, of (segments, samples, ...)."""
+    return np.cumsum(values[:, ::-1], axis=1)[:, ::-1]

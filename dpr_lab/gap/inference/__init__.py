@@ -1,1 +1,0 @@
-"""How sure: classes, probabilities, intervals, detectable sizes, recordings left out."""

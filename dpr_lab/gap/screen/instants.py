@@ -1,0 +1,211 @@
+"""When the readings were taken: stamps that jitter about an even clock, and readings that come late in a cycle.
+
+Two faults of data loggers, seen before any physics is fitted:
+
+    stamp_jitter     Samples are taken at an even rate and stamped when they arrive. Sixth differences of the angles are
+                     then smaller on even instants than on the stamps. Stamps that are right although they are uneven
+                     leave smaller differences themselves, and stay.
+    periodic_delay   Every n-th reading is taken a fixed time after its stamp (a multiplexer, a buffer that is written
+                     to disk). Its error is delay times speed, in both joints, at the same place of each cycle.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from dpr_lab.estimation.noise import ORDER
+from dpr_lab.fitting.robust import NORMAL_MAD
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class InstantSettings:
+    """What decides that stamps are wrong, and by how much."""
+
+    uneven: float = 1e-3
+    """Standard deviation of the stamps about an even clock, in periods, below which they are even."""
+    widest: float = 0.5
+    """Distance of a stamp from the even clock, in periods, beyond which a sample may be missing."""
+    drift: int = 50
+    """Samples on either side over which the clock's offset is a median."""
+    block: int = 32
+    """Samples whose stamps are right, or not, together."""
+    preferred: float = 4.0
+    """Standard errors by which the windows that even instants suit better must outnumber the others."""
+    fast: float = 0.4
+    """Share of the windows, the fastest, that count: a rod at rest looks the same at all instants."""
+    cycle: int = 64
+    """Longest distance between two late readings, in samples."""
+    significance: float = 8.0
+    """Standard errors by which a periodic delay must differ from zero."""
+    contrast: float = 2.0
+    """Times the largest delay elsewhere in the cycle that the late reading must show."""
+    unshared: float = 0.15
+    """Quantile of the spreads over places of all cycles that is free of the late readings'."""
+    least: float = 0.1
+    """Delay, in periods, below which it is left to the noise."""
+    wild: float = 8.0
+    """Standard deviations up to which a single reading counts in the search for a cycle,"""
+    usual: float = 0.98
+    """or what this share of the readings keeps to, where that is more: the late readings of a cycle are many."""
+    reach: int = 4
+    """Samples on either side over which a speed is taken."""
+
+
+INSTANTS = InstantSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodicDelay:
+    """Every `cycle`-th reading, from `first` on, is taken `delay_s` after its stamp."""
+
+    cycle: int
+    """Samples from one late reading to the next."""
+    first: int
+    """Index of the first late reading."""
+    delay_s: float
+    std_s: float
+    """Standard error of the delay, s."""
+
+    def late(self, samples: int) -> Flags:
+        """(samples,) which readings are late."""
+        return np.arange(samples) % self.cycle == self.first
+
+
+def even_instants(t: Array, joints: Array, settings: InstantSettings = INSTANTS) -> Array | None:
+    """Instants without the jitter of their stamps, where the angles prefer even instants.
+
+    Each window of seven samples is judged twice, by the sixth divided difference on its stamps and on even instants.
+
+    Args:
+        t: (n,) stamps, s
+        joints: (n, m) angles, rad
+        settings: what decides
+
+    Returns:
+        (n,) s; None where the stamps are even, or right
+    """
+    if len(t) < 4 * settings.drift:
+        return None
+    index, period = np.arange(len(t)), float(np.median(np.diff(t)))
+    offset = t - index * period
+    even = index * period + _median_of_neighbours(offset, settings.drift)
+    near = np.abs(t - even) < settings.widest * period
+    if not near.any() or np.std((t - even)[near]) < settings.uneven * period:
+        return None
+    windows = sliding_window_view(t, ORDER + 1)
+    angles = sliding_window_view(joints, ORDER + 1, axis=0)
+    on_stamps = np.abs(np.einsum("wmj,wj->wm", angles, _weights(windows, period)))
+    on_even = np.abs(angles @ _weights(np.arange(ORDER + 1.0)[None], 1.0)[0])
+    speed = np.abs(joints[ORDER:] - joints[:-ORDER]) / np.ptp(windows, axis=1)[:, None]
+    without_gap = np.abs(np.diff(windows, axis=1) - period).max(axis=1) < settings.widest * period
+    counts = without_gap[:, None] & (speed > 0.0) & (speed >= np.quantile(speed, 1 - settings.fast, axis=0))
+    votes = np.where(counts, np.sign(on_stamps - on_even), 0.0)
+    # Windows overlap: one in seven is independent.
+    if votes.sum() < settings.preferred * np.sqrt((ORDER + 1) * max(counts.sum(), 1)):
+        return None
+    block = index // settings.block
+    by_block = np.bincount(block[ORDER // 2 : len(t) - ORDER // 2], votes.sum(axis=1), block[-1] + 1)
+    return np.where(near & (by_block[block] >= 0.0), even, t)
+
+
+def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS) -> PeriodicDelay | None:
+    """The cycle whose late readings stand out most; None where none does.
+
+    With the divided differences r = W theta of windows of seven and a reading i late by d, r = W_i d omega_i. So
+
+        d_i = (W^T r)_i / ((W^T W)_ii omega_i),    information (W^T W)_ii omega_i^2 / sigma^2,
+
+    summed over every n-th reading, for each n and each place in the cycle. The best cycle is fitted by least squares.
+
+    Args:
+        t: (n,) instants, s
+        joints: (n, m) angles, rad
+        settings: what decides
+    """
+    if len(t) < 4 * settings.cycle:
+        return None
+    windows, period = sliding_window_view(t, ORDER + 1), float(np.median(np.diff(t)))
+    dense = np.ptp(windows, axis=1) < 1.5 * ORDER * period
+    weights = np.where(dense[:, None], _weights(windows, period), 0.0)
+    power = _to_samples(weights**2, len(t))
+    score, information = np.zeros(len(t)), np.zeros(len(t))
+    usable: list[tuple[Array, Array]] = []
+    for angle in joints.T:
+        differences = _differences(angle, weights)
+        std = NORMAL_MAD * float(np.median(np.abs(differences[dense]))) if dense.any() else 0.0
+        if std <= 0.0:
+            continue
+        speed = _speed(t, angle, settings.reach)
+        usable.append((differences / std, speed / std))
+        error = _to_samples(weights * differences[:, None], len(t))
+        most = np.maximum(settings.wild * std * np.sqrt(power), np.quantile(np.abs(error), settings.usual))
+        score += speed * np.clip(error, -most, most) / std**2
+        information += speed**2 * power / std**2
+    by_cycle = {cycle: _by_place(cycle, score, information) for cycle in range(2, settings.cycle + 1)}
+    # Instants that jitter at random spread the places of all cycles, a late reading only those that share a factor.
+    spreads = [NORMAL_MAD * np.median(np.abs(z - np.median(z))) for cycle, z in by_cycle.items() if cycle > ORDER]
+    spread = max(1.0, float(np.quantile(spreads, settings.unshared)))
+    (size, first), cycle = max((_standing_out(z, settings.contrast), cycle) for cycle, z in by_cycle.items())
+    if size < settings.significance * spread:
+        return None
+    late = np.arange(len(t)) % cycle == first
+    shapes = [(differences, _differences(speed * late, weights)) for differences, speed in usable]
+    known = sum(float(shape @ shape) for _, shape in shapes)
+    delay = sum(float(differences @ shape) for differences, shape in shapes) / known
+    return PeriodicDelay(cycle, first, delay, known**-0.5) if abs(delay) >= settings.least * period else None
+
+
+def _by_place(cycle: int, score: Array, information: Array) -> Array:
+    """(cycle,) delay at each place of a cycle, in standard errors."""
+    place = np.arange(len(score)) % cycle
+    known = np.maximum(np.bincount(place, information, cycle), np.finfo(float).tiny)
+    return np.bincount(place, score, cycle) / np.sqrt(known)
+
+
+def _standing_out(z: Array, contrast: float) -> tuple[float, int]:
+    """Size and place of the largest delay (cycle,); 0 where others in the cycle come near it."""
+    size = np.abs(z)
+    first = int(np.argmax(size))
+    apart = np.abs((np.arange(len(z)) - first + len(z) // 2) % len(z) - len(z) // 2)
+    elsewhere = size[apart > ORDER // 2]  # a late reading shows in the windows of its neighbours too
+    stands_out = not len(elsewhere) or size[first] > contrast * elsewhere.max()
+    return (float(size[first]) if stands_out else 0.0), first
+
+
+def _weights(windows: Array, period: float) -> Array:
+    """(windows, 7) of sixth divided differences at unit gain on white noise, from instants (windows, 7)."""
+    at = (windows - windows[:, :1]) / period
+    apart = at[:, :, None] - at[:, None, :]
+    weights = 1 / np.prod(apart + np.eye(ORDER + 1), axis=2)
+    return weights / np.linalg.norm(weights, axis=1, keepdims=True)
+
+
+def _differences(values: Array, weights: Array) -> Array:
+    """(windows,) divided differences of values (n,)."""
+    return np.einsum("wj,wj->w", sliding_window_view(values, ORDER + 1), weights)
+
+
+def _to_samples(values: Array, samples: int) -> Array:
+    """(samples,) sums of values (windows, 7) over the windows that hold each sample."""
+    total = np.zeros(samples)
+    for place in range(ORDER + 1):
+        total[place : samples - ORDER + place] += values[:, place]
+    return total
+
+
+def _speed(t: Array, angle: Array, reach: int) -> Array:
+    """(n,) speed over neighbours on either side, so that one wrong instant does not make it."""
+    speed = np.gradient(angle, t)
+    speed[reach:-reach] = (angle[2 * reach :] - angle[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])
+    return speed
+
+
+def _median_of_neighbours(values: Array, half: int) -> Array:
+    """(n,) median of each value (n,) and `half` neighbours on either side."""
+    padded = np.pad(values, half, mode="reflect", reflect_type="odd")
+    return np.median(sliding_window_view(padded, 2 * half + 1), axis=1)

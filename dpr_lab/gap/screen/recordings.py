@@ -1,0 +1,157 @@
+"""Screened recordings of one rig, and the fitting problem that they make once they are cut into segments."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.prediction import segment_start
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.fitting.cut import cut
+from dpr_lab.fitting.disturbance import disturbance
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.rods_with_effects import RodsWithEffects
+from dpr_lab.gap.screen.record import Record
+from dpr_lab.rig import MASSES, Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentLengths:
+    """Lengths at which the model is fitted, s."""
+
+    first: float = 0.25
+    """From which any rig file within 20 % of the truth converges."""
+    working: float = 0.5
+    """At which effects are told apart: four to seven times as sensitive as the first, and still Gauss-Newton-able."""
+
+
+LENGTHS = SegmentLengths()
+
+
+@dataclass(frozen=True, slots=True)
+class InitialGuess:
+    """How an initial state is guessed from the readings about it."""
+
+    near_s: float = 0.03
+    """Readings that count: a cubic follows any swing so far."""
+    fewest: int = 6
+    """Readings for a cubic; where they are not near, the next ones count."""
+    before: int = 4
+    """Readings before a segment's first that then count too."""
+
+
+GUESS = InitialGuess()
+
+
+@dataclass(frozen=True, slots=True)
+class Recordings:
+    """Runs as the diagnosis sees them, and their rig."""
+
+    records: tuple[Record, ...]
+    rig: Rig
+    ratios: Array | None = None
+    """(7,) ratios, b and p/b by which the rods answer to noise of what drives them; none until they are known."""
+    exact_torques: bool = False
+    """Whether known torques are taken for exact."""
+
+    @property
+    def constants(self) -> RigConstants:
+        """What was measured on the rig."""
+        return rig_constants(self.rig)
+
+    @property
+    def masses_weighed(self) -> bool:
+        """Whether all masses are measured, so that friction that follows the load shows the scale of all torques."""
+        return all(self.rig.parameters[name].measured is not None for name in MASSES)
+
+    def cut(self, length: float) -> tuple[Problem, Array]:
+        """Segments of about a length, s, and (segments, 4) initial states guessed from the readings."""
+        records = self.records
+        cuts = [cut(item.t, length, item.breaks) for item in records]
+        stretches = [(i, s) for i, own in enumerate(cuts) for s in own]
+        problem = Problem(
+            segments=segments(
+                [records[i].t[s] for i, s in stretches],
+                [i for i, _ in stretches],
+                [item.run.setup for item in records],
+                [records[i].step for i, _ in stretches],
+            ),
+            measured=np.concatenate([records[i].joints[s] for i, s in stretches]),
+            weight=np.concatenate([1 / records[i].sigma[s] for i, s in stretches]),
+            model=RodsWithEffects(self.constants),
+            masses_weighed=self.masses_weighed,
+            always=tuple(name for name, effect in EFFECTS.items() if effect.corrects in self.rig.unsure),
+            rezeroed=self.rig.encoders.rezeroed,
+            noise_correlation=float(np.mean([item.noise_correlation for item in records])),
+        )
+        relative2 = self.rig.encoders.joint2 == "relative"
+        initial = np.concatenate(
+            [_initial_states(item, own, relative2) for item, own in zip(records, cuts, strict=True)]
+        )
+        if self.ratios is not None:
+            at = Estimate.of(self.ratios, effect_params({}), initial)
+            problem = replace(problem, disturbance=disturbance(problem, at))
+        return problem, initial
+
+    def without(self, problem: Problem, off: NDArray[np.bool_]) -> "Recordings":
+        """Without some readings (samples, 2) of a problem cut from these: faults that only a model shows."""
+        if not off.any():
+            return self
+        run = problem.segments.run[problem.owner]
+        return replace(
+            self,
+            records=tuple(item.without(problem.t[run == i], off[run == i]) for i, item in enumerate(self.records)),
+        )
+
+    def only(self, chosen: Sequence[Record]) -> "Recordings":
+        """Other runs of the same rig."""
+        return replace(self, records=tuple(chosen))
+
+
+def _initial_states(item: Record, stretches: Sequence[slice], relative2: bool, guess: InitialGuess = GUESS) -> Array:
+    """(stretches, 4) states where the segments of stretches start, by cubics through the readings; at rest if released.
+
+    Returns:
+        theta1, theta2, omega1, omega2, rad and rad/s
+    """
+    begins = np.array([segment_start(float(item.t[s.start])) for s in stretches])
+    near = [_near(item, s.start, at, guess) for s, at in zip(stretches, begins, strict=True)]
+    found = np.empty((len(stretches), 4))
+    sizes = np.array([len(window) for window in near])
+    for size in np.unique(sizes):
+        alike = np.flatnonzero(sizes == size)
+        windows = np.array([near[i] for i in alike])
+        since = item.t[windows] - begins[alike, None]
+        reach = np.abs(since).max(axis=1)
+        powers = (since / reach[:, None])[:, :, None] ** np.arange(4)
+        across = powers.transpose(0, 2, 1)
+        cubic = np.linalg.solve(across @ powers, across @ item.joints[windows])
+        found[alike, :2], found[alike, 2:] = cubic[:, 0], cubic[:, 1] / reach[:, None]
+    found[:, [1, 3]] += float(relative2) * found[:, [0, 2]]
+    if len(item.run.rest):
+        found[begins == 0.0] = np.append(item.run.rest[:, 1:].mean(axis=0), [0.0, 0.0])
+    return found
+
+
+def _near(item: Record, start: int, at: float, guess: InitialGuess) -> NDArray[np.int64]:
+    """Readings about an instant, on its side of breaks; or those about the first of its segment where they are few."""
+    first, last = np.searchsorted(item.t, _between(item.breaks, float(item.t[start]))).tolist()
+    i = max(first, int(np.searchsorted(item.t, at - guess.near_s, side="right")))
+    j = min(last, int(np.searchsorted(item.t, at + guess.near_s)))
+    if j - i < guess.fewest:
+        i, j = max(first, start - guess.before), min(last, start + guess.fewest)
+    return np.arange(i, j)
+
+
+def _between(breaks: Array, t: float) -> tuple[float, float]:
+    """The breaks before and after an instant."""
+    after = int(np.searchsorted(breaks, t, side="right"))
+    edges = [-np.inf, *breaks.tolist(), np.inf]
+    return edges[after], edges[after + 1]

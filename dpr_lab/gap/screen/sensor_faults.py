@@ -1,0 +1,279 @@
+"""Sensor faults found before any physics is fitted: each a named finding, each masked, split at, or weighted.
+
+A swing is smooth over a few milliseconds, so what an encoder does wrong shows among its neighbours:
+
+    repeated_sample           a reading that did not move although the rod did
+    outlier                   one reading off its neighbours
+    missed_counts             a step that stays
+    jitter                    noise that grows with speed: sigma^2 = sigma_0^2 + (s omega)^2, s the timing error
+    gap                       samples that never came
+    non_white_noise           neighbouring readings share their error
+    noise_level               noise other than the rig file says
+    undithered_quantisation   counts that stand still at rest: rounding does not average out
+    stamp_jitter              stamps that jitter although the readings were taken evenly: replaced by even instants
+    periodic_delay            every n-th reading taken later than its stamp: left out
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects.missed_counts import MISSED_COUNTS
+from dpr_lab.estimation.noise import noise_floor, rest_correlation
+from dpr_lab.gap.screen.differences import noise_by_speed, stride_ratio
+from dpr_lab.gap.screen.implausible import repeated, too_fast
+from dpr_lab.gap.screen.instants import even_instants, periodic_delay
+from dpr_lab.gap.screen.local_faults import local_faults
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+AXES = ("joint1", "joint2")
+"""Encoders of the rods, as findings and results name them."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScreenSettings:
+    """From where on a property of a whole run is a finding."""
+
+    gap_periods: float = 1.5
+    """Sampling periods between two samples, beyond which one is missing."""
+    noise_ratio: float = 1.5
+    """Of the noise to what the rig file says, either way; of that over wider spacings to that of neighbours."""
+    still_counts: float = 0.2
+    """Counts of noise before rounding, below which rounding errors of neighbouring readings are alike."""
+    fewest_at_rest: int = 20
+    """Readings at rest that tell whether counts stand still."""
+    colour_hz: float = 500.0
+    """Sample rate from which noise is compared over spacings: below, the swing itself leaks into wider differences."""
+    significance: float = 6.0
+    """Standard errors by which noise must grow with speed."""
+    on_grid: float = 0.7
+    """Mean of exp(2 pi i reading / count) from which readings of a table lie on the grid; spread evenly it is zero."""
+    shown: int = 20
+    """Findings of one kind on one axis that are listed singly."""
+
+
+SCREEN = ScreenSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing a sensor did wrong."""
+
+    name: str
+    run: str
+    axis: str | None
+    at_s: float | None
+    """When, since the release, s; none for a property of the whole run."""
+    evidence: str
+    step: float | None = None
+    """How far the reading stepped, rad, where it did."""
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """A swing with its sensor faults known."""
+
+    run: Run
+    """The run, on the instants at which its readings were taken."""
+    t: Array
+    """(n,) instants since the release, s."""
+    joints: Array
+    """(n, 2) what the encoders of joint 1 and 2 read, rad."""
+    keep: NDArray[np.bool_]
+    """(n, 2) readings to be trusted."""
+    breaks: tuple[tuple[float, int], ...]
+    """Instants of a step (s) and the axis (0 or 1) that made it: no segment may span it."""
+    noise: Array
+    """(2,) standard deviation of a reading at rest, rad."""
+    jitter_s: float
+    """Standard deviation of the sampling instants, s."""
+    count: Array
+    """(2,) least change of a reading, rad; zero for a table of angles."""
+    dithered: NDArray[np.bool_]
+    """(2,) whether rounding errors of neighbouring readings are independent."""
+    on_grid: NDArray[np.bool_]
+    """(2,) whether readings lie on the grid of the encoder's counts, so that counts can be missed."""
+    findings: tuple[Finding, ...]
+
+
+def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
+    """Look for sensor faults in one run.
+
+    Raises:
+        RunError: too few samples to tell the noise.
+    """
+    run, stamped = _on_true_instants(run, rig)
+    swing, period = run.swing, 1.0 / run.rate_hz
+    t, joints = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:])
+    late, delayed = _late(run, t, joints)
+    count = _count_size(run, rig)
+    dithered, on_grid = _dithered(run, rig, count, settings), _on_grid(run, rig, joints, settings)
+    in_time = run.only(~np.pad(late, (len(run.t) - len(t), 0)))
+    at_rest = np.maximum(noise_floor(in_time, rig).std_joint, count / np.sqrt(12))
+    colour, coloured = _colour(run, rig, joints, settings)
+    noise = at_rest * colour  # noise that was filtered shows only over wider spacings
+    jitter, jittered = _jitter(run, t, joints, noise, settings)
+    wild, stale = too_fast(t, joints), repeated(t, joints, noise, jitter, period)
+    keep = ~(wild | stale | late[:, None])
+    findings = [
+        *stamped,
+        *delayed,
+        *_gaps(run.name, t, period, settings),
+        *_levels(run, rig, at_rest, dithered, settings),
+    ]
+    breaks: list[tuple[float, int]] = []
+    for axis, name in enumerate(AXES):
+        found = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
+        keep[found.outliers, axis] = False
+        steps = found.steps if on_grid[axis] else ()
+        breaks += [(float(t[i]), axis) for i, _ in steps]
+        for kind, at, evidence in (
+            ("outlier", t[wild[:, axis]], "the reading jumps there and back faster than any rod"),
+            ("repeated_sample", t[stale[:, axis]], "the reading stands still while the rod moves"),
+            ("outlier", t[found.outliers], "one reading off the polynomial through its neighbours"),
+        ):
+            findings += _events(Finding(kind, run.name, name, None, evidence), at.tolist(), settings)
+        for i, size in steps:
+            evidence = f"the reading steps by {size / abs(rig.radians_per_count[1 + axis]):+.1f} counts"
+            findings.append(Finding(MISSED_COUNTS.name, run.name, name, float(t[i]), evidence, step=size))
+    if jitter:
+        jitter = max(jitter, noise_by_speed(t, joints, noise, period, keep)[0])
+    findings += [*jittered, *coloured]
+    found = Screened(
+        run, t, joints, keep, tuple(sorted(breaks)), noise, jitter, count, dithered, on_grid, tuple(findings)
+    )
+    return _without_joint2(found) if run.setup.alone else found
+
+
+def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
+    """The run with even instants where its stamps jitter about them."""
+    even = even_instants(run.t, _read_joints(run, rig))
+    if even is None:
+        return run, []
+    even -= min(even[run.t >= 0.0].min(), 0.0)  # no reading of the swing may come before the release
+    rms = float(np.std(run.t - even))
+    evidence = f"the stamps jitter by {1e3 * rms:.2g} ms rms about an even clock; the readings fit even instants better"
+    return replace(run, t=even), [Finding("stamp_jitter", run.name, None, None, evidence)]
+
+
+def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Finding]]:
+    """(n,) readings that come late in a cycle."""
+    delay = periodic_delay(t, joints[:, :1] if run.setup.alone else joints)
+    if delay is None:
+        return np.zeros(len(t), dtype=bool), []
+    evidence = (
+        f"every {delay.cycle}th reading is taken {1e3 * delay.delay_s:.3g} +- {1e3 * delay.std_s:.1g} ms after its"
+        " stamp: it is left out"
+    )
+    return delay.late(len(t)), [Finding("periodic_delay", run.name, None, float(t[delay.first]), evidence)]
+
+
+def _read_joints(run: Run, rig: Rig) -> Array:
+    """(n, 1 or 2) angles of the joints that have a rod, rad."""
+    joints = rig.encoders.joint_angles.of_rods(run.theta[:, 1:])
+    return joints[:, :1] if run.setup.alone else joints
+
+
+def _without_joint2(found: Screened) -> Screened:
+    """What was found in the swing of a rod alone: joint 2 reads nothing."""
+    return replace(
+        found,
+        keep=np.repeat(found.keep[:, :1], 2, axis=1),
+        breaks=tuple((at, axis) for at, axis in found.breaks if axis == 0),
+        noise=np.array([found.noise[0], np.inf]),
+        findings=tuple(item for item in found.findings if item.axis != AXES[1]),
+    )
+
+
+def _events(found: Finding, at: list[float], settings: ScreenSettings) -> list[Finding]:
+    """A finding for each instant, or for the first with their number where they are many."""
+    if len(at) > settings.shown:
+        return [replace(found, at_s=at[0], evidence=f"{found.evidence}; {len(at)} times, first here")]
+    return [replace(found, at_s=s) for s in at]
+
+
+def _gaps(name: str, t: Array, period: float, settings: ScreenSettings) -> list[Finding]:
+    spacing = np.diff(t)
+    missing = np.rint(spacing / period) - 1
+    wide = np.flatnonzero(spacing > settings.gap_periods * period)
+    if not len(wide):
+        return []
+    longest = wide[np.argmax(missing[wide])]
+    evidence = (
+        f"{missing[wide].sum():.0f} of {len(t)} samples missing in {len(wide)} gaps;"
+        f" the longest, here, is {1e3 * spacing[longest]:.3g} ms"
+    )
+    return [Finding("gap", name, None, float(t[longest]), evidence)]
+
+
+def _count_size(run: Run, rig: Rig) -> Array:
+    """(2,) angle by which readings move at least, rad: a coarse encoder behind a finer counter takes several counts."""
+    if run.counts is None:
+        return np.zeros(2)
+    steps = np.gcd.reduce(np.diff(run.counts[:, 1:], axis=0), axis=0)
+    return np.asarray(np.maximum(steps, 1) * np.abs(rig.radians_per_count[1:]), dtype=np.float64)
+
+
+def _on_grid(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> NDArray[np.bool_]:
+    """Whether the readings of each joint are whole counts apart; an interpolated or fused table holds no counts."""
+    if run.counts is not None:
+        return np.ones(2, dtype=bool)
+    turns = np.exp(2j * np.pi * joints / np.abs(rig.radians_per_count[1:]))
+    return np.asarray(np.abs(turns.mean(axis=0)) > settings.on_grid)
+
+
+def _dithered(run: Run, rig: Rig, count: Array, settings: ScreenSettings) -> NDArray[np.bool_]:
+    """Whether noise before rounding reaches a fifth of a count, seen at rest; assumed where there was no rest."""
+    rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
+    if run.counts is None or len(rest) < settings.fewest_at_rest:
+        return np.ones(2, dtype=bool)
+    moved = np.std(np.diff(rest, axis=0), axis=0) / np.sqrt(2)
+    return moved > settings.still_counts * count
+
+
+def _levels(run: Run, rig: Rig, std: Array, dithered: NDArray[np.bool_], settings: ScreenSettings) -> list[Finding]:
+    if run.counts is None:
+        return []
+    nominal = np.sqrt(rig.encoders.noise_counts**2 + 1 / 12)
+    counts = std / np.abs(rig.radians_per_count[1:])
+    found = []
+    for axis, name in enumerate(AXES):
+        if not dithered[axis]:
+            evidence = "the counts stand still at rest: less noise than a fifth of a count before rounding"
+            found.append(Finding("undithered_quantisation", run.name, name, None, evidence))
+        elif not 1 / settings.noise_ratio < counts[axis] / nominal < settings.noise_ratio:
+            evidence = f"{counts[axis]:.2f} counts rms, the rig file says {nominal:.2f} with rounding"
+            found.append(Finding("noise_level", run.name, name, None, evidence))
+    return found
+
+
+def _jitter(run: Run, t: Array, joints: Array, std: Array, settings: ScreenSettings) -> tuple[float, list[Finding]]:
+    jitter, significance = noise_by_speed(t, joints, std, 1.0 / run.rate_hz)
+    if significance < settings.significance:
+        return 0.0, []
+    evidence = f"noise grows with speed as sampling instants off by {1e3 * jitter:.2g} ms rms would make it"
+    return jitter, [Finding("jitter", run.name, None, None, evidence)]
+
+
+def _colour(run: Run, rig: Rig, joints: Array, settings: ScreenSettings) -> tuple[Array, list[Finding]]:
+    """(2,) factor from the noise of neighbours to that of wider spacings, 1 for white noise; and what was found."""
+    factor, found = np.ones(2), []
+    if run.rate_hz < settings.colour_hz:
+        evidence = "neighbouring readings at rest share {:.0%} of their error: a filter or a tracker"
+        shared = rest_correlation(run, rig).tolist()
+        return factor, [
+            Finding("non_white_noise", run.name, name, None, evidence.format(alike))
+            for name, alike in zip(AXES, shared, strict=True)
+            if alike
+        ]
+    for axis, name in enumerate(AXES):
+        ratio = stride_ratio(joints[:, axis])
+        if ratio > settings.noise_ratio:
+            factor[axis] = ratio
+            evidence = f"every third sample has {ratio:.2g} times the noise of neighbours: filtered before recording"
+            found.append(Finding("non_white_noise", run.name, name, None, evidence))
+    return factor, found

@@ -1,1 +1,0 @@
-"""Which effects: fits, score tests, and the search over sets of effects."""

@@ -1,0 +1,57 @@
+"""How large the gap is, before and after the named effects, on fitted and on unseen recordings."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.result.diagnosis import ClosedShare, Gap
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import FreeRuns
+from dpr_lab.gap.transfer.gap_size import by_horizon, floor_rad, gap_rad, gap_torque
+from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.which.selected import Selection
+
+
+def gap(
+    recordings: Recordings,
+    problem: Problem,
+    selection: Selection,
+    carried: Transfer,
+    freely: Mapping[str, FreeRuns],
+) -> Gap:
+    """Every size of the gap that a diagnosis tells.
+
+    Args:
+        recordings: the fitted runs
+        problem: the segments of the fitted runs
+        selection: the chosen set of effects
+        carried: how the chosen set does on recordings that took no part
+        freely: all recordings, also those that took no part, as the models before and after run along them
+    """
+    base, chosen = selection.base, selection.chosen
+    models = {"before": base, "after": chosen}
+    errors = {name: runs.errors_rad for name, runs in freely.items()}
+    return Gap(
+        floor_rad=floor_rad(problem),
+        before_rad=gap_rad(problem, base),
+        after_rad=gap_rad(problem, chosen),
+        before_Nm=gap_torque(problem, base),
+        explained_share=selection.share_explained,
+        closed_held_out=ClosedShare(
+            estimate=carried.closed.estimate,
+            interval90=carried.closed.interval90,
+            per_run={name: share.estimate for name, share in carried.left_out.items()},
+            held_out={name: share.estimate for name, share in carried.held_out.items()},
+        ),
+        by_horizon=by_horizon(recordings, problem, models),
+        free_run_rad={
+            run: {name: of_model[run] for name, of_model in errors.items()}
+            for run in errors["before"]
+            if all(run in of_model for of_model in errors.values())
+        },
+        waterfall=[
+            {"effect": name, "rms_rad": float(np.linalg.norm(list(gap_rad(problem, item).values())))}
+            for name, item in selection.path
+        ],
+    )

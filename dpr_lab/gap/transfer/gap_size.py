@@ -1,0 +1,99 @@
+"""The gap against the noise floor: in rad by axis, in N m, and as it grows with the horizon."""
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.fitting.cut import carried
+from dpr_lab.fitting.gauss_newton import GaussNewton, fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import TINY, ColumnSpace
+from dpr_lab.fitting.response import TRAJECTORY, trajectory
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, bounded_residual, residual_statistics
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.screen.sensor_faults import AXES
+
+Array = NDArray[np.float64]
+
+HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
+"""Lengths of segments over which the gap is told: from where no model fails to where chaos begins."""
+
+TOLD = GaussNewton(converged=1e-3, converged_frozen=1e-4)
+"""A gap by the horizon is told in two digits."""
+
+TORQUE_HATS = 3
+"""Of each joint in each segment: one every quarter of a second, as many as its readings can tell."""
+
+
+def floor_rad(problem: Problem) -> dict[str, float]:
+    """Noise of a thinned reading by axis, rms, rad."""
+    return _by_axis(np.sqrt(_mean(np.where(problem.read, np.maximum(problem.weight, TINY) ** -2.0, 0.0), problem)))
+
+
+def gap_rad(problem: Problem, at: Hypothesis) -> dict[str, float]:
+    """What a fit leaves above the noise by axis, rms, rad."""
+    residual = bounded_residual(problem, at.fit)
+    lost = 1 - (problem.segments.starts.sum() + len(at.fit.free)) / np.count_nonzero(problem.read)
+    above = _mean(residual**2, problem) / lost - at.residuals.level
+    return _by_axis(np.sqrt(np.maximum(above, 0.0) / np.maximum(_mean(problem.weight**2, problem), TINY)))
+
+
+def gap_torque(problem: Problem, at: Hypothesis) -> dict[str, float]:
+    """The torque that would make up for what a fit leaves, by joint, rms, N m.
+
+    In every segment a torque in each joint, piecewise linear in time, is fitted to the residual; the variance that
+    noise alone gives to it is taken off.
+    """
+    along, linear = trajectory(problem, at.fit.estimate, spacing=TRAJECTORY.coarse_s), at.fit.linear
+    columns = linear.projected(along.answer(problem, _hats(along.edges)))
+    spaces = [ColumnSpace.of(A, e) for A, e in zip(columns, linear.e, strict=True)]
+    values = np.array([space.solution() for space in spaces])
+    variance = np.array([np.diag(space.covariance()) for space in spaces]) * at.residuals.level
+    weight = 1 / (variance + np.median(variance, axis=0))
+    above = np.sum(weight * (values**2 - variance), axis=0) / np.sum(weight, axis=0)
+    return _by_axis(np.sqrt(np.maximum(above.reshape(2, TORQUE_HATS).mean(axis=1), 0.0)))
+
+
+def _hats(edges: NDArray[np.int64]) -> Array:
+    """(n, 2, 2 TORQUE_HATS) generalised torques of joint 1 and of joint 2, in every segment alike."""
+    torque = np.zeros((edges[-1], 2, 2 * TORQUE_HATS))
+    for first, last in pairwise(edges):
+        share = np.linspace(0, TORQUE_HATS - 1, last - first)
+        hats = np.maximum(0.0, 1 - np.abs(share[:, None] - np.arange(TORQUE_HATS)))
+        torque[first:last, 0, :TORQUE_HATS] = torque[first:last, 1, TORQUE_HATS:] = hats
+        torque[first:last, 0, TORQUE_HATS:] = -hats
+    return torque
+
+
+def by_horizon(
+    recordings: Recordings, working: Problem, models: Mapping[str, Hypothesis]
+) -> dict[str, dict[str, float]]:
+    """Gap of several models by the length of segments with free initial states: horizon (s) -> model -> rms, rad."""
+    found: dict[str, dict[str, float]] = {}
+    for length in HORIZONS_S:
+        problem, initial = (working, None) if length == LENGTHS.working else recordings.cut(length)
+        noise = np.mean(problem.weight[problem.read] ** 2)
+        found[f"{length:g}"] = {}
+        for name, at in models.items():
+            left = at.residuals if initial is None else _left(problem, initial, working, at)
+            found[f"{length:g}"][name] = float(np.sqrt(max(left.excess, 0.0) / left.dof / noise))
+    return found
+
+
+def _left(problem: Problem, initial: Array, working: Problem, at: Hypothesis) -> ResidualStatistics:
+    """What a model leaves once its segments are cut otherwise."""
+    begun = carried(working.segments, at.fit.estimate.initial, problem.segments, initial)
+    return residual_statistics(problem, fit(problem, at.fit.estimate.changed(initial=begun), (), settings=TOLD))
+
+
+def _mean(values: Array, problem: Problem) -> Array:
+    """(2,) mean over the readings of each axis that count, (samples, 2); zero of an axis without any."""
+    counts = np.count_nonzero(problem.read, axis=0)
+    return np.asarray(values.sum(axis=0) / np.maximum(counts, 1))
+
+
+def _by_axis(values: Array) -> dict[str, float]:
+    return dict(zip(AXES, values.tolist(), strict=True))

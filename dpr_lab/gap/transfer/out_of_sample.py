@@ -1,0 +1,107 @@
+"""How far the gap shrinks once the named effects are in the model, on recordings that took no part in the fit."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects import without_events
+from dpr_lab.fitting.gauss_newton import descend
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class BlockBootstrap:
+    """How the interval of a reduction is drawn."""
+
+    block: int = 2
+    """Neighbouring segments that are drawn together: residuals of one swing resemble each other."""
+    draws: int = 400
+    """Enough for the ends of a 90 % interval to a twentieth of its width."""
+
+
+BOOTSTRAP = BlockBootstrap()
+
+
+@dataclass(frozen=True, slots=True)
+class GapReduction:
+    """Share of the gap above the noise floor that closes: 1 - rms after / rms before, not below -1."""
+
+    estimate: float
+    interval90: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """Recordings as models foretell them that were fitted to others, only the initial states free."""
+
+    names: tuple[str, ...]
+    """Of the runs."""
+    run: NDArray[np.int64]
+    """(segments,)"""
+    dof: NDArray[np.int64]
+    """(segments,) readings less the numbers of an initial state."""
+    noise_rad: float
+    """Of a reading, rad."""
+    chi2: Callable[[Hypothesis], Array]
+    """(segments,) by a model."""
+
+    @property
+    def runs(self) -> list[tuple[str, NDArray[np.bool_]]]:
+        """Name of each run, and which segments are its own."""
+        return [(self.names[r], self.run == r) for r in np.unique(self.run)]
+
+
+def left_out(recordings: Recordings, problem: Problem) -> Unseen:
+    """Each run as foretold from the others, or each quarter of the only one."""
+    fold = folds(problem)
+    return _unseen(recordings, problem, lambda item: left_out_chi2(item.fit, fold))
+
+
+def held_out_runs(recordings: Recordings, base: Hypothesis) -> Unseen:
+    """Whole recordings that the diagnosis never saw."""
+    problem, initial = recordings.cut(LENGTHS.working)
+    begun = descend(problem, base.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
+
+    @cache
+    def chi2(item: Hypothesis) -> Array:
+        at = item.fit.estimate  # counts that a fitted run lost were lost in that run
+        at = at.changed(initial=begun, params=without_events(at.params))
+        found = descend(problem, at, (), iterations=20)
+        return problem.chi2_by_segment(problem.predict(found.estimate))
+
+    return _unseen(recordings, problem, chi2)
+
+
+def _unseen(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis], Array]) -> Unseen:
+    dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
+    noise = float(np.mean(problem.weight[problem.read] ** 2) ** -0.5)
+    return Unseen(tuple(item.run.name for item in recordings.records), problem.segments.run, dof, noise, chi2)
+
+
+def reduction(above: Array, rng: np.random.Generator) -> GapReduction:
+    """How far the gap closes: (2, segments) chi2 above the noise, before and after."""
+    sums = np.add.reduceat(above, np.arange(0, above.shape[1], BOOTSTRAP.block), axis=1)
+    blocks = sums.shape[1]
+    drawn = _shares(sums[:, rng.integers(0, blocks, (BOOTSTRAP.draws, blocks))])
+    low, high = np.quantile(drawn, [0.05, 0.95])
+    return GapReduction(share(above), (float(low), float(high)))
+
+
+def share(above: Array) -> float:
+    """Share of the gap that closes, from (2, segments) chi2 above the noise, before and after."""
+    return float(_shares(above))
+
+
+def _shares(above: Array) -> Array:
+    """(...) shares from (2, ..., segments)."""
+    before, after = np.maximum(above.sum(axis=-1), 0.0)
+    left = np.sqrt(after / np.where(before > 0, before, 1.0))
+    return np.where(before > 0, np.maximum(1 - left, -1.0), 0.0)

@@ -1,0 +1,1 @@
+"""Where the gap is: by joint, angle, speed and time."""

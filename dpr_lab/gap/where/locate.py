@@ -1,0 +1,195 @@
+"""Where the gap lies, before anything is named: maps of torque and of encoder error by generalised least squares.
+
+Each map is a sum of hat functions of one coordinate, say the speed of joint 1, times a torque there or an error of that
+encoder. What a map does to the readings is projected free of ratios and initial states, as for any effect, so no torque
+is ever taken from differentiated angles. A map's share of the excess chi2 says how much of the gap can lie there.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.effects.quantities import SMOOTHING
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.where.coordinates import (
+    angle_hats,
+    encoder_angle,
+    encoder_speed,
+    joint_force,
+    load_hats,
+    speed_hats,
+    time_hats,
+    under_torque,
+)
+
+Array = NDArray[np.float64]
+
+CONVINCING = 0.6
+"""Share of the excess from which a place is said to explain the gap."""
+
+WORTH_SAYING = 3.0
+"""Standard deviations of the residual below which there is nothing to locate."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """One map."""
+
+    site: str
+    """joint1, joint2, encoder1 or encoder2."""
+    coordinate: str
+    """angle, speed, time or load."""
+    share: float
+    """Of the excess chi2 that the map explains, 0 to 1."""
+    knots: Array
+    """(k,) where the hats stand, SI."""
+    values: Array
+    """(k,) torque N m, friction N m s/rad over time, friction radius m over load, or encoder error rad."""
+    std: Array
+    """(k,)"""
+    unit: str
+    sentence: str
+
+
+def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
+    """All maps, the one that explains most first; empty where there is no gap to locate."""
+    if base.residuals.z < WORTH_SAYING:
+        return ()
+    along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    places = [_place(problem, base, along, joint, name, make) for joint in (0, 1) for name, make in MAPS.items()]
+    return tuple(sorted(places, key=lambda place: -place.share))
+
+
+def where_sentence(places: tuple[Place, ...]) -> str:
+    """One sentence on where the gap lies."""
+    if not places:
+        return "There is no gap to locate."
+    best = places[0]
+    if best.share < CONVINCING:
+        return (
+            f"No single place explains the gap: the best, {best.site} by {best.coordinate}, explains {best.share:.0%}."
+        )
+    return best.sentence
+
+
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    readings: Array
+    """(segments, m, k) whitened"""
+    knots: Array
+    unit: str
+
+
+def _torque_by_angle(problem: Problem, along: Trajectory, joint: int) -> _Columns:
+    hats, knots = angle_hats(along.joint_angle[:, joint])
+    return _Columns(under_torque(problem, along, joint, hats), knots, "N m")
+
+
+def _torque_by_speed(problem: Problem, along: Trajectory, joint: int) -> _Columns:
+    hats, knots = speed_hats(along.joint_speed[:, joint])
+    return _Columns(under_torque(problem, along, joint, hats), knots, "N m")
+
+
+def _friction_by_time(problem: Problem, along: Trajectory, joint: int) -> _Columns:
+    hats, knots = time_hats(along.t)
+    return _Columns(under_torque(problem, along, joint, -hats * along.joint_speed[:, joint, None]), knots, "N m s/rad")
+
+
+def _friction_by_load(problem: Problem, along: Trajectory, joint: int) -> _Columns:
+    force = joint_force(problem, along, joint)
+    hats, knots = load_hats(force)
+    slides = np.tanh(along.joint_speed[:, joint] / SMOOTHING)
+    return _Columns(under_torque(problem, along, joint, -hats * (force * slides)[:, None]), knots, "m")
+
+
+def _error_by_angle(problem: Problem, along: Trajectory, joint: int) -> _Columns:
+    hats, knots = angle_hats(encoder_angle(problem, joint))
+    return _Columns(_read(problem, hats, joint), knots, "rad")
+
+
+def _error_by_speed(problem: Problem, along: Trajectory, joint: int) -> _Columns:
+    hats, knots = speed_hats(encoder_speed(along, joint))
+    return _Columns(_read(problem, hats, joint), knots, "rad")
+
+
+def _read(problem: Problem, hats: Array, joint: int) -> Array:
+    readings = np.zeros((len(hats), 2, hats.shape[1]))
+    readings[:, joint] = hats
+    return problem.whitened(readings)
+
+
+Map = Callable[[Problem, Trajectory, int], _Columns]
+
+MAPS: Mapping[str, Map] = {
+    "torque by angle": _torque_by_angle,
+    "torque by speed": _torque_by_speed,
+    "friction by time": _friction_by_time,
+    "friction by load": _friction_by_load,
+    "error by angle": _error_by_angle,
+    "error by speed": _error_by_speed,
+}
+"""Every map that is drawn of each joint."""
+
+
+def _place(problem: Problem, base: Hypothesis, along: Trajectory, joint: int, name: str, make: Map) -> Place:
+    columns, linear, held = make(problem, along, joint), base.fit.linear, len(base.fit.free)
+    seen = linear.projected(columns.readings)
+    space = ColumnSpace.of(np.concatenate([linear.A, seen], axis=2), linear.e)
+    space = space.beside(slice(0, held), slice(held, None))
+    values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * base.residuals.inflation)
+    share = float(np.clip((space.gain() - len(space)) / base.residuals.excess, 0.0, 1.0))
+    kind, coordinate = name.split(" by ")
+    site = f"{'encoder' if kind == 'error' else 'joint'}{joint + 1}"
+    sentence = _sentence(site, kind, coordinate, share, columns.knots, values, std)
+    return Place(site, coordinate, share, columns.knots, values, std, columns.unit, sentence)
+
+
+def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
+    """What a map looks like, in words."""
+    where = {"torque": f"a torque in {site}", "friction": f"friction of {site}", "error": f"an error of {site}"}[kind]
+    by = "load or on the direction of motion alone" if coordinate == "load" else coordinate
+    said = [f"{share:.0%} of the excess can lie in {where} that depends on {by}"]
+    if coordinate == "speed":
+        said.append(_speed_shape(knots, values, std))
+    elif coordinate == "angle":
+        said.append("once per turn or slower" if _smooth(values) else "several times per turn")
+    elif coordinate == "time":
+        drift = values[-3:].mean() - values[:3].mean()
+        said.append("growing with time" if drift > 0 else "falling with time")
+    elif coordinate == "load":
+        said.append(_load_shape(knots, values, std))
+    return ", ".join(said) + "."
+
+
+def _speed_shape(knots: Array, values: Array, std: Array) -> str:
+    # Viscous friction is projected out, so only what departs from a straight line is seen.
+    odd, even = 0.5 * (values - values[::-1]), 0.5 * (values + values[::-1])
+    weight = np.maximum(std, 1e-150) ** -2.0
+    if np.sum(weight * even**2) > np.sum(weight * odd**2):
+        return "alike in both directions"
+    slowest = int(np.argmin(np.where(knots > 0, knots, np.inf)))
+    if odd[slowest] < 0:
+        return "opposite in both directions, braking most at low speed"
+    return "opposite in both directions, braking more than viscous friction at high speed"
+
+
+def _load_shape(knots: Array, values: Array, std: Array) -> str:
+    # The map knows the direction of motion, so it follows plain dry friction too: as a radius that falls with load.
+    loaded = knots > 0
+    radius, weight = values[loaded], np.maximum(std[loaded], 1e-150) ** -2.0
+    plain = 1.0 / knots[loaded]
+
+    def left(shape: Array) -> float:
+        return float(np.sum(weight * (radius - shape * (weight @ (radius * shape)) / (weight @ shape**2)) ** 2))
+
+    return "much the same at any load" if left(plain) < left(np.ones_like(plain)) else "growing with load"
+
+
+def _smooth(values: Array) -> bool:
+    spectrum = np.abs(np.fft.rfft(values - values.mean()))
+    return bool(spectrum[1:3].sum() >= spectrum[3:].sum())

@@ -1,0 +1,1 @@
+"""Which effects cause the gap: the search over sets of effects."""

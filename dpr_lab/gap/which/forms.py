@@ -1,0 +1,79 @@
+"""What effects could do in another functional form: their own torque or reading error times a free function.
+
+The library holds each effect in one form, and a real one may have another: friction by a power of the load, a spring
+that softens, a delay that shrinks with speed. While something is left over, one effect more may only be making up for
+that, so it has to explain what no other form of the rest could.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
+from dpr_lab.effects import EFFECTS, SLICES, without_effect
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.fitting.response import Trajectory, trajectory
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
+from dpr_lab.gap.where.coordinates import (
+    angle_hats,
+    encoder_angle,
+    encoder_speed,
+    joint_force,
+    load_hats,
+    speed_hats,
+    time_hats,
+    under_torque,
+)
+
+Array = NDArray[np.float64]
+
+
+def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, item: Score) -> float:
+    """Share of what an effect explains beside a set that no other form of the set's effects explains, 0 to 1.
+
+    Args:
+        problem: what was measured
+        less: the set
+        test: the score test beside it
+        item: the effect, from that
+    """
+    along, linear = trajectory(problem, less.fit.estimate), test.linear
+    forms = linear.projected(
+        np.concatenate([_other_forms(problem, along, less, name) for name in less.effects], axis=2)
+    )
+    held, own = linear.A[:, :, list(test.held)], linear.A[:, :, list(item.columns)]
+    space = ColumnSpace.of(np.concatenate([held, own, forms], axis=2), linear.e)
+    places = np.split(np.arange(len(space)), np.cumsum([held.shape[2], own.shape[2]]))
+    before, alone, others, both = (
+        space.chosen(np.concatenate([places[i] for i in parts])).gain() for parts in ((0,), (0, 1), (0, 2), (0, 1, 2))
+    )
+    return float(np.clip((both - others) / (alone - before), 0.0, 1.0)) if alone > before else 0.0
+
+
+def _other_forms(problem: Problem, along: Trajectory, at: Hypothesis, name: str) -> Array:
+    """(segments, m, k) whitened readings under what an effect of a set would do in other forms."""
+    effect, estimate = EFFECTS[name], at.fit.estimate
+    if effect.stage == "load":
+        (joint,) = effect.joints
+        force = joint_force(problem, along, joint)
+        slides = np.sign(along.joint_speed[:, joint])
+        return under_torque(problem, along, joint, load_hats(force)[0] * (force * slides)[:, None])
+    if effect.stage not in TRAJECTORY_TORQUES:
+        without = estimate.changed(params=without_effect(estimate.params, name))
+        error = np.nan_to_num(problem.predict(estimate) - problem.predict(without))
+        free = [_free(encoder_angle(problem, j), encoder_speed(along, j), problem.t) for j in effect.joints]
+        return problem.whitened(error[:, :, None] * np.concatenate(free, axis=1)[:, None, :])
+    alone = np.zeros_like(estimate.params)
+    alone[SLICES[name]] = estimate.params[SLICES[name]]
+    torque = along.torques(effect.stage, problem.model.constants, alone[None])
+    free = [_free(along.joint_angle[:, j], along.joint_speed[:, j], along.t) for j in effect.joints]
+    found = [along.answer(problem, torque * np.concatenate(free, axis=1)[:, None, :])]
+    if effect.potential:
+        found += [under_torque(problem, along, j, angle_hats(along.joint_angle[:, j])[0]) for j in effect.joints]
+    return np.concatenate(found, axis=2)
+
+
+def _free(angle: Array, speed: Array, t: Array) -> Array:
+    """(n, k) hats over angle, speed and time."""
+    return np.concatenate([angle_hats(angle)[0], speed_hats(speed)[0], time_hats(t)[0]], axis=1)

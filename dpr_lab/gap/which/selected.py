@@ -1,0 +1,37 @@
+"""The chosen set of effects, and what it was chosen from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.score_test import ScoreTest
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """The chosen set of effects, and what it was chosen from."""
+
+    base: Hypothesis
+    chosen: Hypothesis
+    fitted: Mapping[frozenset[str], Hypothesis]
+    """Every set that was fitted."""
+    last: ScoreTest
+    """The score test beside the chosen set."""
+    without: Mapping[str, Hypothesis]
+    """The chosen set without each of its effects."""
+    around: Mapping[str, ScoreTest]
+    """The score test beside each of those."""
+    path: tuple[tuple[str, Hypothesis], ...]
+    """From the bare model to the chosen set, one effect at a time, the most telling first."""
+    expected: frozenset[str] = frozenset()
+    """Effects that the rig is known to have, whatever the recordings say of them."""
+    misleading: tuple[str, ...] = ()
+    """Effects without which the runs held out are foretold better, and which therefore are not in the chosen set."""
+
+    @property
+    def share_explained(self) -> float:
+        """Share of the bare model's excess chi2 that the chosen effects take away, 0 to 1."""
+        before, after = self.base.residuals.excess, self.chosen.residuals.excess
+        return float(np.clip(1 - max(after, 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
