@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.dynamics.base import WHOLE, base_of_run
 from dpr_lab.dynamics.lanes.driving import drive_of
-from dpr_lab.dynamics.lanes.readings import PAD, Candidates, Laid, follow, segment_start, work
+from dpr_lab.dynamics.lanes.readings import PAD, Candidates, SegmentArrays, allocate, predict_tracks, segment_start
 from dpr_lab.dynamics.lanes.stepping import advance
 from dpr_lab.dynamics.lanes.tracks import tracks_of
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects import SIZE
-from dpr_lab.effects.effect_kernels import INTERNAL, acting, active_effects
+from dpr_lab.effects.effect_kernels import INTERNAL, active_effects, required_by
 from dpr_lab.effects.mounted import differ, effects_of_run
 from dpr_lab.effects.quantities import RigConstants
 
@@ -78,7 +78,7 @@ def predict_batch(
     Raises:
         ValueError: shapes that do not fit.
     """
-    return _followed(bases, params, constants, segments, initial, internal, 3 if arm else 2)[0]
+    return _predicted(bases, params, constants, segments, initial, internal, 3 if arm else 2)[0]
 
 
 def internal_states(
@@ -89,13 +89,13 @@ def internal_states(
     Zero where no effect has any.
     """
     params = np.asarray(params, dtype=np.float64)
-    if not acting(active_effects(params)).internal.any():
+    if not required_by(active_effects(params)).internal.any():
         return np.zeros((len(segments), len(INTERNAL)))
     base, params, initial = (np.asarray(values, dtype=np.float64)[None] for values in (base, params, initial))
-    return _followed(base, params, constants, segments, initial, None, 2)[1][0]
+    return _predicted(base, params, constants, segments, initial, None, 2)[1][0]
 
 
-def _followed(
+def _predicted(
     bases: ArrayLike,
     params: ArrayLike,
     constants: RigConstants,
@@ -109,33 +109,34 @@ def _followed(
     n, count, runs = len(bases), len(segments), len(segments.setups)
     params = _shaped(params, (n, SIZE) if params.ndim == 2 else (n, runs, SIZE), "params").reshape(n, -1, SIZE)
     if differ(params, segments.setups):
-        every = np.broadcast_to(params, (n, runs, SIZE))
-        params = np.stack([effects_of_run(every[:, i], setup) for i, setup in enumerate(segments.setups)], axis=1)
+        every_run = np.broadcast_to(params, (n, runs, SIZE))
+        params = np.stack([effects_of_run(every_run[:, i], setup) for i, setup in enumerate(segments.setups)], axis=1)
     held = _shaped(np.asarray(np.nan if internal is None else internal), (n, count, len(INTERNAL)), "internal")
-    wholes = _shaped(bases, (n, min(bases.shape[-1], len(WHOLE))), "bases")
-    bases_of = {setup: base_of_run(wholes, setup, constants.L1, constants.g) for setup in set(segments.setups)}
+    whole = _shaped(bases, (n, min(bases.shape[-1], len(WHOLE))), "bases")
+    bases_of = {setup: base_of_run(whole, setup, constants.L1, constants.g) for setup in set(segments.setups)}
     by_run = np.stack([bases_of[setup] for setup in segments.setups], axis=1)
-    begins = segments.turning_as_one(_shaped(initial, (n, count, 4), "initial"))
-    asked = Candidates(by_run, params, begins, held)
+    initial = segments.turning_as_one(_shaped(initial, (n, count, 4), "initial"))
+    candidates = Candidates(by_run, params, initial, held)
     active = active_effects(params)
-    chained = acting(active).internal & np.logical_or.reduce(np.isnan(held), axis=(1, 2))[:, None]
+    chained = required_by(active).internal & np.logical_or.reduce(np.isnan(held), axis=(1, 2))[:, None]
     tracks = tracks_of(active, chained, segments.run, segments.chains)
-    known = np.ones_like(tracks.acts.torques)
+    every_block = np.ones_like(tracks.required.torque)
     if any(setup.torques or setup.arm for setup in segments.setups):
-        tracks = tracks._replace(acts=tracks.acts._replace(torques=known))
+        tracks = tracks._replace(required=tracks.required._replace(torque=every_block))
     if any(setup.arm for setup in segments.setups):
-        tracks = tracks._replace(acts=tracks.acts._replace(carried=known))
-    angles, begun = np.zeros((n, len(segments.t), columns)), np.zeros((n, count, len(INTERNAL)))
+        tracks = tracks._replace(required=tracks.required._replace(prescribed=every_block))
+    angles, initial_internal = np.zeros((n, len(segments.t), columns)), np.zeros((n, count, len(INTERNAL)))
     rig = RigConstants(*map(float, constants))
-    laid = _laid(segments, rig)
-    follow((0, len(tracks.active)), advance(), tracks, laid, asked, rig, angles, begun, work(laid, angles))
-    return angles, begun
+    arrays = _arrays(segments, rig)
+    outputs = angles, initial_internal, allocate(arrays, angles)
+    predict_tracks((0, len(tracks.active)), advance(), tracks, arrays, candidates, rig, *outputs)
+    return angles, initial_internal
 
 
-def _laid(segments: Segments, constants: RigConstants) -> Laid:
+def _arrays(segments: Segments, constants: RigConstants) -> SegmentArrays:
     hanging = [constants_of_run(constants, setup) for setup in segments.setups]
     parts = np.array([(rig.L1, rig.L2, rig.m1, rig.m2, rig.mb) for rig in hanging])
-    return Laid(segments.t, segments.offsets, segments.run, segments.step, parts, drive_of(segments.setups))
+    return SegmentArrays(segments.t, segments.offsets, segments.run, segments.step, parts, drive_of(segments.setups))
 
 
 def _shaped(values: Array, shape: tuple[int, ...], name: str) -> Array:

@@ -52,7 +52,7 @@ def simulate(
     model = model_with(parameters, (constants or UNKNOWN)._replace(L1=L1, g=g), HELD_ARM, params)
     full = np.zeros(6)
     full[_RODS] = _vector(state, 4, "state")
-    mode = FREE if model.acts.arm else CLAMPED
+    mode = FREE if model.required.arm else CLAMPED
     return integrate(model, mode, at_release(full), t, max_step)[:, _RODS]
 
 
@@ -112,7 +112,7 @@ def rig_model(
     L0, L1, g = frame
     base, held = mounted(values, frame, arm)
     model = model_with(base, constants._replace(L0=L0, L1=L1, g=g), held, _effects(effects))
-    if not model.acts.arm:
+    if not model.required.arm:
         return model, MODES.index(arm.mode)
     if arm.mode != "clamped":
         (effect,) = (name for name, effect in EFFECTS.items() if effect.stage == "arm")

@@ -18,16 +18,16 @@ from dpr_lab.dynamics.dry_friction import (
     yields_at,
 )
 from dpr_lab.effects.effect_kernels import (
-    Acting,
-    acting,
     active_effects,
     arm_model,
     dry_limits,
     effect_torques,
     internal_after,
     load_torques,
+    required_by,
 )
 from dpr_lab.effects.quantities import NOTHING, ArmModel, BaseParameters, Motion, RigConstants, plus
+from dpr_lab.effects.stages import Required
 from dpr_lab.kernels import subroutine
 
 
@@ -41,8 +41,8 @@ class RigModel(NamedTuple):
     """(SIZE,) parameters of all effects."""
     active: NDArray[np.bool_]
     """(effects,) which are on."""
-    acts: Acting
-    """What they ask for."""
+    required: Required
+    """What they require."""
 
 
 class RigState(NamedTuple):
@@ -61,9 +61,9 @@ class RigState(NamedTuple):
 def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, params: NDArray[np.float64]) -> RigModel:
     """The rig with the effects of a vector; `arm` holds its arm unless an effect does."""
     active = active_effects(params)
-    acts = Acting(*map(bool, acting(active)))
-    arm = arm_model(constants, arm, params, active) if acts.arm else arm
-    return RigModel(base, constants, arm, params, active, acts)
+    required = Required(*map(bool, required_by(active)))
+    arm = arm_model(constants, arm, params, active) if required.arm else arm
+    return RigModel(base, constants, arm, params, active, required)
 
 
 @subroutine
@@ -154,10 +154,10 @@ def _stage(
         directions,
     )
     base, constants, terms = model.base, model.constants, NOTHING
-    if model.acts.torques:
+    if model.required.torque:
         terms = effect_torques(motion, base, constants, x.internal, model.params, model.active)
     rods = reduced_rods(motion, base, terms, model.arm, mode, drive)
-    if model.acts.loads:
+    if model.required.load:
         alphas = held(rods, directions[0], directions[1])
         motion = under_load(motion, *joint_forces(motion, alphas, base, constants))
         terms = plus(terms, load_torques(motion, base, constants, x.internal, model.params, model.active))
@@ -180,8 +180,8 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
 @subroutine
 def _directions(x: RigState, model: RigModel) -> tuple[float, float]:
     """The signs of the joints' speeds; nan for a joint without dry friction, which nothing holds."""
-    first = direction_of(x.omega1) if model.acts.dry1 else math.nan
-    return first, direction_of(x.omega2 - x.omega1) if model.acts.dry2 else math.nan
+    first = direction_of(x.omega1) if model.required.dry1 else math.nan
+    return first, direction_of(x.omega2 - x.omega1) if model.required.dry2 else math.nan
 
 
 @subroutine
@@ -289,10 +289,10 @@ def advanced(
         the state, the time that has passed (s), and whether that was all of h
     """
     directions = math.nan, math.nan
-    if model.acts.dry1 or model.acts.dry2:
+    if model.required.dry1 or model.required.dry2:
         directions = directions_at(t, x, model, mode, drive) if events < EVENTS.most else _directions(x, model)
     tried = _runge_kutta(t, x, h, model, mode, drive, directions)
-    if not (model.acts.dry1 or model.acts.dry2):
+    if not (model.required.dry1 or model.required.dry2):
         return tried.end, h, True
     share, joint = _first_event(x, tried, h, directions, events < EVENTS.most)
     if not share < 1.0:

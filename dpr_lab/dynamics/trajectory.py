@@ -9,10 +9,10 @@ from dpr_lab.dynamics.arm import with_gravity
 from dpr_lab.dynamics.dry_friction import direction_of
 from dpr_lab.dynamics.lanes.effects import add_drives, add_torques
 from dpr_lab.dynamics.lanes.workspace import LANES, WORKSPACE, At
-from dpr_lab.effects.effect import Stage
 from dpr_lab.effects.effect_kernels import EFFECT_OF, active_effects, arm_model
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import HELD_ARM, BaseParameters, RigConstants
+from dpr_lab.effects.stages import StageName
 from dpr_lab.kernels import njit, subroutine
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def _exert(w: Array, rig: RigConstants, active: NDArray[np.bool_]) -> None:
     for k in range(LANES):
         w[At.torque1 + k], w[At.torque2 + k] = 0.0, 0.0
     add_torques(w, rig, active)
-    add_drives(w, rig, active)
+    add_drives(w, active)
 
 
 @subroutine
@@ -177,7 +177,7 @@ def _c(values: Array) -> Array:
 
 TrajectoryTorques = Callable[[Array, NDArray[np.int64], Array, Array, Array, Array, Array, RigConstants, Array], Array]
 
-TRAJECTORY_TORQUES: Mapping[Stage, TrajectoryTorques] = {
+TRAJECTORY_TORQUES: Mapping[StageName, TrajectoryTorques] = {
     "torque": effect_torques_along,
     "drive": effect_torques_along,
     "arm": arm_torques_along,

@@ -6,24 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from dpr_lab.effects.quantities import RigConstants
-
-Stage = Literal["torque", "load", "arm", "timing", "encoder", "play", "drive", "input"]
-"""Where in the chain from forces to counts the kernel is called, and what it may ask for by the names of its arguments.
-
-    stage     may ask for                      returns
-    torque    joint                            torque of its joint on the rod beyond, N m: what moves the rods
-              motion, base, constants          Terms
-    load      the same, joint forces known     the same: friction that follows the load
-    arm       constants                        ArmModel: what holds the arm
-    timing    t                                s added to the instant at which each of `joints` is read
-    encoder   encoder                          rad added to what the encoder of each of `joints` reads
-    play      angle, held                      angle that the encoder of joint 2 still holds, rad
-    drive     joint, torque                    N m added to the known torque of its joint
-    input                                      s by which known torques act later
-
-The quantities are those of `dpr_lab.effects.quantities`. After them a kernel takes its effect's internal states and
-parameters, each by its name. It is called only while one of the effect's amplitudes is not zero.
-"""
+from dpr_lab.effects.stages import StageName
 
 Site = Literal["joint torque", "geometry", "base", "sensor", "timing", "drive"]
 
@@ -217,7 +200,7 @@ class Effect:
     """What it adds, in the symbols of docs/theory.md: torques on theta1, theta2, or changes of what is read."""
     parameters: tuple[EffectParameter, ...]
     site: Site
-    stage: Stage
+    stage: StageName
     kernel: Callable[..., Any]
     bench_check: str
     """What to do at the rig to confirm it, or to tell it from its twins."""

@@ -1,4 +1,4 @@
-"""Effects of one stage as one compiled function: a zero amplitude switches an effect off, nothing is recompiled."""
+"""Generated source: all effects of a stage in one compiled function, so that no change of effects recompiles it."""
 
 import inspect
 import linecache
@@ -10,35 +10,40 @@ from dpr_lab.kernels import subroutine
 
 
 def slices(effects: Iterable[Effect]) -> dict[str, slice]:
-    """Where each effect's parameters lie in the flat vector, in the order of `effects`."""
-    places: dict[str, slice] = {}
+    """The slice of the flat vector that holds each effect's parameters, in the order of `effects`."""
+    blocks: dict[str, slice] = {}
     start = 0
     for effect in effects:
-        places[effect.name] = slice(start, start + len(effect.parameters))
+        blocks[effect.name] = slice(start, start + len(effect.parameters))
         start += len(effect.parameters)
-    return places
+    return blocks
 
 
 def arguments(kernel: Callable[..., Any]) -> tuple[str, ...]:
-    """Names of what a kernel asks for."""
+    """Names of a kernel's arguments."""
     return tuple(inspect.signature(kernel).parameters)
 
 
 def call(kernel: str, wanted: Iterable[str], *offered: Mapping[str, str]) -> str:
-    """The source of a call that hands a kernel each argument by the first expression offered under its name."""
-    values = [next(source[name] for source in offered if name in source) for name in wanted]
+    """The source of a kernel call: for each wanted argument the first expression offered under its name."""
+    values = [next(expressions[name] for expressions in offered if name in expressions) for name in wanted]
     return f"{kernel}({', '.join(values)})"
 
 
 def compiled(lines: Iterable[str], names: Mapping[str, Any]) -> Any:
-    """The function `folded` of some source lines, compiled.
+    """Compile the function whose source lines these are.
 
     It is one function written out: a chain of closures that call each other costs ten times as much where all are off.
     The disk cache cannot recognise it again; the kernels that call it are cached with its code inside. `inspect` finds
     its source.
+
+    Args:
+        lines: source, the first line with `def name(...)`
+        names: what the source refers to
     """
     scope, source = dict(names), "\n".join(lines)
+    name = source[len("def ") : source.index("(")]
     file = f"<{__name__} {len(linecache.cache)}>"
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     exec(compile(source, file, "exec"), scope)
-    return subroutine(scope["folded"])
+    return subroutine(scope[name])

@@ -157,18 +157,6 @@ def torques(torque1: float, torque2: float) -> Terms:
 
 
 @inlined
-def torque_at1(torque: float) -> Terms:
-    """A torque of joint 1 on the inner rod, N m."""
-    return torques(torque, 0.0)
-
-
-@inlined
-def torque_at2(torque: float) -> Terms:
-    """A torque of joint 2 on the outer rod, whose reaction the inner rod feels, N m."""
-    return torques(-torque, torque)
-
-
-@inlined
 def plus(x: Terms, y: Terms) -> Terms:
     """The sum of two effects."""
     return Terms(x.a + y.a, x.b + y.b, x.coupling + y.coupling, x.torque1 + y.torque1, x.torque2 + y.torque2)

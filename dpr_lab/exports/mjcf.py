@@ -48,7 +48,7 @@ def passive(model, data):
     angles, speeds = (0.0, theta1, theta1 + turn2), (0.0, omega1, omega1 + turning2)
     motion = motion_of(data.time, angles, speeds, (0.0, 0.0), (0.0, 0.0), directions)
     terms = called_torques(motion, MODEL.base, MODEL.constants, START, None, None)
-    if MODEL.acts.loads:
+    if MODEL.required.load:
         everything = effect_torques(motion, MODEL.base, MODEL.constants, START, (0.0, 0.0), None)
         rods = reduced_rods(motion, MODEL.base, everything, MODEL.arm, 0, 0.0)
         forces = joint_forces(motion, held(rods, *directions), MODEL.base, MODEL.constants)

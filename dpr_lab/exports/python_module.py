@@ -19,8 +19,6 @@ from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, SLICES, effect_params
 from dpr_lab.effects.effect_kernels import (
     AT_RELEASE,
     STEPPED,
-    Acting,
-    acting,
     arm_model,
     dry_limits,
     effect_torques,
@@ -29,8 +27,10 @@ from dpr_lab.effects.effect_kernels import (
     internal_after,
     load_torques,
     reading_shifts,
+    required_by,
 )
-from dpr_lab.effects.quantities import HELD_ARM, ArmModel, BaseParameters, RigConstants, torque_at1, torque_at2
+from dpr_lab.effects.quantities import HELD_ARM, ArmModel, BaseParameters, RigConstants
+from dpr_lab.effects.stages import Required
 from dpr_lab.exports.source import PREAMBLE, Rewrite, sources
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
@@ -48,8 +48,8 @@ FOLDED = {
 """Functions that go through all effects; in an export through those that it holds."""
 
 _USED = {"RigModel": RigModel, "RigState": RigState, "accelerations_at": accelerations_at, "stepped": stepped}
-_USED |= {kind.__name__: kind for kind in (BaseParameters, RigConstants, ArmModel, Acting)}
-_USED |= {"read_at": read_at, "torque_at1": torque_at1, "torque_at2": torque_at2}
+_USED |= {kind.__name__: kind for kind in (BaseParameters, RigConstants, ArmModel, Required)}
+_USED |= {"read_at": read_at}
 
 _HEAD = '''"""A double pendulum with the effects that dpr-lab named: the functions that dpr-lab itself simulates with.
 
@@ -204,10 +204,10 @@ def module_text(
     base = tuple(model.base[name].value for name in ("a", "b", "d", "e1", "c1", "c2"))
     constants = rig_constants(rig)._replace(L1=model.rig.L1, g=model.rig.g)
     active = np.isin(list(EFFECTS), list(effects))
-    acts = acting(active)._replace(torques=True)
+    required = required_by(active)._replace(torque=True)
     gravity = with_gravity(base, model.rig.L1, model.rig.g)
     arm = arm_model(constants, HELD_ARM, params.tolist(), active)
-    simulated = RigModel(gravity, constants, arm, (0.0, 0.0), None, Acting(*map(bool, acts)))  # type: ignore[arg-type]
+    simulated = RigModel(gravity, constants, arm, (0.0, 0.0), None, Required(*map(bool, required)))  # type: ignore[arg-type]
     head = _HEAD.format(
         rig=model.rig.name,
         scale=model.scale_sentence,
@@ -221,7 +221,7 @@ def module_text(
     )
     tail = _TAIL.format(
         model=simulated, internal=tuple(AT_RELEASE[list(STEPPED)].tolist()),
-        mode=FREE if acts.arm else CLAMPED, relative2=constants.relative2,
+        mode=FREE if required.arm else CLAMPED, relative2=constants.relative2,
     )  # fmt: skip
     return f"{head}{PREAMBLE}\n\n{_functions(effects, more or {}, rewritten or {})}\n\n{tail}"
 
@@ -257,7 +257,7 @@ def of_effects(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionD
 def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
     """The torques of effects, and those of joints 1 and 2 that `params` then is."""
     node = of_effects(node, effects)
-    (more,) = ast.parse("total = plus(total, plus(torque_at1(params[0]), torque_at2(params[1])))").body
+    (more,) = ast.parse("torque1, torque2 = torque1 + (params[0] - params[1]), torque2 + params[1]").body
     node.body.insert(-1, more)
     return node
 

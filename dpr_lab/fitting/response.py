@@ -20,9 +20,9 @@ from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
-from dpr_lab.effects.effect import Stage
 from dpr_lab.effects.mounted import effects_of_run
 from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.effects.stages import StageName
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods import followed as follow
@@ -88,7 +88,7 @@ class Trajectory:
         _answer(*grid, problem.weight, torque, np.empty((2, 4, many)), rows)
         return problem.decorrelated(found)
 
-    def torques(self, stage: Stage, constants: RigConstants, params: Array) -> Array:
+    def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
         """(n, 2, k) generalised torques of effects (k, SIZE) of a stage of `TRAJECTORY_TORQUES`, N m."""
         kinds = {setup: self.of_setup(setup) for setup in self.setups}
         if len(kinds) == 1:
@@ -103,7 +103,7 @@ class Trajectory:
         return np.array([one == setup for one in self.setups])[self.run]
 
     def _torques(
-        self, stage: Stage, constants: RigConstants, params: Array, setup: Setup, mine: NDArray[np.bool_] | slice
+        self, stage: StageName, constants: RigConstants, params: Array, setup: Setup, mine: NDArray[np.bool_] | slice
     ) -> Array:
         swing = (self.t[mine], self.run[mine], self.theta[mine], self.omega[mine], self.alpha[mine], self.drive[mine])
         base, hanging = self.bases[self.setups.index(setup)], constants_of_run(constants, setup)

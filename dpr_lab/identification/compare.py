@@ -1,4 +1,4 @@
-"""A model beside a measurement: segment residuals, and a free run as far as it can be predicted."""
+"""Comparison of a model with a measurement: segment residuals, and a free run as far as it can be predicted."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ class Comparison(Shown):
         return f"Comparison with run {self.run} ({part}), to be predicted for {self.horizon_s:.3g} s"
 
     def _rows(self) -> list[Row]:
-        told = {"noise": self.noise_rad, "segments": self.segment_rms_rad, "free run": self.free_run_rms_rad}
-        rows = ((name, *(f"{1e3 * value:.3g}" for value in values.tolist())) for name, values in told.items())
+        by_kind = {"noise": self.noise_rad, "segments": self.segment_rms_rad, "free run": self.free_run_rms_rad}
+        rows = ((name, *(f"{1e3 * value:.3g}" for value in values.tolist())) for name, values in by_kind.items())
         return [("mrad rms", "theta1", "theta2"), *rows]
 
     @property
@@ -106,7 +106,7 @@ class Followed:
     preprocessed: PreprocessedRun
     """The run with its velocities and noise."""
     bare: RatioFit
-    """The rods alone, from which a horizon is told."""
+    """The rods alone, from which the predictability horizon follows."""
     simulated: OutputModel
     """The model with its effects; the rods alone for one without."""
     estimate: Estimate
@@ -174,10 +174,10 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
     laid_out = followed.bare.problem.segments
     index = max(int(np.searchsorted(laid_out.t[laid_out.offsets[:-1]], at_s, side="right")) - 1, 0)
     t = laid_out.t[laid_out.offsets[index] :]
-    begun = followed.estimate.changed(initial=followed.estimate.initial[index : index + 1])
+    started = followed.estimate.changed(initial=followed.estimate.initial[index : index + 1])
     onward = segments([t], setups=laid_out.setups, step=followed.step)
     problem = replace(followed.bare.problem, segments=onward, model=followed.simulated)
-    return FreeRun(t, problem.joints.to_rods(problem.predict(begun)), predictable_until(followed.bare, index, t))
+    return FreeRun(t, problem.joints.to_rods(problem.predict(started)), predictable_until(followed.bare, index, t))
 
 
 def compare_followed(followed: Followed) -> Comparison:

@@ -125,7 +125,7 @@ class Identifiability(Shown):
         )
 
     def _rows(self) -> list[Row]:
-        fixed = [(name, f"{item.value:.5g}", item.fixed_by) for name, item in self.parameters.items()]
+        fixed = [(name, f"{parameter.value:.5g}", parameter.fixed_by) for name, parameter in self.parameters.items()]
         return [("parameter", "value", "fixed by"), *fixed]
 
     @property
@@ -192,12 +192,12 @@ def identifiability(
     )
 
 
-def summary(found: Identifiability) -> dict[str, Any]:
+def summary(analysis: Identifiability) -> dict[str, Any]:
     """The part that an identification's JSON carries: rank, free directions, advice as sentences."""
     return {
-        "rank": found.rank,
-        "null_space": [dict(direction) for direction in found.null_space],
-        "advice": [advice.sentence for advice in found.advice],
+        "rank": analysis.rank,
+        "null_space": [dict(direction) for direction in analysis.null_space],
+        "advice": [advice.sentence for advice in analysis.advice],
     }
 
 
@@ -265,14 +265,14 @@ def _advice(
 ) -> dict[Instrument, Advice]:
     """What each instrument would add to what is known."""
     loose, before = np.isinf(spread(known)), _bounded_spread(known, bounds)
-    found = {}
+    advice = {}
     for instrument, answer in answers.items():
         more = np.vstack([known, answer])
         freed = loose & ~np.isinf(spread(more)) if loose.any() else loose
         gain = np.sum(np.log2(before / _bounded_spread(more, bounds)))
         frees = tuple(name for name, is_freed in zip(PARAMETERS, freed, strict=True) if is_freed)
-        found[instrument] = Advice(instrument.name, instrument.how, frees, float(gain), instrument.quantity)
-    return found
+        advice[instrument] = Advice(instrument.name, instrument.how, frees, float(gain), instrument.quantity)
+    return advice
 
 
 def _worth(advice: Advice) -> tuple[int, float]:
@@ -296,9 +296,9 @@ def _sequence(
 def _length_error(rig: Rig, Z: NDArray[np.float64], error: float = 1e-3) -> LengthError:
     problem, at = expected_releases(base_parameters(Z, rig.L1, rig.g), rig, list(rig.poses.values()))
     wrong = problem.model.with_constants(problem.model.constants._replace(L1=rig.L1 + error))
-    found = fit_ratios(replace(problem, model=wrong), at)
-    shift = found.ratios / at.ratios[: len(RATIOS)] - 1
-    return LengthError(error, _named(RATIOS, shift), float(np.sqrt(1 + found.chi2_per_dof)))
+    refitted = fit_ratios(replace(problem, model=wrong), at)
+    shift = refitted.ratios / at.ratios[: len(RATIOS)] - 1
+    return LengthError(error, _named(RATIOS, shift), float(np.sqrt(1 + refitted.chi2_per_dof)))
 
 
 def _named(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Runs and a rig in, an identified model out: search globally, finish at the noise floor, say what was fixed."""
+"""Identification of a model from runs and a rig: global search, least squares, uncertainty of each value."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ Entry = TypeVar("Entry")
 
 @dataclass(frozen=True, slots=True)
 class IdentifySettings:
-    """What an identification warns of."""
+    """Thresholds above which an identification warns."""
 
     gap_warning: float = 3.0
-    """Reduced chi-square above which the model clearly misses something."""
+    """Reduced chi-square above which the model is clearly incomplete."""
     doubted: float = 20.0
     """Reduced chi-square above which other readings of the runs are tried."""
     hardly_seen: float = 0.5
-    """Standard deviation of a ratio, of its value, from which the runs do not tell it."""
+    """Relative standard deviation of a ratio above which the runs do not determine it."""
 
 
 SETTINGS = IdentifySettings()
@@ -91,7 +91,7 @@ def identify(
         objective: a name of `OBJECTIVES`: `segments` (chaos-safe, default) or `paper` (E(Z), docs/theory.md equation 2)
         search: a name of `ALGORITHMS`
         settings: of the search; the objective's own by default
-        seed: of everything random; same seed, same answer, whatever the number of threads
+        seed: of everything random; same seed, same answer, for any number of threads
         profile: also find each ratio's interval by profile likelihood; takes some seconds
         on_generation: called with each generation and the number of generations to come at most
         stop: asked after each generation; once true the search ends there, and its best so far goes on to the polish
@@ -109,13 +109,13 @@ def identify(
     chosen = _choose(OBJECTIVES, objective, "objective")
     algorithm = _choose(ALGORITHMS, search, "search")
     refuse_misread(runs, rig)
-    prepared = [preprocess(run, rig) for run in runs]
+    prepared_runs = [preprocess(run, rig) for run in runs]
     settings = settings or _suited(chosen.settings, search)
     if not any(run.setup.free for run in runs):  # the search knows free swings only; the rig file is the start
         settings = settings.model_copy(update={"generations": 1})
     began = time.perf_counter()
     history: list[Generation] = []
-    searched = [item for item in prepared if item.run.setup.free] or prepared
+    searched = [swing for swing in prepared_runs if swing.run.setup.free] or prepared_runs
     for generation in algorithm.run(chosen.build(searched, rig), rig.bounds, settings, np.random.default_rng(seed)):
         history.append(generation)
         if on_generation:
@@ -124,7 +124,7 @@ def identify(
             break
     if not np.isfinite(history[0].best_cost):
         raise IdentificationError("no candidate inside the bounds could be simulated: check the rig file's bounds")
-    found = SearchRecord(
+    record = SearchRecord(
         algorithm=search,
         objective=objective,
         seed=seed,
@@ -140,7 +140,7 @@ def identify(
     )
     if on_polish:
         on_polish()
-    return _model(polish(history[-1].best, prepared, rig), prepared, rig, found, profile)
+    return _model(polish(history[-1].best, prepared_runs, rig), prepared_runs, rig, record, profile)
 
 
 def polish(Z: NDArray[np.float64], runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
@@ -152,35 +152,35 @@ def polish(Z: NDArray[np.float64], runs: Sequence[PreprocessedRun], rig: Rig) ->
         rig: lengths, gravity, encoders
 
     Raises:
-        IdentificationError: what was found can be no rig's.
+        IdentificationError: the fitted values are physically impossible.
     """
-    setups = [item.run.setup for item in runs]
+    setups = [prepared.run.setup for prepared in runs]
     searched = any(not setup.held and setup.free for setup in setups)
-    found = merge_segments(short_fit(Z if searched else rig.nominal, runs, rig))
+    ratio_fit = merge_segments(short_fit(Z if searched else rig.nominal, runs, rig))
     if not all(setup.held for setup in setups):
-        refuse_impossible(found.ratios, rig)
-    if SCALE in found.visible:
-        refuse_negative_scale(found.fit.estimate.ratios, [item.run for item in runs], rig)
-    return found
+        refuse_impossible(ratio_fit.ratios, rig)
+    if SCALE in ratio_fit.visible:
+        refuse_negative_scale(ratio_fit.fit.estimate.ratios, [prepared.run for prepared in runs], rig)
+    return ratio_fit
 
 
 @solvable
 def identifiability_of(
     runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
 ) -> Identifiability:
-    """What free swings of a rig can and cannot tell, and what to measure next.
+    """Which parameters free swings of a rig determine, which they do not, and what to measure next.
 
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
     Args:
         runs: one recording or several; none for releases simulated from the rig's poses at the rig file's values
         rig: bounds, measured values, encoders and poses
-        tell: takes a sentence on what was done otherwise than one might think
+        tell: called with a sentence for each notice or warning
 
     Raises:
         ConfigError: neither runs nor poses.
         RunError: a run that cannot be used.
-        IdentificationError: what was found can be no rig's.
+        IdentificationError: the fitted values are physically impossible.
     """
     tell, runs = tell or (lambda sentence: None), as_runs(runs)
     if not runs:
@@ -189,14 +189,14 @@ def identifiability_of(
         tell(f"no runs given: simulated releases from {', '.join(rig.poses)}, at the rig file's values")
         return identifiability(expected_information(rig.nominal, rig), rig)
     refuse_misread(runs, rig)
-    found = polish(rig.nominal, [preprocess(run, rig) for run in runs], rig)
-    if not found.fit.converged:
-        tell("warning: the fit from the rig file's values did not settle; run `dpr-lab identify` for a global search")
-    sure = _determined(uncertainty(found))
-    nine, _ = update_prior(sure.values, sure.covariance, rig, found.visible)
+    ratio_fit = polish(rig.nominal, [preprocess(run, rig) for run in runs], rig)
+    if not ratio_fit.fit.converged:
+        tell("warning: the fit from the rig file's values did not converge; run `dpr-lab identify` for a global search")
+    sure = _determined(uncertainty(ratio_fit))
+    nine, _ = update_prior(sure.values, sure.covariance, rig, ratio_fit.visible)
     Z = np.array([value.value for value in nine.values()])
-    # What the model misses is no better than noise of that size.
-    return identifiability(sure.information / max(1.0, found.chi2_per_dof), rig, Z, visible=found.visible)
+    # A residual above the noise floor counts as noise of that size.
+    return identifiability(sure.information / max(1.0, ratio_fit.chi2_per_dof), rig, Z, visible=ratio_fit.visible)
 
 
 def _suited(name: str, search: str) -> SearchSettings:
@@ -211,37 +211,41 @@ def _choose(table: Mapping[str, Entry], name: str, kind: str) -> Entry:
     return table[name]
 
 
-def _model(found: RatioFit, runs: Sequence[PreprocessedRun], rig: Rig, search: SearchRecord, profile: bool) -> Model:
-    sure = _determined(uncertainty(found))
-    noise = np.sqrt(np.mean([np.diag(item.noise.covariance) for item in runs], axis=0))
-    measured = np.concatenate([item.run.theta[:, 1:] for item in runs])
-    rms = np.sqrt(np.mean((measured - found.predicted) ** 2, axis=0))
-    ratios = {name: _ratio(found, sure, rig, name, profile) for name in RATIOS}
-    parameters, base = update_prior(sure.values, sure.covariance, rig, found.visible)
-    scale, unknown = _scale(found, sure, rig, base["b"]), found.fit.estimate.ratios
-    parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, found.visible)
+def _model(
+    ratio_fit: RatioFit, runs: Sequence[PreprocessedRun], rig: Rig, search: SearchRecord, profile: bool
+) -> Model:
+    sure = _determined(uncertainty(ratio_fit))
+    noise = np.sqrt(np.mean([np.diag(prepared.noise.covariance) for prepared in runs], axis=0))
+    measured = np.concatenate([prepared.run.theta[:, 1:] for prepared in runs])
+    rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
+    ratios = {name: _ratio(ratio_fit, sure, rig, name, profile) for name in RATIOS}
+    parameters, base = update_prior(sure.values, sure.covariance, rig, ratio_fit.visible)
+    scale, unknown = _scale(ratio_fit, sure, rig, base["b"]), ratio_fit.fit.estimate.ratios
+    parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, ratio_fit.visible)
     return Model(
         rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
         ratios=ratios,
         covariance=Covariance(order=list(sure.names), matrix=sure.covariance.tolist()),
         cramer_rao_std=dict.fromkeys(RATIOS, 0.0) | _of_ratios(sure.names, sure.cramer_rao_std),
-        p_over_b=float(found.fit.estimate.ratios[ON_ELBOW]) if any(item.run.setup.alone for item in runs) else None,
+        p_over_b=float(ratio_fit.fit.estimate.ratios[ON_ELBOW])
+        if any(prepared.run.setup.alone for prepared in runs)
+        else None,
         parameters=parameters,
         base=base,
         scale=scale,
-        identifiability=_identifiable(found, sure, rig, np.array([value.value for value in parameters.values()])),
+        identifiability=_identifiable(ratio_fit, sure, rig, np.array([value.value for value in parameters.values()])),
         fit=FitSummary(
             rms_rad=dict(zip(("theta1", "theta2"), rms.tolist(), strict=True)),
             noise_rad=dict(zip(("theta1", "theta2"), noise.tolist(), strict=True)),
-            segments=found.segments,
-            chi2_per_dof=found.chi2_per_dof,
-            iterations=found.fit.iterations,
-            longest_segment_s=found.longest_s,
+            segments=ratio_fit.segments,
+            chi2_per_dof=ratio_fit.chi2_per_dof,
+            iterations=ratio_fit.fit.iterations,
+            longest_segment_s=ratio_fit.longest_s,
         ),
         search=search,
-        runs=[_used(i, runs[i], found) for i in range(len(runs))],
-        warnings=_warnings(found, sure) + _beyond_bounds(parameters, rig),
-        failures=_failures(found, sure) + _misread(found, [item.run for item in runs], rig),
+        runs=[_used(i, runs[i], ratio_fit) for i in range(len(runs))],
+        warnings=_warnings(ratio_fit, sure) + _beyond_bounds(parameters, rig),
+        failures=_failures(ratio_fit, sure) + _misread(ratio_fit, [prepared.run for prepared in runs], rig),
         version=__version__,
     )
 
@@ -264,8 +268,8 @@ def _of_ratios(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, f
     return {name: value for name, value in zip(names, values.tolist(), strict=True) if name in RATIOS}
 
 
-def _ratio(found: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, profile: bool) -> EstimatedValue:
-    value = float(found.ratios[RATIOS.index(name)])
+def _ratio(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, profile: bool) -> EstimatedValue:
+    value = float(ratio_fit.ratios[RATIOS.index(name)])
     if name not in sure.names:
         std = prior_ratio_std(rig)[RATIOS.index(name)]
         reach = NORMAL_Q90 * std
@@ -275,91 +279,95 @@ def _ratio(found: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, profile
         value=value,
         std=float(sure.std[i]),
         interval90=sure.interval90(i),
-        profile90=_profile(found, sure, i) if profile else None,
+        profile90=_profile(ratio_fit, sure, i) if profile else None,
     )
 
 
-def _scale(found: RatioFit, sure: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
-    """The scale of absolute sizes: seen by the runs, or the rig file's."""
-    if SCALE not in found.visible:
-        return scale_of(b, found.fit.estimate.ratios, rig, found.visible)
-    low, high = sure.interval90(list(found.visible).index(SCALE))
+def _scale(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
+    """The scale of absolute sizes: determined by the runs, or of the rig file."""
+    if SCALE not in ratio_fit.visible:
+        return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible)
+    low, high = sure.interval90(list(ratio_fit.visible).index(SCALE))
     return Scale(b=b.value, interval90=(max(low, 1e-3 * b.value), high), fixed_by="data")
 
 
-def _profile(found: RatioFit, sure: RatioUncertainty, index: int) -> tuple[float | None, float | None]:
-    low, high = profile90(found, sure, index)
+def _profile(ratio_fit: RatioFit, sure: RatioUncertainty, index: int) -> tuple[float | None, float | None]:
+    low, high = profile90(ratio_fit, sure, index)
     return low if np.isfinite(low) else None, high if np.isfinite(high) else None
 
 
-def _identifiable(found: RatioFit, sure: RatioUncertainty, rig: Rig, Z: NDArray[np.float64]) -> Identifiable:
-    seen = sure.information / max(1.0, found.chi2_per_dof)  # what the model misses is no better than noise of that size
-    told = identifiability(seen, rig, Z, lengths=False, visible=found.visible)
-    return Identifiable.model_validate(summary(told))
+def _identifiable(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, Z: NDArray[np.float64]) -> Identifiable:
+    seen = sure.information / max(
+        1.0, ratio_fit.chi2_per_dof
+    )  # a residual above the noise counts as noise of that size
+    analysis = identifiability(seen, rig, Z, lengths=False, visible=ratio_fit.visible)
+    return Identifiable.model_validate(summary(analysis))
 
 
-def _misread(found: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """What speaks against the description of runs that the model is far from explaining."""
-    look = second_look(runs, rig) if found.chi2_per_dof > SETTINGS.doubted else None
+def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
+    """A sentence on runs that the model fits poorly and that another reading of their columns fits better."""
+    look = second_look(runs, rig) if ratio_fit.chi2_per_dof > SETTINGS.doubted else None
     return [look.sentence] if look and look.sentence else []
 
 
-def _used(index: int, item: PreprocessedRun, found: RatioFit) -> RunUsed:
-    run, mine = item.run, np.flatnonzero(found.problem.segments.run == index)
+def _used(index: int, prepared: PreprocessedRun, ratio_fit: RatioFit) -> RunUsed:
+    run, mine = prepared.run, np.flatnonzero(ratio_fit.problem.segments.run == index)
     return RunUsed(
         file=str(run.file or run.name),
         sha256=run.sha256,
         pose=run.pose,
         samples=len(run.t),
         duration_s=run.duration,
-        chi2_per_dof=float(found.fit.linear.chi2_by_segment[mine].sum())
+        chi2_per_dof=float(ratio_fit.fit.linear.chi2_by_segment[mine].sum())
         / ((1 if run.setup.alone else 2) * len(run.t) - run.setup.starts * len(mine)),
         segments=len(mine),
-        horizon_s=predictable_until(found, int(mine[0]), run.t),
+        horizon_s=predictable_until(ratio_fit, int(mine[0]), run.t),
         torque_kind=run.torque_kind,
-        zeros_rad=found.fit.estimate.zeros[index].tolist() if found.problem.rezeroed else [],
+        zeros_rad=ratio_fit.fit.estimate.zeros[index].tolist() if ratio_fit.problem.rezeroed else [],
     )
 
 
-def _warnings(found: RatioFit, sure: RatioUncertainty) -> list[str]:
-    said = []
-    if found.chi2_per_dof > SETTINGS.gap_warning:
-        said.append(
-            f"the residual is {found.chi2_per_dof**0.5:.1f} times the noise floor over segments of"
-            f" {found.longest_s:.2g} s: the model misses something of this rig"
+def _warnings(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
+    warnings = []
+    if ratio_fit.chi2_per_dof > SETTINGS.gap_warning:
+        warnings.append(
+            f"the residual is {ratio_fit.chi2_per_dof**0.5:.1f} times the noise floor over segments of"
+            f" {ratio_fit.longest_s:.2g} s: the model lacks an effect of this rig"
         )
-    said += [f"{name} is held at zero: the data ask for less friction than none" for name in sure.at_zero]
-    said += [
-        f"{name} is hardly seen in these runs: its standard deviation exceeds half its value"
+    warnings += [f"{name} is held at zero: its unconstrained estimate is negative" for name in sure.at_zero]
+    warnings += [
+        f"{name} is poorly determined by these runs: its standard deviation exceeds half its value"
         for name, value, std in zip(sure.names, sure.values, sure.std, strict=True)
         if name in FRICTION_NAMES and value > 0 and std > SETTINGS.hardly_seen * value
     ]
     unseen = [name for name in RATIOS if name not in sure.names]
     if unseen:
-        said.append(
-            f"these runs do not show {', '.join(unseen)}: they are the rig file's; record swings of both rods to see"
-            " them"
+        warnings.append(
+            f"these runs do not determine {', '.join(unseen)}: their values are the rig file's; record swings"
+            " of both rods to determine them"
         )
-    return said
+    return warnings
 
 
 def _beyond_bounds(parameters: Mapping[str, ParameterValue], rig: Rig) -> list[str]:
     lower, upper = rig.bounds
     return [
         f"{name} = {value.value:.4g} lies outside its bounds {lower[i]:.4g} .. {upper[i]:.4g}: the data and the"
-        " measured values ask for it, so check the bounds, the measured values, L1 and g"
+        " measured values lead there, so check the bounds, the measured values, L1 and g"
         for i, (name, value) in enumerate(parameters.items())
         if rig.searched[i] and not 0.999 * lower[i] <= value.value <= 1.001 * upper[i]
     ]
 
 
-def _failures(found: RatioFit, sure: RatioUncertainty) -> list[str]:
-    said = []
-    if not found.fit.converged:
-        said.append(f"the local solver did not settle in {found.fit.iterations} iterations: start from tighter bounds")
-    said += [
+def _failures(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
+    failures = []
+    if not ratio_fit.fit.converged:
+        failures.append(
+            f"the local solver did not converge in {ratio_fit.fit.iterations} iterations: start from tighter bounds"
+        )
+    failures += [
         f"{name} is not identifiable from these runs: its standard deviation is {std / value:.0%} of its value"
         for name, value, std in zip(sure.names, sure.values, sure.std, strict=True)
         if name in RATIOS and name not in FRICTION_NAMES and not std / value < SETTINGS.hardly_seen
     ]
-    return said
+    return failures

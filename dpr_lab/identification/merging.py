@@ -54,103 +54,103 @@ class _Piece:
     step: float
 
 
-def merge_segments(found: RatioFit) -> RatioFit:
-    """Fit ever longer segments while the model still follows."""
-    lost, ranges = SETTINGS.worse * found.chi2_per_dof, iter(SETTINGS.ranges_rad)
-    near = next(ranges)
+def merge_segments(ratio_fit: RatioFit) -> RatioFit:
+    """Fit ever longer segments while the model still follows the data."""
+    lost, ranges = SETTINGS.worse * ratio_fit.chi2_per_dof, iter(SETTINGS.ranges_rad)
+    tolerance = next(ranges)
     for _ in range(SETTINGS.levels):
-        longer = _lengthened(found, near) if found.chi2_per_dof < SETTINGS.follows else None
+        longer = _lengthened(ratio_fit, tolerance) if ratio_fit.chi2_per_dof < SETTINGS.follows else None
         if longer is None:
             break
-        trial = _fitted(found, longer)
+        trial = _fitted(ratio_fit, longer)
         if trial.fit.converged and trial.chi2_per_dof < lost:
-            found = trial
-        elif (near := next(ranges, 0.0)) == 0.0:
+            ratio_fit = trial
+        elif (tolerance := next(ranges, 0.0)) == 0.0:
             break
-    return found
+    return ratio_fit
 
 
-def _fitted(found: RatioFit, pieces: list[_Piece]) -> RatioFit:
-    laid_out = replace(
-        found.problem.segments,
+def _fitted(ratio_fit: RatioFit, pieces: list[_Piece]) -> RatioFit:
+    layout = replace(
+        ratio_fit.problem.segments,
         offsets=np.array([0, *(piece.end for piece in pieces)]),
         run=np.array([piece.run for piece in pieces]),
         step=np.array([piece.step for piece in pieces]),
     )
-    start = found.fit.estimate.changed(initial=np.array([piece.initial for piece in pieces]))
-    problem = replace(found.problem, segments=laid_out)
+    start = ratio_fit.fit.estimate.changed(initial=np.array([piece.initial for piece in pieces]))
+    problem = replace(ratio_fit.problem, segments=layout)
     if problem.disturbance is not None:
         problem = replace(problem, disturbance=driving_noise(problem, start))
     return fit_ratios(problem, start, iterations=SETTINGS.iterations)
 
 
-def _lengthened(found: RatioFit, near: float) -> list[_Piece] | None:
-    """The segments after every first of a pair took what it follows of the second; None when nothing moved."""
-    run = found.problem.segments.run
+def _lengthened(ratio_fit: RatioFit, tolerance: float) -> list[_Piece] | None:
+    """Segments, the first of each pair extended by the part of the second that it follows; None: no change."""
+    run = ratio_fit.problem.segments.run
     pieces: list[_Piece] = []
     index, moved = 0, False
     while index < len(run):
         has_next = index + 1 < len(run) and run[index] == run[index + 1]
-        pair = _taking(found, index, near) if has_next else None
-        pieces += pair or [_piece(found, index)]
+        pair = _extended(ratio_fit, index, tolerance) if has_next else None
+        pieces += pair or [_piece(ratio_fit, index)]
         index += 2 if pair else 1
         moved |= pair is not None
     return pieces if moved else None
 
 
-def _piece(found: RatioFit, index: int) -> _Piece:
-    laid_out = found.problem.segments
-    initial, step = found.fit.estimate.initial[index], float(laid_out.step[index])
-    return _Piece(int(laid_out.run[index]), int(laid_out.offsets[index + 1]), initial, step)
+def _piece(ratio_fit: RatioFit, index: int) -> _Piece:
+    layout = ratio_fit.problem.segments
+    initial, step = ratio_fit.fit.estimate.initial[index], float(layout.step[index])
+    return _Piece(int(layout.run[index]), int(layout.offsets[index + 1]), initial, step)
 
 
-def _taking(found: RatioFit, index: int, near: float) -> list[_Piece] | None:
-    """A segment with what it follows of the next, and what is left of that; None when that is too little."""
-    t, (border, end) = found.problem.t, found.problem.segments.offsets[index + 1 : index + 3].tolist()
-    first, second = _piece(found, index), _piece(found, index + 1)
-    taken = _followed(found, index, near)
+def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece] | None:
+    """A segment extended by the part of the next that it follows, and the rest of that; None: too little."""
+    t, (border, end) = ratio_fit.problem.t, ratio_fit.problem.segments.offsets[index + 1 : index + 3].tolist()
+    first, second = _piece(ratio_fit, index), _piece(ratio_fit, index + 1)
+    taken = _followed(ratio_fit, index, tolerance)
     if taken == end - border:
         first, rest = replace(first, end=end, step=min(first.step, second.step)), []
     elif taken >= SETTINGS.worth_moving * (end - border) and end - border - taken >= MIN_SAMPLES:
         begin = border + taken
-        states = _states(found, index + 1, t[border : begin + 1], second.step)
+        states = _states(ratio_fit, index + 1, t[border : begin + 1], second.step)
         first, rest = replace(first, end=begin), [replace(second, initial=states[-1])]
     else:
         return None
-    step = _step_for(found, index, first)
+    step = _step_for(ratio_fit, index, first)
     return None if step is None else [replace(first, step=step), *rest]
 
 
-def _step_for(found: RatioFit, index: int, piece: _Piece) -> float | None:
-    """The longest step whose error stays below the noise, seen by halving it; None where chaos lets none do."""
-    own = slice(int(found.problem.segments.offsets[index]), piece.end)
-    t, allowed = found.problem.t[own], SETTINGS.solver_error / found.problem.weight[own].max()
+def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
+    """The longest step whose error, estimated by halving it, stays below the noise; None where chaos rules out any."""
+    own = slice(int(ratio_fit.problem.segments.offsets[index]), piece.end)
+    t, allowed = ratio_fit.problem.t[own], SETTINGS.solver_error / ratio_fit.problem.weight[own].max()
     step = min(piece.step, float(np.median(np.diff(t))))
-    coarse = _states(found, index, t, step)
+    coarse = _states(ratio_fit, index, t, step)
     while step >= SETTINGS.shortest_step:
-        fine = _states(found, index, t, step / 2)
+        fine = _states(ratio_fit, index, t, step / 2)
         if np.max(np.abs(fine - coarse)[:, :2]) < allowed:
             return step
         step, coarse = step / 2, fine
     return None
 
 
-def _followed(found: RatioFit, index: int, near: float) -> int:
-    """How many samples of the next segment a segment's free run follows."""
-    begin, border, end = found.problem.segments.offsets[index : index + 3]
-    laid_out = found.problem.segments
-    passed = begin + 1 if laid_out.setups[laid_out.run[index]].free else border  # what drives is looked up by sample
-    t = np.concatenate([found.problem.t[begin:passed], found.problem.t[border:end]])
-    angles = _states(found, index, t, float(laid_out.step[index]))[passed - begin :, :2]
-    zeros = found.fit.estimate.zeros[laid_out.run[index]] if found.problem.rezeroed else 0.0
-    off = np.abs(angles - found.problem.joints.to_rods(found.problem.measured[border:end] - zeros))
-    off = off[:, : 1 + int(found.problem.read[border:end, 1].any())].max(axis=1)
-    strayed = np.flatnonzero(~(off < near))
-    return int(strayed[0]) if len(strayed) else len(off)
+def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
+    """Number of samples of the next segment that a segment's free run follows."""
+    begin, border, end = ratio_fit.problem.segments.offsets[index : index + 3]
+    layout = ratio_fit.problem.segments
+    passed = begin + 1 if layout.setups[layout.run[index]].free else border  # known torques are looked up by sample
+    t = np.concatenate([ratio_fit.problem.t[begin:passed], ratio_fit.problem.t[border:end]])
+    angles = _states(ratio_fit, index, t, float(layout.step[index]))[passed - begin :, :2]
+    zeros = ratio_fit.fit.estimate.zeros[layout.run[index]] if ratio_fit.problem.rezeroed else 0.0
+    off = np.abs(angles - ratio_fit.problem.joints.to_rods(ratio_fit.problem.measured[border:end] - zeros))
+    off = off[:, : 1 + int(ratio_fit.problem.read[border:end, 1].any())].max(axis=1)
+    departed = np.flatnonzero(~(off < tolerance))
+    return int(departed[0]) if len(departed) else len(off)
 
 
-def _states(found: RatioFit, index: int, t: Array, step: float) -> Array:
+def _states(ratio_fit: RatioFit, index: int, t: Array, step: float) -> Array:
     """(n, 4) the free run of a segment."""
-    rig, laid_out, at = found.problem.model.constants, found.problem.segments, found.fit.estimate
-    own = segments([t], setups=[laid_out.setups[laid_out.run[index]]], step=step)
-    return followed(at.ratios, own, at.initial[index : index + 1], rig)[0]
+    rig, layout, estimate = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate
+    own = segments([t], setups=[layout.setups[layout.run[index]]], step=step)
+    return followed(estimate.ratios, own, estimate.initial[index : index + 1], rig)[0]

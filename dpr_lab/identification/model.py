@@ -32,7 +32,7 @@ Kept = TypeVar("Kept")
 
 
 def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:
-    """A table of just these names, in their order whatever the file's."""
+    """A table of these names, in this order."""
 
     def ordered(table: dict[str, Kept]) -> dict[str, Kept]:
         if set(table) != set(names):
@@ -185,7 +185,7 @@ class SearchRecord(_Record):
 
 
 class Model(Shown, _Record):
-    """An identified model: five ratios with intervals, nine values with what fixed each, and how it was found."""
+    """An identified model: five ratios with intervals, nine values with what fixed each, and how it was identified."""
 
     rig: RigFacts
     """The rig that it is of."""
@@ -210,7 +210,7 @@ class Model(Shown, _Record):
     runs: list[RunUsed]
     """The runs that it was identified from."""
     p_over_b: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
-    """m2 L1^2 / b, which the inner rod alone swings by beside the ratios; None where no run was of one."""
+    """m2 L1^2 / b, which the inner rod alone depends on in addition to the ratios; None where no run was of one."""
     effects: dict[str, dict[str, Number]] = {}
     """Effects beyond the base model that a diagnosis named: effect -> parameter -> value, SI."""
     warnings: list[str] = []
@@ -228,8 +228,13 @@ class Model(Shown, _Record):
 
     def _rows(self) -> list[Row]:
         rows = [
-            (name, f"{item.value:.5g}", "" if item.std is None else f"{item.std:.2g}", FIXED_BY[item.fixed_by])
-            for name, item in {**self.ratios, **self.parameters}.items()
+            (
+                name,
+                f"{estimate.value:.5g}",
+                "" if estimate.std is None else f"{estimate.std:.2g}",
+                FIXED_BY[estimate.fixed_by],
+            )
+            for name, estimate in {**self.ratios, **self.parameters}.items()
         ]
         return [("", "value", "std", "fixed by"), *rows]
 
@@ -304,9 +309,9 @@ def load_model(path: Path) -> Model:
 def _printable(value: Any) -> Any:
     """JSON values whose words can be shown."""
     if isinstance(value, dict):
-        return {printable(key): _printable(item) for key, item in value.items()}
+        return {printable(key): _printable(entry) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_printable(item) for item in value]
+        return [_printable(entry) for entry in value]
     return printable(value) if isinstance(value, str) else value
 
 

@@ -61,15 +61,15 @@ def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
     from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
 
     parts = []
-    for run, item in ((item.run, _seen_as_one(item, rig)) for item in runs):
-        kept = _thinned(item.run.t)
-        edges = np.searchsorted(kept, [stretch.start for stretch in partition(item.run, SETTINGS.segment_s)])
+    for run, prepared in ((prepared.run, _seen_as_one(prepared, rig)) for prepared in runs):
+        kept = _thinned(prepared.run.t)
+        edges = np.searchsorted(kept, [stretch.start for stretch in partition(prepared.run, SETTINGS.segment_s)])
         groups = [group for group in np.split(kept, edges[1:]) if len(group) > 1]
         groups = groups[:: -(-len(groups) // SETTINGS.segments)]
-        swings = segments([item.run.t[group] for group in groups], step=SETTINGS.step)
-        initial = item.states[[group[0] for group in groups]]
-        targets = item.run.theta[np.concatenate(groups), 1:]
-        whitening = np.diag(1 / item.noise.std_joint) if run.setup.held else item.noise.whitening
+        swings = segments([prepared.run.t[group] for group in groups], step=SETTINGS.step)
+        initial = prepared.states[[group[0] for group in groups]]
+        targets = prepared.run.theta[np.concatenate(groups), 1:]
+        whitening = np.diag(1 / prepared.noise.std_joint) if run.setup.held else prepared.noise.whitening
         parts.append((run, swings, initial, targets, whitening))
 
     def errors(candidates: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -95,10 +95,12 @@ def paper_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
     from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
 
     parts = []
-    for run, item in ((item.run, _seen_as_one(item, rig)) for item in runs):
-        kept = _thinned(item.run.t)
-        swings = segments([item.run.t[kept]], step=SETTINGS.step)
-        parts.append((run, swings, item.states[:1], np.hstack([item.run.theta[kept, 1:], item.states[kept, 2:]])))
+    for run, prepared in ((prepared.run, _seen_as_one(prepared, rig)) for prepared in runs):
+        kept = _thinned(prepared.run.t)
+        swings = segments([prepared.run.t[kept]], step=SETTINGS.step)
+        parts.append(
+            (run, swings, prepared.states[:1], np.hstack([prepared.run.theta[kept, 1:], prepared.states[kept, 2:]]))
+        )
 
     def errors(candidates: NDArray[np.float64]) -> NDArray[np.float64]:
         columns = [segment_errors(_rows(candidates, run, rig), *part) for run, *part in parts]
@@ -145,13 +147,13 @@ def _as_one(
     return np.stack([inertia, inertia, nothing, np.abs(pull), c1, nothing], axis=1), np.angle(pull)
 
 
-def _seen_as_one(item: "PreprocessedRun", rig: Rig) -> "PreprocessedRun":
+def _seen_as_one(prepared: "PreprocessedRun", rig: Rig) -> "PreprocessedRun":
     """A run whose rods turn as one, as the swing of one rod; its lead is that of the rig file's values."""
-    if not item.run.setup.held:
-        return item
-    bases = base_of_run(whole_parameters(rig.nominal, rig.L1, rig.g), item.run.setup, rig.L1, rig.g)
-    _, lead = _as_one(bases[None], item.run.elbow, rig.L1, rig.g)
-    theta, states = item.run.theta.copy(), item.states.copy()
+    if not prepared.run.setup.held:
+        return prepared
+    bases = base_of_run(whole_parameters(rig.nominal, rig.L1, rig.g), prepared.run.setup, rig.L1, rig.g)
+    _, lead = _as_one(bases[None], prepared.run.elbow, rig.L1, rig.g)
+    theta, states = prepared.run.theta.copy(), prepared.states.copy()
     theta[:, 1], states[:, 0] = theta[:, 1] + lead, states[:, 0] + lead
     theta[:, 2], states[:, 1], states[:, 3] = np.pi, np.pi, 0.0
-    return replace(item, run=replace(item.run, theta=theta), states=states)
+    return replace(prepared, run=replace(prepared.run, theta=theta), states=states)

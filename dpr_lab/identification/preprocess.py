@@ -14,7 +14,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class PreprocessedRun:
-    """A run from its release on, with what the fit needs beside it."""
+    """A run from its release on, with what the fit needs in addition."""
 
     run: Run
     noise: NoiseFloor

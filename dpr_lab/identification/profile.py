@@ -31,30 +31,30 @@ class ProfileSettings:
 SETTINGS = ProfileSettings()
 
 
-def profile90(found: RatioFit, sure: RatioUncertainty, index: int) -> tuple[float, float]:
+def profile90(ratio_fit: RatioFit, sure: RatioUncertainty, index: int) -> tuple[float, float]:
     """90 % profile likelihood interval of one unknown; a friction ratio's lower end stops at zero.
 
     Args:
-        found: where the likelihood is largest
+        ratio_fit: where the likelihood is largest
         sure: its information
         index: which unknown
 
     Returns:
         lower and upper end; infinite where the likelihood does not fall within `widest` standard deviations
     """
-    std = float(sure.cramer_rao_std[index]) * max(1.0, found.chi2_per_dof) ** 0.5
+    std = float(sure.cramer_rao_std[index]) * max(1.0, ratio_fit.chi2_per_dof) ** 0.5
     if std == 0.0:
         return 0.0, 0.0
-    return _end(found, sure, index, -std), _end(found, sure, index, std)
+    return _end(ratio_fit, sure, index, -std), _end(ratio_fit, sure, index, std)
 
 
-def _end(found: RatioFit, sure: RatioUncertainty, index: int, unit: float) -> float:
-    limit = float(chdtri(1, 0.1)) * max(1.0, found.chi2_per_dof)
+def _end(ratio_fit: RatioFit, sure: RatioUncertainty, index: int, unit: float) -> float:
+    limit = float(chdtri(1, 0.1)) * max(1.0, ratio_fit.chi2_per_dof)
     centre, widest = float(sure.values[index]), SETTINGS.widest
     furthest = widest if unit > 0 else min(widest, centre / -unit)
 
     def excess(units: float) -> float:
-        return _chi2_at(found, sure, index, centre + units * unit) - found.fit.chi2 - limit
+        return _chi2_at(ratio_fit, sure, index, centre + units * unit) - ratio_fit.fit.chi2 - limit
 
     outer = min(2.0, furthest)
     while excess(outer) < 0:
@@ -64,15 +64,17 @@ def _end(found: RatioFit, sure: RatioUncertainty, index: int, unit: float) -> fl
     return centre + float(root_scalar(excess, bracket=(0.0, outer), xtol=SETTINGS.tolerance).root) * unit
 
 
-def _chi2_at(found: RatioFit, sure: RatioUncertainty, index: int, value: float) -> float:
+def _chi2_at(ratio_fit: RatioFit, sure: RatioUncertainty, index: int, value: float) -> float:
     """Least chi-square with one unknown held, started where the linear problem has it."""
     free = sure.values > 0
     along = np.zeros(len(free))
     along[free] = np.linalg.inv(sure.information[np.ix_(free, free)])[:, np.count_nonzero(free[:index])]
     step = along / along[index] * (value - sure.values[index])
-    at = found.fit.estimate
-    ratios = at.ratios.copy()
-    ratios[list(found.visible)] = np.maximum(sure.values + step, 0.0)
-    of_all = np.concatenate([step, np.zeros(len(found.fit.free) - len(step))])  # zeros of encoders, if any, stay
-    start = at.changed(ratios=ratios, initial=at.initial + found.fit.linear.initial_steps(of_all))
-    return fit_ratios(found.problem, start, held=[found.visible[index]], iterations=SETTINGS.iterations).fit.chi2
+    estimate = ratio_fit.fit.estimate
+    ratios = estimate.ratios.copy()
+    ratios[list(ratio_fit.visible)] = np.maximum(sure.values + step, 0.0)
+    of_all = np.concatenate([step, np.zeros(len(ratio_fit.fit.free) - len(step))])  # zeros of encoders, if any, stay
+    start = estimate.changed(ratios=ratios, initial=estimate.initial + ratio_fit.fit.linear.initial_steps(of_all))
+    return fit_ratios(
+        ratio_fit.problem, start, held=[ratio_fit.visible[index]], iterations=SETTINGS.iterations
+    ).fit.chi2

@@ -101,7 +101,7 @@ class RatioFit:
     @property
     def slopes(self) -> Array:
         """(segments, m, k) whitened, by the unknowns: their part along initial states and encoders' zeros taken out."""
-        return _beside_zeros(self.fit.linear, self.fit.free)
+        return _without_zeros(self.fit.linear, self.fit.free)
 
     @property
     def chi2_per_dof(self) -> float:
@@ -124,18 +124,21 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
         length: wanted length of a segment, s
         step: longest Runge-Kutta step, s; over half a second one of 5 ms errs by less than a microradian
     """
-    cuts = [(i, stretch) for i, item in enumerate(runs) for stretch in partition(item.run, length)]
+    cuts = [(i, stretch) for i, prepared in enumerate(runs) for stretch in partition(prepared.run, length)]
     joints = rig.encoders.joint_angles
     laid_out = segments(
         [runs[i].run.t[stretch] for i, stretch in cuts],
         [i for i, _ in cuts],
-        [item.run.setup for item in runs],
+        [prepared.run.setup for prepared in runs],
         step,
     )
-    measured = np.concatenate([joints.of_rods(item.run.theta[:, 1:]) for item in runs])
-    counts = np.array([[1.0, float(not item.run.setup.alone)] for item in runs])
+    measured = np.concatenate([joints.of_rods(prepared.run.theta[:, 1:]) for prepared in runs])
+    counts = np.array([[1.0, float(not prepared.run.setup.alone)] for prepared in runs])
     weight = np.concatenate(
-        [np.tile(of / item.noise.std_joint, (len(item.run.t), 1)) for of, item in zip(counts, runs, strict=True)]
+        [
+            np.tile(count / prepared.noise.std_joint, (len(prepared.run.t), 1))
+            for count, prepared in zip(counts, runs, strict=True)
+        ]
     )
     initial = np.array([runs[i].states[stretch.start] for i, stretch in cuts])
     model = RodsAlone(rig_constants(rig))
@@ -153,7 +156,7 @@ def visible_of(laid_out: Segments) -> tuple[int, ...]:
 
 
 def fit_ratios(problem: Problem, start: Estimate, *, held: Collection[int] = (), iterations: int = 40) -> RatioFit:
-    """Fit the unknowns, the initial states and any zeros that are put anew to segments as they are.
+    """Fit the unknowns, the initial states and any encoder zeros that are fitted per run to segments as they are.
 
     Args:
         problem: what was measured
@@ -179,12 +182,12 @@ def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations
     problem, initial = segmented(runs, rig, SHORT.first_segment_s)
     first = fit_ratios(problem, rods_estimate(start, initial), iterations=iterations)
     problem, initial = segmented(runs, rig, SHORT.working_segment_s)
-    found = fit_ratios(problem, rods_estimate(first.fit.estimate.ratios, initial), iterations=iterations)
-    noise = driving_noise(found.problem, found.fit.estimate)
+    rough = fit_ratios(problem, rods_estimate(first.fit.estimate.ratios, initial), iterations=iterations)
+    noise = driving_noise(rough.problem, rough.fit.estimate)
     if noise is None:
-        return found
-    noisy = fit_ratios(replace(problem, disturbance=noise), found.fit.estimate)
-    return noisy if noisy.chi2_per_dof < SHORT.noise_alone else found
+        return rough
+    noisy = fit_ratios(replace(problem, disturbance=noise), rough.fit.estimate)
+    return noisy if noisy.chi2_per_dof < SHORT.noise_alone else rough
 
 
 def driving_noise(problem: Problem, at: Estimate) -> Disturbance | None:
@@ -197,39 +200,39 @@ def driving_noise(problem: Problem, at: Estimate) -> Disturbance | None:
 def information(problem: Problem, at: Estimate) -> Array:
     """(k, k) Fisher information that segments hold of the unknowns that they show; all else that is free eliminated."""
     free = problem.all_free(ratio_parameters(at, visible_of(problem.segments)))
-    slopes = _beside_zeros(linearise(problem, problem.begun(at), free), free)
+    slopes = _without_zeros(linearise(problem, problem.begun(at), free), free)
     A = slopes.reshape(-1, slopes.shape[2])
     return A.T @ A
 
 
-def _beside_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Array:
+def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Array:
     """(segments, m, k) slopes by the ratios among what is free, without their part along zeros of encoders."""
     of_zeros = np.array([parameter.block == "zeros" for parameter in free], dtype=np.bool_)
     if not of_zeros.any():
         return linear.A
     A, _ = linear.flat
     zeros, ratios = A[:, of_zeros], A[:, ~of_zeros]
-    beside = ratios - zeros @ np.linalg.lstsq(zeros, ratios, rcond=None)[0]
-    return beside.reshape(*linear.A.shape[:2], -1)
+    corrected = ratios - zeros @ np.linalg.lstsq(zeros, ratios, rcond=None)[0]
+    return corrected.reshape(*linear.A.shape[:2], -1)
 
 
-def predictable_until(found: RatioFit, index: int, t: Array, error_rad: float = 0.1) -> float:
+def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: float = 0.1) -> float:
     """Until when a free run from a segment's fitted initial state can be predicted, on the clock of `t`, s.
 
     Beyond it the initial state's uncertainty alone, carried along by the variational equation, moves an angle by more
     than an error.
 
     Args:
-        found: gives ratios and initial state
+        ratio_fit: gives ratios and initial state
         index: the segment to start from
         t: (n,) instants, the first of them the segment's own
         error_rad: that error
     """
-    rig, laid_out, at = found.problem.model.constants, found.problem.segments, found.fit.estimate
+    rig, laid_out, at = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate
     setup = laid_out.setups[laid_out.run[index]]
     own = segments([t], setups=[setup], step=MAX_STEP)
     _, slopes = followed(at.ratios, own, at.initial[index : index + 1], rig, of=2)
     growth = by_start(slopes[:, :2, len(RATIOS) :], setup)
-    variance = np.einsum("nij,jk,nik->ni", growth, found.initial_covariances[index], growth)
-    lost = np.flatnonzero(~(variance.max(axis=1) * max(1.0, found.chi2_per_dof) < error_rad**2))
+    variance = np.einsum("nij,jk,nik->ni", growth, ratio_fit.initial_covariances[index], growth)
+    lost = np.flatnonzero(~(variance.max(axis=1) * max(1.0, ratio_fit.chi2_per_dof) < error_rad**2))
     return float(t[lost[0]] if len(lost) else t[-1])

@@ -68,7 +68,7 @@ class RatioUncertainty:
         return float(self.values[index] - reach), float(self.values[index] + reach)
 
 
-def uncertainty(found: RatioFit) -> RatioUncertainty:
+def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     """How sure a fit with all unknowns free is.
 
     The covariance comes from the information at the noise that is there, widened to what the scatter of the blocks asks
@@ -76,23 +76,23 @@ def uncertainty(found: RatioFit) -> RatioUncertainty:
     most of it in few blocks; correlated residuals make the blocks scatter more. What a wrong model leaves changes
     slowly along a run, so there the 90 % interval is also no narrower than what first and second halves disagree by.
     """
-    A, e = found.slopes, found.fit.linear.e
+    A, e = ratio_fit.slopes, ratio_fit.fit.linear.e
     H = np.einsum("smi,smj->sij", A, A)
-    scores = _block_scores(found.problem, A * e[:, :, None])
-    free = found.unknowns > 0
+    scores = _block_scores(ratio_fit.problem, A * e[:, :, None])
+    free = ratio_fit.unknowns > 0
     bread = np.linalg.inv(H.sum(axis=0)[np.ix_(free, free)])
-    white = bread * found.chi2_per_dof
+    white = bread * ratio_fit.chi2_per_dof
     own = scores[:, free]
     blocks = len(own) / max(len(own) - len(free), 1) * bread @ own.T @ own @ bread
     variance = np.maximum(np.diag(white), np.diag(blocks))
-    if found.chi2_per_dof > SETTINGS.misfit:
-        apart = SETTINGS.halves * _halves_apart(found.problem, H, np.einsum("smi,sm->si", A, e))[free]
+    if ratio_fit.chi2_per_dof > SETTINGS.misfit:
+        apart = SETTINGS.halves * _halves_apart(ratio_fit.problem, H, np.einsum("smi,sm->si", A, e))[free]
         variance = np.maximum(variance, (apart / 2 / ndtri(0.95)) ** 2)
     widen = np.sqrt(variance / np.diag(white))
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = white * np.outer(widen, widen)
-    names = tuple(UNKNOWN_RATIOS[i] for i in found.visible)
-    return RatioUncertainty(found.unknowns, H.sum(axis=0), covariance, len(own), names)
+    names = tuple(UNKNOWN_RATIOS[i] for i in ratio_fit.visible)
+    return RatioUncertainty(ratio_fit.unknowns, H.sum(axis=0), covariance, len(own), names)
 
 
 def _block_scores(problem: Problem, scores: Array) -> Array:

@@ -1,4 +1,4 @@
-"""CMA-ES with restarts, a baseline: the `cma` package, asked and told."""
+"""CMA-ES with restarts, a baseline: by the ask-and-tell interface of the package `cma`."""
 
 from collections.abc import Iterator
 from functools import partial

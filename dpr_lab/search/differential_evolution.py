@@ -28,7 +28,7 @@ class DifferentialEvolutionSettings(SearchSettings, frozen=True):
     )
     """How a trial is made from others."""
     mutation: tuple[NotNegative, NotNegative] = (0.5, 1.0)
-    """Range of the differential weight, drawn anew for each generation."""
+    """Range of the differential weight, drawn again for each generation."""
     recombination: Share = 0.7
     """Share of the genes that a trial takes from its mutant."""
 
@@ -62,7 +62,7 @@ def _trials(
 ) -> Floats:
     """(size, n) one trial for each individual.
 
-    scipy has no generation to call. It is given the population, told the costs already known, and asked for one
+    scipy has no generation to call. It is given the population, given the known costs, and asked for one
     iteration, in which the trials are all that it evaluates.
     """
     from scipy import optimize

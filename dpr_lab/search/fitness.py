@@ -19,7 +19,7 @@ def cost(errors: Floats, aggregate: Literal["sum", "max", "min"]) -> Floats:
         aggregate: how the poses are put together
 
     Returns:
-        (n,) H; `inf` for a candidate that failed in any pose, whatever the aggregate
+        (n,) H; `inf` for a candidate that failed in any pose, for any aggregate
 
     Source: docs/theory.md (10); the publication's aggregate is lost, the sum is one reading.
     """

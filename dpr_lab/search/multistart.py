@@ -80,8 +80,8 @@ def _descended(problem: SearchProblem, start: Floats, start_cost: float, setting
     share = (start - lower) / (upper - lower)
     wall = 10 * float(start_cost) + 1  # of a point that fails: the line search interpolates, so not infinite
     options = {"maxiter": settings.iterations}
-    found = minimize(value_and_slope, share, method="L-BFGS-B", jac=True, bounds=[(0, 1)] * len(share), options=options)
-    genes = np.clip(lower + found.x * (upper - lower), lower, upper)[None]
+    local = minimize(value_and_slope, share, method="L-BFGS-B", jac=True, bounds=[(0, 1)] * len(share), options=options)
+    genes = np.clip(lower + local.x * (upper - lower), lower, upper)[None]
     return Population(genes, problem.costs(genes))
 
 

@@ -11,7 +11,7 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class SearchSettings(BaseModel, extra="forbid", frozen=True):
-    """What every algorithm can be told."""
+    """Settings that all algorithms share."""
 
     algorithm: str
     generations: Annotated[int, Field(ge=0)] = 1000

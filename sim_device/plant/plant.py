@@ -95,7 +95,7 @@ class Plant:
         model, _ = self._moving
         self.pace = read_at(1.0, model)[0]
         self.delay = float(np.subtract(*read_at(0.0, model)))
-        self.has_play = model.acts.play
+        self.has_play = model.required.play
         if not abs(self.delay) < BLOCK_TIME:
             effects = self.config.effects
             late = [f"{name}.{p}" for name in effects if EFFECTS[name].stage == "timing" for p in effects[name]]

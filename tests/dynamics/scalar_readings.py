@@ -103,7 +103,7 @@ def _segment(
     next1, next2, step, events, until = 0, 0, h, 0, now + h
     while next1 < n or next2 < n:
         released = now > -0.5 * step
-        mode = FREE if model.acts.arm and released else CLAMPED
+        mode = FREE if model.required.arm and released else CLAMPED
         y, h, whole = advanced(now, x, until - now, events, model, mode, 0.0)
         events = 0 if whole else events + 1
         if h == 0.0:
@@ -156,7 +156,7 @@ def _read_joint2(
     angles: NDArray[np.float64],
 ) -> tuple[int, float]:
     """Read joint 2 likewise; the next sample, and the angle that its encoder holds at the end of the step."""
-    k, passed, loose = first, 0.0, model.acts.play
+    k, passed, loose = first, 0.0, model.required.play
     while k < len(t):
         u = (read_at(t[k], model)[1] - now) / h
         if u > 1.0:

@@ -13,6 +13,7 @@ from dpr_lab.effects import EFFECTS, SIZE, SLICES, effect_params, named_params, 
 from dpr_lab.effects.effect import Recorded
 from dpr_lab.effects.effect_kernels import ARM, INTERNAL, active_effects
 from dpr_lab.effects.fold import arguments
+from dpr_lab.effects.stages import STAGES
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
 
@@ -164,16 +165,7 @@ def test_knows_its_relations(effect):
 
 @each_effect
 def test_a_kernel_asks_for_nothing_but_its_stage_s_quantities_its_internal_states_and_its_parameters(effect):
-    offered = {
-        "torque": {"joint", "motion", "base", "constants"},
-        "load": {"joint", "motion", "base", "constants"},
-        "arm": {"constants"},
-        "timing": {"t"},
-        "encoder": {"encoder"},
-        "play": {"angle", "held"},
-        "drive": {"joint", "torque"},
-        "input": set(),
-    }[effect.stage]
+    offered = set(STAGES[effect.stage].quantities)
     own = {p.name for p in effect.parameters}
     stepped = {state.name for state in effect.internal if state.after}
     wanted = arguments(effect.kernel)

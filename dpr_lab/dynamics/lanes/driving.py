@@ -1,6 +1,6 @@
-"""Known torques and motions of the arm in the lanes: over a step the means, so that impulses are right whatever it is.
+"""Known torques and motions of the arm in the lanes: means over each step, so that impulses are exact.
 
-An arm that moves by theta0(t) pushes the rods of docs/theory.md (15) by
+An arm that moves by theta0(t) exerts on the rods of docs/theory.md (15)
 
     tau_i = omega0^2 lever_i - (L0 / g) e_i cos(theta_i) alpha0,    lever_1 = (a sin1 + d sin2) cos1, lever_2 likewise.
 """
@@ -18,7 +18,7 @@ from dpr_lab.setup import Setup
 
 
 class Drive(NamedTuple):
-    """The torques of all runs end to end, as compiled code takes them."""
+    """Known torques and arm motions of all runs end to end, as compiled code takes them."""
 
     t: NDArray[np.float64]
     """(K,) instants between which the impulse is linear, s since the release."""
@@ -36,11 +36,11 @@ class Drive(NamedTuple):
 
 def drive_of(setups: Sequence[Setup]) -> Drive:
     """The torques of runs; a free swing has no instants."""
-    none = np.zeros(0), np.zeros((0, 2))
-    knots = [none if setup.torques is None else setup.torques.knots for setup in setups]
+    no_torques = np.zeros(0), np.zeros((0, 2))
+    knots = [no_torques if setup.torques is None else setup.torques.knots for setup in setups]
     first = np.cumsum([0, *(len(t) for t, _ in knots)])
-    still = np.zeros(0)
-    arms = [(still, still) if setup.arm is None else (setup.arm.t, setup.arm.omega) for setup in setups]
+    empty = np.zeros(0)
+    arms = [(empty, empty) if setup.arm is None else (setup.arm.t, setup.arm.omega) for setup in setups]
     return Drive(
         np.concatenate([t for t, _ in knots]),
         np.concatenate([impulse for _, impulse in knots]),
@@ -59,8 +59,8 @@ def _impulse(drive: Drive, i: int, t: float, joint: int) -> float:
 
 
 @subroutine
-def push(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], place: NDArray[np.int64]) -> None:
-    """Mean torques of the step that each lane is about to take; `place` (LANES,) is where it was looked up last."""
+def set_torques(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], knot: NDArray[np.int64]) -> None:
+    """Mean known torques over the next step of each lane; `knot` (LANES,) is the interval that was looked up last."""
     for k in range(LANES):
         first, last = int(drive.first[run[k]]), int(drive.first[run[k] + 1]) - 2
         if last < first:
@@ -68,17 +68,17 @@ def push(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], place: ND
         start = w[At.t + k]
         stop = w[At.until + k] if w[At.until + k] > start else start + w[At.step + k]
         start, stop = start - w[At.late + k], stop - w[At.late + k]
-        i = int(place[k])
+        i = int(knot[k])
         if i < first or i > last or drive.t[i] > start:
             i = first
         while i < last and drive.t[i + 1] <= start:
             i += 1
-        place[k], j = i, i
+        knot[k], j = i, i
         while j < last and drive.t[j + 1] <= stop:
             j += 1
-        passed = stop - start
-        w[At.drive1 + k] = (_impulse(drive, j, stop, 0) - _impulse(drive, i, start, 0)) / passed
-        w[At.drive2 + k] = (_impulse(drive, j, stop, 1) - _impulse(drive, i, start, 1)) / passed
+        duration = stop - start
+        w[At.drive1 + k] = (_impulse(drive, j, stop, 0) - _impulse(drive, i, start, 0)) / duration
+        w[At.drive2 + k] = (_impulse(drive, j, stop, 1) - _impulse(drive, i, start, 1)) / duration
 
 
 @subroutine
@@ -92,7 +92,7 @@ def _arm_speed(drive: Drive, first: int, last: int, t: float) -> float:
 
 
 @subroutine
-def carry(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64]) -> None:
+def prescribe_arm(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64]) -> None:
     """Mean acceleration and squared speed of the arm over the step that each lane is about to take."""
     for k in range(LANES):
         first, last = int(drive.arm_first[run[k]]), int(drive.arm_first[run[k] + 1]) - 1
@@ -101,17 +101,17 @@ def carry(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64]) -> None:
         start = w[At.t + k]
         stop = w[At.until + k] if w[At.until + k] > start else start + w[At.step + k]
         u, v = _arm_speed(drive, first, last, start), _arm_speed(drive, first, last, stop)
-        w[At.carried + k], w[At.whirl + k] = (v - u) / (stop - start), (u * u + u * v + v * v) / 3.0
-        w[At.alpha0 + k] = w[At.carried + k]
+        w[At.prescribed + k], w[At.squared + k] = (v - u) / (stop - start), (u * u + u * v + v * v) / 3.0
+        w[At.alpha0 + k] = w[At.prescribed + k]
 
 
 @subroutine
-def add_carried(w: NDArray[np.float64], rig: RigConstants) -> None:
-    """Add to the terms of a stage how the arm pushes the rods."""
+def add_prescribed(w: NDArray[np.float64], rig: RigConstants) -> None:
+    """Add to the terms of a stage the torques by which a prescribed motion of the arm acts on the rods."""
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = w[At.sin1 + k], w[At.cos1 + k], w[At.sin2 + k], w[At.cos2 + k]
-        whirl, pull = w[At.whirl + k], w[At.carried + k] * rig.L0 / rig.g
+        squared, pull = w[At.squared + k], w[At.prescribed + k] * rig.L0 / rig.g
         lever1 = (w[At.a + k] * sin1 + w[At.d + k] * sin2) * cos1
         lever2 = (w[At.b + k] * sin2 + w[At.d + k] * sin1) * cos2
-        w[At.torque1 + k] += whirl * lever1 - pull * w[At.e1 + k] * cos1
-        w[At.torque2 + k] += whirl * lever2 - pull * w[At.e2 + k] * cos2
+        w[At.torque1 + k] += squared * lever1 - pull * w[At.e1 + k] * cos1
+        w[At.torque2 + k] += squared * lever2 - pull * w[At.e2 + k] * cos2

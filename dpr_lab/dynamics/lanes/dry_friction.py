@@ -1,9 +1,26 @@
-r"""Dry friction in the lanes: a step is cut where a joint stops or is let go, lane by lane.
+r"""Dry friction in the lanes: a step is divided at the instants at which a joint stops or starts to slide.
 
-Each lane has its own time, so that one in which an event falls takes its step back, goes on to the event and then to
-the end of the step while the others go on; what it read before is not touched, because a step taken back has no length.
-The loops that look for events are vector instructions; what follows from one is done by itself, for it is rare. The law
-is that of `dpr_lab.dynamics.dry_friction`, the scheme that of `dpr_lab.dynamics.step.advanced`.
+Scheme of events, for each lane by itself, since each has its own time. The law is that of
+`dpr_lab.dynamics.dry_friction`, the scheme that of `dpr_lab.dynamics.step.advanced`. With the end of the whole step,
+`until`, and one event at te:
+
+    t                       te            until
+    |-----------------------|-------------|
+    |------------ 1 ----------------------|    trial step in unchanged directions; `settle` finds an event in it
+    |                                          2  `_take_back`: state of the start, length 0; `ahead` = te - t
+    |---------- 3 ----------|                  step of length `ahead`; `_end_cut`: the joint that stops is set to rest
+                            |----- 4 -----|    rest of the step, with new directions: 1 again, up to `EVENTS.most`
+
+1. A joint stops where its speed changes sign in the trial step (`stops_at`), and starts to slide where the torque
+   that it has to withstand exceeds its limit (`yields_at`). The first event of both joints counts.
+2. Encoders are read within the step just taken. A step that was taken back has length 0, so that nothing is read in it.
+3. `cut` is 1 where a joint starts to slide at te, 2 or 3 where joint 1 or 2 stops. A stop is moved to the instant at
+   which the speed is zero, by at most `EVENTS.farthest` of the step.
+4. `begin_dry` takes directions from the speeds: 0 is a joint at rest. `find_spare` compares its push with its limit at
+   the first stage; `let_go` gives it a direction where the limit is exceeded.
+
+The other lanes go on meanwhile. The loops that look for events are vector instructions; an event itself is rare and
+is handled in scalar code.
 """
 
 import math
@@ -15,14 +32,15 @@ from dpr_lab.dynamics.arm import CLAMPED, FREE, reduced_rods
 from dpr_lab.dynamics.dry_friction import EVENTS, correction, direction_of, held, pushes, slides, stops_at, yields_at
 from dpr_lab.dynamics.lanes.effects import add_dry_limits
 from dpr_lab.dynamics.lanes.workspace import LANES, At, arm_at, base_at, motion_at, terms_at, waits
-from dpr_lab.effects.effect_kernels import STEPPED, Acting
+from dpr_lab.effects.effect_kernels import STEPPED
 from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.effects.stages import Required
 from dpr_lab.kernels import subroutine
 
 
 @subroutine
-def begin_dry(w: NDArray[np.float64], acts: Acting) -> bool:
-    """Length and directions of the step that each lane takes; whether any joint is at rest."""
+def begin_dry(w: NDArray[np.float64], required: Required) -> bool:
+    """Set length and directions of the step that each lane takes; return whether any joint is at rest."""
     for k in range(LANES):
         fresh = w[At.t + k] >= w[At.until + k]
         w[At.until + k] = w[At.t + k] + w[At.step + k] if fresh else w[At.until + k]
@@ -31,10 +49,10 @@ def begin_dry(w: NDArray[np.float64], acts: Acting) -> bool:
         w[At.h + k] = ahead if ahead > 0.0 else w[At.until + k] - w[At.t + k]
         w[At.ahead + k] = 0.0
     count = 0
-    for k in range(LANES if acts.dry1 else 0):
+    for k in range(LANES if required.dry1 else 0):
         w[At.direction1 + k] = direction_of(w[At.omega1 + k])
         count += w[At.direction1 + k] == 0.0
-    for k in range(LANES if acts.dry2 else 0):
+    for k in range(LANES if required.dry2 else 0):
         w[At.direction2 + k] = direction_of(w[At.omega2 + k] - w[At.omega1 + k])
         count += w[At.direction2 + k] == 0.0
     return count > 0
@@ -52,11 +70,11 @@ def accelerate_held(w: NDArray[np.float64], rig: RigConstants, arm: bool) -> Non
 
 
 @subroutine
-def find_spare(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], spare1: int, spare2: int) -> bool:
-    """By how much limits exceed pushes in joints at rest, into two rows; whether one does not."""
+def find_spare(w: NDArray[np.float64], active: NDArray[np.bool_], spare1: int, spare2: int) -> bool:
+    """Fill two rows with limit less push of joints at rest, N m; return whether one is negative."""
     for k in range(LANES):
         w[At.limit1 + k], w[At.limit2 + k] = 0.0, 0.0
-    add_dry_limits(w, rig, active)
+    add_dry_limits(w, active)
     count = 0
     for k in range(LANES):
         rest1, rest2 = w[At.direction1 + k] == 0.0, w[At.direction2 + k] == 0.0
@@ -69,12 +87,12 @@ def find_spare(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.boo
 
 @subroutine
 def let_go(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], arm: bool) -> None:
-    """New directions, at the start of a step, of joints at rest whose limits are exceeded."""
+    """Set the directions, at the start of a step, of joints at rest whose limits are exceeded."""
     for side in (1.0, -1.0):
         for k in range(LANES):
             w[At.forward1 + k], w[At.forward2 + k] = max(w[At.limit1 + k], 0.0), max(w[At.limit2 + k], 0.0)
             w[At.push1 + k], w[At.push2 + k], w[At.limit1 + k], w[At.limit2 + k] = side, side, 0.0, 0.0
-        add_dry_limits(w, rig, active)
+        add_dry_limits(w, active)
     for k in range(LANES):
         exceeded = w[At.first1 + k] < 0.0 or w[At.first2 + k] < 0.0
         if exceeded and w[At.events + k] < EVENTS.most:
@@ -89,8 +107,8 @@ def let_go(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_],
 
 
 @subroutine
-def settle(w: NDArray[np.float64], acts: Acting, resting: bool) -> None:
-    """After a step: end it where it was to end, or take it back where a joint stopped or was let go on the way."""
+def settle(w: NDArray[np.float64], required: Required, resting: bool) -> None:
+    """After a step: end it at its end, or take it back where a joint stopped or started to slide within it."""
     count = 0
     for k in range(LANES):
         omega1, omega2 = w[At.omega1 + k], w[At.omega2 + k]
@@ -104,12 +122,12 @@ def settle(w: NDArray[np.float64], acts: Acting, resting: bool) -> None:
             if w[At.cut + k] > 0.0:
                 _end_cut(w, k)
             else:
-                _look_for_event(w, k, acts, resting)
+                _look_for_event(w, k, required, resting)
 
 
 @subroutine
 def _end_cut(w: NDArray[np.float64], k: int) -> None:
-    """Lane k has gone up to an event: the joint that stops there stops."""
+    """Set the joint to rest that stops at the event up to which lane k has gone."""
     joint = int(w[At.cut + k]) - 1
     if joint > 0:
         alpha1, alpha2 = w[At.alpha1 + k], w[At.alpha2 + k]
@@ -137,8 +155,8 @@ def _stop(w: NDArray[np.float64], k: int, joint: int, later: float) -> None:
 
 
 @subroutine
-def _look_for_event(w: NDArray[np.float64], k: int, acts: Acting, resting: bool) -> None:
-    """Take the step of lane k back to its first event, if it has one."""
+def _look_for_event(w: NDArray[np.float64], k: int, required: Required, resting: bool) -> None:
+    """Take the step of lane k back if it has an event, and plan the step up to the first one."""
     h, share, joint = w[At.h + k], 1.0, 0
     direction1, direction2 = w[At.direction1 + k], w[At.direction2 + k]
     before, after = direction1 * w[At.old_omega1 + k], direction1 * w[At.omega1 + k]
@@ -156,7 +174,7 @@ def _look_for_event(w: NDArray[np.float64], k: int, acts: Acting, resting: bool)
                 share, joint = (yields, 0) if yields < share else (share, joint)
     if not share < 1.0:
         return
-    _take_back(w, k, acts)
+    _take_back(w, k, required)
     w[At.events + k] += 1.0
     if share >= EVENTS.shortest:
         w[At.ahead + k], w[At.cut + k] = share * h, joint + 1.0
@@ -165,13 +183,13 @@ def _look_for_event(w: NDArray[np.float64], k: int, acts: Acting, resting: bool)
 
 
 @subroutine
-def _take_back(w: NDArray[np.float64], k: int, acts: Acting) -> None:
-    """Lane k is where the step began, after a step of no length."""
+def _take_back(w: NDArray[np.float64], k: int, required: Required) -> None:
+    """Return lane k to the start of its step, as after a step of length 0."""
     w[At.t + k], w[At.h + k] = w[At.old_t + k], 0.0
     w[At.theta1 + k], w[At.theta2 + k] = w[At.old_theta1 + k], w[At.old_theta2 + k]
     w[At.omega1 + k], w[At.omega2 + k] = w[At.old_omega1 + k], w[At.old_omega2 + k]
-    if acts.arm:
+    if required.arm:
         w[At.theta0 + k], w[At.omega0 + k] = w[At.old_theta0 + k], w[At.old_omega0 + k]
-    if acts.stepped:
+    if required.stepped:
         for i in range(len(STEPPED)):
             w[At.internal + i * LANES + k] = w[At.old_internal + i * LANES + k]

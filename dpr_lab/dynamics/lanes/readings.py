@@ -1,4 +1,4 @@
-"""Following tracks: lanes of candidates and segments that go through their steps together and read the encoders."""
+"""Predicted readings of tracks: lanes of candidates and segments are integrated together and their encoders read."""
 
 from functools import partial
 from typing import Any, NamedTuple
@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.lanes.driving import Drive, carry, push
+from dpr_lab.dynamics.lanes.driving import Drive, prescribe_arm, set_torques
 from dpr_lab.dynamics.lanes.effects import displaced
 from dpr_lab.dynamics.lanes.samples import (
     LaneSamples,
@@ -18,14 +18,13 @@ from dpr_lab.dynamics.lanes.samples import (
     read_play,
     shares,
 )
-from dpr_lab.dynamics.lanes.tracks import Tracks
+from dpr_lab.dynamics.lanes.tracks import Tracks, required_in
 from dpr_lab.dynamics.lanes.workspace import LANES, WORKSPACE, At, constants_at
 from dpr_lab.effects.effect_kernels import (
     ARM,
     AT_RELEASE,
     LAG,
     STEPPED,
-    Acting,
     arm_model,
     encoder_errors,
     input_delay,
@@ -33,27 +32,32 @@ from dpr_lab.effects.effect_kernels import (
     reading_shifts,
 )
 from dpr_lab.effects.quantities import HELD_ARM, RigConstants
+from dpr_lab.effects.stages import Required
 from dpr_lab.kernels import njit, subroutine
 
 PAD = 0.02
-"""How long before its first sample a segment starts, s: longer than any latency worth fitting."""
+"""Time by which a segment starts before its first sample, s: longer than any latency worth fitting."""
 
 
-class Laid(NamedTuple):
-    """Segments and what was clamped on, as compiled code takes them."""
+class SegmentArrays(NamedTuple):
+    """Segments and what hung on the rig, as compiled code takes them."""
 
     t: NDArray[np.float64]
+    """(N,) sampling instants of all segments end to end, s."""
     offsets: NDArray[np.int64]
+    """(S + 1,) where the segments begin among the samples."""
     run: NDArray[np.int64]
+    """(S,)"""
     step: NDArray[np.float64]
+    """(S,) Runge-Kutta step, s."""
     parts: NDArray[np.float64]
     """(runs, 5) L1, L2, m1, m2, mb of what hangs there."""
     drive: Drive
     """What drove the joints."""
 
 
-class Work(NamedTuple):
-    """Room to work in."""
+class Buffers(NamedTuple):
+    """Arrays that the kernel works in."""
 
     w: NDArray[np.float64]
     """The workspace of the lanes."""
@@ -61,25 +65,25 @@ class Work(NamedTuple):
     """(LANES, internal) internal states at the end of the segment before."""
     run: NDArray[np.int64]
     """(LANES,)"""
-    place: NDArray[np.int64]
-    """(LANES,) where known torques were looked up last."""
+    knot: NDArray[np.int64]
+    """(LANES,) interval in which the known torques were looked up last."""
     samples: LaneSamples
 
 
-def work(laid: Laid, angles: NDArray[np.float64]) -> Work:
-    """Room to work in for segments whose readings, (n, N, columns), are to be filled in."""
-    longest, none = int(np.diff(laid.offsets).max()), partial(np.zeros, LANES, dtype=np.int64)
+def allocate(segments: SegmentArrays, angles: NDArray[np.float64]) -> Buffers:
+    """Buffers for segments whose predictions, (n, N, columns), are to be filled in."""
+    longest, indices = int(np.diff(segments.offsets).max()), partial(np.zeros, LANES, dtype=np.int64)
     samples = LaneSamples(
         t1=np.zeros((LANES, longest)),
         t2=np.zeros((LANES, longest)),
         out=angles.reshape(-1),
         columns=angles.shape[2],
-        first=none(),
-        next1=none(),
-        next2=none(),
-        size=none(),
+        first=indices(),
+        next1=indices(),
+        next2=indices(),
+        size=indices(),
     )
-    return Work(np.zeros(WORKSPACE), np.zeros((LANES, len(AT_RELEASE))), none(), none(), samples)
+    return Buffers(np.zeros(WORKSPACE), np.zeros((LANES, len(AT_RELEASE))), indices(), indices(), samples)
 
 
 class Candidates(NamedTuple):
@@ -95,103 +99,99 @@ class Candidates(NamedTuple):
     """(n, S, internal) nan where it is taken over from the segment before."""
 
 
+class Block(NamedTuple):
+    """What all lanes share that go together."""
+
+    segments: SegmentArrays
+    candidates: Candidates
+    rig: RigConstants
+    active: NDArray[np.bool_]
+    """(effects,) which effects are on."""
+    required: Required
+
+
 @njit(allocates=False)
-def follow(
+def predict_tracks(
     blocks: tuple[int, int],
     advance: Any,
     tracks: Tracks,
-    laid: Laid,
-    asked: Candidates,
+    segments: SegmentArrays,
+    candidates: Candidates,
     rig: RigConstants,
     angles: NDArray[np.float64],
-    begun: NDArray[np.float64],
-    room: Work,
+    initial_internal: NDArray[np.float64],
+    buffers: Buffers,
 ) -> None:
-    """Fill in (n, N, 2 or 3) readings, rad, and (n, S, internal) internal states at the starts of segments.
+    """Fill in (n, N, 2 or 3) predicted readings, rad, and (n, S, internal) internal states at the segments' starts.
 
     Args:
         blocks: first and one past the last block of tracks
         advance: of `dpr_lab.dynamics.lanes.stepping`
         tracks: what goes together
-        laid: the segments
-        asked: the candidates
+        segments: the segments
+        candidates: the candidates
         rig: its constants
         angles: to fill in
-        begun: to fill in
-        room: of `work`, to work in
+        initial_internal: to fill in
+        buffers: of `allocate`
     """
-    w, after, run, place, samples = room
-    for block in range(blocks[0], blocks[1]):
-        first, last = tracks.edges[block], tracks.edges[block + 1]
-        active, acts = tracks.active[block], _acting(tracks.acts, block)
+    w, after, run, _, samples = buffers
+    for b in range(blocks[0], blocks[1]):
+        first, last = tracks.edges[b], tracks.edges[b + 1]
+        block = Block(segments, candidates, rig, tracks.active[b], required_in(tracks.required, b))
         rounds = 0
         for k in range(LANES):
             track = min(first + k, last - 1)
             rounds = max(rounds, tracks.last[track] - tracks.first[track])
-            run[k], place[k] = laid.run[tracks.first[track]], 0
-            _load(w, k, int(tracks.candidate[track]), int(laid.run[tracks.first[track]]), laid, asked, rig, active)
+            run[k], buffers.knot[k] = segments.run[tracks.first[track]], 0
+            _load(w, k, int(tracks.candidate[track]), int(run[k]), block)
         for turn in range(rounds):
             for k in range(LANES):
                 samples.size[k], w[At.due1 + k], w[At.due2 + k] = 0, np.inf, np.inf
                 if first + k < last and tracks.first[first + k] + turn < tracks.last[first + k]:
                     c, s = int(tracks.candidate[first + k]), int(tracks.first[first + k]) + turn
-                    _begin(w, k, c, s, turn, laid, asked, acts, rig, active, samples, after[k], begun[c, s])
-            _read(w, advance, rig, active, acts, samples, after, laid.drive, run, place)
-            if acts.errors:
+                    if turn == 0:
+                        _reset_internal(segments, s, candidates.initial[c, s], after[k])
+                    _begin(w, k, c, s, block, samples, after[k], initial_internal[c, s])
+            _read(block, advance, buffers)
+            if block.required.encoder:
                 for k in range(last - first):
                     c, s = int(tracks.candidate[first + k]), int(tracks.first[first + k]) + turn
                     if s < tracks.last[first + k]:
-                        _add_errors(c, s, laid, asked, rig, active, angles)
+                        _add_errors(c, s, block, angles)
 
 
 @subroutine
-def _acting(acts: Acting, block: int) -> Acting:
-    return Acting(
-        acts.torques[block], acts.loads[block], acts.arm[block], acts.timing[block], acts.errors[block],
-        acts.play[block], acts.drives[block], acts.carried[block], acts.stepped[block], acts.internal[block],
-        acts.dry1[block], acts.dry2[block],
-    )  # fmt: skip
-
-
-@subroutine
-def _load(
-    w: NDArray[np.float64],
-    k: int,
-    c: int,
-    r: int,
-    laid: Laid,
-    asked: Candidates,
-    rig: RigConstants,
-    active: NDArray[np.bool_],
-) -> None:
+def _load(w: NDArray[np.float64], k: int, c: int, r: int, block: Block) -> None:
     """What lane k keeps along its track: candidate c in run r."""
-    w[At.L1 + k], w[At.L2 + k] = laid.parts[r, 0], laid.parts[r, 1]
-    w[At.m1 + k], w[At.m2 + k], w[At.mb + k] = laid.parts[r, 2], laid.parts[r, 3], laid.parts[r, 4]
-    w[At.a + k], w[At.b + k], w[At.d + k] = asked.bases[c, r, 0], asked.bases[c, r, 1], asked.bases[c, r, 2]
-    w[At.e1 + k], w[At.c1 + k], w[At.c2 + k] = asked.bases[c, r, 3], asked.bases[c, r, 4], asked.bases[c, r, 5]
+    parts, base, rig = block.segments.parts, block.candidates.bases, block.rig
+    w[At.L1 + k], w[At.L2 + k] = parts[r, 0], parts[r, 1]
+    w[At.m1 + k], w[At.m2 + k], w[At.mb + k] = parts[r, 2], parts[r, 3], parts[r, 4]
+    w[At.a + k], w[At.b + k], w[At.d + k] = base[c, r, 0], base[c, r, 1], base[c, r, 2]
+    w[At.e1 + k], w[At.c1 + k], w[At.c2 + k] = base[c, r, 3], base[c, r, 4], base[c, r, 5]
     w[At.e2 + k] = w[At.d + k] * rig.g / rig.L1
-    w[At.step + k], w[At.drive1 + k], w[At.drive2 + k] = laid.step[0], 0.0, 0.0
+    w[At.step + k], w[At.drive1 + k], w[At.drive2 + k] = block.segments.step[0], 0.0, 0.0
     w[At.direction1 + k], w[At.direction2 + k] = np.nan, np.nan
-    w[At.carried + k], w[At.whirl + k] = 0.0, 0.0
-    params = asked.params[c, _own(r, asked)]
+    w[At.prescribed + k], w[At.squared + k] = 0.0, 0.0
+    params = block.candidates.params[c, _params_row(r, block)]
     for i in range(len(params)):
         w[At.params + i * LANES + k] = params[i]
-    arm = arm_model(constants_at(w, k, rig), HELD_ARM, params, active)
-    w[At.late + k] = input_delay(0.0, params, active)
+    arm = arm_model(constants_at(w, k, rig), HELD_ARM, params, block.active)
+    w[At.late + k] = input_delay(0.0, params, block.active)
     w[At.inertia + k], w[At.friction + k], w[At.stiffness + k] = arm.inertia, arm.friction, arm.stiffness
 
 
 @subroutine
-def _own(r: int, asked: Candidates) -> int:
-    """Where the effects of run r are among a candidate's."""
-    return r if asked.params.shape[1] > 1 else 0
+def _params_row(r: int, block: Block) -> int:
+    """Index of the effects of run r among those of a candidate; without allocation no array is returned."""
+    return r if block.candidates.params.shape[1] > 1 else 0
 
 
 @njit
 def segment_start(first: float, near: float = 0.04) -> float:
     """When a segment starts whose first reading is taken `first` seconds after the release, s.
 
-    One that would start less than `near` after the release starts with it, where nothing is remembered yet.
+    One that would start less than `near` after the release starts with it, where all internal states are known.
     """
     start = first - PAD
     return 0.0 if 0.0 < start and start < near else start
@@ -203,107 +203,117 @@ def _begin(
     k: int,
     c: int,
     s: int,
-    turn: int,
-    laid: Laid,
-    asked: Candidates,
-    acts: Acting,
-    rig: RigConstants,
-    active: NDArray[np.bool_],
+    block: Block,
     samples: LaneSamples,
     internal: NDArray[np.float64],
-    begun: NDArray[np.float64],
+    initial_internal: NDArray[np.float64],
 ) -> None:
-    """Put lane k at the start of segment s; leave it idle where the instants of reading make no sense.
+    """Put lane k at the start of segment s of candidate c; leave it idle where the sampling instants are not finite.
 
-    `internal` are the internal states at the end of the segment before, `begun` becomes those at the start of this.
+    Args:
+        w: the workspace
+        k: the lane
+        c: the candidate
+        s: the segment
+        block: what all lanes share
+        samples: the samples of the segment, to fill in
+        internal: (internal,) internal states at the end of the segment before
+        initial_internal: (internal,) those at the start of this one, to fill in
     """
-    i, j, x = laid.offsets[s], laid.offsets[s + 1], asked.initial[c, s]
-    params, count = asked.params[c, _own(laid.run[s], asked)], j - i
-    until = laid.t[min(j, len(laid.t) - 1)]
-    samples.first[k] = (c * len(laid.t) + i) * samples.columns
-    for n in range(count):
-        samples.t1[k, n] = laid.t[i + n]
-    for n in range(count if acts.timing or acts.play else 0):
-        samples.t2[k, n] = laid.t[i + n]
-    if acts.timing:
-        for n in range(count):
-            shift1, shift2 = reading_shifts(laid.t[i + n], params, active)
-            samples.t1[k, n] += shift1
-            samples.t2[k, n] += shift2
-        until += reading_shifts(until, params, active)[0]
-    now = segment_start(samples.t1[k, 0])
-    if turn == 0:
-        _remember_nothing(x, segment_start(float(laid.t[i])), internal)
-    for n in range(len(begun)):
-        given = asked.internal[c, s, n]
-        begun[n] = internal[n] if np.isnan(given) else given
-    last1 = samples.t1[k, count - 1]
-    last2 = samples.t2[k, count - 1] if acts.timing else last1
-    longest = now + 2.0 * (laid.t[j - 1] - laid.t[i]) + 1.0
-    samples.next1[k], samples.next2[k], samples.size[k] = 0, 0, count
+    initial, given = block.candidates.initial[c, s], block.candidates.internal[c, s]
+    until = _set_samples(k, c, s, block, samples)
+    for n in range(len(initial_internal)):
+        initial_internal[n] = internal[n] if np.isnan(given[n]) else given[n]
+    last = samples.size[k] - 1
+    last1, last2 = samples.t1[k, last], samples.t2[k, last] if block.required.timing else samples.t1[k, last]
+    now, t, i = segment_start(samples.t1[k, 0]), block.segments.t, block.segments.offsets[s]
+    longest = now + 2.0 * (t[i + last] - t[i]) + 1.0
     if not (last1 < longest and last2 < longest):  # or not a number: a clock that no rig has
-        for n in range(count * samples.columns):
+        for n in range(samples.size[k] * samples.columns):
             samples.out[samples.first[k] + n] = np.nan
         for n in range(len(internal)):
             internal[n] = np.nan
         return
     w[At.due1 + k] = samples.t1[k, 0]
-    if acts.timing or acts.play:
+    if block.required.timing or block.required.play:
         w[At.due2 + k] = samples.t2[k, 0]
     w[At.handed + k] = min(segment_start(float(until)), last1)
-    w[At.t + k], w[At.h + k], w[At.step + k] = now, laid.step[s], laid.step[s]
-    w[At.until + k], w[At.ahead + k], w[At.cut + k] = now, 0.0, 0.0
-    w[At.theta1 + k], w[At.theta2 + k], w[At.omega1 + k], w[At.omega2 + k] = x[0], x[1], x[2], x[3]
-    w[At.theta0 + k], w[At.omega0 + k] = begun[ARM], begun[ARM + 1]
-    w[At.old_theta0 + k], w[At.old_omega0 + k] = begun[ARM], begun[ARM + 1]
-    for row in (At.stage_omega0, At.stage_omega1, At.stage_omega2, At.alpha0, At.alpha1, At.alpha2):
-        w[row + k] = 0.0
-    w[At.hold + k] = x[1] - rig.relative2 * x[0] + begun[LAG]
-    for n, place in enumerate(STEPPED):
-        w[At.internal + n * LANES + k] = begun[place]
+    w[At.t + k], w[At.h + k], w[At.step + k] = now, block.segments.step[s], block.segments.step[s]
+    _set_state(w, k, initial, initial_internal, block.rig.relative2)
 
 
 @subroutine
-def _remember_nothing(x: NDArray[np.float64], now: float, internal: NDArray[np.float64]) -> None:
+def _set_samples(k: int, c: int, s: int, block: Block, samples: LaneSamples) -> float:
+    """Instants at which lane k reads segment s; returns when the next segment reads first, s, without timing errors."""
+    t, required = block.segments.t, block.required
+    i, j = block.segments.offsets[s], block.segments.offsets[s + 1]
+    count, until = j - i, t[min(j, len(t) - 1)]
+    samples.first[k] = (c * len(t) + i) * samples.columns
+    samples.next1[k], samples.next2[k], samples.size[k] = 0, 0, count
+    for n in range(count):
+        samples.t1[k, n] = t[i + n]
+    for n in range(count if required.timing or required.play else 0):
+        samples.t2[k, n] = t[i + n]
+    if required.timing:
+        params = block.candidates.params[c, _params_row(int(block.segments.run[s]), block)]
+        for n in range(count):
+            shift1, shift2 = reading_shifts(t[i + n], params, block.active)
+            samples.t1[k, n] += shift1
+            samples.t2[k, n] += shift2
+        until += reading_shifts(until, params, block.active)[0]
+    return until
+
+
+@subroutine
+def _set_state(
+    w: NDArray[np.float64], k: int, initial: NDArray[np.float64], internal: NDArray[np.float64], relative2: float
+) -> None:
+    """Angles, speeds and internal states of lane k at the instant `t`, where no step and no event is pending."""
+    w[At.until + k], w[At.ahead + k], w[At.cut + k] = w[At.t + k], 0.0, 0.0
+    w[At.theta1 + k], w[At.theta2 + k], w[At.omega1 + k], w[At.omega2 + k] = initial
+    w[At.theta0 + k], w[At.omega0 + k] = internal[ARM], internal[ARM + 1]
+    w[At.old_theta0 + k], w[At.old_omega0 + k] = internal[ARM], internal[ARM + 1]
+    for row in (At.stage_omega0, At.stage_omega1, At.stage_omega2, At.alpha0, At.alpha1, At.alpha2):
+        w[row + k] = 0.0
+    w[At.hold + k] = initial[1] - relative2 * initial[0] + internal[LAG]
+    for n, index in enumerate(STEPPED):
+        w[At.internal + n * LANES + k] = internal[index]
+
+
+@subroutine
+def _reset_internal(
+    segments: SegmentArrays, s: int, initial: NDArray[np.float64], internal: NDArray[np.float64]
+) -> None:
     """Internal states at the first start in a run: of a rig at rest until the release, of long sliding after it."""
     for n in range(len(internal)):
         internal[n] = AT_RELEASE[n]
-    if now > 0.0:
-        for n, value in enumerate(internal_sliding(x[2], x[3] - x[2])):
+    if segment_start(float(segments.t[segments.offsets[s]])) > 0.0:
+        for n, value in enumerate(internal_sliding(initial[2], initial[3] - initial[2])):
             internal[STEPPED[n]] = value
 
 
 @subroutine
-def _read(
-    w: NDArray[np.float64],
-    advance: Any,
-    rig: RigConstants,
-    active: NDArray[np.bool_],
-    acts: Acting,
-    samples: LaneSamples,
-    after: NDArray[np.float64],
-    drive: Drive,
-    run: NDArray[np.int64],
-    place: NDArray[np.int64],
-) -> None:
+def _read(block: Block, advance: Any, buffers: Buffers) -> None:
     """Step all lanes on until each has read its segment."""
+    w, after, run, knot, samples = buffers
+    required, drive, relative2 = block.required, block.segments.drive, block.rig.relative2
     held = _any_held(w)
     while _any_due(w):
         if len(drive.t) > 0:
-            push(w, drive, run, place)
+            set_torques(w, drive, run, knot)
         if len(drive.arm_t) > 0:
-            carry(w, drive, run)
-        advance(w, rig, active, acts, held)
-        if not (acts.timing or acts.play):
-            read_both(w, rig.relative2, acts.arm, samples)
+            prescribe_arm(w, drive, run)
+        advance(w, block.rig, block.active, required, held)
+        if not (required.timing or required.play):
+            read_both(w, relative2, required.arm, samples)
         else:
-            read_joint1(w, acts.arm, samples)
-            if acts.play:
-                read_play(w, rig.relative2, active, samples)
+            read_joint1(w, required.arm, samples)
+            if required.play:
+                read_play(w, relative2, block.active, samples)
             else:
-                read_joint2(w, 1.0, rig.relative2, samples)
-        if acts.internal:
-            _hand_over(w, rig.relative2, active, acts.play, after)
+                read_joint2(w, 1.0, relative2, samples)
+        if required.internal:
+            _hand_over(w, relative2, block.active, required.play, after)
         held = held and _any_held(w)
 
 
@@ -340,8 +350,8 @@ def _hand_over(
         u = w[At.share + k]
         if u <= 1.0:
             if u > 0.0:
-                for n, place in enumerate(STEPPED):
-                    after[k, place] = w[At.moved + n * LANES + k]
+                for n, index in enumerate(STEPPED):
+                    after[k, index] = w[At.moved + n * LANES + k]
                 after[k, LAG] = w[At.hold + k] - angle2(w, k, 1.0, relative2) if play else 0.0
                 after[k, ARM] = angle0(w, k, u)
                 after[k, ARM + 1] = w[At.old_omega0 + k] + u * (w[At.omega0 + k] - w[At.old_omega0 + k])
@@ -349,18 +359,11 @@ def _hand_over(
 
 
 @subroutine
-def _add_errors(
-    c: int,
-    s: int,
-    laid: Laid,
-    asked: Candidates,
-    rig: RigConstants,
-    active: NDArray[np.bool_],
-    angles: NDArray[np.float64],
-) -> None:
-    """Add the errors of the encoders to what candidate c reads on segment s."""
-    params = asked.params[c, _own(laid.run[s], asked)]
-    for i in range(laid.offsets[s], laid.offsets[s + 1]):
+def _add_errors(c: int, s: int, block: Block, angles: NDArray[np.float64]) -> None:
+    """Add the errors of the encoders to the predictions of candidate c on segment s."""
+    run, t, rig = int(block.segments.run[s]), block.segments.t, block.rig
+    params = block.candidates.params[c, _params_row(run, block)]
+    for i in range(block.segments.offsets[s], block.segments.offsets[s + 1]):
         angle1, angle2 = angles[c, i, 0], angles[c, i, 1]
-        error1, error2 = encoder_errors(angle1, angle2, laid.t[i], laid.run[s], rig, params, active)
+        error1, error2 = encoder_errors(angle1, angle2, t[i], run, rig, params, block.active)
         angles[c, i, 0], angles[c, i, 1] = angle1 + error1, angle2 + error2

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.lanes.effects import played
+from dpr_lab.dynamics.lanes.effects import hold_angle
 from dpr_lab.dynamics.lanes.workspace import LANES, At, waits
 from dpr_lab.kernels import subroutine
 
@@ -126,7 +126,7 @@ def read_play(w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_
         while shares(w, At.due2, until):
             for k in range(LANES):
                 w[At.angle2 + k] = angle2(w, k, w[At.share + k], relative2)
-            played(w, active)
+            hold_angle(w, active)
             for k in range(LANES):
                 if w[At.share + k] <= until:
                     j = samples.next2[k]
@@ -135,7 +135,7 @@ def read_play(w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_
                     samples.next2[k] = _after_reading(w, At.due2, k, samples.t2, j, samples.size[k])
         for k in range(LANES):
             w[At.angle2 + k] = angle2(w, k, until, relative2)
-        played(w, active)
+        hold_angle(w, active)
         for k in range(LANES):
             w[At.hold + k] = w[At.angle2 + k]
     for k in range(LANES):

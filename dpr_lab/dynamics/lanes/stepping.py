@@ -21,15 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE, arm_accelerations
-from dpr_lab.dynamics.lanes.driving import add_carried
+from dpr_lab.dynamics.lanes.driving import add_prescribed
 from dpr_lab.dynamics.lanes.dry_friction import accelerate_held, begin_dry, find_spare, let_go, settle
 from dpr_lab.dynamics.lanes.effects import add_drives, add_load_friction, add_torques, displaced
 from dpr_lab.dynamics.lanes.workspace import LANES, At, arm_at, base_at, constants_at, motion_at, terms_at, waits
 from dpr_lab.dynamics.rig_constants import UNKNOWN
 from dpr_lab.dynamics.step import joint_forces
-from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED, Acting
+from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import HELD_ARM, NOTHING, RigConstants
+from dpr_lab.effects.stages import Required
 from dpr_lab.kernels import behind_pointer, subroutine
 
 _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
@@ -38,50 +39,52 @@ _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 @cache
 def advance() -> Any:
     """One Runge-Kutta step of all lanes, `_advance`, compiled by itself for kernels that take it as an argument."""
-    acts, active = Acting(*[False] * len(Acting._fields)), np.zeros(1, dtype=np.bool_)
-    return behind_pointer(_advance, np.zeros(1), UNKNOWN, active, acts, False)
+    required, active = Required(*[False] * len(Required._fields)), np.zeros(1, dtype=np.bool_)
+    return behind_pointer(_advance, np.zeros(1), UNKNOWN, active, required, False)
 
 
-def _advance(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], acts: Acting, held: bool) -> None:
+def _advance(
+    w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], required: Required, held: bool
+) -> None:
     """One Runge-Kutta step of all lanes.
 
     Args:
         w: the workspace
         rig: its constants
         active: (effects,) which effects are on in these lanes
-        acts: what those ask for
+        required: what those require
         held: whether any lane may lie before the release, where its arm is held
     """
-    dry = acts.dry1 or acts.dry2
+    dry = required.dry1 or required.dry2
     _begin(w)
-    if acts.arm:
+    if required.arm:
         _begin_arm(w)
-    resting = dry and begin_dry(w, acts)
+    resting = dry and begin_dry(w, required)
     for stage in range(4):
         ahead = 0.0 if stage == 0 else 1.0 if stage == 3 else 0.5
         weight = 2.0 if stage == 1 or stage == 2 else 1.0
         _place(w, ahead)
-        if acts.arm:
+        if required.arm:
             _place_arm(w, ahead)
-        _accelerate(w, rig, active, acts, held, resting)
-        if resting and stage == 0 and find_spare(w, rig, active, At.first1, At.first2):
-            let_go(w, rig, active, acts.arm)
-            _accelerate(w, rig, active, acts, held, resting)
-            find_spare(w, rig, active, At.first1, At.first2)
+        _accelerate(w, rig, active, required, held, resting)
+        if resting and stage == 0 and find_spare(w, active, At.first1, At.first2):
+            let_go(w, rig, active, required.arm)
+            _accelerate(w, rig, active, required, held, resting)
+            find_spare(w, active, At.first1, At.first2)
         if resting and stage == 3:
-            find_spare(w, rig, active, At.last1, At.last2)
+            find_spare(w, active, At.last1, At.last2)
         _accumulate(w, weight, stage > 0)
-        if acts.arm:
+        if required.arm:
             _accumulate_arm(w, weight, stage > 0)
     _finish(w)
-    if acts.arm:
+    if required.arm:
         _finish_arm(w)
-    if acts.stepped:
+    if required.stepped:
         _move_internal(w, active)
         if held:
             _forget(w)
     if dry:
-        settle(w, acts, resting)
+        settle(w, required, resting)
 
 
 @subroutine
@@ -125,26 +128,26 @@ def _place_arm(w: NDArray[np.float64], share: float) -> None:
 
 @subroutine
 def _accelerate(
-    w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], acts: Acting, held: bool, resting: bool
+    w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], required: Required, held: bool, resting: bool
 ) -> None:
     """Accelerations of a stage, the friction that follows the load from those without it."""
-    if not (acts.torques or acts.loads or acts.arm):
+    if not (required.torque or required.load or required.arm):
         _accelerate_bare(w)
         return
     for k in range(LANES):
         w[At.term_a + k], w[At.term_b + k], w[At.term_coupling + k] = 0.0, 0.0, 0.0
         w[At.torque1 + k], w[At.torque2 + k] = w[At.drive1 + k], w[At.drive2 + k]
-    if acts.torques:
+    if required.torque:
         add_torques(w, rig, active)
-    if acts.drives:
-        add_drives(w, rig, active)
-    if acts.carried:
-        add_carried(w, rig)
-    _accelerate_all(w, rig, acts.arm, held, resting)
-    if acts.loads:
+    if required.drive:
+        add_drives(w, active)
+    if required.prescribed:
+        add_prescribed(w, rig)
+    _accelerate_all(w, rig, required.arm, held, resting)
+    if required.load:
         _find_forces(w, rig)
         add_load_friction(w, rig, active)
-        _accelerate_all(w, rig, acts.arm, held, resting)
+        _accelerate_all(w, rig, required.arm, held, resting)
 
 
 @subroutine

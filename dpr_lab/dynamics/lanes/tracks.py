@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.lanes.workspace import LANES
-from dpr_lab.effects.effect_kernels import Acting, acting
+from dpr_lab.effects.effect_kernels import required_by
+from dpr_lab.effects.fold import compiled
+from dpr_lab.effects.stages import Required
 
 
 class Tracks(NamedTuple):
@@ -27,8 +29,18 @@ class Tracks(NamedTuple):
     """(blocks + 1,) where the blocks begin among the tracks."""
     active: NDArray[np.bool_]
     """(blocks, effects) which effects are on."""
-    acts: Acting
-    """(blocks,) what they ask for."""
+    required: Required
+    """(blocks,) what they require."""
+
+
+required_in = compiled(
+    [
+        "def required_in(required, b):",
+        f"    return Required({', '.join(f'required.{f}[b]' for f in Required._fields)})",
+    ],
+    {"Required": Required},
+)
+"""(required, b) -> what block b of all requires."""
 
 
 def tracks_of(
@@ -46,16 +58,16 @@ def tracks_of(
     rows = [row.tobytes() for row in active.reshape(n * runs, -1)]
     kinds = {row: i for i, row in enumerate(dict.fromkeys(rows))}
     kind = np.array([kinds[row] for row in rows]).reshape(n, runs)
-    alone = np.arange(len(run))
-    parts = [] if chained.all() else [_parts(~chained, kind, run, alone, alone + 1)]
+    each = np.arange(len(run))
+    parts = [] if chained.all() else [_parts(~chained, kind, run, each, each + 1)]
     parts += [_parts(chained, kind, run, chains[:-1], chains[1:])] if chained.any() else []
     group, candidate, first, last = np.concatenate(parts, axis=1)
     order = np.argsort(group, kind="stable")
     group = group[order]
-    begins = [0, *(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
-    edges = np.array([*(i for ends in pairwise(begins) for i in range(*ends, LANES)), len(group)])
+    starts = [0, *(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
+    edges = np.array([*(i for ends in pairwise(starts) for i in range(*ends, LANES)), len(group)])
     on = np.array([np.frombuffer(row, dtype=np.bool_) for row in kinds])[group[edges[:-1]]]
-    return Tracks(candidate[order], first[order], last[order], edges, on, acting(on))
+    return Tracks(candidate[order], first[order], last[order], edges, on, required_by(on))
 
 
 def _parts(
@@ -65,10 +77,10 @@ def _parts(
     first: NDArray[np.int64],
     last: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """(4, tracks) kind, candidate, first and last segment of those candidates that are cut in this way.
+    """(4, tracks) kind, candidate, first and last segment of those candidates that are split in this way.
 
     Tracks of one segment have neighbouring candidates, and so the same instants, in neighbouring lanes.
     """
-    own = run[first] if which.shape[1] > 1 else np.zeros(len(first), dtype=np.int64)
-    piece, candidate = np.nonzero(which[:, own].T)
-    return np.stack([kind[candidate, own[piece]], candidate, first[piece], last[piece]])
+    columns = run[first] if which.shape[1] > 1 else np.zeros(len(first), dtype=np.int64)
+    segment, candidate = np.nonzero(which[:, columns].T)
+    return np.stack([kind[candidate, columns[segment]], candidate, first[segment], last[segment]])

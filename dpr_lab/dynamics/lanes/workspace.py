@@ -119,9 +119,9 @@ class At(IntEnum):
     late = auto()
     force1 = auto()
     force2 = auto()
-    # an arm that moves as it is known to: its acceleration and squared speed, means over the step
-    carried = auto()
-    whirl = auto()
+    # an arm that moves as prescribed: its acceleration and squared speed, means over the step
+    prescribed = auto()
+    squared = auto()
     # reading: when the next samples of joints 1 and 2 are due, their share of the step, angles there, what a play holds
     due1 = auto()
     due2 = auto()

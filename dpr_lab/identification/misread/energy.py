@@ -5,7 +5,7 @@ The energy of the rods over b is linear in their ratios, and so is the work of k
     E/b = a/b omega1^2 / 2 + omega2^2 / 2 + d/b (cos(theta1 - theta2) omega1 omega2 + g/L1 cos theta2) + e1/b cos theta1
 
 Rods that nothing else drives only lose energy. So the least sum of rises over all positive ratios is zero for a passive
-rig, with any friction. It is found by linear programming, without a fit of the motion.
+rig, with any friction. It is computed by linear programming, without a fit of the motion.
 """
 
 from collections.abc import Sequence
@@ -39,45 +39,47 @@ SETTINGS = EnergyRiseSettings()
 
 
 def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseSettings = SETTINGS) -> float:
-    """Least sum of rises of the energy over its range, of all ratios; 0 for passive rods or where it cannot be told.
+    """Least sum of energy rises over the energy's range, for any ratios; 0 for passive rods or where it is unknown.
 
     Runs with a moving arm, not of both rods, or with much noise do not count.
     """
     from scipy.optimize import linprog
 
     free = [
-        item
-        for item in runs
-        if item.run.arm is None and not item.run.setup.held and item.noise.std_joint.max() < settings.quiet_rad
+        prepared
+        for prepared in runs
+        if prepared.run.arm is None
+        and not prepared.run.setup.held
+        and prepared.noise.std_joint.max() < settings.quiet_rad
     ]
-    parts = [_terms(item, rig) for item in free]
-    means = [_means(terms, item.run.t, settings.apart_s) for terms, item in zip(parts, free, strict=True)]
+    parts = [_terms(prepared, rig) for prepared in free]
+    means = [_means(terms, prepared.run.t, settings.apart_s) for terms, prepared in zip(parts, free, strict=True)]
     rises = np.concatenate([np.diff(mean, axis=0) for mean in means]) if means else np.zeros((0, 5))
     if not len(rises) or not np.isfinite(rises).all():
         return 0.0
     count, driven = len(rises), bool(rises[:, 4].any())
-    found = linprog(
+    solution = linprog(
         np.concatenate([np.zeros(4), np.ones(count)]),
         A_ub=np.hstack([rises[:, [1, 2, 3, 4]], -np.eye(count)]),
         b_ub=-rises[:, 0],
         bounds=[(settings.least_ratio, None)] * 3 + [(0.0, None if driven else 0.0)] + [(0.0, None)] * count,
         method="highs",
     )
-    if not found.success:
+    if not solution.success:
         return 0.0
-    at = np.concatenate([[1.0], found.x[:4]])
+    at = np.concatenate([[1.0], solution.x[:4]])
     spread = sum(float(np.ptp(terms[:, :4] @ at[:4])) for terms in parts)
-    return float(found.fun / spread) if spread > 0 else 0.0
+    return float(solution.fun / spread) if spread > 0 else 0.0
 
 
-def _terms(item: PreprocessedRun, rig: Rig) -> Array:
+def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
     """(n, 5) terms of the energy over b: of b, a, d, e1 and, less the work done, of 1/b."""
-    theta1, theta2, omega1, omega2 = item.states.T
+    theta1, theta2, omega1, omega2 = prepared.states.T
     mixed = np.cos(theta1 - theta2) * omega1 * omega2 + rig.g / rig.L1 * np.cos(theta2)
     work = np.zeros(len(theta1))
-    if item.run.torques is not None:
-        power = item.run.torques[:, 0] * omega1 + item.run.torques[:, 1] * (omega2 - omega1)
-        work[1:] = np.cumsum(power[:-1] * np.diff(item.run.t))
+    if prepared.run.torques is not None:
+        power = prepared.run.torques[:, 0] * omega1 + prepared.run.torques[:, 1] * (omega2 - omega1)
+        work[1:] = np.cumsum(power[:-1] * np.diff(prepared.run.t))
     return np.stack([0.5 * omega2**2, 0.5 * omega1**2, mixed, np.cos(theta1), -work], axis=1)
 
 

@@ -74,12 +74,12 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
     """
     counts, relative = rig.encoders.counts_per_rev, rig.encoders.joint2 == "relative"
     for factor in (0.5, 2.0, 0.25, 4.0):
-        told = [f"{count / factor:.0f}" for count in counts]
+        stated = [f"{count / factor:.0f}" for count in counts]
         key = "counts_per_rev in the rig file is wrong: {} (it is {}); of a table of angles, --scale and --offset"
-        both = key.format(f"{told[1]} for joint 1 and {told[2]} for joint 2", f"{counts[1]} and {counts[2]}")
+        both = key.format(f"{stated[1]} for joint 1 and {stated[2]} for joint 2", f"{counts[1]} and {counts[2]}")
         yield _of_angles(f"both joints turn by {factor:g} times what is read ({both})", _times(factor, factor))
         for joint in (1, 2):
-            own = key.format(f"{told[joint]} for joint {joint}", counts[joint])
+            own = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
             s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)
             yield _of_angles(f"joint {joint} turns by {factor:g} times what is read ({own})", _times(s1, s2, relative))
             if relative:

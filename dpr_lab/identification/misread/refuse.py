@@ -25,12 +25,13 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
         IdentificationError: they cannot; with the likely cause, which was tried.
         RunError: a run without enough samples or motion, however it is read.
     """
-    found, refused = _as_read(runs, rig)
-    possible = found is not None and not impossible(found.ratios, rig)
-    if found is not None and possible and residual(found) < SETTINGS.suspicious:
+    ratio_fit, refused = _as_read(runs, rig)
+    possible = ratio_fit is not None and not impossible(ratio_fit.ratios, rig)
+    if ratio_fit is not None and possible and residual(ratio_fit) < SETTINGS.suspicious:
         return
     causes = [
-        reading.cause for reading, _ in better_readings(runs, rig, np.inf if found is None else found.chi2_per_dof)
+        reading.cause
+        for reading, _ in better_readings(runs, rig, np.inf if ratio_fit is None else ratio_fit.chi2_per_dof)
     ]
     if causes:
         raise IdentificationError(
@@ -38,10 +39,10 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
         )
     if refused is not None:
         raise refused
-    if found is None or not possible or residual(found) > SETTINGS.hopeless:
+    if ratio_fit is None or not possible or residual(ratio_fit) > SETTINGS.hopeless:
         raise IdentificationError(
             "these recordings are of no double pendulum with this L1"
-            + (f": {impossible(found.ratios, rig)}" if found is not None and not possible else "")
+            + (f": {impossible(ratio_fit.ratios, rig)}" if ratio_fit is not None and not possible else "")
             + "; another zero, sign, unit or order of the angles was tried and does not explain it: check the unit of"
             " time, L1 and g in the rig file, counts_per_rev, and that the arm is clamped"
         )
@@ -61,7 +62,7 @@ def refuse_negative_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None
     Args:
         unknown: (7,) ratios, b and p/b of a fit
         runs: that were fitted
-        rig: that they are said to be of
+        rig: that they were recorded on
 
     Raises:
         IdentificationError: they are not; with the likely cause.

@@ -99,7 +99,7 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
 
     Args:
         runs: as they were read
-        rig: that they are said to be of
+        rig: that they were recorded on
     """
     first = fitted(runs, rig)
     explained = better_readings(runs, rig, np.inf if first is None else first.chi2_per_dof)
@@ -117,7 +117,7 @@ def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[
 
     Args:
         runs: as they were read
-        rig: that they are said to be of
+        rig: that they were recorded on
         chi2_per_dof: of the rods as they were read
     """
     limit = max(min(SETTINGS.explained, chi2_per_dof / SETTINGS.better), chi2_per_dof / SETTINGS.far_better)
@@ -154,19 +154,19 @@ def fitted(runs: Sequence[Run], rig: Rig, *, quick: bool = False) -> RatioFit | 
         try:
             prepared = _preprocessed(runs, rig, thinned=quick)
             iterations = SETTINGS.iterations if quick else SETTINGS.thorough
-            found = short_fit(rig.nominal, prepared, rig, iterations=iterations)
+            ratio_fit = short_fit(rig.nominal, prepared, rig, iterations=iterations)
         except np.linalg.LinAlgError:
             return None
-    return found if np.isfinite(found.chi2_per_dof) else None
+    return ratio_fit if np.isfinite(ratio_fit.chi2_per_dof) else None
 
 
-def residual(found: RatioFit) -> float:
+def residual(ratio_fit: RatioFit) -> float:
     """Root mean square residual over the spread of the angle within a run; of the worse rod."""
-    segments, t = found.problem.segments, found.problem.segments
+    segments, t = ratio_fit.problem.segments, ratio_fit.problem.segments
     owner = np.repeat(segments.run, np.diff(t.offsets))
-    measured = found.problem.joints.to_rods(found.problem.measured)
+    measured = ratio_fit.problem.joints.to_rods(ratio_fit.problem.measured)
     spread = np.std(np.concatenate([measured[owner == i] - measured[owner == i].mean(axis=0) for i in set(owner)]), 0)
-    rms = np.sqrt(np.mean((measured - found.predicted) ** 2, axis=0))
+    rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
     both = not all(setup.alone for setup in segments.setups)
     return float(np.max((rms / np.maximum(spread, 1e-12))[: 1 + both]))
 
@@ -187,15 +187,15 @@ def _otherwise(runs: Sequence[Run], rig: Rig) -> Iterator[tuple[Misreading, Rati
 def _preprocessed(runs: Sequence[Run], rig: Rig, *, thinned: bool = False) -> list[PreprocessedRun]:
     seconds = SETTINGS.tried_s if thinned else SETTINGS.looked_at_s
     prepared = [preprocess(_beginning(run, seconds), rig) for run in runs]
-    return [_thinned(item) for item in prepared] if thinned else prepared
+    return [_thinned(run) for run in prepared] if thinned else prepared
 
 
 def _beginning(run: Run, seconds: float) -> Run:
     return run.between(-np.inf, np.max(run.t[:1], initial=0.0) + seconds)
 
 
-def _thinned(item: PreprocessedRun) -> PreprocessedRun:
+def _thinned(prepared: PreprocessedRun) -> PreprocessedRun:
     """Every so manieth sample; noise and states are those of all samples. Known torques stay whole."""
-    every = max(1, round(item.run.rate_hz / SETTINGS.rate_hz)) if item.run.torques is None else 1
-    keep = np.arange(len(item.run.t)) % every == 0
-    return replace(item, run=item.run.only(keep), states=item.states[keep])
+    every = max(1, round(prepared.run.rate_hz / SETTINGS.rate_hz)) if prepared.run.torques is None else 1
+    keep = np.arange(len(prepared.run.t)) % every == 0
+    return replace(prepared, run=prepared.run.only(keep), states=prepared.states[keep])

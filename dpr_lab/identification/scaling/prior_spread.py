@@ -88,14 +88,14 @@ def with_intervals(
             ends = (scale.b * ratios[f"{name}/b"].interval90[0], scale.b * ratios[f"{name}/b"].interval90[1])
             interval = _of_std(base[name]) or scale.absolute90(base[name].value, ends)
             absolute[name] = base[name].model_copy(update={"interval90": interval})
-    loose = loose90(np.array([item.value for item in nine.values()]), unknown, rig, visible)
-    found = {
-        name: item.model_copy(
-            update={"interval90": _of_std(item) or (absolute.get(name) or item).interval90 or loose[name]}
+    loose = loose90(np.array([parameter.value for parameter in nine.values()]), unknown, rig, visible)
+    parameters = {
+        name: parameter.model_copy(
+            update={"interval90": _of_std(parameter) or (absolute.get(name) or parameter).interval90 or loose[name]}
         )
-        for name, item in nine.items()
+        for name, parameter in nine.items()
     }
-    return found, {name: absolute[name] for name in BASE}
+    return parameters, {name: absolute[name] for name in BASE}
 
 
 def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> dict[str, Interval90]:
@@ -112,14 +112,14 @@ def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = 
     b = base_parameters(median, rig.L1, rig.g)[_B]
     slopes = base_jacobian(median, rig.L1, rig.g)[_B] * median / b
     scale_std = np.sqrt(slopes @ P @ slopes)
-    found = {}
+    intervals = {}
     for i, name in enumerate(PARAMETERS):
         if name in BASE:  # friction: its ratio to b is seen, b is not
             low, high = lognormal90(float(b / unknown[SCALE] * Z[i]), float(scale_std))
-            found[name] = (float(min(low, Z[i])), float(max(high, Z[i])))
+            intervals[name] = (float(min(low, Z[i])), float(max(high, Z[i])))
         else:
-            found[name] = _interval(median[i], P[i, i] ** 0.5, lower[i], upper[i], Z[i])
-    return found
+            intervals[name] = _interval(median[i], P[i, i] ** 0.5, lower[i], upper[i], Z[i])
+    return intervals
 
 
 def _of_std(value: ParameterValue) -> Interval90 | None:

@@ -1,0 +1,173 @@
+"""Stages: the points in the chain from torques to encoder counts at which effects act, one row of `STAGES` each.
+
+Scalar code (`dpr_lab.effects.effect_kernels`, one rig) and lane code (`dpr_lab.dynamics.lanes.effects`, many candidates
+side by side) are both generated from these rows. They differ only in how they write a name: the scalar version reads
+an argument or a local variable, the lane version a row of the workspace.
+
+    stage       a kernel may ask for               returns
+    torque      joint                              torque of its joint on the rod beyond, N m
+                motion, base, constants            Terms
+    load        the same, joint forces known       the same: load-dependent friction
+    drive       joint, torque                      N m added to the known torque of its joint
+    dry         joint                              torque of dry friction of a joint that just begins to slide, N m
+    arm         constants                          ArmModel: inertia, friction and stiffness of the arm
+    timing      t                                  s added to the instant at which each of `joints` is read
+    encoder     encoder                            rad added to the reading of the encoder of each of `joints`
+    play        angle, held                        angle that the encoder of joint 2 holds, rad
+    input                                          delay of the known torques, s
+    transition  state, displacement                internal state after a displacement of the joint
+
+The quantities are those of `dpr_lab.effects.quantities`. After them a kernel takes internal states and parameters of
+its effect, each by its name. It is called only while one of the effect's amplitudes is not zero. `dry` repeats kernels
+of other stages, `transition` calls those of internal states; the others are values of `Effect.stage`.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+StageName = Literal["torque", "load", "arm", "timing", "encoder", "play", "drive", "input"]
+"""Stage at which the kernel of an effect is called."""
+
+Combine = Callable[[int, Collection[str]], tuple[str, ...]]
+"""(number of the joint, arguments of the kernel) -> statements that combine the kernel's value `x` with the results."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """What the effects of one stage read, and how their contributions combine.
+
+    Expressions name numbers in braces, which each version writes in its own way. `#` stands for the number of the joint
+    (1 or 2), `@` for the index of the internal state, `name_3` for element 3 of an array.
+    """
+
+    arguments: str
+    """Arguments of the scalar version, before `params` and `active`."""
+    quantities: Mapping[str, str]
+    """Argument of a kernel -> its expression."""
+    results: Mapping[str, str]
+    """Result -> its value without effects. The caller of the lane version sets the rows of results to it."""
+    combine: Combine
+    returns: str = ""
+    """Expression of what the scalar version returns; empty: all results."""
+    states: str = "internal"
+    """Array that internal states are read from."""
+
+
+def _joint_torque(joint: int, arguments: Collection[str] = ()) -> tuple[str, ...]:
+    """A torque of joint 1 acts on the inner rod; one of joint 2 on the outer rod, its reaction on the inner one."""
+    return ("{torque1} += x",) if joint == 1 else ("{torque1} -= x", "{torque2} += x")
+
+
+def _terms(joint: int, arguments: Collection[str]) -> tuple[str, ...]:
+    """A kernel that asks for no joint returns `Terms`."""
+    if "joint" in arguments:
+        return _joint_torque(joint)
+    return (
+        "{term_a} += x.a",
+        "{term_b} += x.b",
+        "{term_coupling} += x.coupling",
+        "{torque1} += x.torque1",
+        "{torque2} += x.torque2",
+    )
+
+
+def _each(statement: str) -> Combine:
+    return lambda joint, arguments: (statement,)
+
+
+_TERMS = Stage(
+    arguments="motion, base, constants, internal",
+    quantities={"joint": "{joint#}", "motion": "{motion}", "base": "{base}", "constants": "{constants}"},
+    results=dict.fromkeys(("term_a", "term_b", "term_coupling", "torque1", "torque2"), "0.0"),
+    combine=_terms,
+    returns="Terms({term_a}, {term_b}, {term_coupling}, {torque1}, {torque2})",
+)
+
+STAGES: dict[str, Stage] = {
+    "torque": _TERMS,
+    "load": _TERMS,
+    "drive": Stage(
+        arguments="motion, known1, known2",
+        quantities={"joint": "{joint#}", "torque": "{known#}"},
+        results={"torque1": "0.0", "torque2": "0.0"},
+        combine=_joint_torque,
+    ),
+    "dry": Stage(
+        arguments="motion, push1, push2",
+        quantities={"joint": "yielding({joint#}, {push#})"},
+        results={"limit1": "0.0", "limit2": "0.0"},
+        combine=_each("{limit#} -= copysign(1.0, {push#}) * x"),
+        returns="max({limit1}, 0.0), max({limit2}, 0.0)",
+    ),
+    "arm": Stage(
+        arguments="constants, arm",
+        quantities={"constants": "{constants}"},
+        results={"arm": "{arm}"},
+        combine=_each("{arm} = x"),
+        returns="{arm}",
+    ),
+    "timing": Stage(
+        arguments="t",
+        quantities={"t": "{t}"},
+        results={"shift1": "0.0", "shift2": "0.0"},
+        combine=_each("{shift#} += x"),
+    ),
+    "encoder": Stage(
+        arguments="angle1, angle2, t, run, constants",
+        quantities={"encoder": "encoder#({angle#}, {t}, {run}, {constants})"},
+        results={"error1": "0.0", "error2": "0.0"},
+        combine=_each("{error#} += x"),
+    ),
+    "play": Stage(
+        arguments="angle2, hold",
+        quantities={"angle": "{angle2}", "held": "{hold}"},
+        results={"angle2": "{angle2}"},
+        combine=_each("{angle2} = x"),
+        returns="{angle2}",
+    ),
+    "input": Stage(
+        arguments="late",
+        quantities={},
+        results={"late": "{late}"},
+        combine=_each("{late} = x"),
+        returns="{late}",
+    ),
+    "transition": Stage(
+        arguments="old_internal, displacement1, displacement2",
+        quantities={"displacement": "{displacement#}"},
+        results={"moved_@": "{old_internal_@}"},
+        combine=_each("{moved_@} = x"),
+        states="old_internal",
+    ),
+}
+"""Name -> stage."""
+
+PER_JOINT = ("timing", "encoder")
+"""Stages whose kernels are called for each of an effect's joints; the others only for the first."""
+
+
+class Required(NamedTuple):
+    """What a step has to compute, from the effects that are on; bools, or arrays of them.
+
+    A field with the name of a stage: whether an effect of that stage is on.
+    """
+
+    torque: Any
+    load: Any
+    """Joint forces are needed."""
+    arm: Any
+    """The arm moves freely."""
+    timing: Any
+    encoder: Any
+    play: Any
+    drive: Any
+    prescribed: Any
+    """The arm moves as prescribed by the run's setup; no effect requires it."""
+    stepped: Any
+    """An internal state moves with a joint."""
+    internal: Any
+    """There is an internal state."""
+    dry1: Any
+    """Dry friction can hold joint 1 at rest."""
+    dry2: Any
