@@ -1,4 +1,4 @@
-"""The folder of compiled kernels, and whoever is told that one is being compiled; nothing here needs Numba.
+"""The folder of compiled kernels, and callbacks for the start of a compilation; nothing here needs Numba.
 
 Numba's own cache looks only at the file of the function it compiles. A kernel that calls a function of another file
 keeps its old machine code when that other file changes. Here the cache lies in a folder named by a hash of every
@@ -122,26 +122,26 @@ COMPILING = (f"{FOREIGN}. " if FOREIGN else "") + (
     if CACHE is not None
     else "compiling the kernels: about a minute, every time, because no folder of the cache can be written"
 )
-"""The sentence for whoever waits."""
+"""The message shown while kernels are compiled."""
 
 _SIMULATOR = "plant"
 _watching: list[Callable[[], None]] = []
 
 
 @contextmanager
-def watch_compiling(told: Callable[[], None]) -> Iterator[None]:
-    """While this lasts, `told` is called whenever a kernel, or a further one, is being compiled; from any thread."""
-    _watching.append(told)
+def watch_compiling(on_compiling: Callable[[], None]) -> Iterator[None]:
+    """Call `on_compiling` at each compilation of a kernel within the context; from any thread."""
+    _watching.append(on_compiling)
     try:
         yield
     finally:
-        _watching.remove(told)
+        _watching.remove(on_compiling)
 
 
 def compiling() -> None:
-    """Tell it: a kernel is being compiled, here or in a process that this one waits for."""
-    for told in tuple(_watching):
-        told()
+    """Notify all listeners that a kernel is being compiled, here or in a process that this one waits for."""
+    for on_compiling in tuple(_watching):
+        on_compiling()
 
 
 def simulator_compiled() -> bool:
@@ -157,6 +157,6 @@ def mark_simulator_compiled() -> None:
 
 
 def compiling_simulator() -> None:
-    """Tell it where a simulated device is about to be started that compiles first."""
+    """Notify all listeners where a simulated device is about to be started that compiles first."""
     if not simulator_compiled():
         compiling()

@@ -32,16 +32,17 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class _Compiling(event.Listener):
-    """Tells that a kernel is being compiled; one that comes out of the cache is not."""
+    """Report the start of a compilation; a kernel from the cache causes none."""
 
     def on_start(self, event: event.Event) -> None:
         """A pass of the compiler begins."""
-        told: Any = event.data
-        if told["name"].startswith("translate_bytecode") and told["module"].startswith("dpr_lab"):  # the first pass
+        compiler_pass: Any = event.data
+        # the first pass of each compilation
+        if compiler_pass["name"].startswith("translate_bytecode") and compiler_pass["module"].startswith("dpr_lab"):
             compiling()
 
     def on_end(self, event: event.Event) -> None:
-        """Nobody asks."""
+        """Do nothing."""
 
 
 event.register("numba:run_pass", _Compiling())

@@ -1,4 +1,4 @@
-r"""Base parameters: the few combinations of the nine parameters that a free swing can feel.
+r"""Base parameters: the combinations of the nine parameters that determine a free swing.
 
     a  = J1 + m1 l1^2 + (m2 + mb) L1^2        b  = J2 + m2 l2^2        d = m2 L1 l2
     e1 = (m1 l1 + (m2 + mb) L1) g             e2 = m2 l2 g = d g / L1
@@ -6,7 +6,7 @@ r"""Base parameters: the few combinations of the nine parameters that a free swi
 Equation (1) is homogeneous in a, b, d, e1, e2, c1, c2, so that a swing under no outside torque fixes only the five
 ratios to b.
 
-What hangs on the rig during a run has base parameters of its own. With p = m2 L1^2, which no swing of both rods tells
+Each mounting of a run has its own base parameters. With p = m2 L1^2, which swings of both rods cannot distinguish
 from a,
 
     both, clamped    a                b    d    e1                c1    c2
@@ -17,7 +17,7 @@ A clamped elbow, theta2 = theta1 + delta, leaves one degree of freedom, equation
 
     (a + b + 2 d cos(delta)) alpha1 = e1 sin(theta1) + e2 sin(theta1 + delta) - c1 omega1.
 
-A rod alone is laid out as two equal halves on such an elbow.
+A rod alone is represented as two equal halves on such an elbow.
 
 Nine parameters Z are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """

@@ -1,4 +1,4 @@
-r"""Joints under dry friction: held at rest by whatever torque that takes, up to a limit; sliding only beyond it.
+r"""Joints under dry friction: a joint at rest is held up to a limit and slides beyond it.
 
 With u = (omega1, omega2 - omega1) the speeds of the joints, tau the torques on them and A the mass matrix of both,
 
@@ -17,13 +17,13 @@ from dpr_lab.kernels import subroutine
 
 
 class EventSettings(NamedTuple):
-    """How stops and starts within a step are found."""
+    """How stops and starts within a step are located."""
 
     most: int = 8
-    """Events within one step after which no joint at rest is let go before its end: a chatter that no sample shows."""
+    """Events within one step after which no joint starts to slide before its end: chatter that no sample shows."""
     late: float = 4.0
-    """How much later than it is found a joint is let go, in steps times seconds: beyond the limit for sure, and of the
-    fourth order in what it does to the speed."""
+    """Delay of the start of sliding after its estimated instant, in steps times seconds: so that the limit is exceeded
+    for certain; its effect on the speed is of fourth order."""
     shortest: float = 1e-9
     """Share of a step below which an event counts as happening at its start."""
     farthest: float = 0.1

@@ -1,6 +1,6 @@
-"""Segments: pieces of runs with a start state of their own, laid end to end; the one layout of the project.
+"""Segments: pieces of runs, end to end, each with its own initial state; the layout of samples that all code shares.
 
-Initial states are no part of it: they are what is fitted, (S, 4) theta1, theta2, omega1, omega2 beside it.
+Initial states are not part of it but fitted: (S, 4) theta1, theta2, omega1, omega2.
 """
 
 from collections.abc import Sequence
@@ -49,16 +49,16 @@ class Segments:
 
         N m, then acceleration and squared speed of an arm that moves as prescribed, rad and s; zero in free swings.
         """
-        found = np.zeros((len(self.t), 4))
+        means = np.zeros((len(self.t), 4))
         if all(setup.free for setup in self.setups):
-            return found
+            return means
         for s, setup in enumerate(self.setups[run] for run in self.run):
             mine = slice(*self.offsets[s : s + 2])
             if setup.torques is not None:
-                found[mine, :2] = setup.torques.mean_before(self.t[mine])
+                means[mine, :2] = setup.torques.mean_before(self.t[mine])
             if setup.arm is not None:
-                found[mine, 2:] = setup.arm.mean_before(self.t[mine])
-        return found
+                means[mine, 2:] = setup.arm.mean_before(self.t[mine])
+        return means
 
     def turning_as_one(self, initial: NDArray[np.float64]) -> NDArray[np.float64]:
         """(..., S, 4) initial states, with one speed for rods that turn as one."""

@@ -85,7 +85,7 @@ def simulate_arm(
         (n, 6) states at `t`; nan from where the swing is no longer finite
 
     Raises:
-        ValueError: wrong shapes, an unknown mode, an arm that is not clamped beside an effect that moves it, or
+        ValueError: wrong shapes, an unknown mode, an arm that is not clamped together with an effect that moves it, or
             instants that do not increase.
     """
     model, mode = rig_model(Z, frame, arm, effects, constants)
@@ -121,7 +121,7 @@ def rig_model(
 
 
 def at_release(state: Sequence[float] | NDArray[np.float64]) -> RigState:
-    """The state of angles and speeds (6,) at the release, where nothing is remembered yet."""
+    """The state of angles and speeds (6,) at the release, where internal states have their initial values."""
     return as_state([*state, *AT_RELEASE[list(STEPPED)]])
 
 

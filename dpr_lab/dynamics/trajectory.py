@@ -1,4 +1,4 @@
-"""Generalised torques that effects exert along a trajectory that is known: what the rods do, the effects left out."""
+"""Generalised torques of effects along a known trajectory, which they are not fed back to."""
 
 from collections.abc import Callable, Mapping
 
@@ -49,10 +49,10 @@ def effect_torques_along(
     params, rig = _c(params), RigConstants(*map(float, constants))
     active = active_effects(params)
     used = np.flatnonzero(np.logical_or.reduce(active, axis=0)[EFFECT_OF])
-    found = np.empty((len(t), 2, len(params)))
+    torques = np.empty((len(t), 2, len(params)))
     swing = _c(t), _c(theta), _c(omega), _c(drive)
-    _effect_torques(*swing, named, rig, params, active, used, np.zeros(WORKSPACE), found)
-    return found
+    _effect_torques(*swing, named, rig, params, active, used, np.zeros(WORKSPACE), torques)
+    return torques
 
 
 def arm_torques_along(
@@ -96,7 +96,7 @@ def _effect_torques(
     active: NDArray[np.bool_],
     used: NDArray[np.int64],
     w: Array,
-    found: Array,
+    torques: Array,
 ) -> None:
     """Instants side by side in the lanes, one effect vector after the other; `used` are the parameters of any."""
     for first in range(0, len(t), LANES):
@@ -110,7 +110,7 @@ def _effect_torques(
                     w[At.params + place * LANES + k] = params[c, place]
             _exert(w, rig, active[c])
             for k in range(min(LANES, len(t) - first)):
-                found[first + k, 0, c], found[first + k, 1, c] = w[At.torque1 + k], w[At.torque2 + k]
+                torques[first + k, 0, c], torques[first + k, 1, c] = w[At.torque1 + k], w[At.torque2 + k]
 
 
 @subroutine
@@ -149,7 +149,7 @@ def _put(
 def _driven(t: Array, run: NDArray[np.int64], force: Array, friction: Array, stiffness: Array) -> Array:
     """(n, k) accelerations of oscillators of mass 1 that rest until t = 0, by the trapezoidal rule."""
     many = len(stiffness)
-    found, x, v = np.zeros((len(t), many)), np.empty(many), np.empty(many)
+    accelerations, x, v = np.zeros((len(t), many)), np.empty(many), np.empty(many)
     for i in range(len(t)):
         if t[i] < 0.0:
             continue
@@ -160,14 +160,14 @@ def _driven(t: Array, run: NDArray[np.int64], force: Array, friction: Array, sti
             h, since = max(t[i] - t[i - 1], 0.0), i - 1
         half, quarter = 0.5 * h, 0.25 * h * h
         for k in range(many):
-            before = found[since, k]
+            before = accelerations[since, k]
             ahead, onward = x[k] + h * v[k] + quarter * before, v[k] + half * before
             now = (force[i] - friction[k] * onward - stiffness[k] * ahead) / (
                 1.0 + half * friction[k] + quarter * stiffness[k]
             )
             x[k], v[k] = ahead + quarter * now, onward + half * now
-            found[i, k] = now
-    return found
+            accelerations[i, k] = now
+    return accelerations
 
 
 def _c(values: Array) -> Array:

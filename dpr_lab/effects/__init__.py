@@ -78,21 +78,21 @@ EFFECTS: dict[str, Effect] = {
 }
 
 OF_FREE_SWINGS = {name: effect for name, effect in EFFECTS.items() if not effect.driven}
-"""The effects that show without a drive."""
+"""The effects that free swings can show."""
 
 SLICES = slices(EFFECTS.values())
 """Name of an effect -> where its parameters lie in the flat vector."""
 
 SIZE = sum(len(effect.parameters) for effect in EFFECTS.values())
 
-_PLACES = {
+_INDICES = {
     (effect.name, parameter.name): SLICES[effect.name].start + i
     for effect in EFFECTS.values()
     for i, parameter in enumerate(effect.parameters)
 }
 
 _AMPLITUDES = {
-    effect.name: [_PLACES[effect.name, parameter.name] for parameter in effect.amplitudes]
+    effect.name: [_INDICES[effect.name, parameter.name] for parameter in effect.amplitudes]
     for effect in EFFECTS.values()
 }
 
@@ -132,7 +132,7 @@ def named_params(params: NDArray[np.float64], among: Iterable[str] = EFFECTS) ->
 
 
 def oversized(params: NDArray[np.float64]) -> tuple[str, ...]:
-    """Effects of a size that no rig has: what they stand for has their shape, and is something else."""
+    """Effects of an implausible size: their cause has the same shape and is another."""
     return tuple(
         name
         for name, effect in EFFECTS.items()
@@ -154,14 +154,14 @@ def plausibility(params: NDArray[np.float64], effect: str) -> float:
 
 
 def without_effect(params: NDArray[np.float64], effect: str) -> NDArray[np.float64]:
-    """The flat vector with one effect as it is where nobody names it."""
+    """Return the flat vector with one effect at its defaults."""
     params = params.copy()
     params[SLICES[effect]] = _DEFAULTS[SLICES[effect]]
     return params
 
 
 def without_events(params: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The flat vector without what happened once, in one run."""
+    """Return the flat vector without effects that happened once, in one run."""
     for name in _EVENTS:
         params = without_effect(params, name)
     return params
@@ -173,15 +173,15 @@ def param_index(effect: str, parameter: str) -> int:
     Raises:
         ValueError: the effect has no such parameter.
     """
-    if (effect, parameter) not in _PLACES:
+    if (effect, parameter) not in _INDICES:
         known = ", ".join(p.name for p in EFFECTS[effect].parameters)
         raise ValueError(f"effect {effect} has no parameter {parameter!r}; it has: {known}")
-    return _PLACES[effect, parameter]
+    return _INDICES[effect, parameter]
 
 
 def proposed_shapes(effect: Effect, recorded: Recorded) -> list[Shape] | None:
-    """What an effect proposes for its shape parameters on these recordings; None where the grid of `scan` serves."""
+    """Shape parameters that an effect proposes for these recordings; None where the grid of `scan` is used."""
     proposed = effect.propose(recorded) if effect.propose else None
     if proposed is None:
         return None
-    return [tuple((param_index(effect.name, name), value) for name, value in item.items()) for item in proposed]
+    return [tuple((param_index(effect.name, name), value) for name, value in shapes.items()) for shapes in proposed]

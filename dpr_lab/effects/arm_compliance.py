@@ -1,4 +1,4 @@
-"""An arm that gives: its brake or servo holds it like a spring with damping, and the rods shake it."""
+"""Arm compliance: the brake or servo holds the arm like a spring with damping, and the rods excite it."""
 
 import math
 
@@ -16,7 +16,7 @@ def compliant(constants: RigConstants, coupling_per_kg: float, frequency_hz: flo
 
 
 def propose(recorded: Recorded) -> list[dict[str, float]] | None:
-    """None of its frequencies where every arm was seen to stand still, else all of the grid."""
+    """No frequency where the arm stood still in every run, else all of the grid."""
     return [] if all(moves is False for moves in recorded.arm_moves) else None
 
 
@@ -27,7 +27,7 @@ def longest_step(params: Params, *, per_period: float = 40.0, finest_s: float = 
 
 ARM_COMPLIANCE = Effect(
     name="arm_compliance",
-    words="arm that gives",
+    words="arm compliance",
     equation=(
         "the three-coordinate equation of `dpr_lab.dynamics.arm` with theta0 on a spring: A = L0^2 / coupling (inertia"
         " of the arm with all masses at its tip), k0 = A (2 pi f)^2, c0 = 2 zeta A 2 pi f; held fast before the release"

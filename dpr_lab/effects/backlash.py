@@ -1,4 +1,4 @@
-"""Play between joint 2 and its encoder: a loose coupling or a worn key."""
+"""Backlash between joint 2 and its encoder: a loose coupling or a worn key."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, InternalState
 from dpr_lab.kernels import inlined
@@ -13,7 +13,7 @@ def play(angle: float, held: float, play_rad: float) -> float:
 
 BACKLASH_JOINT2 = Effect(
     name="backlash_joint2",
-    words="play of the encoder, joint 2",
+    words="encoder backlash, joint 2",
     equation="encoder 2 reads h, which stays until |q2 - h| = x / 2 and is then dragged along",
     parameters=(EffectParameter("play_rad", "rad", 5e-3, "positive"),),
     site="sensor",
@@ -23,7 +23,7 @@ BACKLASH_JOINT2 = Effect(
     internal=(InternalState("lag", "rad"),),
     hides_step=lambda params: params["play_rad"],
     remedy=lambda params, rig, joint: (
-        f"tighten the coupling of encoder 2, which has {1e3 * abs(params['play_rad']):.3g} mrad of play"
+        f"tighten the coupling of encoder 2, which has {1e3 * abs(params['play_rad']):.3g} mrad of backlash"
     ),
     quantities=(BenchQuantity("play of the encoder", "x", ("play_rad",)),),
     bench_check="Hold the outer rod and turn the encoder's shaft by hand: play is felt, and read off the counts.",

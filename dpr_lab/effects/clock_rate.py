@@ -12,7 +12,7 @@ def fast(t: float, excess: float) -> float:
 
 CLOCK_RATE = Effect(
     name="clock_rate",
-    words="rate of the device's clock",
+    words="clock rate error",
     equation="both encoders are read at t / (1 + x), t the device's time since the release",
     parameters=(EffectParameter("excess", "1", 1e-3, plausible=1e-4),),
     site="timing",

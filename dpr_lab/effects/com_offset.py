@@ -33,11 +33,11 @@ def outer(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
     )
 
 
-_SOURCE = "Lagrange's equations of a rod whose centroid lies beside the line of its pivots; derived here."
+_SOURCE = "Lagrange's equations of a rod whose centroid lies off the line of its pivots; derived here."
 
 COM_OFFSET_LINK1 = Effect(
     name="com_offset_link1",
-    words="centroid off the axis, inner rod",
+    words="centroid offset, inner rod",
     equation="tau1 = m1 g y cos(theta1), M11 = a + m1 y^2",
     parameters=(EffectParameter("offset_m", "m", 2e-3),),
     site="geometry",
@@ -57,7 +57,7 @@ COM_OFFSET_LINK1 = Effect(
 
 COM_OFFSET_LINK2 = Effect(
     name="com_offset_link2",
-    words="centroid off the axis, outer rod",
+    words="centroid offset, outer rod",
     equation=(
         "M12 = d cos(D) + p sin(D), M22 = b + m2 y^2, tau1 = p cos(D) omega2^2,"
         " tau2 = m2 g y cos(theta2) - p cos(D) omega1^2, p = m2 L1 y, D = theta1 - theta2"

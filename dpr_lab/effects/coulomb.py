@@ -13,11 +13,11 @@ def dry(joint: Joint, torque_Nm: float) -> float:
 
 COULOMB = pair(
     "coulomb",
-    words="dry friction, joint {j}",
+    words="Coulomb friction, joint {j}",
     kernel=dry,
     exported=lambda params: {"friction": params["torque_Nm"]},
     twins=("hysteresis",),
-    equation="tau = -F sgn(u) with u the speed of joint {j}; at rest whatever holds it, up to F",
+    equation="tau = -F sgn(u) with u the speed of joint {j}; at rest the torque that holds it, up to F",
     parameters=(EffectParameter("torque_Nm", "N m", 1e-3, "positive"),),
     stage="torque",
     dry=True,

@@ -1,4 +1,4 @@
-"""Detent: magnets of a motor that pull a joint towards evenly spaced angles."""
+"""Cogging (detent): magnets of a motor pull a joint towards evenly spaced angles."""
 
 import math
 from dataclasses import replace
@@ -26,7 +26,7 @@ def harmonics(params: Params) -> Words:
 
 _JOINT1, DETENT_JOINT2 = pair(
     "detent",
-    words="magnetic detent, joint {j}",
+    words="cogging, joint {j}",
     kernel=cogging,
     exported=harmonics,
     equation="tau = A1 cos(N q) + B1 sin(N q) + A2 cos(2 N q) + B2 sin(2 N q) with q the angle of joint {j}",
@@ -39,13 +39,13 @@ _JOINT1, DETENT_JOINT2 = pair(
     ),
     stage="torque",
     potential=True,
-    quantities=(BenchQuantity("peak detent torque, first harmonic", "A1", ("cos1_Nm", "sin1_Nm")),),
+    quantities=(BenchQuantity("peak cogging torque, first harmonic", "A1", ("cos1_Nm", "sin1_Nm")),),
     bench_check=(
-        "Turn joint {j} slowly by hand with the rod balanced: a detent is felt at evenly spaced angles. Take the motor"
-        " off and repeat: a detent goes, a centroid off the axis stays."
+        "Turn joint {j} slowly by hand with the rod balanced: cogging is felt at evenly spaced angles. Take the motor"
+        " off and repeat: cogging vanishes, a centroid offset remains."
     ),
     source="Hanselman (2003), Brushless Permanent Magnet Motor Design, ch. 9 (cogging torque).",
 )
 
 DETENT_JOINT1 = replace(_JOINT1, twins=("com_offset_link1",))
-"""One detent a turn, cos(theta1), is what a centroid off the inner rod's axis does."""
+"""A cogging order of one, cos(theta1), is equivalent to a centroid offset of the inner rod."""

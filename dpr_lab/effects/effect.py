@@ -1,4 +1,4 @@
-"""What an effect is: a physical cause of a difference between simulation and rig, as data and one kernel."""
+"""Effects: physical causes of a difference between simulation and rig, each as data and one kernel."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -38,7 +38,7 @@ _RATIO_UNITS = {
 class EffectParameter:
     """One coefficient.
 
-    An amplitude of zero does nothing; an effect all of whose amplitudes are zero is off, whatever its shape parameters.
+    An amplitude of zero does nothing; an effect all of whose amplitudes are zero is off, for any shape parameters.
     """
 
     name: str
@@ -50,9 +50,9 @@ class EffectParameter:
     """Which values are physical."""
     role: Literal["amplitude", "shape"] = "amplitude"
     default: float = 0.0
-    """What a shape parameter is while nobody says otherwise; zero for an amplitude."""
+    """Default of a shape parameter; zero for an amplitude."""
     scan: tuple[float, ...] = ()
-    """Values of a shape parameter to try before refining; empty: those that the recording offers (runs, instants)."""
+    """Values of a shape parameter to try before refining; empty: those of the recording (runs, instants)."""
     draw: tuple[float, float] | None = None
     """Range from which a blind trial draws a shape parameter; None: a third of its default to three times it."""
     whole: bool = False
@@ -62,9 +62,9 @@ class EffectParameter:
     continuous: bool = False
     """Whether a shape parameter is refined after its scan; orders and instants are not."""
     negative: str = ""
-    """What a value below zero means, in words: `friction falls during the swing`."""
+    """Meaning of a negative value: `friction falls during the swing`."""
     most: float = math.inf
-    """Largest size of an amplitude that any rig could have, in `unit`: beyond it the cause is another."""
+    """Largest possible size of an amplitude on any rig, in `unit`: a larger estimate has another cause."""
     plausible: float | None = None
     """Scale of the prior of an amplitude, in `unit`: sizes beyond it are rare (`dpr_lab.effects.plausibility`). None:
     three times the typical size."""
@@ -134,21 +134,21 @@ def shape(
 
 @dataclass(frozen=True, slots=True)
 class BenchQuantity:
-    """What a measurement on the bench gives of an effect."""
+    """Quantity of an effect that can be measured on the bench."""
 
     words: str
-    """The quantity as a person calls it: `extra friction at rest`."""
+    """Name of the quantity: `extra friction at rest`."""
     symbol: str
     """As in the equation of the effect."""
     parameters: tuple[str, ...]
     """The amplitude that is measured; of several the root of the sum of their squares (cosine and sine: the peak)."""
     definition: str = ""
-    """What exactly it is, where the words leave that open."""
+    """Exact definition, where the name is ambiguous."""
 
 
 @dataclass(frozen=True, slots=True)
 class InternalState:
-    """What an effect remembers of the swing so far."""
+    """Internal state of an effect: it depends on the motion so far."""
 
     name: str
     """The argument by which kernels ask for its value, at the start of the step."""
@@ -165,16 +165,16 @@ class InternalState:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What the recordings offer for shape parameters that no grid can hold."""
+    """Candidates from the recordings for shape parameters that no grid covers."""
 
     arm_moves: tuple[bool | None, ...]
     """By run: whether encoder 0 saw the arm move; None where it was not read."""
     steps: Callable[[], list[tuple[int, int, float]]]
-    """Joint (0 or 1), run and instant (s) of the steps that the readings speak for, the best first."""
+    """Joint (0 or 1), run and instant (s) of apparent steps in the readings, the best first."""
 
 
 Words = Mapping[str, Any]
-"""An effect in the words that programs for rigid bodies share; each belongs to the effect's joint or rod, SI.
+"""An effect in the terms that programs for rigid bodies share; each belongs to the effect's joint or rod, SI.
 
     friction                 dry friction, N m
     stiffness, rest_angle    a linear spring, N m/rad, and where it rests, rad from hanging straight
@@ -195,7 +195,7 @@ class Effect:
 
     name: str
     words: str
-    """What it is to a person who reads it: `dry friction, joint 1`."""
+    """Title for people: `Coulomb friction, joint 1`."""
     equation: str
     """What it adds, in the symbols of docs/theory.md: torques on theta1, theta2, or changes of what is read."""
     parameters: tuple[EffectParameter, ...]
@@ -203,7 +203,7 @@ class Effect:
     stage: StageName
     kernel: Callable[..., Any]
     bench_check: str
-    """What to do at the rig to confirm it, or to tell it from its twins."""
+    """What to do at the rig to confirm it, or to distinguish it from its twins."""
     source: str
     joints: tuple[int, ...] = (0, 1)
     """The joints (0, 1) whose angle and speed it may depend on; both where it belongs to none."""
@@ -211,39 +211,39 @@ class Effect:
     dissipative: bool = False
     """Whether it can only take energy out of the rods (presliding gives back no more than it has stored)."""
     dry: bool = False
-    """Whether its torque is that of sliding, proportional to `Joint.direction` beside what it makes of the speed: at
-    rest it transmits whatever keeps the joint at rest, up to its torque at speed zero."""
+    """Whether it is dry friction: proportional to `Joint.direction` apart from its dependence on speed. At rest it
+    transmits the torque that keeps the joint at rest, up to its torque at speed zero."""
     potential: bool = False
     """Whether its torque is a function of the joint's angle alone."""
     event: bool = False
     """Whether it happens once in one recording and is no property of the rig."""
     twins: tuple[str, ...] = ()
-    """Effects that free swings tell from this one not at all or hardly."""
+    """Effects that are indistinguishable from this one by free swings, or nearly so."""
     nested: tuple[str, ...] = ()
-    """Simpler effects to prefer when they explain as much."""
+    """Simpler effects, preferred where they explain the recordings as well."""
     adds: str = ""
-    """The amplitude that those have none of, where one can be measured."""
+    """The amplitude that the simpler effects lack, where it can be measured."""
     quantities: tuple[BenchQuantity, ...] = ()
     """What can be measured of it on the bench: the first for the effect itself; of `adds` the one that has it. None:
     the amplitudes, by their names."""
     absorbed_by: tuple[str, ...] = ()
-    """Base parameters that take this effect up exactly, so that a free swing cannot show it."""
+    """Base parameters that absorb this effect exactly, so that a free swing cannot show it."""
     corrects: str = ""
-    """What of a rig file it corrects: where the file says how unsure that is (`Rig.unsure`), it is always fitted."""
+    """Key of the rig file that it corrects; always fitted where the file states an uncertainty (`Rig.unsure`)."""
     propose: Callable[[Recorded], list[dict[str, float]] | None] | None = None
-    """Shape parameters worth trying on these recordings, by name; none of them: []; the grid of `scan`: None."""
+    """Shape parameters to try on these recordings, by name; []: none; None: the grid of `scan`."""
     longest_step: Callable[[Params], float] | None = None
-    """Longest step, s, by which it can be integrated; None: any that the rods allow."""
+    """Longest integration step, s; None: as long as the rods allow."""
     hides_step: Callable[[Params], float] | None = None
-    """Step of joint 2's readings, rad, up to which it explains one by itself; None: it explains none."""
+    """Largest step of joint 2's readings, rad, that it explains by itself; None: it explains none."""
     remedy: Callable[[Params, RigConstants, int], str] | None = None
-    """What to do about it at the rig, in its file or to its readings, of parameters, rig and joint (0, 1); none: it is
-    no fault, and a simulator is to have it."""
+    """What to correct at the rig, in its file or in its readings, from parameters, rig and joint (0, 1); none: it is no
+    fault, and a simulator has to include it."""
     implied: Callable[[Params], Params] | None = None
-    """What follows from the parameters and is worth saying beside them, by name; {} where nothing does."""
+    """Quantities derived from the parameters that are reported with them, by name; {} where there are none."""
     exported: Callable[[Params], Words] | None = None
-    """All of it in such words; none, or {} where these parameters have none: other programs call its kernel, or leave
-    it out."""
+    """The effect in these terms; none, or {} where these parameters have none: other programs call its kernel, or
+    omit it."""
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
@@ -257,12 +257,12 @@ class Effect:
 
     @property
     def driven(self) -> bool:
-        """Whether it is of a drive, so that a free swing knows nothing of it."""
+        """Whether it belongs to a drive, so that free swings are independent of it."""
         return self.stage in ("drive", "input")
 
     @property
     def shapes(self) -> tuple[EffectParameter, ...]:
-        """The parameters that say how, not how much."""
+        """The shape parameters."""
         return tuple(parameter for parameter in self.parameters if parameter.role == "shape")
 
 
@@ -277,7 +277,7 @@ def pair(
     site: Site = "joint torque",
     **fields: Any,
 ) -> list[Effect]:
-    """The same effect at either joint: FAMILY_joint1 and FAMILY_joint2.
+    """Create the same effect for both joints: FAMILY_joint1 and FAMILY_joint2.
 
     Args:
         family: name without the joint

@@ -43,7 +43,7 @@ LARGEST_RAD = 0.1
 
 ENCODER_ECCENTRICITY = pair(
     "encoder_eccentricity",
-    words="encoder off centre, joint {j}",
+    words="encoder eccentricity, joint {j}",
     kernel=eccentric,
     remedy=lambda params, rig, joint: (
         f"centre the disc or magnet of encoder {joint + 1}, or take its error over a turn off what it reads"

@@ -1,4 +1,4 @@
-"""An encoder whose zero is not where it was told to be."""
+"""Encoder offset: the zero of an encoder differs from the angle that the rig file states."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, Params
 from dpr_lab.effects.quantities import RigConstants
@@ -7,14 +7,14 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def shifted(offset_rad: float) -> float:
-    """The encoder reads so much more, rad."""
+    """Error of the reading, rad."""
     return offset_rad
 
 
 def remedy(params: Params, rig: RigConstants, joint: int) -> str:
-    """The right zero."""
+    """How to correct the zero."""
     off = f"{1e3 * params['offset_rad']:.3g} mrad"
-    return f"zero encoder {joint + 1} anew while the rods hang at rest, or take {off} off what it reads"
+    return f"set the zero of encoder {joint + 1} again while the rods hang at rest, or subtract {off} from its readings"
 
 
 _PARAMETERS = (EffectParameter("offset_rad", "rad", 5e-3),)
@@ -22,7 +22,7 @@ _SOURCE = "Definition of an encoder's zero, `dpr_lab.rig_tables.Encoders`."
 
 ENCODER_OFFSET_JOINT1 = Effect(
     name="encoder_offset_joint1",
-    words="zero of the encoder, joint 1",
+    words="encoder offset, joint 1",
     equation="encoder 1 reads q1 + x",
     parameters=_PARAMETERS,
     site="sensor",
@@ -44,7 +44,7 @@ ENCODER_OFFSET_JOINT1 = Effect(
 
 ENCODER_OFFSET_JOINT2 = Effect(
     name="encoder_offset_joint2",
-    words="zero of the encoder, joint 2",
+    words="encoder offset, joint 2",
     equation="encoder 2 reads q2 + x",
     parameters=_PARAMETERS,
     site="sensor",

@@ -1,4 +1,4 @@
-"""An encoder that counts more or less than it should for a turn: a belt, a gear, a wrong number in the rig file."""
+"""Encoder scale error: wrong counts per turn, from a belt, a gear or a wrong number in the rig file."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, pair
 from dpr_lab.effects.quantities import EncoderReading, RigConstants
@@ -7,20 +7,20 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stretched(encoder: EncoderReading, excess: float) -> float:
-    """The encoder reads x times its angle from hanging more, rad."""
+    """Error of the reading, x times the angle from hanging, rad."""
     return excess * (encoder.angle - encoder.hanging)
 
 
 def remedy(params: Params, rig: RigConstants, joint: int) -> str:
-    """The right counts per turn."""
-    told = abs(rig.counts_per_rev2 if joint else rig.counts_per_rev1)
-    right = told * (1.0 + params["excess"])
-    return f"set counts_per_rev of joint {joint + 1} in the rig file to {right:.0f} (it says {told:.0f})"
+    """How to correct the counts per turn."""
+    configured = abs(rig.counts_per_rev2 if joint else rig.counts_per_rev1)
+    correct = configured * (1.0 + params["excess"])
+    return f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"
 
 
 ENCODER_SCALE = pair(
     "encoder_scale",
-    words="scale of the encoder, joint {j}",
+    words="encoder scale, joint {j}",
     kernel=stretched,
     exported=lambda params: {"encoder_scale": params["excess"]},
     remedy=remedy,

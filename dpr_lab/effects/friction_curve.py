@@ -40,14 +40,15 @@ def curve(
 
 FRICTION_CURVE = pair(
     "friction_curve",
-    words="friction of any form, joint {j}",
+    words="free-form friction curve, joint {j}",
     kernel=curve,
     nested=("coulomb",),
     adds="rise1_Nm",
     twins=("stribeck",),
     equation=(
         "tau = -sgn(u) (F + sum_k rise_k ramp_k(|u|)), F = forward for u > 0 and backward for u < 0, each ramp_k going"
-        " from 0 to 1 between two of the speeds 0, 0.3, 1, 3, 8 rad/s of joint {j}; at rest whatever holds it, up to F"
+        " from 0 to 1 between two of the speeds 0, 0.3, 1, 3, 8 rad/s of joint {j}; at rest the torque that holds it,"
+        " up to F"
     ),
     parameters=tuple(EffectParameter(f"{name}_Nm", "N m", 5e-4, "positive") for name in _NAMES),
     stage="torque",

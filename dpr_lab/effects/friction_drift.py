@@ -1,4 +1,4 @@
-"""Viscous friction that changes while the rods swing: grease that warms, a seal that runs in."""
+"""Drift of viscous friction during a swing: grease that warms up, a seal that runs in."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
@@ -13,7 +13,7 @@ def drifting(joint: Joint, rate_Nm_per_rad: float) -> float:
 
 FRICTION_DRIFT = pair(
     "friction_drift",
-    words="friction that drifts, joint {j}",
+    words="viscous friction drift, joint {j}",
     kernel=drifting,
     equation="tau = -r t u: c{j}(t) = c{j} + r t, t the time since the release",
     parameters=(
@@ -28,8 +28,8 @@ FRICTION_DRIFT = pair(
     stage="torque",
     quantities=(BenchQuantity("drift rate of the viscous friction coefficient", "r", ("rate_Nm_per_rad",)),),
     bench_check=(
-        "Let the rods hang for ten minutes and repeat the first release last: friction of joint {j} that drifts differs"
-        " between the two by more than they scatter."
+        "Let the rods hang for ten minutes and repeat the first release last: a drift of friction at joint {j} makes"
+        " the two differ by more than their scatter."
     ),
     source="Viscosity of lubricants against temperature: Stachowiak & Batchelor (2013), Engineering Tribology, ch. 2.",
 )

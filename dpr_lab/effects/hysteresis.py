@@ -1,4 +1,4 @@
-"""Presliding: before it slides, a bearing or a cable gives way like a spring (Dahl)."""
+"""Presliding (Dahl) friction: before it slides, a bearing or a cable yields like a spring."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, InternalState, pair, shape
 from dpr_lab.effects.elementary import exp, tanh
@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def deflected(presliding: float, displacement: float, length_rad: float) -> float:
-    r"""Presliding after a turn one way: the exact solution of Dahl's equation, stable for any step.
+    r"""Presliding state after a displacement in one direction: exact solution of Dahl's equation, always stable.
 
         dz/dx = (1 - z sgn(dx)) / length    =>    z = s + (z_0 - s) exp(-|x| / length),    s = sgn(x)
 
@@ -35,7 +35,7 @@ def sliding(speed: float) -> float:
 
 HYSTERESIS = pair(
     "hysteresis",
-    words="presliding, joint {j}",
+    words="presliding (Dahl) friction, joint {j}",
     kernel=dahl,
     exported=lambda params: {"presliding": (params["torque_Nm"], params["length_rad"])},
     internal=(InternalState("presliding", "1", after=deflected, sliding=sliding),),

@@ -1,4 +1,4 @@
-"""Torques that act later than they were logged."""
+"""Input delay: known torques act later than they were logged."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined
@@ -6,13 +6,13 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def later(delay_s: float) -> float:
-    """How much later known torques act, s."""
+    """Delay of the known torques, s."""
     return delay_s
 
 
 INPUT_DELAY = Effect(
     name="input_delay",
-    words="delay of the torques",
+    words="input delay of the torques",
     equation="tau(t - x) acts at t where tau is known; x below zero: logged too late",
     parameters=(EffectParameter("delay_s", "s", 5e-3),),
     site="drive",

@@ -1,4 +1,4 @@
-"""Joint 2 read later than joint 1."""
+"""Latency of joint 2 relative to joint 1."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined
@@ -6,13 +6,13 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def late(delay_s: float) -> float:
-    """What is read as joint 2 at t was its angle a delay earlier, s."""
+    """Shift of the sampling instant of joint 2: minus the delay, s."""
     return -delay_s
 
 
 LATENCY_JOINT2 = Effect(
     name="latency_joint2",
-    words="late reading, joint 2",
+    words="latency, joint 2",
     equation="encoder 2 reads q2(t - x), encoder 1 reads q1(t)",
     parameters=(EffectParameter("delay_s", "s", 1e-3),),
     site="timing",
@@ -20,8 +20,8 @@ LATENCY_JOINT2 = Effect(
     kernel=late,
     joints=(1,),
     remedy=lambda params, rig, joint: (
-        f"latch both encoders on one edge, or take what encoder 2 reads for {1e3 * params['delay_s']:.3g} ms older than"
-        " its time"
+        f"latch both encoders on one edge, or subtract {1e3 * params['delay_s']:.3g} ms from the time stamps of"
+        " encoder 2"
     ),
     quantities=(BenchQuantity("delay of encoder 2 after encoder 1", "x", ("delay_s",)),),
     bench_check=(

@@ -9,20 +9,20 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stepped(encoder: EncoderReading, counts: float, joint: float, run: float, time_s: float) -> float:
-    """So many counts more on one joint from an instant of one run on, rad."""
+    """Error of one joint's readings from an instant of one run on, rad."""
     if encoder.number != round(joint) or encoder.run != round(run) or encoder.t < time_s:
         return 0.0
     return 2.0 * math.pi / encoder.counts_per_rev * counts
 
 
 def propose(recorded: Recorded) -> list[dict[str, float]]:
-    """Joint, run and instant of the steps that the readings speak for."""
+    """Joint, run and instant of apparent steps in the readings."""
     return [{"joint": 1.0 + joint, "run": float(run), "time_s": t} for joint, run, t in recorded.steps()]
 
 
 MISSED_COUNTS = Effect(
     name="missed_counts",
-    words="counts that an encoder missed",
+    words="missed encoder counts",
     equation="the encoder of one joint reads n counts more from an instant of one run on",
     parameters=(
         EffectParameter("counts", "counts", 20.0, whole=True),
@@ -36,8 +36,8 @@ MISSED_COUNTS = Effect(
     event=True,
     propose=propose,
     remedy=lambda params, rig, joint: (
-        f"take {params['counts']:.0f} counts off joint {params['joint']:.0f} from {params['time_s']:.3g} s on in"
-        f" release {params['run'] + 1:.0f}, and mend that encoder's shield or connector"
+        f"subtract {params['counts']:.0f} counts from joint {params['joint']:.0f} from {params['time_s']:.3g} s on in"
+        f" release {params['run'] + 1:.0f}, and repair that encoder's shield or connector"
     ),
     quantities=(BenchQuantity("counts that the encoder missed", "n", ("counts",)),),
     bench_check=(

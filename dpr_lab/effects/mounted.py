@@ -1,4 +1,4 @@
-"""What effects become in a run where joint 2 cannot turn, or where nothing drives the joints.
+"""Effects in a run where joint 2 cannot turn, or where nothing drives the joints.
 
 Joint 2 is then held by dry friction without a limit, and drives are off.
 """
@@ -13,7 +13,7 @@ from dpr_lab.effects.coulomb import COULOMB
 from dpr_lab.setup import Setup
 
 UNYIELDING_NM = 1e6
-"""Torque that holds a joint against whatever swings on a bench, N m."""
+"""Torque that suffices to hold a joint on any bench, N m."""
 
 _HOLDS = param_index(COULOMB[1].name, COULOMB[1].amplitudes[0].name)
 _OF_JOINT2 = [

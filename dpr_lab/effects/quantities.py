@@ -1,4 +1,4 @@
-"""What kernels of effects read and return: plain tuples of numbers that compiled code passes in registers."""
+"""Arguments and results of effect kernels: tuples of numbers that compiled code passes in registers."""
 
 import math
 from typing import NamedTuple
@@ -12,7 +12,7 @@ SMOOTHING = 0.02
 class RigConstants(NamedTuple):
     """What was measured on this rig: lengths m, gravity m/s^2, masses kg; counts per turn; how joint 2 is read.
 
-    A length or mass that nobody gave is nan, and so is then whatever an effect makes of it.
+    A length or mass that is not known is nan, and so is every result that depends on it.
     """
 
     L0: float
@@ -41,7 +41,7 @@ class BaseParameters(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where the rig is: t since the release (s), absolute angles (rad, 0 = upright), speeds (rad/s), sines, cosines."""
+    """State of motion: t since the release (s), absolute angles (rad, 0 = upright), speeds (rad/s), sines, cosines."""
 
     t: float
     theta0: float
@@ -61,7 +61,7 @@ class Motion(NamedTuple):
     """Force that joint 1 carries, N; 0 outside the stage `load`."""
     force2: float
     direction1: float
-    """Which way joint 1 slides, 1 or -1; 0 where dry friction holds it at rest, nan where there is none."""
+    """Direction in which joint 1 slides, 1 or -1; 0 where dry friction holds it at rest, nan without dry friction."""
     direction2: float
 
 
@@ -77,14 +77,14 @@ class Joint(NamedTuple):
 
 
 class EncoderReading(NamedTuple):
-    """What one encoder is about to say."""
+    """One reading of an encoder, before its errors."""
 
     number: int
     """1 or 2, as its joint."""
     angle: float
-    """What it should read, rad."""
+    """Reading without errors, rad."""
     hanging: float
-    """What it reads where the rods hang, rad."""
+    """Reading where the rods hang, rad."""
     counts_per_rev: float
     t: float
     """Device time since the release, s."""
@@ -93,7 +93,7 @@ class EncoderReading(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """What an effect adds to equation (1): to the mass matrix, kg m^2, and to its right-hand side, N m."""
+    """Contribution of an effect to equation (1): to the mass matrix, kg m^2, and to its right-hand side, N m."""
 
     a: float
     b: float
@@ -134,7 +134,7 @@ def joint2(motion: Motion) -> Joint:
 
 @inlined
 def yielding(joint: Joint, push: float) -> Joint:
-    """A joint at rest that just begins to slide where a torque pushes it."""
+    """A joint at rest that starts to slide in the direction of a torque."""
     return Joint(joint.t, joint.angle, 0.0, joint.displacement, joint.force, math.copysign(1.0, push))
 
 
@@ -152,7 +152,7 @@ def encoder2(angle: float, t: float, run: int, constants: RigConstants) -> Encod
 
 @inlined
 def torques(torque1: float, torque2: float) -> Terms:
-    """An effect that is nothing but generalised torques on theta1 and theta2, N m."""
+    """Terms of generalised torques on theta1 and theta2, N m."""
     return Terms(0.0, 0.0, 0.0, torque1, torque2)
 
 

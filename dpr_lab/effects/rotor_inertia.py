@@ -26,7 +26,7 @@ _SOURCE = "Spong, Hutchinson & Vidyasagar (2006), Robot Modeling and Control, se
 
 ROTOR_INERTIA_JOINT1 = Effect(
     name="rotor_inertia_joint1",
-    words="inertia of a rotor, joint 1",
+    words="rotor inertia, joint 1",
     equation="M11 = a + J",
     parameters=(EffectParameter("inertia_kgm2", "kg m^2", 1e-4, "positive"),),
     site="joint torque",
@@ -45,7 +45,7 @@ ROTOR_INERTIA_JOINT1 = Effect(
 
 ROTOR_INERTIA_JOINT2 = Effect(
     name="rotor_inertia_joint2",
-    words="inertia of a rotor, joint 2",
+    words="rotor inertia, joint 2",
     equation="M11 = a + J, M22 = b + J, M12 = d cos(theta1 - theta2) - J",
     parameters=(EffectParameter("inertia_kgm2", "kg m^2", 1e-4, "positive"),),
     site="joint torque",

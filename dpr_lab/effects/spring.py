@@ -1,4 +1,4 @@
-"""A spring across a joint: a cable or a hose that is wound up, with its own angle of rest."""
+"""Cable spring: a cable or hose across a joint, with its own rest angle."""
 
 import math
 
@@ -42,7 +42,7 @@ _NAMES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3", "constant_Nm")
 
 SPRING = pair(
     "spring",
-    words="spring of a cable, joint {j}",
+    words="cable spring, joint {j}",
     kernel=elastic,
     implied=rest_angle,
     exported=linear,
@@ -64,6 +64,6 @@ SPRING = pair(
         BenchQuantity("stiffness of the spring", "k", ("stiffness_Nm_per_rad",)),
         BenchQuantity("constant torque of the spring", "C", ("constant_Nm",)),
     ),
-    bench_check="Take the cable of joint {j} off (or add a second one) and repeat: a spring goes (or doubles).",
+    bench_check="Take the cable of joint {j} off (or add a second one) and repeat: its torque vanishes (or doubles).",
     source="Elastic restoring torque with Duffing's cubic term, e.g. Nayfeh & Mook (1979), Nonlinear Oscillations.",
 )

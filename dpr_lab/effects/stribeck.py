@@ -15,13 +15,14 @@ def stribeck(joint: Joint, torque_Nm: float, extra_at_rest_Nm: float, speed_rad_
 
 STRIBECK = pair(
     "stribeck",
-    words="dry friction that is greater at rest, joint {j}",
+    words="Stribeck friction, joint {j}",
     kernel=stribeck,
     nested=("coulomb",),
     adds="extra_at_rest_Nm",
     twins=("friction_curve",),
     equation=(
-        "tau = -(F + S exp(-(u / u_s)^2)) sgn(u) with u the speed of joint {j}; at rest whatever holds it, up to F + S"
+        "tau = -(F + S exp(-(u / u_s)^2)) sgn(u) with u the speed of joint {j}; at rest the torque that holds it, up"
+        " to F + S"
     ),
     parameters=(
         EffectParameter("torque_Nm", "N m", 1e-3, "positive"),

@@ -12,7 +12,7 @@ def shifted(offset_Nm: float) -> float:
 
 TORQUE_OFFSET = pair(
     "torque_offset",
-    words="offset of the torque signal, joint {j}",
+    words="torque offset, joint {j}",
     kernel=shifted,
     equation="tau + C acts at joint {j} where tau is known, while the drive is on",
     parameters=(EffectParameter("offset_Nm", "N m", 5e-3),),

@@ -1,4 +1,4 @@
-"""A drive whose torque constant is another than its torques were computed with."""
+"""Torque constant error: a drive's torques were computed with a wrong torque constant."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ def rescaled(torque: float, excess: float) -> float:
 
 _JOINT1, _JOINT2 = pair(
     "torque_scale",
-    words="torque constant, joint {j}",
+    words="torque constant error, joint {j}",
     kernel=rescaled,
     equation="(1 + x) tau acts at joint {j} where tau is known",
     parameters=(EffectParameter("excess", "1", 0.05, most=0.9),),

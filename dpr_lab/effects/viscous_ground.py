@@ -13,7 +13,7 @@ def viscous_ground(motion: Motion, friction_Nms: float) -> Terms:
 
 VISCOUS_GROUND = Effect(
     name="viscous_ground_link2",
-    words="viscous friction against the room, outer rod",
+    words="viscous friction against ground, outer rod",
     equation="tau2 = -c omega2",
     parameters=(EffectParameter("friction_Nms", "N m s/rad", 1e-4, "positive"),),
     site="joint torque",

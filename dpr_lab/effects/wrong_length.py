@@ -1,4 +1,4 @@
-"""An inner rod that is longer than was measured."""
+"""Length error of the inner rod."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import BaseParameters, Motion, RigConstants, Terms, torques
@@ -7,14 +7,14 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def longer(motion: Motion, base: BaseParameters, constants: RigConstants, added_m: float) -> Terms:
-    """e2 = d g / (L1 + x) in place of d g / L1. The base parameters take up all else."""
+    """e2 = d g / (L1 + x) instead of d g / L1. The base parameters absorb all else."""
     return torques(0.0, base.e2 * (constants.L1 / (constants.L1 + added_m) - 1.0) * motion.sin2)
 
 
 WRONG_LENGTH = Effect(
     name="wrong_length_L1",
-    words="wrong length, inner rod",
-    equation="e2 = d g / (L1 + x) in place of e2 = d g / L1",
+    words="length error, inner rod",
+    equation="e2 = d g / (L1 + x) instead of e2 = d g / L1",
     parameters=(EffectParameter("added_m", "m", 2e-3),),
     site="geometry",
     stage="torque",
@@ -23,8 +23,8 @@ WRONG_LENGTH = Effect(
     twins=("clock_rate",),
     corrects="L1",
     remedy=lambda params, rig, joint: (
-        f"measure L1 again and set it in the rig file: these recordings say {rig.L1 + params['added_m']:.5g} m,"
-        f" the file {rig.L1:.5g} m"
+        f"measure L1 again and set it in the rig file: these recordings imply {rig.L1 + params['added_m']:.5g} m,"
+        f" the file has {rig.L1:.5g} m"
     ),
     quantities=(
         BenchQuantity("error of the length L1", "x", ("added_m",), definition="true L1 minus L1 of the rig file"),

@@ -188,13 +188,13 @@ def _still_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> 
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     n = len(motion.t)
-    beside = round(settings.stretch_s / float(np.median(np.diff(motion.t))) / 2)
-    width = 2 * beside + 1
+    half_width = round(settings.stretch_s / float(np.median(np.diff(motion.t))) / 2)
+    width = 2 * half_width + 1
     if not settings.fewest <= width <= n:
         return []
     highest, lowest = (extreme(motion.rods, width, axis=0) for extreme in (maximum_filter1d, minimum_filter1d))
     still = np.zeros(n, dtype=np.bool_)
-    still[beside : n - beside] = ((highest - lowest).max(axis=1) <= band)[beside : n - beside]
+    still[half_width : n - half_width] = ((highest - lowest).max(axis=1) <= band)[half_width : n - half_width]
     inside = maximum_filter1d(still, width, mode="constant")
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]

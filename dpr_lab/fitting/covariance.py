@@ -26,12 +26,12 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
     """
     A = fit.linear.A[:, :, fit.inside]
     inner = ColumnSpace.of(A, fit.linear.e).covariance()
-    found = inner * inflation
+    covariance = inner * inflation
     for change in changes:
         shift = _shift(inner, A, change)
-        found += np.outer(shift, shift)
+        covariance += np.outer(shift, shift)
     whole = np.zeros((len(fit.free), len(fit.free)))
-    whole[np.ix_(fit.inside, fit.inside)] = found
+    whole[np.ix_(fit.inside, fit.inside)] = covariance
     return whole
 
 

@@ -1,4 +1,4 @@
-"""Where samples are cut into segments with free initial states, so that chaos never decides a fit.
+"""Division of samples into segments with free initial states, so that chaos does not dominate a fit.
 
 An initial error of a release from near upright grows by 2e4 within 5 s; over a segment of 0.25 to 2 s it grows by
 little, and the initial state is estimated with the parameters (multiple shooting).
@@ -16,7 +16,7 @@ from dpr_lab.run import Run
 Array = NDArray[np.float64]
 
 MIN_SAMPLES = 8
-"""Of a segment: twice as many as the numbers of its initial state; fewer say nothing about a model."""
+"""Of a segment: twice as many as the numbers of its initial state; fewer carry no information on a model."""
 
 
 def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
@@ -30,14 +30,14 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
         breaks: instants that no stretch may span, s
     """
     edges = [0, *([] if breaks is None else np.searchsorted(t, breaks).tolist()), len(t)]
-    found: list[slice] = []
+    stretches: list[slice] = []
     for first, last in pairwise(edges):
         if last - first < MIN_SAMPLES:
             continue
         count = max(1, min(round(float(t[last - 1] - t[first]) / length), (last - first) // MIN_SAMPLES))
         inner = first + np.searchsorted(t[first:last], np.linspace(t[first], t[last - 1], count + 1)[1:-1])
-        found += [slice(i, j) for i, j in pairwise([first, *inner.tolist(), last]) if j - i >= MIN_SAMPLES]
-    return found
+        stretches += [slice(i, j) for i, j in pairwise([first, *inner.tolist(), last]) if j - i >= MIN_SAMPLES]
+    return stretches
 
 
 def partition(run: Run, length: float) -> list[slice]:
@@ -60,19 +60,19 @@ def partition(run: Run, length: float) -> list[slice]:
     return [slice(i, j) for i, j in pairwise([*kept, len(run.t)])]
 
 
-def carried(found: Segments, states: Array, other: Segments, otherwise: Array) -> Array:
-    """Initial states that one cut found, for another cut where that begins at the same instants.
+def carried(source: Segments, states: Array, other: Segments, otherwise: Array) -> Array:
+    """Initial states of one cut, taken over by another cut where its segments begin at the same instants.
 
     Args:
-        found: the one cut
+        source: the first cut
         states: (segments, 4) its initial states
         other: the other cut of the same samples
-        otherwise: (segments, 4) initial states of the other where the one says nothing
+        otherwise: (segments, 4) initial states of the other where the first has none
 
     Returns:
         (segments, 4) for the other cut
     """
-    begins = {key: state for key, state in zip(_begins(found), states, strict=True)}
+    begins = {key: state for key, state in zip(_begins(source), states, strict=True)}
     return np.array([begins.get(key, own) for key, own in zip(_begins(other), otherwise, strict=True)])
 
 

@@ -176,7 +176,7 @@ def whole_of(ratios: Array) -> Array:
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
     """Places of the unknowns that runs can show; the others stay as they are given.
 
-    Both rods free show the five ratios, and the inner one alone beside them p/b. Without any swing of both, e1/b and
+    Both rods free show the five ratios, and the inner one alone also p/b. Without any swing of both, e1/b and
     c1/b stand for e and c over the inertia of what swings, d/b for the outer rod's gravity where it hangs aside, and
     a/b for a second mounting.
     """

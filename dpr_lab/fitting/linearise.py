@@ -5,8 +5,8 @@ An initial state touches its own segment only. With B = dreadings/dx_s = Q R, we
     A = (I - Q Q^T) dreadings/dp,    e = (I - Q Q^T) residual
 
 leave normal equations as small as the free parameters p, however many segments there are. They are kept by segment,
-because all that is asked of a fit afterwards (what a further effect promises, how a run is predicted from the others,
-which effects are alike, detectable sizes) is linear algebra on them.
+because all later questions (predicted reduction by a further effect, prediction of a held-out run, similarity of
+effects, minimum detectable effects) are linear algebra on them.
 
 Source: multiple shooting, H. G. Bock (1983); variable projection, Golub & Pereyra (1973). docs/theory.md.
 """
@@ -23,15 +23,15 @@ from dpr_lab.fitting.problem import Problem
 Array = NDArray[np.float64]
 
 BLIND = 1e-12
-"""Standard deviations per rad below which readings say nothing of an initial state: rounding of those of a segment."""
+"""Standard deviations per rad below which readings carry no information on an initial state: rounding error."""
 
 
 UNKNOWN_STARTS = np.array([0.0, 0.0, 1.0, 1.0])
 UNREAD_STARTS = np.array([0.0, 1.0, 1.0, 1.0])
-"""One over what is believed of the step of an initial state before any reading, 1/rad and s/rad.
+"""Inverse prior standard deviation of the step of an initial state, 1/rad and s/rad.
 
-A joint that rests from before the first sample on says nothing of the speed it came with: without this its angle would
-not be told from it, and neither could be fitted. Nor does anything say where an outer rod is that does not hang there.
+A joint that rests from before the first sample on carries no information on its earlier speed: without the prior, angle
+and speed would be indistinguishable. The same holds for the angle of an outer rod that is not mounted.
 """
 
 
@@ -121,6 +121,6 @@ def linearise(
     slopes = J[:, :, :-4]
     onto = Q.transpose(0, 2, 1) @ slopes
     along = Q @ onto
-    found = Linearisation(residual, residual, np.subtract(slopes, along, out=along), onto, Q, R)
-    e = found.projected(np.where(lost[:, None], 0.0, residual)[:, :, None])[:, :, 0]
-    return replace(found, e=e)
+    linear = Linearisation(residual, residual, np.subtract(slopes, along, out=along), onto, Q, R)
+    e = linear.projected(np.where(lost[:, None], 0.0, residual)[:, :, None])[:, :, 0]
+    return replace(linear, e=e)

@@ -58,7 +58,7 @@ class Problem:
     noise_correlation: float = 0.0
     """Of the noise of neighbouring readings: what a filter or a tracker leaves."""
     rezeroed: bool = False
-    """Whether the zeros of the encoders are put anew before each run: every fit then frees them, run by run."""
+    """Whether the zeros of the encoders are set again before each run: every fit then frees them, run by run."""
     disturbance: Disturbance | None = None
     """Noise of what drives the rods, in these segments; none where nothing known drives them."""
 
@@ -93,8 +93,8 @@ class Problem:
         Where noise drives the rods these are innovations: of unit variance too, one independent of the others.
         """
         columns = values.reshape(*self.weight.shape, -1)
-        found = self.decorrelated(padded(columns, self.weight, self.segments.offsets))
-        return found.reshape(*found.shape[:2], *values.shape[2:])
+        blocks = self.decorrelated(padded(columns, self.weight, self.segments.offsets))
+        return blocks.reshape(*blocks.shape[:2], *values.shape[2:])
 
     def decorrelated(self, weighed: Array) -> Array:
         """(segments, m, k) whitened, from (segments, longest, 2, k) weighed and padded, which is overwritten."""
@@ -109,12 +109,12 @@ class Problem:
         return whitened.reshape(len(whitened), -1, 2)[owner, row]
 
     def begun(self, at: Estimate) -> Estimate:
-        """An estimate with zeros for the runs of these segments, where they are put anew: its own, or none yet."""
+        """An estimate with zeros for the runs of these segments, where they are set again: its own, or none yet."""
         runs = len(self.segments.setups)
         return at.changed(zeros=np.zeros((runs, 2))) if self.rezeroed and len(at.zeros) != runs else at
 
     def all_free(self, free: Sequence[FreeParameter]) -> tuple[FreeParameter, ...]:
-        """Unknowns besides the initial states, with the zeros that are put anew before each run."""
+        """Unknowns besides the initial states, with the zeros that are set again before each run."""
         own = zero_parameters(self.segments.setups) if self.rezeroed else ()
         return (*free, *(parameter for parameter in own if parameter not in free))
 

@@ -1,9 +1,9 @@
-"""Columns of a linear least-squares problem: what they explain together, alone, and beside one another.
+"""Columns of a linear least-squares problem: what they explain together, alone, and given others.
 
     min_x  | e - A x |^2
 
-Columns count at unit norm, whatever their units, and every normal matrix carries the same ridge, so that columns that
-can do the same share what they explain instead of outbidding one another.
+Columns are scaled to unit norm, so that units do not matter, and every normal matrix carries the same ridge, so
+that columns that explain the same share it instead of cancelling with large coefficients of opposite sign.
 """
 
 from collections.abc import Sequence

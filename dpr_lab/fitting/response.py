@@ -1,4 +1,4 @@
-r"""What small torques along a known trajectory do to the readings, by variation of constants.
+r"""Response of the readings to small torques along a known trajectory, by variation of constants.
 
 With Phi(t) the sensitivity of the state to the initial state and M the mass matrix,
 
@@ -34,16 +34,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class TrajectorySettings:
-    """How a trajectory is laid out, and what counts as lost."""
+    """Grid of a trajectory, and limits beyond which it is discarded."""
 
     grid_s: float = 2.5e-3
     """Spacing: trapezoids of torques then err by a thousandth."""
     coarse_s: float = 5e-3
-    """The same where torques are only compared, or told in two digits."""
+    """The same where torques are only compared, or printed with two digits."""
     wildest: float = 1e6
     """rad and rad/s that no swing reaches."""
     singular: float = 1e-9
-    """Determinant of a sensitivity below which a torque cannot be told from an initial state any more."""
+    """Determinant of a sensitivity below which torques and initial states are indistinguishable."""
 
 
 TRAJECTORY = TrajectorySettings()
@@ -83,20 +83,23 @@ class Trajectory:
     def answer(self, problem: Problem, torque: Array) -> Array:
         """(segments, m, k) whitened change of the encoder readings under generalised torques, (n, 2, k), N m."""
         torque, many = np.ascontiguousarray(torque), torque.shape[2]
-        found = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), 2, many))
-        grid, rows = (self.t, self.into, self.out, self.at, self.edges, self.first), found.reshape(len(found), -1, many)
+        changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), 2, many))
+        grid, rows = (
+            (self.t, self.into, self.out, self.at, self.edges, self.first),
+            changes.reshape(len(changes), -1, many),
+        )
         _answer(*grid, problem.weight, torque, np.empty((2, 4, many)), rows)
-        return problem.decorrelated(found)
+        return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
         """(n, 2, k) generalised torques of effects (k, SIZE) of a stage of `TRAJECTORY_TORQUES`, N m."""
         kinds = {setup: self.of_setup(setup) for setup in self.setups}
         if len(kinds) == 1:
             return self._torques(stage, constants, params, self.setups[0], slice(None))
-        found = np.empty((len(self.t), 2, len(params)))
+        torques = np.empty((len(self.t), 2, len(params)))
         for setup, mine in kinds.items():
-            found[mine] = self._torques(stage, constants, params, setup, mine)
-        return found
+            torques[mine] = self._torques(stage, constants, params, setup, mine)
+        return torques
 
     def of_setup(self, setup: Setup) -> NDArray[np.bool_]:
         """(n,) where it is that of a setup."""
@@ -135,19 +138,19 @@ def trajectory(
     spans = [(begins(float(problem.t[i])), float(problem.t[j - 1])) for i, j in pairwise(samples)]
     instants = [_grid(first, last, spacing) for first, last in spans]
     setups = problem.segments.setups
-    laid_out = segments(instants, problem.segments.run, setups, step=TRAJECTORY.grid_s)
+    grid = segments(instants, problem.segments.run, setups, step=TRAJECTORY.grid_s)
     bases = np.array([base_of_run(at.whole, setup, rig.L1, rig.g) for setup in setups])
-    states, slopes = follow(at.ratios, laid_out, at.initial, rig, of=4)
+    states, slopes = follow(at.ratios, grid, at.initial, rig, of=4)
     phi = slopes[:, :, len(RATIOS) :]
     lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < TRAJECTORY.wildest).all(axis=1))
     phi[lost], states[lost] = np.eye(4), 0.0
     lost |= np.abs(np.linalg.det(phi)) < TRAJECTORY.singular
-    owner = np.repeat(np.arange(len(laid_out)), np.diff(laid_out.offsets))
-    own, pushes = bases[laid_out.run][owner], laid_out.pushes
+    owner = np.repeat(np.arange(len(grid)), np.diff(grid.offsets))
+    own, pushes = bases[grid.run][owner], grid.pushes
     drive = pushes[:, :2] + (_carried(own, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0)
-    inverse, alpha = _accelerations(own, laid_out.held[owner], rig.L1, rig.g, states, drive)
+    inverse, alpha = _accelerations(own, grid.held[owner], rig.L1, rig.g, states, drive)
     phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be followed answers to nothing
-    edges = laid_out.offsets
+    edges = grid.offsets
     place = np.concatenate(
         [
             edges[s] + np.interp(problem.t[i:j], instants[s], np.arange(len(instants[s])))
@@ -160,8 +163,8 @@ def trajectory(
     out[:, 1] -= problem.model.constants.relative2 * out[:, 0]
     torque_only = np.concatenate([np.zeros_like(inverse), inverse], axis=1)
     return Trajectory(
-        t=laid_out.t,
-        run=np.repeat(laid_out.run, np.diff(edges)),
+        t=grid.t,
+        run=np.repeat(grid.run, np.diff(edges)),
         theta=states[:, :2],
         omega=states[:, 2:],
         alpha=alpha,

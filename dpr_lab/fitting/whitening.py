@@ -1,4 +1,4 @@
-"""Weigh columns of readings and lay them out by segment, in one pass over memory; and whiten what noise drives.
+"""Weighting of reading columns by segment, and whitening under process noise.
 
 Noise w of what drives the rods walks through them: what the rods read of it at sample k is C_k z_k, z_k being a sum of
 independent steps of covariance D_k in the measure of the initial state. With the readings' own white noise that makes
@@ -39,21 +39,21 @@ def padded(values: Array, weight: Array, offsets: NDArray[np.int64]) -> Array:
     longest = 0
     for s in range(len(offsets) - 1):
         longest = max(longest, offsets[s + 1] - offsets[s])
-    found = np.zeros((len(offsets) - 1, longest, 2, values.shape[2]))
+    blocks = np.zeros((len(offsets) - 1, longest, 2, values.shape[2]))
     for s in range(len(offsets) - 1):
         for n in range(offsets[s], offsets[s + 1]):
             for j in range(2):
                 for k in range(values.shape[2]):
-                    found[s, n - offsets[s], j, k] = values[n, j, k] * weight[n, j]
-    return found
+                    blocks[s, n - offsets[s], j, k] = values[n, j, k] * weight[n, j]
+    return blocks
 
 
 @njit
 def innovations(
-    found: Array, weight: Array, offsets: NDArray[np.int64], walk: Array, out: Array, shared: Array
+    columns: Array, weight: Array, offsets: NDArray[np.int64], walk: Array, out: Array, shared: Array
 ) -> None:
     """Whiten what was `padded`, in place, under a disturbance of the same samples."""
-    many = found.shape[3]
+    many = columns.shape[3]
     # four numbers of the walk; the fifth is what both readings of a sample share, new each time
     C, PC, P, z = np.empty(5), np.empty(5), np.empty((5, 5)), np.empty((5, many))
     for s in range(len(offsets) - 1):
@@ -73,7 +73,7 @@ def innovations(
                     PC[a] = P[a, 0] * C[0] + P[a, 1] * C[1] + P[a, 2] * C[2] + P[a, 3] * C[3] + P[a, 4] * C[4]
                     S += C[a] * PC[a]
                 S = max(S, 1.0)
-                row = found[s, n - offsets[s], j]
+                row = columns[s, n - offsets[s], j]
                 for k in range(many):
                     row[k] -= C[0] * z[0, k] + C[1] * z[1, k] + C[2] * z[2, k] + C[3] * z[3, k] + C[4] * z[4, k]
                 for a in range(5):

@@ -1,1 +1,1 @@
-"""From runs to the parameters of a rig, what fixed each, and how measured and simulated swings compare."""
+"""Identification of a rig's parameters from runs, what determined each, and comparison of swings."""

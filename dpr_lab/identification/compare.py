@@ -54,7 +54,7 @@ class Comparison(Shown):
     horizon_s: float
     """Time until the initial state's uncertainty alone moves the free run by 0.1 rad, s.
 
-    Beyond it a sample-by-sample comparison of free runs says nothing about the model.
+    Beyond it a sample-by-sample comparison of free runs does not test the model.
     """
     noise_rad: NDArray[np.float64]
     """(2,) noise floor by axis, rad."""
@@ -152,7 +152,7 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
 
 
 def _with_effects(bare: RatioFit, rig: Rig, model: Model) -> RatioFit:
-    """What the model with its effects makes of a run, its initial states fitted again."""
+    """The run predicted by the model with its effects, the initial states refitted."""
     laid_out = bare.problem.segments
     at_step = replace(laid_out, step=np.full(len(laid_out), STEP))
     problem = replace(bare.problem, segments=at_step, model=RodsWithEffects(rig_constants(rig)))
@@ -181,7 +181,7 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
 
 
 def compare_followed(followed: Followed) -> Comparison:
-    """What `compare_run` gives, of a run that was followed already.
+    """Compare as `compare_run` does, for a run that was followed already.
 
     Raises:
         RunError: the model cannot follow the readings.

@@ -1,7 +1,7 @@
 """Directions in the space of the nine parameters that recordings and measured values leave free.
 
-Whatever is known is whitened rows that answer to relative changes of the parameters. A direction along which a change
-of 100 % stays below one standard deviation of all rows is free.
+Knowledge is whitened rows: sensitivities to relative changes of the parameters. A direction is free if a change of
+100 % along it stays below one standard deviation of all rows.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ from dpr_lab.identification.prior_update import UNREACHED
 from dpr_lab.rig import PARAMETERS
 
 SEEN = 1.0
-"""Singular value, standard deviations per 100 % of change, from which a direction counts as seen."""
+"""Singular value, standard deviations per 100 % of change, from which a direction counts as determined."""
 
 _SCALED = np.array([name[0] in "mcJ" for name in PARAMETERS], dtype=np.float64)
 
@@ -27,13 +27,13 @@ def _decompose(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 
 
 def free_directions(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, k) orthonormal directions that the rows do not see."""
+    """(n, k) orthonormal directions that the rows do not determine."""
     s, Vt = _decompose(rows)
     return Vt[s < SEEN].T
 
 
 def spread(rows: NDArray[np.float64], seen: float = SEEN) -> NDArray[np.float64]:
-    """(n,) relative standard deviation of each column; inf where it has a share in a direction not seen."""
+    """(n,) relative standard deviation of each column; inf where it has a share in a free direction."""
     s, Vt = _decompose(rows)
     std = np.linalg.norm(Vt[s >= seen].T / s[s >= seen], axis=1)
     return np.where(np.linalg.norm(Vt[s < seen], axis=0) > UNREACHED, np.inf, std)

@@ -1,4 +1,4 @@
-"""What releases from the rig file's poses would tell, before any is recorded."""
+"""Expected information of releases from the rig file's poses, before any is recorded."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ from dpr_lab.setup import Setup
 
 @dataclass(frozen=True, slots=True)
 class Releases:
-    """What is supposed of releases to come."""
+    """Assumptions on future releases."""
 
     duration_s: float = 10.0
-    """How long each is recorded: as long as `dpr-lab record` does unless asked otherwise."""
+    """Duration of each recording: the default of `dpr-lab record`."""
     segment_s: float = 1.0
-    """Segments that a real rig's model can be expected to follow; longer ones would tell more."""
+    """Length of segments that the model of a real rig can be expected to follow; longer ones hold more information."""
 
 
 RELEASES = Releases()
@@ -56,7 +56,7 @@ def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) 
 def ratio_information(
     base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES
 ) -> NDArray[np.float64]:
-    """(5, 5) Fisher information that one release from each pose holds of the ratios of these base parameters, (6,)."""
+    """(5, 5) Fisher information of one release from each pose on the ratios of these base parameters, (6,)."""
     if not poses:
         return np.zeros((len(RATIOS), len(RATIOS)))
     return information(*expected_releases(base, rig, poses, releases))
@@ -85,7 +85,7 @@ def expected_releases(
 
 
 def information_root(information: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    """F with F^T F = information: how whitened readings answer to the unknowns.
+    """F with F^T F = information: sensitivity of whitened readings to the unknowns.
 
     Args:
         information: (n, n), singular where the recordings are blind

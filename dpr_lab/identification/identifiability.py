@@ -1,6 +1,6 @@
-"""What a free swing can and cannot tell about a rig, and which bench measurement would tell the rest.
+"""Identifiability of a rig from free swings, and which bench measurements determine the rest.
 
-Everything known is whitened rows that answer to relative changes of the nine parameters: the recordings by
+Knowledge is whitened rows, sensitivities to relative changes of the nine parameters: the recordings by
 F dratios/dZ Z, with F^T F the ratios' information, a measured value by Z / std. Bounds enter only where a spread is
 asked for, as priors of the standard deviation that a uniform one has. docs/theory.md, equations 48 and 49.
 """
@@ -28,10 +28,10 @@ from dpr_lab.shown import Row, Shown
 
 @dataclass(frozen=True, slots=True)
 class AdviceSettings:
-    """From when a measured value is worth mentioning."""
+    """Thresholds from which a measured value is mentioned."""
 
     helps: float = 1.1
-    """Growth of a parameter's spread, were the value missing."""
+    """Growth of a parameter's spread if the value were missing."""
     worthwhile_bits: float = 0.1
     """Gain of a measurement to be made, over all nine parameters: as if one of them were known 7 % better."""
 
@@ -43,12 +43,12 @@ CRAMER_RAO_NOTE = (
     " the fit leaves. `identify` prints larger ones where the model misses something, because it includes misfit"
     " inflation: such residuals are correlated in time."
 )
-"""Why two standard deviations are printed for one ratio."""
+"""Explanation of the two standard deviations that are printed for one ratio."""
 
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """One bench measurement and what it would bring."""
+    """One bench measurement and its expected gain."""
 
     name: str
     """Name of the measurement."""
@@ -63,7 +63,7 @@ class Advice:
 
     @property
     def sentence(self) -> str:
-        """What to do and what it brings."""
+        """Instruction and expected gain."""
         start = self.how[0].upper() + self.how[1:]
         if self.gain_bits < SETTINGS.worthwhile_bits:
             return f"{start}: tells nothing that is not known already."
@@ -83,32 +83,32 @@ class Advice:
 
 @dataclass(frozen=True, slots=True)
 class LengthError:
-    """What an error of L1, which is measured and never searched for, would do to the ratios."""
+    """Effect on the ratios of an error of L1, which is measured and never searched for."""
 
     error: float
-    """The error supposed, m."""
+    """The assumed error, m."""
     ratio_shift: Mapping[str, float]
     """Relative change of each ratio."""
     residual_over_noise: float
-    """Residual that it leaves, in units of the noise floor; 1 = it goes unseen."""
+    """Resulting residual, in units of the noise floor; 1: the error is not detected."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Identifiability(Shown):
-    """What recordings and measured values fix together, what stays free, and what to measure next."""
+    """What recordings and measured values determine together, what remains free, and what to measure next."""
 
     rank: int
-    """How many of the nine directions the recordings see; at most five, six with a known added mass."""
+    """Number of the nine directions that the recordings determine; at most five, six with a known added mass."""
     singular_values: tuple[float, ...]
     """Of the whitened sensitivity to relative changes of the nine, those that are not zero for every swing."""
     unknowns: Mapping[str, float]
     """The five ratios; b too where a known added mass makes it visible."""
     cramer_rao_std: Mapping[str, float]
-    """Least standard deviation any unbiased estimate of an unknown can have; inf where the recordings are blind."""
+    """Cramer-Rao bound of the standard deviation of each unknown; inf where the recordings hold no information."""
     null_space: tuple[Mapping[str, float], ...]
     """Directions that recordings and measured values leave free: relative change of each parameter that takes part."""
     parameters: Mapping[str, ParameterValue]
-    """What fixes each of the nine, with its standard deviation where something does."""
+    """What determines each of the nine, with its standard deviation where it is determined."""
     helps: Mapping[str, tuple[str, ...]]
     """For each measured value the other parameters that would be less exact without it."""
     advice: tuple[Advice, ...]
@@ -159,7 +159,7 @@ def identifiability(
     lengths: bool = True,
     visible: Sequence[int] | None = None,
 ) -> Identifiability:
-    """What is known of a rig, given what recordings tell of its ratios and what was measured.
+    """Identifiability of a rig, from the information of recordings on its ratios and from measured values.
 
     Args:
         information: (5, 5) Fisher information of the ratios, or (6, 6) with b: that of a fit, or
@@ -263,7 +263,7 @@ def _helps(
 def _advice(
     answers: Mapping[Instrument, NDArray[np.float64]], known: NDArray[np.float64], bounds: NDArray[np.float64]
 ) -> dict[Instrument, Advice]:
-    """What each instrument would add to what is known."""
+    """Expected gain of each instrument."""
     loose, before = np.isinf(spread(known)), _bounded_spread(known, bounds)
     advice = {}
     for instrument, answer in answers.items():

@@ -26,7 +26,7 @@ class BenchReading:
 
 @dataclass(frozen=True, slots=True)
 class Instrument:
-    """A measurement on the bench and how exact it usually is."""
+    """A bench measurement and its usual uncertainty."""
 
     name: str
     parameters: tuple[str, ...]
@@ -72,10 +72,11 @@ def _loaded_outer(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> N
 def _loaded_release(
     instrument: Instrument, Z: NDArray[np.float64], rig: Rig, rod: Literal["inner", "outer"], position: float
 ) -> NDArray[np.float64]:
-    """With a known mass on, the ratios see the scale of all masses, as exactly as the mass and its place are known.
+    """With a known mass clamped on, the ratios determine the scale of all masses.
 
-    Readings F dratios that answer to the errors of mass and place by N have the covariance I + N N^T. Friction is
-    taken as blind to the load.
+    The uncertainties of the mass and of its position limit it. Readings F dratios whose sensitivity to
+    the errors of mass and position is N have the covariance I + N N^T. Friction is
+    assumed to be independent of the load.
     """
     L1, g = rig.L1, rig.g
     mass, (mass_std, position_std) = Z[PARAMETERS.index("m2")] / 2, instrument.std
@@ -93,7 +94,7 @@ def _loaded_release(
 
 @dataclass(frozen=True, slots=True)
 class BenchAccuracy:
-    """How exactly things are measured without an instrument maker."""
+    """Standard uncertainties of measurements with simple means."""
 
     scale_kg: float = 1e-4
     """A kitchen scale that shows 0.1 g."""

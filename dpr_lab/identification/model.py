@@ -111,7 +111,7 @@ class RunUsed(_Record):
     torque_kind: str = ""
     """`measured` or `commanded`: the known torques that drove it, where their kind is known."""
     zeros_rad: list[Number] = []
-    """What the encoders of joints 1 and 2 read too much in it, as fitted; empty where they keep their zeros."""
+    """Fitted zero offsets of encoders 1 and 2 in this run; empty where they keep their zeros."""
 
 
 class Covariance(_Record):
@@ -134,10 +134,10 @@ class Covariance(_Record):
 
 
 class Identifiable(_Record):
-    """What the runs can tell of the nine parameters at all."""
+    """What the runs determine of the nine parameters."""
 
     rank: int
-    """How many of the nine directions the runs see."""
+    """Number of the nine directions that the runs determine."""
     null_space: list[dict[str, Number]]
     """Relative changes of the parameters that leave every swing as it is."""
     advice: list[str]
@@ -154,7 +154,7 @@ class FitSummary(_Record):
     segments: int
     """Number of segments with free initial states."""
     chi2_per_dof: Number
-    """Squared residual over noise variance and degrees of freedom; 1 = nothing left but noise."""
+    """Squared residual over noise variance and degrees of freedom; 1 = noise only."""
     iterations: int
     """Iterations of the local solver."""
     longest_segment_s: Number
@@ -194,7 +194,7 @@ class Model(Shown, _Record):
     covariance: Covariance
     """Covariance of the unknowns that the runs show."""
     cramer_rao_std: Annotated[dict[str, Number], AfterValidator(by_name(RATIOS))]
-    """The least standard deviation any unbiased estimate of a ratio can have at this noise."""
+    """Cramer-Rao bound of the standard deviation of each ratio at this noise."""
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
     """The nine kinetic parameters by name, SI, and what fixed each."""
     base: Annotated[dict[str, ParameterValue], AfterValidator(by_name(BASE))]
@@ -202,7 +202,7 @@ class Model(Shown, _Record):
     scale: Scale | None = None
     """The b that absolute sizes assume, its interval and what fixed it; None in a file of an older version."""
     identifiability: Identifiable | None = None
-    """What the runs can tell at all; None in a corrected model."""
+    """What the runs determine; None in a corrected model."""
     fit: FitSummary
     """Residuals, noise and segments of the fit."""
     search: SearchRecord
@@ -214,7 +214,7 @@ class Model(Shown, _Record):
     effects: dict[str, dict[str, Number]] = {}
     """Effects beyond the base model that a diagnosis named: effect -> parameter -> value, SI."""
     warnings: list[str] = []
-    """What the reader of the numbers should know."""
+    """Warnings on the interpretation of the values."""
     failures: list[str] = []
     """Checks of its own that the identification did not pass; empty for a model to be trusted."""
     version: str = ""
@@ -245,7 +245,7 @@ class Model(Shown, _Record):
 
     @property
     def scale_sentence(self) -> str:
-        """What b all masses, inertias and torques assume, and how far it may be off."""
+        """The value of b that all masses, inertias and torques assume, with its uncertainty."""
         if self.scale is not None:
             return self.scale.sentence
         known = self.base["b"].fixed_by != "bound"

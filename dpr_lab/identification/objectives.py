@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ObjectiveSettings:
-    """How finely a search looks."""
+    """Sampling of the objectives."""
 
     step: float = 0.005
     """Runge-Kutta step and sample spacing of the published search, s; none finer is needed to find the basin."""
@@ -45,7 +45,7 @@ class ObjectiveChoice:
     settings: str
     """Name of the built-in search file."""
     words: str
-    """Its name for people."""
+    """Title for people."""
 
 
 def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
@@ -117,18 +117,18 @@ OBJECTIVES = {
 
 
 def objective_words(name: str) -> str:
-    """`short segments, chaos-safe [segments]` of `segments`; what is no objective stays."""
+    """`short segments, chaos-safe [segments]` of `segments`; other names are returned unchanged."""
     return f"{OBJECTIVES[name].words} [{name}]" if name in OBJECTIVES else name
 
 
 def _thinned(t: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Indices of samples about a step apart: more of them cost time and say nothing new to a search."""
+    """Indices of samples about a step apart: more of them cost time and do not help a search."""
     ticks = np.floor((t - t[0]) / SETTINGS.step + 1e-6)
     return np.flatnonzero(np.diff(ticks, prepend=-1.0) > 0)
 
 
 def _rows(candidates: NDArray[np.float64], run: Run, rig: Rig) -> NDArray[np.float64]:
-    """What the kernel reads of the candidates, of what hung on the rig during the run."""
+    """Rows of the kernel for the candidates, with the mounting of the run."""
     L1, g = rig.L1, rig.g
     bases = base_of_run(whole_parameters(candidates, L1, g), run.setup, L1, g)
     return rows(_as_one(bases, run.elbow, L1, g)[0] if run.setup.held else bases, L1, g)

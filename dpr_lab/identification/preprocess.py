@@ -1,4 +1,4 @@
-"""Runs made ready for a fit: the noise of each, and the state at every sample."""
+"""Preprocessing of runs: the noise of each, and the state at every sample."""
 
 from dataclasses import dataclass
 

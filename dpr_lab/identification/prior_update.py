@@ -1,4 +1,4 @@
-"""From ratios to the nine parameters, and what fixed each (docs/theory.md, equation 47).
+"""MAP update of the nine parameters by the ratios, and what determined each (docs/theory.md, equation 47).
 
 A free swing fixes five numbers; the nine parameters have a four-dimensional family of equally good values. Measured
 values (scale, calliper, knife edge) enter as priors with their standard uncertainty, the others as the bounds of the
@@ -70,7 +70,7 @@ def _value(value: np.float64, variance: np.float64, fixed_by: Literal["data", "m
 
 
 def _loose(Z: NDArray[np.float64], observed: list[int], rig: Rig) -> NDArray[np.float64]:
-    """(9, k) relative changes of the searched parameters that nothing observed can see."""
+    """(9, k) relative changes of the searched parameters that leave all observations unchanged."""
     scaled = unknown_jacobian(Z, rig)[observed] * Z / np.maximum(_unknowns(Z, rig)[observed], 1e-12)[:, None]
     directions = np.zeros((len(PARAMETERS), 0))
     if rig.searched.any():

@@ -18,10 +18,10 @@ from dpr_lab.identification.uncertainty import RatioUncertainty
 
 @dataclass(frozen=True, slots=True)
 class ProfileSettings:
-    """How far and how exactly the ends are looked for."""
+    """Range and accuracy of the search for the ends."""
 
     widest: float = 30.0
-    """Standard deviations to look, beyond which an unknown counts as unbounded on that side."""
+    """Standard deviations beyond which an unknown counts as unbounded on that side."""
     tolerance: float = 0.02
     """Of a standard deviation."""
     iterations: int = 6

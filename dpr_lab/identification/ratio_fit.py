@@ -56,7 +56,7 @@ SHORT = ShortSegments()
 
 @dataclass(frozen=True, slots=True)
 class RatioFit:
-    """Where a fit of the ratios ended."""
+    """Result of a fit of the ratios."""
 
     problem: Problem
     fit: Fit
@@ -68,7 +68,7 @@ class RatioFit:
 
     @property
     def visible(self) -> tuple[int, ...]:
-        """Their places in `UNKNOWN_RATIOS`."""
+        """Their indices in `UNKNOWN_RATIOS`."""
         return visible_of(self.problem.segments)
 
     @property
@@ -105,7 +105,7 @@ class RatioFit:
 
     @property
     def chi2_per_dof(self) -> float:
-        """Reduced chi-square; 1 = nothing left but noise."""
+        """Reduced chi-square; 1 = noise only."""
         return self.fit.chi2 / self.dof
 
     @property
@@ -151,7 +151,7 @@ def rods_estimate(unknown: Array, initial: Array) -> Estimate:
 
 
 def visible_of(laid_out: Segments) -> tuple[int, ...]:
-    """Places of the unknowns that segments show: b where a known mass makes it visible."""
+    """Indices of the unknowns that segments determine: b where a known mass makes it visible."""
     return visible_ratios(laid_out.setups, any(setup.weighs for setup in laid_out.setups))
 
 
@@ -191,7 +191,7 @@ def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations
 
 
 def driving_noise(problem: Problem, at: Estimate) -> Disturbance | None:
-    """What noise of an arm's known motion does to the readings of the rods alone."""
+    """Effect of noise in the prescribed motion of an arm on the readings."""
     if all(setup.arm is None for setup in problem.segments.setups):
         return None
     return disturbance(problem, at, begins=lambda first: first)
@@ -217,7 +217,7 @@ def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Arra
 
 
 def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: float = 0.1) -> float:
-    """Until when a free run from a segment's fitted initial state can be predicted, on the clock of `t`, s.
+    """Predictability horizon of a free run from a segment's fitted initial state, on the clock of `t`, s.
 
     Beyond it the initial state's uncertainty alone, carried along by the variational equation, moves an angle by more
     than an error.

@@ -1,4 +1,4 @@
-"""How sure fitted ratios are, valid under correlated residuals (docs/theory.md, equation 22)."""
+"""Uncertainty of fitted ratios, valid under correlated residuals (docs/theory.md, equation 22)."""
 
 from dataclasses import dataclass
 
@@ -15,14 +15,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class CovarianceSettings:
-    """What of the residuals counts as independent."""
+    """Settings of the independence of residuals."""
 
     block_s: float = 0.5
     """Residuals further apart are taken as independent: half a swing of a 0.4 m rod."""
     misfit: float = 1.5
     """Reduced chi-square above which the model, not the noise, decides how uncertain the result is."""
     halves: float = 1.1
-    """One linear step understates by so much how far apart the fits of the two halves end."""
+    """Factor by which one linear step understates the difference between fits of the two halves."""
 
 
 SETTINGS = CovarianceSettings()
@@ -50,12 +50,12 @@ class RatioUncertainty:
 
     @property
     def at_zero(self) -> tuple[str, ...]:
-        """Friction ratios held at zero because the data ask for less."""
+        """Friction ratios held at zero, because their unconstrained estimate is negative."""
         return tuple(name for name, value in zip(self.names, self.values, strict=False) if value <= 0)
 
     @property
     def cramer_rao_std(self) -> Array:
-        """(n,) least std any unbiased estimate can have at this noise; zero for what is held at zero."""
+        """(n,) Cramer-Rao bound of the standard deviation; zero for what is held at zero."""
         free = self.values > 0
         std = np.zeros(len(free))
         std[free] = np.sqrt(np.diag(np.linalg.inv(self.information[np.ix_(free, free)])))
@@ -69,7 +69,7 @@ class RatioUncertainty:
 
 
 def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
-    """How sure a fit with all unknowns free is.
+    """Uncertainty of a fit with all unknowns free.
 
     The covariance comes from the information at the noise that is there, widened to what the scatter of the blocks asks
     for. White residuals make both agree, and the information is the exacter of the two, because a chaotic run holds

@@ -1,4 +1,4 @@
-"""Effects in words: `dry friction, joint 2 [coulomb_joint2]`, and their sizes in units that a person reads."""
+"""Effects in words: `Coulomb friction, joint 2 [coulomb_joint2]`, and their sizes in units that a person reads."""
 
 import re
 from collections.abc import Mapping

@@ -28,7 +28,7 @@ ALGORITHMS: dict[str, Algorithm[Any]] = {
 
 
 def search_words(name: str) -> str:
-    """`improved genetic algorithm [iga]` of `iga`; what is no algorithm stays."""
+    """`improved genetic algorithm [iga]` of `iga`; other names are returned unchanged."""
     return f"{ALGORITHMS[name].words} [{name}]" if name in ALGORITHMS else name
 
 

@@ -1,4 +1,4 @@
-"""Feedback mutation: what the population holds twice makes room for something new, step (4)."""
+"""Feedback mutation: near-duplicates in the population are replaced by new chromosomes, step (4)."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""From populations to generations: the record of a search and when it ends, the same for every algorithm."""
+"""Record and stopping rule of a search, the same for every algorithm."""
 
 from collections.abc import Iterable, Iterator
 
@@ -16,7 +16,7 @@ def generations(
 
     Args:
         problem: what is searched, for its count of evaluations and its fixed genes
-        populations: without end, the initial one first; each evaluated when it is asked for, the best found so far at
+        populations: without end, the initial one first; each evaluated on demand, the best so far at
             its head
         settings: when to stop, and the constants of the fitness
     """

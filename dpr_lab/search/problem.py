@@ -1,4 +1,4 @@
-"""What a search is given and what it gives back; the contract of every algorithm."""
+"""Input and output of a search: the contract of every algorithm."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -44,14 +44,14 @@ class Algorithm(Generic[Settings]):
     """One row of `ALGORITHMS`: how a search is set, and how it is run.
 
     `run(objective, bounds, settings, rng)` yields generation 0 and then every generation, ends by itself at
-    `settings.generations` or on stagnation, and may be left earlier by whoever consumes it. It raises `ValueError`
+    `settings.generations` or on stagnation, and may be stopped earlier by its consumer. It raises `ValueError`
     for bounds that are not (2, d), not finite, reversed, or all coincide.
     """
 
     settings: type[Settings]
     run: Callable[[Objective, Bounds, Settings, np.random.Generator], Iterator[Generation]]
     words: str
-    """Its name for people."""
+    """Title for people."""
 
 
 @dataclass(slots=True)

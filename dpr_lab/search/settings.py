@@ -1,4 +1,4 @@
-"""How a search is set (`configs/search/*.toml`); the defaults are the published ones (docs/theory.md)."""
+"""Settings of a search (`configs/search/*.toml`); the defaults are the published ones (docs/theory.md)."""
 
 from typing import Annotated, Literal
 
@@ -19,9 +19,9 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
     aggregate: Literal["sum", "max", "min"] = "sum"
     """How H is made from the E of the poses."""
     stagnation_generations: Count | None = None
-    """Stop when the best cost has hardly fallen for so many generations; never when left out."""
+    """Stop when the best cost has not decreased noticeably for so many generations; never when left out."""
     stagnation_improvement: Share = 0.01
-    """What "hardly" means: a fall by no more than this share."""
+    """Relative decrease of the best cost that does not count as progress."""
     delta: Positive = 35.0
     """Added to H in the fitness; the larger, the better the chances of bad individuals."""
     fitness_scale: Positive = 350.0

@@ -8,7 +8,7 @@ from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.words import in_words
 
 OUTSIDE, LEFT = 0.2, 0.1
-DRY, TILT = "dry friction, joint 1 [coulomb_joint1]", "tilt of the base [base_tilt]"
+DRY, TILT = "Coulomb friction, joint 1 [coulomb_joint1]", "base tilt [base_tilt]"
 TELLING = "To tell coulomb_joint1 from stribeck_joint1, record a release: they differ by 9 standard deviations there."
 TWINS = "Only the bench tells base_tilt from encoder_offset_joint1: Lay a level on the arm."
 
@@ -86,9 +86,9 @@ def test_the_probabilities_of_each_place_add_up(diagnosis):
 def test_each_rival_says_what_splits_it_or_would(diagnosis):
     split = {row[1]: row[4] for row in gap_tables.standing_rows(diagnosis())}
 
-    assert split["dry friction that is greater at rest, joint 1 [stribeck_joint1]"] == "next step 1"
-    assert split[f"{TILT} or zero of the encoder, joint 1 [encoder_offset_joint1]"] == "next step 2"
-    assert split["dry friction, joint 2 [coulomb_joint2]"] == "these recordings"
+    assert split["Stribeck friction, joint 1 [stribeck_joint1]"] == "next step 1"
+    assert split[f"{TILT} or encoder offset, joint 1 [encoder_offset_joint1]"] == "next step 2"
+    assert split["Coulomb friction, joint 2 [coulomb_joint2]"] == "these recordings"
     assert split["a cause outside the library"] == "10.0% of the excess is left"
     assert not any("spring_joint1" in rival for rival in split)
 

@@ -27,11 +27,11 @@ def test_a_sentence_gets_words_and_sizes_once():
     said = "By coulomb_joint2 and load_friction_joint2 of joint2, not friction_joint2."
     once = in_words(said, {"coulomb_joint2": "0.80 mN m"})
     assert once == (
-        "By dry friction, joint 2 (0.80 mN m) [coulomb_joint2] and friction that follows the load, joint 2"
+        "By Coulomb friction, joint 2 (0.80 mN m) [coulomb_joint2] and load-dependent friction, joint 2"
         " [load_friction_joint2] of joint 2, not friction_joint2."
     )
     assert in_words(once) == once
-    assert in_words("Two stay. base_tilt goes.") == "Two stay. Tilt of the base [base_tilt] goes."
+    assert in_words("Two stay. base_tilt goes.") == "Two stay. Base tilt [base_tilt] goes."
 
 
 @pytest.mark.parametrize(

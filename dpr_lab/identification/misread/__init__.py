@@ -1,1 +1,1 @@
-"""Recordings that were described wrongly: refused or diagnosed with the option that mends the description."""
+"""Recordings that were described wrongly: refused, or diagnosed with the option that corrects the description."""

@@ -1,4 +1,4 @@
-"""Whether energy enters the rods from a source that nobody described.
+"""Test whether energy enters the rods from a source that is not described.
 
 The energy of the rods over b is linear in their ratios, and so is the work of known torques in 1/b:
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class EnergyRiseSettings:
-    """How a rise is measured."""
+    """Settings of the test for energy rises."""
 
     apart_s: float = 0.1
     """Between two means of the energy, which noise of the speeds then hardly touches."""

@@ -14,7 +14,7 @@ from dpr_lab.run import Run
 Array = NDArray[np.float64]
 
 Angles = Callable[[Array, Array], tuple[Array, Array]]
-"""(theta1, theta2) as they would be, rad, of what was read."""
+"""Function from the angles read to (theta1, theta2), rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +22,11 @@ class Misreading:
     """Another way to read a recording."""
 
     cause: str
-    """What was described wrongly, and the option or the key of the rig file that mends it."""
+    """What was described wrongly, and the option or key of the rig file that corrects it."""
     read: Callable[[Run], Run | None]
-    """The run as it would be; None where this way does not apply to it."""
+    """The run read in this way; None where it does not apply."""
     arm: bool = False
-    """Whether it lets the arm move, which a compliant arm does too."""
+    """Whether the arm moves in this reading, as a compliant arm does too."""
 
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:

@@ -1,7 +1,7 @@
 """Refuse recordings that were read with another zero, unit, sign or order than they were written with.
 
-Such a reading still makes curves, and a fit of them ends somewhere: with ratios that no masses have, or far from the
-curves. What explains them ten times better is then the likely cause.
+A fit of such a reading ends with physically impossible ratios or with a large residual. A reading that explains the
+recordings ten times better is then the likely cause.
 """
 
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
 
 
 def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError | None]:
-    """The fit of the recordings as they are read, and why there is none where a run shows too little."""
+    """The fit of the recordings as they are read, or the reason why there is none."""
     try:
         return fitted(runs, rig), None
     except RunError as error:

@@ -1,4 +1,4 @@
-"""An analysis of recordings that determine nothing ends in a sentence, not in an error of linear algebra."""
+"""Error messages for recordings that determine nothing, instead of errors of linear algebra."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -13,7 +13,7 @@ Result = TypeVar("Result")
 
 
 def solvable(analysis: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """The same analysis of recordings; it raises `IdentificationError` where its equations have no solution."""
+    """Wrap an analysis so that it raises `IdentificationError` where its equations have no solution."""
 
     @wraps(analysis)
     def solved(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:

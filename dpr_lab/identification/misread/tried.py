@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class MisreadSettings:
-    """When a reading is doubted."""
+    """Thresholds from which a reading is doubted."""
 
     looked_at_s: float = 5.0
     """Of each run; a wrong reading is wrong from the start."""
@@ -57,12 +57,12 @@ class BetterReading:
 
     reading: Misreading
     share: float
-    """Of the excess chi2 of the recordings as they were read that it takes away."""
+    """Share of the excess chi2 of the recordings as read that it removes."""
 
 
 @dataclass(frozen=True, slots=True)
 class SecondLook:
-    """What speaks against the description of recordings."""
+    """Evidence against the description of recordings."""
 
     tried: tuple[BetterReading, ...]
     """Other readings that explain them better, the best first."""
@@ -71,7 +71,7 @@ class SecondLook:
 
     @property
     def sentence(self) -> str:
-        """The likely mistake, and the option that mends it; empty where nothing speaks against the description."""
+        """The likely mistake, and the option that corrects it; empty without evidence against the description."""
         if self.tried:
             causes = ", or ".join(dict.fromkeys(one.reading.cause for one in self.tried))
             return f"Read otherwise, rods without any effect explain {self.tried[0].share:.1%} of the excess: {causes}."
@@ -86,16 +86,16 @@ class SecondLook:
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """What speaks against the description of the recordings."""
+    """Evidence against the description of the recordings."""
 
     hint: str = ""
-    """The likely mistake and what mends it; empty where nothing speaks against the description."""
+    """The likely mistake and its correction; empty without evidence against the description."""
     withholds: bool = False
     """Whether that explains as much as the chosen effects, so that none of them is a cause."""
 
 
 def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
-    """Try other readings of recordings that the rods alone are far from explaining.
+    """Try other readings of recordings that the bare model fits poorly.
 
     Args:
         runs: as they were read
@@ -195,7 +195,7 @@ def _beginning(run: Run, seconds: float) -> Run:
 
 
 def _thinned(prepared: PreprocessedRun) -> PreprocessedRun:
-    """Every so manieth sample; noise and states are those of all samples. Known torques stay whole."""
+    """Decimated samples; noise and states are those of all samples. Known torques stay whole."""
     every = max(1, round(prepared.run.rate_hz / SETTINGS.rate_hz)) if prepared.run.torques is None else 1
     keep = np.arange(len(prepared.run.t)) % every == 0
     return replace(prepared, run=prepared.run.only(keep), states=prepared.states[keep])

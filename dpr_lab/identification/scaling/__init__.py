@@ -1,1 +1,1 @@
-"""The scale of absolute sizes: what b they assume, and how far the rig file lets it be off."""
+"""The scale of absolute sizes: the assumed b, and its uncertainty by the rig file."""

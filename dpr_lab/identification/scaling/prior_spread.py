@@ -1,4 +1,4 @@
-"""How far parameters may be off that nothing but the rig file's prior fixes (docs/theory.md, equation 56).
+"""Uncertainty of parameters that only the prior of the rig file determines (docs/theory.md, equation 56).
 
 Each of the nine is taken as lognormal. Its median is the measured value, or the nominal one. The standard deviation of
 its logarithm is that of a measured value, std / measured, or that of a value spread evenly between its bounds,
@@ -32,7 +32,7 @@ class PriorSettings:
     """How the ratios update the prior."""
 
     ratio_std: float = 1e-3
-    """Relative standard deviation of the ratios: an effect that the model misses moves them by about as much."""
+    """Relative standard deviation of the ratios: an effect that the model lacks changes them by about as much."""
     longest_step: float = 0.5
     """Change of a logarithm in one iteration, at most."""
     converged: float = 1e-9
@@ -99,7 +99,7 @@ def with_intervals(
 
 
 def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> dict[str, Interval90]:
-    """90 % intervals of the nine by the prior and the ratios, for those that nothing but bounds fixes.
+    """90 % intervals of the nine by the prior and the ratios, for those that only bounds determine.
 
     Args:
         Z: (9,) values in use, which the intervals hold
@@ -123,7 +123,7 @@ def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = 
 
 
 def _of_std(value: ParameterValue) -> Interval90 | None:
-    """The normal interval of a value that something but bounds fixes."""
+    """The normal interval of a value that is determined by more than bounds."""
     if value.std is None:
         return None
     reach = NORMAL_Q90 * value.std

@@ -16,7 +16,7 @@ Interval90 = tuple[float, float]
 
 
 class Scale(BaseModel):
-    """The value of b that absolute sizes assume, how far it may be off, and what fixed it."""
+    """The value of b that absolute sizes assume, its interval, and what determined it."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
@@ -42,7 +42,7 @@ class Scale(BaseModel):
 
     @property
     def sentence(self) -> str:
-        """What an absolute size rests on, with the interval of b."""
+        """Statement of the scale that an absolute size assumes, with the interval of b."""
         low, high = self.interval90
         known = f"b = {self.b:.4g} kg m^2 (90 % interval {low:.4g} to {high:.4g})"
         if self.fixed_by == "data":

@@ -86,9 +86,9 @@ async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis
     found = load_diagnosis(fixed_diagnosis)
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
         assert " ".join(text(pilot.app, "#state").split()) == sentence(found)
-        assert "dry friction, joint 1 (1.47 mN m) [coulomb_joint1]" in sentence(found)
+        assert "Coulomb friction, joint 1 (1.47 mN m) [coulomb_joint1]" in sentence(found)
         which = " ".join(text(pilot.app, "#which-text").split())
-        assert "late reading, joint 2 [latency_joint2]" in which
+        assert "latency, joint 2 [latency_joint2]" in which
         assert "delay 0.500 ms (0.498 to 0.502)" in which
         for effect in found.effects:
             assert f"{named(effect.name)}: probability {effect.probability:.0%}" in which
