@@ -1,1 +1,1 @@
-"""What an identification looks like on paper: figures, tables, and one HTML file that carries both."""
+"""Reports: tables, figures and HTML pages of identifications, diagnoses, drift and blind trials."""

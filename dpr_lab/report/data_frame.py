@@ -1,4 +1,4 @@
-"""Results as tables of pandas, for who goes on from there."""
+"""Results as pandas data frames."""
 
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any
@@ -15,17 +15,18 @@ if TYPE_CHECKING:
 
 RODS = ("theta1", "theta2")
 RATIO_COLUMNS = ("ratio", "ratio_low", "ratio_high", "low_with_scale", "high_with_scale")
-"""Of a size: its ratio to b, and the absolute 90 % interval with the uncertainty of b."""
+"""Columns of a size: ratio to b with interval, and the absolute 90 % interval with the uncertainty of b."""
 
 
 def to_dataframe(result: Run | Model | Comparison | Diagnosis) -> "pandas.DataFrame":
-    """A run by samples, a model by quantities, a comparison by samples, a diagnosis by the parameters of its effects.
+    """Convert a result to a data frame in SI units.
 
-    SI; a run and a comparison have the time since the release, s, as index.
+    Rows are samples of a run or a comparison (index: time since the release, s), quantities of a model, or effect
+    parameters of a diagnosis.
 
     Raises:
         DprError: pandas is not installed.
-        TypeError: no such result.
+        TypeError: a result of another type.
     """
     try:
         import pandas
@@ -38,8 +39,8 @@ def to_dataframe(result: Run | Model | Comparison | Diagnosis) -> "pandas.DataFr
 
 @singledispatch
 def _columns(result: object) -> tuple[Any, str]:
-    """Columns or records, and which of them is the index."""
-    raise TypeError(f"no table of {type(result).__name__}; there are tables of a run, model, comparison, diagnosis")
+    """Columns or records, and the name of the index column."""
+    raise TypeError(f"cannot convert {type(result).__name__}: expected a Run, Model, Comparison or Diagnosis")
 
 
 @_columns.register
@@ -49,12 +50,13 @@ def _(run: Run) -> tuple[Any, str]:
 
 @_columns.register
 def _(model: Model) -> tuple[Any, str]:
-    known = model.ratios | model.base | model.parameters  # c1 and c2 are base parameters too
-    fixed = (
-        {"name": name, "value": item.value, "std": item.std, "fixed_by": item.fixed_by} for name, item in known.items()
-    )
-    intervals = {name: dict(zip(("low", "high"), item.interval90 or (), strict=False)) for name, item in known.items()}
-    return [row | intervals.get(row["name"], {}) for row in fixed], "name"
+    quantities = model.ratios | model.base | model.parameters  # c1 and c2 are base parameters too
+    records = [
+        {"name": name, "value": quantity.value, "std": quantity.std, "fixed_by": quantity.fixed_by}
+        | dict(zip(("low", "high"), quantity.interval90 or (), strict=False))
+        for name, quantity in quantities.items()
+    ]
+    return records, "name"
 
 
 @_columns.register
@@ -70,17 +72,17 @@ def _(diagnosis: Diagnosis) -> tuple[Any, str]:
         {
             "effect": effect.name,
             "parameter": name,
-            "value": item.value,
-            "low": item.interval90[0],
-            "high": item.interval90[1],
-            "ratio": item.ratio,
-            **dict(zip(("ratio_low", "ratio_high"), item.ratio_interval90 or (None, None), strict=True)),
-            **dict(zip(("low_with_scale", "high_with_scale"), item.interval90_with_scale or (None, None), strict=True)),
+            "value": size.value,
+            "low": size.interval90[0],
+            "high": size.interval90[1],
+            "ratio": size.ratio,
+            **dict(zip(("ratio_low", "ratio_high"), size.ratio_interval90 or (None, None), strict=True)),
+            **dict(zip(("low_with_scale", "high_with_scale"), size.interval90_with_scale or (None, None), strict=True)),
             "probability": effect.probability,
             "share": effect.share,
         }
         for effect in diagnosis.effects
-        for name, item in effect.parameters.items()
+        for name, size in effect.parameters.items()
     ]
     names = ("effect", "parameter", "value", "low", "high", *RATIO_COLUMNS, "probability", "share")
     return {name: [record[name] for record in records] for name in names}, "effect"

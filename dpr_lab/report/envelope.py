@@ -1,25 +1,25 @@
-"""What of a curve is drawn: the extremes of a long record, no line across a gap, and not all of a wide interval."""
+"""Reduction of curves for drawing: extremes of long records, gaps, and the range of the axis."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 POINTS = 2400
-"""Points drawn of one line of a figure; about four for each pixel column of a panel."""
+"""Maximum number of points per line; about four per pixel column of a panel."""
 
 
 def trace(
     t: NDArray[np.float64], y: NDArray[np.float64], points: int = POINTS, gap_steps: float = 10.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A record as it is drawn: short ones untouched, long ones by their extremes, gaps as NaN.
+    """Reduce a record for drawing: short records are unchanged, long ones keep their extremes, gaps become NaN.
 
-    The record is cut into `points` / 2 stretches of equally many samples, and each gives its smallest and largest
-    sample at the instant it was taken, so that no peak is lost and no value is invented.
+    The record is divided into `points` / 2 blocks of equal length. Each keeps its smallest and its largest sample at
+    their own times, so that no peak is lost and no value is interpolated.
 
     Args:
         t: (n,) increasing instants, s
         y: (n,) values; NaN where there is none
-        points: about how many to draw at most
-        gap_steps: a pause longer than so many median sample steps is drawn as a gap
+        points: approximate maximum number of points
+        gap_steps: a pause of more median sample steps than this is drawn as a gap
 
     Returns:
         instants and values to draw; equal to the input when n <= `points` and nothing is missing
@@ -52,23 +52,24 @@ def _gaps(t: NDArray[np.float64], gap_steps: float) -> NDArray[np.intp]:
     return np.flatnonzero(steps > gap_steps * np.median(steps))
 
 
-def signal_scale(value: NDArray[np.float64], reach: NDArray[np.float64]) -> tuple[tuple[float, float], bool]:
-    """The range of a curve and of its interval where that is as wide as it mostly is; whether part lies outside.
+def signal_scale(value: NDArray[np.float64], half_width: NDArray[np.float64]) -> tuple[tuple[float, float], bool]:
+    """Axis range of a curve with intervals of typical width, and whether something is clipped.
 
-    The curve itself takes a quarter of the range at least.
+    The curve itself takes at least a quarter of the range.
 
     Args:
         value: (n,) the curve
-        reach: (n,) half of its interval, which opens where little was recorded
+        half_width: (n,) half width of its interval, which grows where few samples were recorded
     """
-    finite = np.isfinite(value) & np.isfinite(reach)
-    value, reach = value[finite], reach[finite]
+    finite = np.isfinite(value) & np.isfinite(half_width)
+    value, half_width = value[finite], half_width[finite]
     if not len(value):
         return (-1.0, 1.0), False
-    known = reach <= 3 * np.median(reach)
-    low, high = min(float((value - reach)[known].min()), 0.0), max(float((value + reach)[known].max()), 0.0)
+    lower, upper = value - half_width, value + half_width
+    typical = half_width <= 3 * np.median(half_width)
+    low, high = min(float(lower[typical].min()), 0.0), max(float(upper[typical].max()), 0.0)
     least, most = min(float(value.min()), 0.0), max(float(value.max()), 0.0)
-    wide = 1.5 * (most - least) or np.inf
-    low, high = max(low, least - wide), min(high, most + wide)
-    room = 0.05 * (high - low) or 1.0
-    return (low - room, high + room), bool(((value - reach < low) | (value + reach > high)).any())
+    excess = 1.5 * (most - least) or np.inf
+    low, high = max(low, least - excess), min(high, most + excess)
+    margin = 0.05 * (high - low) or 1.0
+    return (low - margin, high + margin), bool(((lower < low) | (upper > high)).any())

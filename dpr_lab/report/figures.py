@@ -1,6 +1,6 @@
-"""The publication's figures 2 to 4 (docs/theory.md) for a real rig.
+"""Figures of an identification: response, error with the noise floor, evolution of the search.
 
-Response, error against the noise floor, evolution of the search.
+They correspond to figures 2 to 4 of the publication (docs/theory.md).
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from dpr_lab.whole_file import write_whole
 
 AXES = ("inner rod θ₁", "outer rod θ₂")
 NOISE_SIGMAS = 2
-"""Half the height of the band that stands for the noise floor, in standard deviations."""
-NOTHING = "no run was compared"
+"""Half height of the noise-floor band, in standard deviations."""
+NO_COMPARISON = "No run was compared."
 
 _EVOLUTION = {
     "best_cost": "cost of the best\nindividual",
@@ -42,7 +42,7 @@ _EVOLUTION = {
 
 
 def run_figure(run: Run) -> Figure:
-    """The measured angles of both rods over the time since the release."""
+    """Measured angles of both rods over the time since the release."""
     with style.house_style():
         figure = new_figure(3.2)
         axes = figure.subplots()
@@ -57,15 +57,15 @@ def run_figure(run: Run) -> Figure:
 
 
 def response_figure(comparisons: Comparison | Sequence[Comparison]) -> Figure:
-    """Measured and simulated angle of both rods, one row for each run (figure 2 of the publication).
+    """Measured and simulated angle of both rods, one row per run (figure 2 of the publication).
 
-    The free run is drawn strong up to the predictability horizon and faint beyond it. The range of the angle is
-    that of the measurement, so a free run that tumbles away leaves the panel.
+    The free run is drawn strong up to the predictability horizon and faint beyond it. The axis range is that of the
+    measurement, so a free run that diverges leaves the panel.
     """
     comparisons = [comparisons] if isinstance(comparisons, Comparison) else comparisons
     with style.house_style():
         if not comparisons:
-            return empty_figure(NOTHING)
+            return empty_figure(NO_COMPARISON)
         figure = new_figure(0.5 + 1.75 * len(comparisons))
         grid = figure.subplots(len(comparisons), 2, squeeze=False)
         for panels, comparison in zip(grid, comparisons, strict=True):
@@ -79,15 +79,15 @@ def response_figure(comparisons: Comparison | Sequence[Comparison]) -> Figure:
 
 
 def error_figure(comparisons: Comparison | Sequence[Comparison]) -> Figure:
-    """What the model leaves of each run, beside the noise floor (figure 3 of the publication).
+    """Errors and residuals of each run with the noise floor (figure 3 of the publication).
 
-    Left the error of the free run up to the horizon, right the residual of segments with free start states; inner
-    rod above outer rod, in mrad.
+    Left: error of the free run up to the horizon. Right: residual of segments with free initial states. Inner rod
+    above outer rod, in mrad.
     """
     comparisons = [comparisons] if isinstance(comparisons, Comparison) else comparisons
     with style.house_style():
         if not comparisons:
-            return empty_figure(NOTHING)
+            return empty_figure(NO_COMPARISON)
         figure = new_figure(0.5 + 2.7 * len(comparisons))
         grid = figure.subplots(2 * len(comparisons), 2, squeeze=False)
         for row, comparison in enumerate(comparisons):
@@ -137,7 +137,7 @@ def save_figures(model: Model, comparisons: Sequence[Comparison], out_dir: Path)
 
 
 def save_each(figures: Mapping[str, Figure], out_dir: Path) -> dict[str, Path]:
-    """Write figures as PNG; path of each file by the name of its figure.
+    """Write figures as PNG files and return their paths by name.
 
     Raises:
         DprError: the folder or a file cannot be written.
@@ -149,26 +149,26 @@ def save_each(figures: Mapping[str, Figure], out_dir: Path) -> dict[str, Path]:
 
 
 def _save(figure: Figure, path: Path) -> None:
-    """As a small PNG."""
+    """Save a figure as a small PNG file."""
     canvas = FigureCanvasAgg(figure)
     with style.house_style(), warnings.catch_warnings():
-        # A run named in a script the font lacks is drawn with boxes; its name stands in full in the tables.
+        # Characters that the font lacks are drawn as boxes; the tables contain the full name.
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         canvas.draw()
-    # A palette makes the noise panels a third of their size, and no line changes its colour visibly.
+    # A palette reduces the files to a third without a visible change of colours.
     picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(256, dither=Image.Dither.NONE)
     picture.save(path, format="PNG", optimize=True, dpi=(style.DPI, style.DPI))
 
 
 def new_figure(height_in: float) -> Figure:
-    """An empty figure of the house width."""
+    """Create an empty figure of the common width."""
     figure = Figure(figsize=(style.WIDTH_IN, height_in))
     figure.set_layout_engine("constrained", wspace=0.03, hspace=0.02)
     return figure
 
 
 def empty_figure(sentence: str) -> Figure:
-    """A figure that says why there is nothing to draw."""
+    """Create a figure that shows a sentence instead of data."""
     figure = new_figure(1.2)
     figure.text(0.5, 0.5, sentence, ha="center", va="center")
     return figure
@@ -177,7 +177,7 @@ def empty_figure(sentence: str) -> Figure:
 def _draw_response(axes: Axes, comparison: Comparison, axis: int) -> None:
     t, measured, free = comparison.t, comparison.measured[:, axis], comparison.free_run[:, axis]
     near = t <= comparison.horizon_s
-    # One shared sample, so that the faint line starts where the strong one ends.
+    # One shared sample connects the faint line to the strong one.
     far = t >= t[near][-1] if near.any() else ~near
     axes.plot(*trace(t, measured), label="measured", **style.MEASURED)
     axes.plot(*trace(t[near], free[near]), label="simulated, free run", **style.SIMULATED)
@@ -190,7 +190,7 @@ def _draw_response(axes: Axes, comparison: Comparison, axis: int) -> None:
 
 
 def _draw_errors(panels: NDArray[np.object_], comparison: Comparison) -> None:
-    """Fill the (2, 2) panels of one run."""
+    """Draw the (2, 2) panels of one run."""
     near = comparison.t <= comparison.horizon_s
     _title(panels[0, 0], comparison)
     for axis, (left, right) in enumerate(panels):
@@ -203,7 +203,7 @@ def _draw_errors(panels: NDArray[np.object_], comparison: Comparison) -> None:
     for upper in panels[0]:
         upper.tick_params(labelbottom=False)
     panels[1, 0].set_xlabel("free run up to the horizon: time since release (s)")
-    panels[1, 1].set_xlabel("segments with free start states: time since release (s)")
+    panels[1, 1].set_xlabel("segments with free initial states: time since release (s)")
 
 
 def _draw_error(
@@ -219,14 +219,14 @@ def _draw_error(
 
 
 def _title(axes: Axes, comparison: Comparison) -> None:
-    role = "held out" if comparison.held_out else "used for the fit"
-    reach = "predictable to the end" if to_the_end(comparison) else f"predictable for {comparison.horizon_s:.2g} s"
-    parts = [_one_line(comparison.run), comparison.pose and f"pose {_one_line(comparison.pose)}", role, reach]
+    role = "held out" if comparison.held_out else "fitted"
+    horizon = "predictable to the end" if to_the_end(comparison) else f"horizon {comparison.horizon_s:.2g} s"
+    parts = [_one_line(comparison.run), comparison.pose and f"pose {_one_line(comparison.pose)}", role, horizon]
     axes.set_title("   |   ".join(part for part in parts if part), parse_math=False)
 
 
 def _one_line(name: str, longest: int = 70) -> str:
-    """A name from a file, fit for a title: no line breaks, no lone surrogates, not endless."""
+    """Clean a name from a file for a title: no line breaks, no lone surrogates, at most `longest` characters."""
     line = " ".join(name.encode("utf-8", "replace").decode().split())
     return line if len(line) <= longest else f"{line[: longest - 1]}…"
 
@@ -237,7 +237,7 @@ def _note(axes: Axes, text: str, side: Literal["left", "right"] = "left") -> Non
 
 
 def legend_above(figure: Figure) -> None:
-    """One legend for all panels, above them."""
+    """Draw one legend for all panels above them."""
     handles = {str(h.get_label()): h for axes in figure.axes for h in axes.get_legend_handles_labels()[0]}
     figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=len(handles))
 
@@ -248,13 +248,13 @@ def _time_range(axes: Axes, t: NDArray[np.float64]) -> None:
 
 
 def _symmetric_range(axes: Axes, values: NDArray[np.float64]) -> None:
-    reach = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
-    if reach > 0:
-        axes.set_ylim(-1.1 * reach, 1.1 * reach)
+    largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
+    if largest > 0:
+        axes.set_ylim(-1.1 * largest, 1.1 * largest)
 
 
 def _angle_range(axes: Axes, values: NDArray[np.float64]) -> None:
-    """Show all of `values`, with ticks at fractions or multiples of a turn where they span half of one."""
+    """Set an axis range for `values`, with ticks at multiples of π/2 if they span more than π."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return

@@ -9,7 +9,7 @@ from dpr_lab.whole_file import write_text
 
 
 def write_json(result: Mapping[str, Any], path: Path) -> None:
-    """Write a JSON object whole or not at all.
+    """Write a JSON object atomically.
 
     Raises:
         DprError: the folder or the file cannot be written.

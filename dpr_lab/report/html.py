@@ -1,45 +1,59 @@
-"""The report: one HTML file that carries its figures and fetches nothing."""
+"""The HTML report of an identification: one file with embedded figures."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from string import Template
 
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
 from dpr_lab.report import tables
 from dpr_lab.report.figures import save_figures
-from dpr_lab.report.page import figures_html, list_html, table_html, template, write_page
-from dpr_lab.report.plain import escaped
+from dpr_lab.report.page import Definitions, Formula, Items, Section, Table, page_html, pictures, write_page
 
 FIGURES = {
     "response": (
         "Line charts of the angles of inner and outer rod over time, measured and simulated, for each run.",
-        "Measured and simulated angle, 0 = upright, π = hanging. The free run is dashed up to the predictability "
-        "horizon; beyond it the start state's uncertainty alone moves the simulation visibly, and the faint line says "
-        "nothing about the model.",
+        "Measured and simulated angle, 0 = upright, π = hanging. The free run is dashed up to the predictability"
+        " horizon. Beyond it the uncertainty of the initial state dominates, so the faint line does not validate the"
+        " model.",
     ),
     "error": (
-        "Line charts of measured minus simulated angle over time beside the noise floor, for each run.",
-        "Left: measured minus free run, up to the horizon. Right: what segments with free start states leave. "
-        "A residual that stays inside the band and shows no pattern is noise; a pattern is something the model misses.",
+        "Line charts of measured minus simulated angle over time with the noise floor, for each run.",
+        "Left: measured minus free run, up to the horizon. Right: residuals of segments with free initial states."
+        " Residuals inside the band and without a pattern are noise; a pattern shows an effect that the model lacks.",
     ),
     "evolution": (
         "Line charts of cost, fitness and population fitness over the generations of the search.",
-        "Evolution of the best individual and of the population, up to where the local solver took over.",
+        "Cost and fitness of the best individual and of the population, until the local solver starts.",
     ),
 }
-"""What each figure is, for a reader who does not see it (its numbers stand in the tables), and its caption."""
+"""Name of a figure -> text alternative (the tables hold its values) and caption."""
+
+_RATIO_FORMULAS = (
+    "a  = J1 + m1 l1² + (m2 + mb) L1²      b = J2 + m2 l2²",
+    "e1 = (m1 l1 + (m2 + mb) L1) g         d = m2 L1 l2",
+)
+_SCALE = (
+    "With the arm clamped no external torque acts on the rods. Every term of the equation of motion is a mass, an"
+    " inertia or a friction, so multiplying all of them by one factor leaves the motion unchanged. They enter only"
+    " through a, b, d, e1, c1 and c2. Six numbers up to a common factor are five ratios: four of the nine parameters"
+    " are not identifiable from a free swing. They need a measurement, for example with a scale or a calliper."
+)
+_DETERMINED_BY = {
+    "the recordings": "determined by the recordings, given the measured values",
+    "a measured value": "measured on the bench and given in the rig file",
+    "only its bounds": "not identifiable: all values between the bounds of the rig file fit equally well",
+}
 
 
 def write_report(
     model: Model, comparisons: Sequence[Comparison], out_dir: Path, figures: Mapping[str, Path] | None = None
 ) -> Path:
-    """Write `report.html`: the result, what it rests on, and how far measurement and simulation agree.
+    """Write `report.html`: ratios, parameters and comparison of measurement and simulation.
 
     Args:
         model: the identification
         comparisons: runs simulated with it; may be empty
-        out_dir: folder of the report, made when it is not there
+        out_dir: folder of the report, created if it does not exist
         figures: what `save_figures` returned, to embed; drawn into `out_dir` when not given
 
     Returns:
@@ -53,42 +67,35 @@ def write_report(
 
 
 def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str, Path]) -> str:
-    drawn = figures_html(figures, FIGURES)
-    return Template(template()).substitute(
-        title=escaped(f"Double pendulum “{model.rig.name}”: identified model"),
-        summary=escaped(tables.summary(model, comparisons)),
-        warnings=_warnings([*model.failures, *model.warnings]),
-        L1=f"{model.rig.L1:g}",
-        g=f"{model.rig.g:g}",
-        ratios=_ratios(model) + _scaled(model),
-        parameters=table_html(tables.PARAMETER_COLUMNS, tables.parameter_rows(model), tables.parameter_note(model)),
-        comparisons=_comparisons(comparisons, drawn),
-        search=table_html(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose"),
-        evolution=drawn["evolution"],
-        runs=table_html(tables.RUN_COLUMNS, tables.run_rows(model), style="hash"),
-        rig=escaped(model.rig.name),
-        rig_sha256=escaped(model.rig.sha256 or "not known"),
-        version=escaped(model.version),
-    )
-
-
-def _ratios(model: Model) -> str:
-    return table_html(tables.RATIO_COLUMNS, tables.ratio_rows(model)) + f"\n<p>{escaped(tables.ratio_note(model))}</p>"
-
-
-def _scaled(model: Model) -> str:
-    rows = tables.base_rows(model)
-    if not rows:
-        return ""
-    return "<p>These runs show the scale of the base parameters too.</p>" + table_html(tables.BASE_COLUMNS, rows)
-
-
-def _comparisons(comparisons: Sequence[Comparison], drawn: Mapping[str, str]) -> str:
-    if not comparisons:
-        return "<p>No run was compared.</p>"
-    table = table_html(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), tables.COMPARISON_NOTE)
-    return "\n".join([table, drawn["response"], drawn["error"]])
-
-
-def _warnings(sentences: Sequence[str]) -> str:
-    return f'<section id="warnings">\n<h2>Warnings</h2>\n{list_html(sentences)}\n</section>' if sentences else ""
+    drawn = pictures(figures, FIGURES)
+    compared = Table(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), tables.COMPARISON_NOTE)
+    base_rows = tables.base_rows(model)
+    ratios = [
+        f"Free swings identify these five ratios. A simulation of a free swing needs nothing else, apart from"
+        f" L1 = {model.rig.L1:g} m and g = {model.rig.g:g} m/s².",
+        Table(tables.RATIO_COLUMNS, tables.ratio_rows(model)),
+        tables.ratio_note(model),
+        "These runs also identify the scale, and with it the base parameters." if base_rows else None,
+        Table(tables.BASE_COLUMNS, base_rows),
+        Formula(_RATIO_FORMULAS),
+    ]
+    parameters = [
+        _SCALE,
+        Table(tables.PARAMETER_COLUMNS, tables.parameter_rows(model), tables.parameter_note(model)),
+        Definitions(_DETERMINED_BY),
+    ]
+    search = Table(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose")
+    sections = [
+        Section("Warnings", [Items([*model.failures, *model.warnings])], "warnings", is_open=True),
+        Section("Identified ratios", ratios, is_open=True),
+        Section("Physical parameters", parameters),
+        Section(
+            "Measured and simulated angles",
+            [compared, drawn["response"], drawn["error"]] if comparisons else ["No run was compared."],
+        ),
+        Section("Search", [search, drawn["evolution"]]),
+        Section("Fitted runs", [Table(tables.RUN_COLUMNS, tables.run_rows(model), style="hash")]),
+    ]
+    footer = f"Rig {model.rig.name}, file SHA-256 {model.rig.sha256 or 'unknown'}. Written by dpr-lab {model.version}."
+    title = f"Double pendulum “{model.rig.name}”: identified model"
+    return page_html(title, tables.summary(model, comparisons), sections, footer=footer)

@@ -1,91 +1,178 @@
-"""Parts that every HTML page is made of; a page carries its figures and fetches nothing."""
+"""HTML pages: blocks of text, tables and figures, rendered by one Jinja2 template.
+
+A page is a single file: figures are embedded and nothing is loaded from elsewhere.
+"""
 
 import base64
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.resources import files
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any, ClassVar
 
-from dpr_lab.report.plain import escaped
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from dpr_lab.errors import printable
+from dpr_lab.report.terms import TERMS
 from dpr_lab.whole_file import write_whole
 
 
-def template() -> str:
-    """The head with its style, and the body of the report of an identification."""
-    return files("dpr_lab.report").joinpath("template.html").read_text(encoding="utf-8")
+@dataclass(frozen=True, slots=True)
+class Paragraph:
+    """A paragraph; `style` is a class of the style sheet."""
+
+    kind: ClassVar = "paragraph"
+    text: str
+    style: str = ""
 
 
-def page_html(title: str, summary: str, sections: Iterable[str]) -> str:
-    """A page: its title, the result in a sentence, and whatever follows."""
-    head = template().split("<body>")[0].replace("$title", escaped(title))
-    header = f'<header>\n<h1>{escaped(title)}</h1>\n<p class="summary">{escaped(summary)}</p>\n</header>'
-    body = "\n".join(section for section in sections if section)
-    return f"{head}<body>\n{header}\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """A heading inside a section."""
+
+    kind: ClassVar = "heading"
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """A list of sentences."""
+
+    kind: ClassVar = "items"
+    sentences: Sequence[str]
+    numbered: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of text, with row headers in its first column; nothing is shown where it has no rows."""
+
+    kind: ClassVar = "table"
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    style: str = ""
+    """Class of the style sheet: `prose` wraps cells, `hash` shows the last column in small monospace."""
+    title: str = ""
+    """The table is folded under this title; empty: it is shown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """An embedded PNG file with its text alternative and caption."""
+
+    kind: ClassVar = "picture"
+    name: str
+    path: Path
+    alternative: str
+    caption: str
+
+    @property
+    def data(self) -> str:
+        """The file in base64."""
+        return base64.b64encode(self.path.read_bytes()).decode("ascii")
+
+
+@dataclass(frozen=True, slots=True)
+class Definitions:
+    """Pairs of a term and its definition."""
+
+    kind: ClassVar = "definitions"
+    pairs: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """Lines of preformatted text."""
+
+    kind: ClassVar = "formula"
+    lines: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """A stacked horizontal bar with a legend."""
+
+    kind: ClassVar = "bar"
+    title: str
+    parts: Sequence[tuple[str, float]]
+    """Legend and share of each part; the shares add up to 1 and the last part is the remainder."""
+
+
+Block = Paragraph | Heading | Items | Table | Picture | Definitions | Formula | Bar | str
+"""Part of a section; a string is a paragraph."""
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A section of a page; its blocks are folded under the heading unless it is open."""
+
+    title: str
+    blocks: Sequence[Block | None]
+    name: str = ""
+    """Its `id` on the page."""
+    is_open: bool = False
+
+
+def page_html(
+    title: str, summary: str, sections: Iterable[Section], *, lead: Sequence[Block] = (), footer: str = ""
+) -> str:
+    """Render a page.
+
+    Args:
+        title: heading of the page
+        summary: the result in at most three sentences
+        sections: sections in their order; those without blocks are left out
+        lead: blocks below the summary, before the first section
+        footer: last line of the page
+    """
+    shown = [section for section in sections if any(map(_has_content, section.blocks))]
+    columns = (
+        column
+        for block in (*lead, *(block for section in shown for block in section.blocks))
+        if isinstance(block, Table)
+        for column in block.columns
+    )
+    terms = {column: TERMS[column] for column in columns if column in TERMS}
+    template = _environment().get_template("page.html")
+    return template.render(title=title, summary=summary, lead=lead, sections=shown, terms=terms, footer=footer) + "\n"
+
+
+def _has_content(block: Block | None) -> bool:
+    match block:
+        case Table(rows=content) | Items(sentences=content):
+            return len(content) > 0
+    return bool(block)
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("dpr_lab.report"),
+        autoescape=True,
+        finalize=_printable,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+
+
+def _printable(value: Any) -> Any:
+    """Spell out control characters of a text that is not markup; Jinja2 escapes it afterwards."""
+    return printable(value) if isinstance(value, str) and not hasattr(value, "__html__") else value
 
 
 def write_page(page: str, path: Path) -> Path:
-    """Write a page; its path.
+    """Write a page and return its path.
 
     Raises:
         DprError: the folder or the file cannot be written.
     """
-    # A file name may hold bytes that are no text; the page stays valid UTF-8.
+    # A file name may hold bytes that are not text; the page stays valid UTF-8.
     write_whole(path, lambda file: file.write_bytes(page.encode("utf-8", "replace")))
     return path
 
 
-def section_html(title: str, *parts: str) -> str:
-    """A section with its heading."""
-    body = "\n".join(part for part in parts if part)
-    return f"<section>\n<h2>{escaped(title)}</h2>\n{body}\n</section>"
-
-
-def paragraph_html(sentence: str, style: str = "") -> str:
-    """A paragraph; nothing where there is no sentence."""
-    named = f' class="{style}"' if style else ""
-    return f"<p{named}>{escaped(sentence)}</p>" if sentence else ""
-
-
-def details_html(title: str, body: str) -> str:
-    """What a switch unfolds on a screen, and is there in print; beside the switch, whose own content browsers hide."""
-    return f'<details>\n<summary>{escaped(title)}</summary>\n</details>\n<div class="folded">\n{body}\n</div>'
-
-
-def list_html(sentences: Sequence[str], *, numbered: bool = False) -> str:
-    """A list of sentences; nothing where there are none."""
-    items, tag = "\n".join(f"<li>{escaped(sentence)}</li>" for sentence in sentences), "ol" if numbered else "ul"
-    return f"<{tag}>\n{items}\n</{tag}>" if sentences else ""
-
-
-def table_html(columns: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", style: str = "") -> str:
-    """A table of text."""
-    head = "".join(f'<th scope="col">{escaped(column)}</th>' for column in columns)
-    body = "\n".join(f"<tr>{_row(row)}</tr>" for row in rows)
-    title = f"<caption><span>{escaped(caption)}</span></caption>\n" if caption else ""
-    named = f' class="{style}"' if style else ""
-    return (
-        f'<div class="scroll" tabindex="0"><table{named}>\n{title}<thead><tr>{head}</tr></thead>\n'
-        f"<tbody>\n{body}\n</tbody>\n</table></div>"
-    )
-
-
-def figures_html(paths: Mapping[str, Path], said: Mapping[str, tuple[str, str]]) -> dict[str, str]:
-    """Figures that carry their pictures, by name.
-
-    Args:
-        paths: the picture of each
-        said: of each a text for readers who do not see it, and its caption
-    """
-    return {name: _figure(name, path, *said[name]) for name, path in paths.items()}
-
-
-def _figure(name: str, path: Path, alternative: str, caption: str) -> str:
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
-    return (
-        f'<figure id="{name}">\n<img alt="{escaped(alternative)}" src="data:image/png;base64,{data}">\n'
-        f"<figcaption>{escaped(caption)}</figcaption>\n</figure>"
-    )
-
-
-def _row(cells: Sequence[str]) -> str:
-    first, *rest = (escaped(cell) for cell in cells)
-    return f'<th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest)
+def pictures(paths: Mapping[str, Path], captions: Mapping[str, tuple[str, str]]) -> dict[str, Picture]:
+    """Pictures by name, each with its text alternative and caption."""
+    return {name: Picture(name, path, *captions[name]) for name, path in paths.items()}

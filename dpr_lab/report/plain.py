@@ -1,38 +1,30 @@
-"""Results as text: JSON on stdout or in a file, and HTML.
+"""Results as JSON.
 
-No result holds a number that is not finite. One that does is a bug: it is warned of, and null is written in its place.
+No result contains a number that is not finite. One that does is a bug: a warning is issued and null is written.
 """
 
 import json
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import Any
-
-from dpr_lab.errors import printable
 
 
 class NotFinite(RuntimeWarning):
-    """A result holds a number that is not finite."""
-
-
-def escaped(text: str) -> str:
-    """Text as it stands in HTML, in an element or an attribute."""
-    return escape(printable(text))
+    """A result contains a number that is not finite."""
 
 
 def as_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> str:
-    """One JSON object or a list of them, indented.
+    """Format a JSON object or a list of them, indented.
 
-    Warns `NotFinite` of a number that is not finite, with its key.
+    Warns `NotFinite` with the key of a number that is not finite.
     """
     return json.dumps(_finite(result, "result"), indent=1, default=str, allow_nan=False)
 
 
 def _finite(value: Any, key: str) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
-        warnings.warn(f"{key} is {value}, no finite number: null is written in its place", NotFinite, stacklevel=2)
+        warnings.warn(f"{key} is {value}, not a finite number: null is written instead", NotFinite, stacklevel=2)
         return None
     if isinstance(value, Mapping):
         return {str(name): _finite(part, f"{key}.{name}") for name, part in value.items()}

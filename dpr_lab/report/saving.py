@@ -1,4 +1,4 @@
-"""Results as files: the same figures, page and JSON whether a command or the bench screen asks for them."""
+"""Write results as files: figures, pages, models and exports, for commands and screen."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -26,11 +26,11 @@ from dpr_lab.whole_file import write_whole
 AXES = ("theta1", "theta2")
 
 BINARY = ("fmu", "fmu2")
-"""Formats that a diagnosis does not write by itself: they need what not every lab has installed."""
+"""Formats that a diagnosis does not write: they need optional packages."""
 
 
 def save_comparison(model: Model, comparisons: Sequence[Comparison], out: Path) -> dict[str, Any]:
-    """Write figures and report of a comparison; what `dpr-lab compare --json` prints.
+    """Write figures and report of a comparison; return what `dpr-lab compare --json` prints.
 
     Raises:
         DprError: the folder or a file cannot be written.
@@ -45,23 +45,27 @@ def save_comparison(model: Model, comparisons: Sequence[Comparison], out: Path) 
 
 
 def save_diagnosis(
-    found: Diagnosis, runs: Sequence[Run], rig: Rig, out: Path, on_loss: Callable[[str], None] = lambda sentence: None
+    diagnosis: Diagnosis,
+    runs: Sequence[Run],
+    rig: Rig,
+    out: Path,
+    on_loss: Callable[[str], None] = lambda sentence: None,
 ) -> dict[str, str]:
-    """Write report, figures, corrected model and its exports; their paths by name.
+    """Write report, figures, corrected model and its exports; return their paths by name.
 
     Args:
-        found: the diagnosis
-        runs: what was diagnosed, without what was held out
+        diagnosis: the diagnosis
+        runs: the diagnosed runs, without held-out runs
         rig: the rig
         out: the folder
-        on_loss: told what a program cannot say, and what that costs
+        on_loss: called with what a format cannot represent, and the resulting error
 
     Raises:
         DprError: the folder or a file cannot be written.
     """
-    figures = save_gap_figures(found, out)
-    report = write_gap_report(found, f"Double pendulum “{rig.name}”: why simulation and rig differ", out, figures)
-    corrected = corrected_model(found, runs, rig)
+    figures = save_gap_figures(diagnosis, out)
+    report = write_gap_report(diagnosis, f"Double pendulum “{rig.name}”: sim-to-real gap", out, figures)
+    corrected = corrected_model(diagnosis, runs, rig)
     corrected.save(out / "model.json")
     exports = save_exports(corrected, runs, rig, out, on_loss)
     return {"report": str(report), "model": str(out / "model.json"), "module": exports["python"], **exports}
@@ -70,64 +74,66 @@ def save_diagnosis(
 def save_exports(
     corrected: Model, runs: Sequence[Run], rig: Rig, out: Path, on_loss: Callable[[str], None]
 ) -> dict[str, str]:
-    """Write the corrected model for other programs: simpler where one cannot say it, but not worse than the bare model.
+    """Write the corrected model for other programs.
 
+    A format that cannot represent an effect gets a refitted, simpler model that is not worse than the bare model.
     Arguments and errors as of `save_diagnosis`.
     """
     formats = [name for name in FORMATS if name not in BINARY]
     models = fitted_for(formats, corrected, runs, rig)
-    beside = None
-    if any(item is not corrected for item in models.values()):
-        beside = _yardstick(corrected, [run for run in runs if run.arm is None], rig, on_loss)
+    reference = None
+    if any(model is not corrected for model in models.values()):
+        reference = _yardstick(corrected, [run for run in runs if run.arm is None], rig, on_loss)
     exports: dict[str, str] = {}
     for name in formats:
         model, lost, check = models[name], FORMATS[name].lost(corrected, rig), None
-        if beside is not None and model is not corrected:
-            model, swings = beside.held_against(model)
-            tried = beside.replayed(swings)
-            check = check_of(tried, beside.bare_rad)
-            off, own, bare = (
-                1e3 * each for each in (tried.off_rad, beside.replayed(beside.own).off_rad, beside.bare_rad)
-            )
+        if reference is not None and model is not corrected:
+            model, swings = reference.held_against(model)
+            replayed = reference.replayed(swings)
+            check = check_of(replayed, reference.bare_rad)
+            errors = replayed.off_rad, reference.replayed(reference.own).off_rad, reference.bare_rad
+            export_mrad, corrected_mrad, bare_mrad = (1e3 * error for error in errors)
             on_loss(
-                f"{name}: without {', '.join(map(named, lost))}; off by {off:.3g} mrad on these runs, the corrected"
-                f" model by {own:.3g}, the bare model by {bare:.3g}"
+                f"{name}: without {', '.join(map(named, lost))}; rms error on these runs {export_mrad:.3g} mrad"
+                f" (corrected model {corrected_mrad:.3g} mrad, bare model {bare_mrad:.3g} mrad)"
             )
         exports[name] = write_export(FORMATS[name], model, rig, out, lost, check)
     return exports
 
 
 def _yardstick(corrected: Model, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]) -> Yardstick | None:
-    """None, and a sentence, where no run can be replayed: an arm that moves, a swing that no start state comes near."""
+    """Reference for the error of exports; None, and a message, if no run can be replayed."""
     try:
         return yardstick(corrected, runs, rig)
     except DprError as error:
-        on_loss(f"what URDF and SDFormat cannot say was fitted again, what that costs is not known: {error}")
+        on_loss(f"URDF and SDFormat got refitted models, but their error is unknown: {error}")
         return None
 
 
-def check_of(tried: Replayed, bare_rad: float) -> dict[str, float]:
-    """What an export says beside its losses of how it does."""
-    return {"off_rad": tried.off_rad, "closed": tried.closed, "bare_rad": bare_rad}
+def check_of(replayed: Replayed, bare_rad: float) -> dict[str, float]:
+    """Errors of an export and of the bare model, for the file of the export."""
+    return {"off_rad": replayed.off_rad, "closed": replayed.closed, "bare_rad": bare_rad}
 
 
 def write_export(
-    made: ExportFormat,
+    export_format: ExportFormat,
     model: Model,
     rig: Rig,
     out: Path,
     lost: Mapping[str, str],
     check: Mapping[str, Any] | None = None,
 ) -> str:
-    """Write a model for another program; arguments as of `ExportFormat.written`. The file that is read first.
+    """Write a model for another program and return the path of its main file.
+
+    Arguments as of `ExportFormat.written`.
 
     Raises:
-        DprError: the folder or a file cannot be written, or what the format needs is not installed.
+        DprError: the folder or a file cannot be written, or a package of the format is not installed.
     """
-    for file, content in made.written(model, rig, lost, check).items():
+    for file, content in export_format.written(model, rig, lost, check).items():
         data = content if isinstance(content, bytes) else content.encode("utf-8")
         write_whole(out / file, partial(Path.write_bytes, data=data))
-    return str(out / made.main)
+    return str(out / export_format.main)
 
 
 def _record(comparison: Comparison) -> dict[str, Any]:

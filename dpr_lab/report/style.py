@@ -1,4 +1,4 @@
-"""How the figures look: told apart by width and dash as well as by colour, readable on screen and in print."""
+"""Style of the figures: lines differ in width and dash as well as in colour, for screen and print."""
 
 from contextlib import AbstractContextManager
 from typing import Any
@@ -10,14 +10,14 @@ WIDTH_IN = 9.0
 
 DPI = 150
 
-# Blues and orange of Okabe & Ito's palette for colour-blind readers, and a vermillion dark enough to differ in grey.
+# Blues and orange of the palette of Okabe & Ito for colour-blind readers, and a vermillion that is darker in grey.
 MEASURED: dict[str, Any] = {"color": "#56b4e9", "linewidth": 2.6, "linestyle": "-", "zorder": 2}
 SIMULATED: dict[str, Any] = {"color": "#a63603", "linewidth": 1.1, "linestyle": (0, (4, 1.4)), "zorder": 3}
 BEYOND: dict[str, Any] = {"color": "#a63603", "linewidth": 0.9, "linestyle": "-", "alpha": 0.5, "zorder": 1}
 HORIZON: dict[str, Any] = {"color": "#222222", "linewidth": 1.2, "linestyle": ":", "zorder": 4}
 RESIDUAL: dict[str, Any] = {"color": "#0072b2", "linewidth": 0.7, "linestyle": "-", "zorder": 2}
 NOISE_BAND: dict[str, Any] = {
-    # Above the residual, so that its edges are seen where dense noise fills the panel.
+    # Drawn above the residual, so that its edges are visible where dense noise fills the panel.
     "facecolor": ("#e69f00", 0.22),
     "edgecolor": "#222222",
     "linewidth": 0.9,
@@ -48,5 +48,5 @@ _SETTINGS: dict[str, Any] = {
 
 
 def house_style() -> AbstractContextManager[None]:
-    """Matplotlib's defaults and the settings above, whatever the user's own matplotlibrc says."""
+    """Context with the defaults of Matplotlib and the settings above; the user's matplotlibrc is ignored."""
     return style.context(["default", _SETTINGS])

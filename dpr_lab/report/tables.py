@@ -1,4 +1,4 @@
-"""An identification as rows of text: each number with its uncertainty and what fixed it, runs by pose and time."""
+"""Tables of an identification as rows of text: values with uncertainty and origin, runs by pose and time."""
 
 import math
 from collections.abc import Sequence
@@ -21,33 +21,31 @@ if TYPE_CHECKING:
 
 RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
 RATIO_NOTE = (
-    "a: inertia about joint 1; d: coupling of the rods; e1: gravity on joint 1; c1, c2: viscous friction of the joints;"
-    " all over b, the inertia of the outer rod about joint 2."
+    "a: inertia about joint 1; d: coupling of the rods; e1: gravity on joint 1; c1, c2: viscous friction of the joints."
+    " All are divided by b, the inertia of the outer rod about joint 2."
 )
-PARAMETER_COLUMNS = ("parameter", "value ± std", "90 % interval", "unit", "fixed by", "what it is")
+PARAMETER_COLUMNS = ("parameter", "value ± std", "90 % interval", "unit", "determined by", "meaning")
 PARAMETER_NOTE = (
-    "A measured value is one of the rig file (a scale, a calliper). Only its bounds: nothing here shows it, and other"
-    " values between the bounds of the rig file fit as well; measuring it is what helps. Its 90 % interval takes those"
-    " bounds as a prior."
+    "A measured value is given in the rig file (scale, calliper). Only its bounds: the parameter is not identifiable"
+    " from these runs, and its 90 % interval uses the bounds of the rig file as a prior. Measure it to determine it."
 )
-BASE_COLUMNS = ("base parameter", "value ± std", "unit", "what it is")
+BASE_COLUMNS = ("base parameter", "value ± std", "unit", "meaning")
 COMPARISON_COLUMNS = (
     "run",
     "role",
     "segments",
     "rms (mrad)",
     "noise (mrad)",
-    "times noise",
+    "rms / noise",
     "free run (mrad)",
     "horizon (s)",
 )
 COMPARISON_NOTE = (
-    "Numbers in pairs are θ1, θ2 (inner, outer rod). rms: residual of segments with free start states. "
-    "Free run: residual of one simulation from the release to the horizon. "
-    "Held out: the run took no part in the fit. ≥: predictable to the end of the record."
+    "Pairs are θ1, θ2 (inner, outer rod). rms: residual of segments with free initial states. Free run: rms error of"
+    " one simulation from the release to the horizon. Held out: not fitted. ≥: predictable to the end of the record."
 )
 RUN_COLUMNS = ("file", "pose", "samples", "duration (s)", "segments", "χ² per dof", "SHA-256")
-SEARCH_COLUMNS = ("what", "value")
+SEARCH_COLUMNS = ("quantity", "value")
 
 BASE_UNITS = {
     "a": ("kg m²", "inertia about joint 1, the outer mass at joint 2"),
@@ -73,35 +71,35 @@ PARAMETER_UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class NoiseLike:
-    """Residual over noise floor within which the two are called equal.
+    """Range of residual / noise floor in which the residual counts as noise.
 
-    A noise floor is itself an estimate, from little data when there was no rest.
+    The noise floor is itself an estimate, from few samples if there was no rest.
     """
 
     least: float = 0.8
-    """Leaves a squared residual of 0.64; below it the floor is overstated."""
+    """Squared ratio 0.64; below it the noise floor is overestimated."""
     most: float = 1.2
-    """Leaves a squared residual of 1.44; above it the model misses something."""
+    """Squared ratio 1.44; above it the model lacks an effect."""
     inflated: float = 1.5
-    """Times the Cramér-Rao standard deviation from which the difference is explained."""
+    """Ratio to the Cramér-Rao standard deviation above which the note explains the difference."""
 
 
 NOISE_LIKE = NoiseLike()
 
 
 def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: AngleUnit = RADIANS) -> str:
-    """One sentence: whether anything but noise is left, on the runs of the fit and on those held out."""
+    """One sentence: whether the residual is noise, in the fitted and in the held-out runs."""
     if model.failures:
-        return f"Not to be trusted: {'; '.join(model.failures)}."
-    used = _worst(list(model.fit.rms_rad.values()), list(model.fit.noise_rad.values()))
+        return f"Not reliable: {'; '.join(model.failures)}."
+    fitted = _worst(list(model.fit.rms_rad.values()), list(model.fit.noise_rad.values()))
     held_out = [_worst(c.segment_rms_rad, c.noise_rad) for c in comparisons if c.held_out]
-    left, floor = (_both(by_axis, angles) for by_axis in (model.fit.rms_rad, model.fit.noise_rad))
-    sizes = f"residual θ1, θ2: {left} against a noise floor of {floor}"
-    return f"{_verdict(used, held_out)} ({sizes}; {_held_out(held_out)})."
+    residual, floor = (_pair_with_unit(by_axis, angles) for by_axis in (model.fit.rms_rad, model.fit.noise_rad))
+    sizes = f"rms residual θ1, θ2: {residual}; noise floor: {floor}"
+    return f"{_verdict(fitted, held_out)} ({sizes}; {_held_out(held_out)})."
 
 
 def ratio_rows(model: "Model") -> list[list[str]]:
-    """The five ratios, one row each, in the columns `RATIO_COLUMNS`."""
+    """One row per ratio, in the columns `RATIO_COLUMNS`."""
     return [
         [
             name,
@@ -114,24 +112,24 @@ def ratio_rows(model: "Model") -> list[list[str]]:
 
 
 def ratio_note(model: "Model") -> str:
-    """What the ratios are, and why their standard deviations exceed those that `identifiability` prints."""
+    """Meaning of the ratios, and why their standard deviations exceed those of `identifiability`."""
     noise_and_misfit = math.sqrt(max(1.0, model.fit.chi2_per_dof))
-    times = [
-        ratio.std / (noise_and_misfit * least)
+    inflation = [
+        ratio.std / (noise_and_misfit * bound)
         for name, ratio in model.ratios.items()
-        if ratio.fixed_by == "data" and (least := model.cramer_rao_std[name]) > 0
+        if ratio.fixed_by == "data" and (bound := model.cramer_rao_std[name]) > 0
     ]
-    if not times or max(times) < NOISE_LIKE.inflated:
+    if not inflation or max(inflation) < NOISE_LIKE.inflated:
         return RATIO_NOTE
     return (
-        f"{RATIO_NOTE} The standard deviations include misfit inflation: residuals that the model leaves are correlated"
-        f" in time, so they are up to {three(max(times))} times the Cramér-Rao values, which `identifiability` prints"
-        " for independent residuals."
+        f"{RATIO_NOTE} The standard deviations include misfit inflation, because the residuals are correlated in time:"
+        f" they are up to {three(max(inflation))} times the Cramér-Rao values that `identifiability` prints for"
+        " independent residuals."
     )
 
 
 def base_rows(model: "Model") -> list[list[str]]:
-    """The six base parameters in the columns `BASE_COLUMNS`; none where nothing in the runs showed their scale."""
+    """The six base parameters in the columns `BASE_COLUMNS`; none if the runs do not identify their scale."""
     if model.base["b"].fixed_by != "data":
         return []
     return [
@@ -141,34 +139,34 @@ def base_rows(model: "Model") -> list[list[str]]:
 
 
 def parameter_rows(model: "Model") -> list[list[str]]:
-    """The nine kinetic parameters and what fixed each, in the columns `PARAMETER_COLUMNS`."""
+    """The nine physical parameters and what determines each, in the columns `PARAMETER_COLUMNS`."""
     rows: list[list[str]] = []
     for name, parameter in model.parameters.items():
         unit, meaning = PARAMETER_UNITS.get(name, ("", ""))
-        value, low_high = plus_minus(parameter.value, parameter.std), NONE
+        value, ends = plus_minus(parameter.value, parameter.std), NONE
         if parameter.interval90 is not None:
             std = parameter.std or (parameter.interval90[1] - parameter.interval90[0]) / 2
-            low_high = interval(*parameter.interval90, parameter.value, std)
-        rows.append([name, value, low_high, unit, FIXED_BY[parameter.fixed_by], meaning])
+            ends = interval(*parameter.interval90, parameter.value, std)
+        rows.append([name, value, ends, unit, FIXED_BY[parameter.fixed_by], meaning])
     return rows
 
 
 def parameter_note(model: "Model") -> str:
-    """What the nine values rest on, and what b they assume where only ratios are identified."""
+    """Origin of the nine values, and the b that they assume if only ratios are identified."""
     return f"{PARAMETER_NOTE} {scaled_unit(model.scale.sentence)}" if model.scale else PARAMETER_NOTE
 
 
 def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RADIANS) -> list[list[str]]:
-    """One row for each compared run, in the columns `COMPARISON_COLUMNS`."""
+    """One row per compared run, in the columns `COMPARISON_COLUMNS`."""
     return [
         [
             compared_name(comparison),
-            ("held out" if comparison.held_out else "used")
+            ("held out" if comparison.held_out else "fitted")
             + (f", {comparison.torque_kind} torques" if comparison.torque_kind else ""),
             str(comparison.segments),
             pair(angles.small_per_rad * comparison.segment_rms_rad),
             pair(angles.small_per_rad * comparison.noise_rad),
-            pair(_times(comparison.segment_rms_rad, comparison.noise_rad)),
+            pair(_noise_ratio(comparison.segment_rms_rad, comparison.noise_rad)),
             pair(angles.small_per_rad * comparison.free_run_rms_rad),
             ("≥ " if to_the_end(comparison) else "") + three(comparison.horizon_s),
         ]
@@ -177,7 +175,7 @@ def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RAD
 
 
 def run_rows(model: "Model") -> list[list[str]]:
-    """The runs that the model was identified from, in the columns `RUN_COLUMNS`."""
+    """One row per fitted run, in the columns `RUN_COLUMNS`."""
     return [
         [
             run.file,
@@ -193,62 +191,62 @@ def run_rows(model: "Model") -> list[list[str]]:
 
 
 def _zeros(fitted: Sequence[float]) -> str:
-    """What encoders that are put to zero before each run read too much in it."""
-    return f", zeros off by {' and '.join(f'{1e3 * zero:.3g}' for zero in fitted)} mrad" if fitted else ""
+    """Fitted zero offsets of encoders that are zeroed before each run."""
+    return f", zero offsets {' and '.join(f'{1e3 * zero:.3g}' for zero in fitted)} mrad" if fitted else ""
 
 
 def search_rows(model: "Model") -> list[list[str]]:
-    """How the model was found: enough to repeat the search, in the columns `SEARCH_COLUMNS`."""
+    """Settings and result of the search, sufficient to repeat it, in the columns `SEARCH_COLUMNS`."""
     from dpr_lab.identification.objectives import objective_words
     from dpr_lab.search import search_words
 
     search, fit = model.search, model.fit
-    chosen = f"{search_words(search.algorithm)}, objective {objective_words(search.objective)}, seed {search.seed}"
+    settings = f"{search_words(search.algorithm)}, objective {objective_words(search.objective)}, seed {search.seed}"
     best = ", ".join(f"{name} = {value:.4g}" for name, value in search.best.items())
     return [
-        ["search", chosen],
+        ["search", settings],
         ["generations", str(search.generations)],
         ["evaluations", str(search.evaluations)],
         ["time", f"{three(search.seconds)} s"],
         ["cost of the best individual", f"{search.best_cost:.4g}"],
-        ["best individual, before the local solver", best or NONE],
+        ["best individual before the local solver", best or NONE],
         ["local solver", f"{fit.iterations} iterations, {fit.segments} segments up to {fit.longest_segment_s:.3g} s"],
-        ["χ² per degree of freedom", f"{three(fit.chi2_per_dof)} (1 = nothing left but noise)"],
+        ["χ² per degree of freedom", f"{three(fit.chi2_per_dof)} (1 = noise alone)"],
     ]
 
 
 def local_time(utc: str) -> str:
-    """`2026-11-21 11:15 CET` of a time in UTC (ISO 8601, or as in the name of a run file); else as it is."""
+    """Convert a time in UTC (ISO 8601, or as in a run file name) to `2026-11-21 11:15 CET`; other text is kept."""
     if len(utc) <= len("2026-11-21"):
         return utc
     try:
-        at = datetime.fromisoformat(utc.replace("Z", "+00:00"))
-        at = at if at.tzinfo is not None else at.replace(tzinfo=UTC)
-        return f"{at.astimezone():%Y-%m-%d %H:%M %Z}"
-    except (ValueError, OverflowError, OSError):  # no time, or none that this computer's clock knows
+        time = datetime.fromisoformat(utc.replace("Z", "+00:00"))
+        time = time if time.tzinfo is not None else time.replace(tzinfo=UTC)
+        return f"{time.astimezone():%Y-%m-%d %H:%M %Z}"
+    except (ValueError, OverflowError, OSError):  # not a time, or outside the range of this computer's clock
         return utc
 
 
 def recorded(run: Path) -> str:
-    """When a run was recorded, from a file name `<utc>_<pose>_<uid8>`; empty for others."""
+    """Time of recording from a file name `<utc>_<pose>_<uid8>`; empty for other names."""
     parts = run.stem.split("_")
     when = local_time(parts[0])
     return when if len(parts) > 2 and when != parts[0] else ""
 
 
 def run_pose(run: Path) -> str:
-    """The pose of a run, from a file name `<utc>_<pose>_<uid8>`; others by their name."""
+    """Pose of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
     return "_".join(run.stem.split("_")[1:-1]) if recorded(run) else run.stem
 
 
 def run_name(run: Path) -> str:
-    """A run by its pose and when it was recorded, from a file name `<utc>_<pose>_<uid8>`; others by their name."""
+    """Pose and time of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
     when = recorded(run)
     return f"{run_pose(run)} ({when})" if when else run.stem
 
 
 def compared_name(comparison: "Comparison") -> str:
-    """The run of a comparison; one that is not named by its pose has it in front."""
+    """Label of a compared run: its pose is put in front unless the name contains it."""
     name = run_name(Path(f"{comparison.run}.mcap"))
     return f"{comparison.pose} {name}" if comparison.pose and name == comparison.run else name
 
@@ -258,16 +256,16 @@ def to_the_end(comparison: "Comparison") -> bool:
     return len(comparison.t) > 0 and comparison.horizon_s >= comparison.t[-1]
 
 
-def _verdict(used: float, held_out: Sequence[float]) -> str:
-    if not math.isfinite(used):
-        return "The noise floor is not known, so the residual says nothing about the model"
-    if used > NOISE_LIKE.most:
-        return f"The residual is {three(used)} times the noise floor: the model misses something"
+def _verdict(fitted: float, held_out: Sequence[float]) -> str:
+    if not math.isfinite(fitted):
+        return "The noise floor is unknown, so the residual cannot be judged"
+    if fitted > NOISE_LIKE.most:
+        return f"The residual is {three(fitted)} times the noise floor: the model lacks an effect"
     if not all(multiple <= NOISE_LIKE.most for multiple in held_out):
-        return "Nothing is left but noise on the runs of the fit, yet the model does not carry over to others"
-    if used < NOISE_LIKE.least:
-        return f"The residual is {three(used)} times the noise floor: the floor is overstated, and so are the intervals"
-    return "Nothing is left but noise"
+        return "The residual of the fitted runs is noise, but that of held-out runs is larger"
+    if fitted < NOISE_LIKE.least:
+        return f"The residual is {three(fitted)} times the noise floor: noise floor and intervals are overestimated"
+    return "The residual is noise alone"
 
 
 def _held_out(multiples: Sequence[float]) -> str:
@@ -278,13 +276,13 @@ def _held_out(multiples: Sequence[float]) -> str:
 
 
 def _worst(rms: Sequence[float] | NDArray[np.float64], noise: Sequence[float] | NDArray[np.float64]) -> float:
-    return float(np.max(_times(np.asarray(rms), np.asarray(noise))))
+    return float(np.max(_noise_ratio(np.asarray(rms), np.asarray(noise))))
 
 
-def _times(rms: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Residual as a multiple of the noise floor, by axis; NaN where no floor is known."""
+def _noise_ratio(rms: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Residual / noise floor by axis; NaN where the noise floor is unknown."""
     return np.divide(rms, noise, out=np.full(len(rms), np.nan), where=noise > 0)
 
 
-def _both(by_axis: dict[str, float], angles: AngleUnit) -> str:
+def _pair_with_unit(by_axis: dict[str, float], angles: AngleUnit) -> str:
     return f"{pair(angles.small_per_rad * value for value in by_axis.values())} {angles.small}"

@@ -140,7 +140,7 @@ def test_a_new_diagnosis_names_its_parent(diagnosis: Diagnosis, tmp_path: Path) 
     assert again == found
     assert len(found.parent) == 64
     page = (tmp_path / "new" / "diagnosis.html").read_text()
-    assert "Checks that were done" in page
+    assert "Results of checks" in page
     with pytest.raises(RunError, match="give its result"):
         take_check(CheckRequest(file, check.id))
     file.write_text("{}")

@@ -82,7 +82,7 @@ def test_the_page_tells_the_whole_story_and_fetches_nothing(two_found: Diagnosis
     figures = save_gap_figures(two_found, tmp_path)
     written = write_gap_report(two_found, "Rig", tmp_path, figures)
     page = written.read_text(encoding="utf-8")
-    assert all(f"<h2>{section.title}</h2>" in page for section in SECTIONS if section.name != "closing")
+    assert all(f"<h2>{section.title}</h2>" in page for section in SECTIONS)
     drawn = {section.name for section in SECTIONS if section.figure is not None} - {"trust"}  # none was asked for
     assert set(figures) == {"where", "gap_horizon", *drawn}
     assert page.count("<img") == len(figures)
@@ -90,4 +90,4 @@ def test_the_page_tells_the_whole_story_and_fetches_nothing(two_found: Diagnosis
     assert page.count('</summary>\n</details>\n<div class="folded">') == page.count("<details>")
     assert "@media screen { details:not([open]) + .folded { display: none; } }" in page  # and nothing hides it in print
     assert "http" not in page.replace("http-equiv", "")
-    assert page.index("What to do") < page.index("Which effects")
+    assert page.index("Recommended actions") < page.index("Effects and alternatives")

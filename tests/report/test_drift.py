@@ -25,17 +25,17 @@ def drift(*parameters: Moved) -> Drift:
     return Drift(days, (3, 3, 3), parameters, "runs of one group", 3.5, 0.012)
 
 
-def test_the_result_says_between_which_groups_a_parameter_changed() -> None:
+def test_the_verdict_names_the_groups_between_which_a_parameter_changed() -> None:
     assert "c2/b by +15 % between 2026-11-16 and 2026-11-18" in sentence(drift(moved()))
     (row,) = rows(drift(moved()))
     assert "2026-11-16 and 2026-11-18" in row
     assert [row[1] for row in group_rows(drift(moved()))] == [
-        "2026-11-17 less 2026-11-16",
-        "2026-11-18 less 2026-11-16",
+        "2026-11-17 minus 2026-11-16",
+        "2026-11-18 minus 2026-11-16",
     ]
 
 
-def test_a_change_from_nothing_has_no_per_cent() -> None:
+def test_a_change_from_about_zero_is_absolute() -> None:
     assert relative(moved(first=1e-5), 0.03) == "+0.03"
 
 

@@ -157,8 +157,8 @@ def test_a_run_may_have_any_name(model, comparison, tmp_path):
 
 
 def test_nothing_to_compare_gives_pictures_that_say_so(model, tmp_path):
-    assert [text.get_text() for text in response_figure([]).texts] == ["no run was compared"]
-    assert [text.get_text() for text in error_figure([]).texts] == ["no run was compared"]
+    assert [text.get_text() for text in response_figure([]).texts] == ["No run was compared."]
+    assert [text.get_text() for text in error_figure([]).texts] == ["No run was compared."]
     assert len(save_figures(model(), [], tmp_path)) == 3
 
 

@@ -2,7 +2,7 @@ import pytest
 
 from dpr_lab.gap.result.diagnosis import EffectSize, NamedEffect
 from dpr_lab.identification.scaling.scale import Scale
-from dpr_lab.report.gap.sizes import absolute_sentence, scale_note, size_in_sentence, sizes_cell
+from dpr_lab.report.gap.sizes import scale_note, sizes_cell
 from tests.report.test_gap_report import diagnosis as diagnosis
 
 NOT_MEASURED = Scale(b=0.00541, interval90=(0.00487, 0.00623), fixed_by="bound")
@@ -24,36 +24,32 @@ def named(size: EffectSize = TORQUE) -> NamedEffect:
 
 
 def test_where_only_ratios_are_identified_the_ratio_stands_before_the_absolute_size(diagnosis) -> None:
-    found = diagnosis(scale=NOT_MEASURED, effects=[named()])
-    cell = sizes_cell(found, found.effects[0])
+    result = diagnosis(scale=NOT_MEASURED, effects=[named()])
+    cell = sizes_cell(result, result.effects[0])
     assert cell == (
         "torque / b = 0.4250 1/s² (0.4210 to 0.4290); assuming b = 0.00541 kg m² (not measured):"
         " torque 2.30 mN m (2.07 to 2.65)"
     )
-    assert size_in_sentence(found, found.effects[0]) == "torque / b = 0.4250 1/s², 0.4210 to 0.4290"
-    assert "Assuming b = 0.00541 kg m² (not measured)" in absolute_sentence(found)
-    assert "2.30 mN m (2.07 to 2.65)" in absolute_sentence(found)
-    assert "0.00487 to 0.00623" in scale_note(found)
+    assert "0.00487 to 0.00623" in scale_note(result)
 
 
 def test_a_measured_scale_gives_an_absolute_size_with_the_uncertainty_of_the_scale(diagnosis) -> None:
-    found = diagnosis(scale=NOT_MEASURED.model_copy(update={"fixed_by": "measured"}), effects=[named()])
-    assert sizes_cell(found, found.effects[0]) == "torque 2.30 mN m (2.07 to 2.65)"
-    assert absolute_sentence(found) == ""
+    result = diagnosis(scale=NOT_MEASURED.model_copy(update={"fixed_by": "measured"}), effects=[named()])
+    assert sizes_cell(result, result.effects[0]) == "torque 2.30 mN m (2.07 to 2.65)"
 
 
 def test_an_angle_has_no_ratio_and_a_diagnosis_of_an_older_version_keeps_its_interval(diagnosis) -> None:
     old = EffectSize(value=0.0023, interval90=(0.0022, 0.0024))
-    found = diagnosis(effects=[named(old)])
-    assert sizes_cell(found, found.effects[0]) == "torque 2.30 mN m (2.20 to 2.40)"
-    assert scale_note(found) == ""
+    result = diagnosis(effects=[named(old)])
+    assert sizes_cell(result, result.effects[0]) == "torque 2.30 mN m (2.20 to 2.40)"
+    assert scale_note(result) == ""
 
 
 @pytest.mark.parametrize(("unit", "text"), [("1/kg", "torque · b"), ("N m", "torque / b")])
 def test_a_ratio_says_whether_b_divides_or_multiplies(diagnosis, unit: str, text: str) -> None:
     size = TORQUE.model_copy(update={"ratio_unit": "m^2" if unit == "1/kg" else "1/s^2"})
-    found = diagnosis(scale=NOT_MEASURED, effects=[named(size)])
-    assert sizes_cell(found, found.effects[0]).startswith(text)
+    result = diagnosis(scale=NOT_MEASURED, effects=[named(size)])
+    assert sizes_cell(result, result.effects[0]).startswith(text)
 
 
 def test_a_negative_drift_of_friction_is_put_into_words(diagnosis) -> None:
@@ -63,6 +59,5 @@ def test_a_negative_drift_of_friction_is_put_into_words(diagnosis) -> None:
             "parameters": {"rate_Nm_per_rad": TORQUE.model_copy(update={"value": -1e-5})},
         }
     )
-    found = diagnosis(scale=NOT_MEASURED, effects=[drift])
-    assert "viscous friction falls during the swing" in sizes_cell(found, drift)
-    assert "viscous friction falls during the swing" in size_in_sentence(found, drift)
+    result = diagnosis(scale=NOT_MEASURED, effects=[drift])
+    assert "viscous friction falls during the swing" in sizes_cell(result, drift)

@@ -61,9 +61,9 @@ def test_a_compared_run_in_mrad_and_times_noise(comparison):
 
 
 def test_a_horizon_beyond_the_record_is_only_bounded_from_below(comparison):
-    made = comparison()
+    whole = comparison()
 
-    (row,) = tables.comparison_rows([replace(made, horizon_s=float(made.t[-1]))])
+    (row,) = tables.comparison_rows([replace(whole, horizon_s=float(whole.t[-1]))])
 
     assert row[7] == "≥ 2.00"
 
@@ -76,17 +76,17 @@ def test_a_run_without_pose_or_noise_floor_shows_dashes(comparison):
 
 
 @pytest.mark.parametrize(
-    ("times_noise", "says"),
+    ("times_noise", "verdict"),
     [
-        (1.0, "Nothing is left but noise (residual"),
-        (3.4, "3.40 times the noise floor: the model misses something"),
-        (0.5, "0.500 times the noise floor: the floor is overstated"),
+        (1.0, "The residual is noise alone (rms residual"),
+        (3.4, "3.40 times the noise floor: the model lacks an effect"),
+        (0.5, "0.500 times the noise floor: noise floor and intervals are overestimated"),
     ],
 )
-def test_the_summary_judges_the_residual_by_the_noise_floor(times_noise, says, model):
+def test_the_summary_judges_the_residual_by_the_noise_floor(times_noise, verdict, model):
     sentence = tables.summary(model(times_noise))
 
-    assert says in sentence
+    assert verdict in sentence
     assert "no run held out" in sentence
 
 
@@ -97,7 +97,7 @@ def test_noise_on_the_fit_is_not_enough_when_a_held_out_run_is_worse(residual, m
 
     sentence = tables.summary(model(), compared)
 
-    assert sentence.startswith("Nothing is left but noise on the runs of the fit, yet the model does not carry over")
+    assert sentence.startswith("The residual of the fitted runs is noise, but that of held-out runs is larger")
     assert "2 runs held out" in sentence
 
 
@@ -105,17 +105,17 @@ def test_a_used_run_does_not_count_as_held_out(model, comparison):
     assert "no run held out" in tables.summary(model(), [comparison(residual=5.0)])
 
 
-def test_a_model_that_failed_its_own_checks_is_not_praised(model):
+def test_a_model_with_failed_checks_is_not_reliable(model):
     sentence = tables.summary(model(failures=["did not converge"]))
 
-    assert sentence == "Not to be trusted: did not converge."
+    assert sentence == "Not reliable: did not converge."
 
 
 def test_without_a_noise_floor_there_is_no_verdict(model):
     whole = model()
     fit = whole.fit.model_copy(update={"noise_rad": {"theta1": 0.0, "theta2": 0.0}})
 
-    assert tables.summary(model(fit=fit)).startswith("The noise floor is not known")
+    assert tables.summary(model(fit=fit)).startswith("The noise floor is unknown")
 
 
 def test_compared_runs_stand_side_by_side_in_80_columns_by_pose_and_local_time(comparison, monkeypatch):

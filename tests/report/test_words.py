@@ -1,4 +1,4 @@
-"""Words before identifiers, and sizes in units that a person reads."""
+"""Words before identifiers, and sizes in practical units."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from dpr_lab.report.words import in_words, named, parameter_words, size_words
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_every_effect_is_named_in_words_with_its_identifier_beside_them(name):
+def test_every_effect_has_words_followed_by_its_identifier(name):
     words = EFFECTS[name].words
     assert words
     assert "_" not in words
@@ -23,19 +23,18 @@ def test_words_are_unique():
     assert len({effect.words for effect in EFFECTS.values()}) == len(EFFECTS)
 
 
-def test_a_sentence_gets_words_and_sizes_once():
-    said = "By coulomb_joint2 and load_friction_joint2 of joint2, not friction_joint2."
-    once = in_words(said, {"coulomb_joint2": "0.80 mN m"})
+def test_a_sentence_gets_words_once():
+    text = "By coulomb_joint2 and load_friction_joint2 of joint2, not friction_joint2."
+    once = in_words(text)
     assert once == (
-        "By Coulomb friction, joint 2 (0.80 mN m) [coulomb_joint2] and load-dependent friction, joint 2"
-        " [load_friction_joint2] of joint 2, not friction_joint2."
+        f"By {named('coulomb_joint2')} and {named('load_friction_joint2')} of joint 2, not friction_joint2."
     )
     assert in_words(once) == once
     assert in_words("Two stay. base_tilt goes.") == "Two stay. Base tilt [base_tilt] goes."
 
 
 @pytest.mark.parametrize(
-    ("effect", "parameter", "values", "said"),
+    ("effect", "parameter", "values", "expected"),
     [
         ("coulomb_joint2", "torque_Nm", (0.0008,), "0.800 mN m"),
         ("coulomb_joint2", "torque_Nm", (0.0008, 0.0007, 0.0009), "0.800 mN m (0.700 to 0.900)"),
@@ -47,8 +46,8 @@ def test_a_sentence_gets_words_and_sizes_once():
         ("gone", "torque_Nm", (0.5,), "0.500"),
     ],
 )
-def test_a_size_is_read_in_its_own_unit(effect, parameter, values, said):
-    assert size_words(effect, parameter, RADIANS, *values) == said
+def test_a_size_is_shown_in_a_practical_unit(effect, parameter, values, expected):
+    assert size_words(effect, parameter, RADIANS, *values) == expected
 
 
 def test_angles_are_in_the_unit_asked_for():

@@ -51,7 +51,7 @@ def test_a_diagnosis_is_tried_on_plants_like_its_own_rig(recorded: Callable[...,
         without = trust(found, runs, paper, 4, library=LIBRARY)
     assert [item.verdict for item in without.trials] == ["refused"] * 4
     assert (without.right.held, without.wrong.held, without.false_alarms.held) == (0, 0, 0)
-    assert "Of 4 the diagnosis refused" in trust_words(found.model_copy(update={"trust": without}))[0]
+    assert "In 4 trials the recordings were refused" in trust_words(found.model_copy(update={"trust": without}))[0]
 
     whole = found.model_copy(update={"trust": tried})
     assert trust_figure(whole) is not None

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: where the gap lies, what closes it, how it grows with the horizon."""
+"""Figures of a diagnosis: residual maps, gap reduction by effect, gap by segment length."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from dpr_lab.report.words import in_words
 
 
 def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
-    """Maps of the places that explain most, with 90 % intervals."""
+    """Residual maps of the places with the largest share of the excess, with 90 % intervals."""
     with style.house_style():
         shown = [place for place in diagnosis.where[:most] if place.knots and not _flat(place)]
         if not shown:
-            return empty_figure("there is no gap to locate")
+            return empty_figure("There is no gap to locate.")
         figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
         grid = figure.subplots((len(shown) + 1) // 2, 2, squeeze=False)
         for axes, place in zip(grid.flat, shown, strict=False):
@@ -33,7 +33,7 @@ def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
 
 
 def _flat(place: Where) -> bool:
-    """Whether a map says no more than one number would."""
+    """Whether a map is constant within its uncertainty."""
     _, values, reach = place_map(place)
     known = np.isfinite(values)
     return bool(known.any()) and float(np.ptp(values[known])) < 1e-2 * float(reach[known].min())
@@ -47,14 +47,14 @@ def _draw_place(axes: Axes, place: Where) -> None:
     scale, clipped = signal_scale(values, reach)
     axes.set_ylim(*scale)
     if clipped:
-        axes.annotate("part of it lies outside", (0.01, 0.02), xycoords="axes fraction", fontsize="small")
+        axes.annotate("clipped", (0.01, 0.02), xycoords="axes fraction", fontsize="small")
     axes.set_title(f"{in_words(place.site)} by {place.coordinate}: {place.share:.0%} of the excess")
     axes.set_xlabel(coordinate(place)[0])
     axes.set_ylabel(quantity(place)[0])
 
 
 def waterfall_figure(diagnosis: Diagnosis) -> Figure:
-    """Gap left after each named effect, beside the noise floor."""
+    """Gap after each named effect is added, with the noise floor."""
     with style.house_style():
         names, gaps = zip(*((name.replace(" [", "\n["), gap) for name, gap in steps(diagnosis)), strict=True)
         heights = 1e3 * np.array(gaps)
@@ -65,29 +65,32 @@ def waterfall_figure(diagnosis: Diagnosis) -> Figure:
         axes.bar_label(bars, [f"{height:.3g}" for height in heights], padding=4)
         axes.axvline(floor, label="noise floor", **style.HORIZON)
         axes.invert_yaxis()
-        axes.set_xlabel("gap above the noise, both joints, segments of 0.5 s (mrad rms)")
+        axes.set_xlabel("gap of both joints, segments of 0.5 s (mrad rms)")
         legend_above(figure)
         return figure
 
 
 def horizon_figure(diagnosis: Diagnosis) -> Figure:
-    """Gap before and after against the length of a segment with a free start state."""
+    """Gap of the bare and of the corrected model over the length of segments with free initial states."""
     with style.house_style():
         lengths = [float(length) for length in diagnosis.gap.by_horizon]
         if not lengths:
-            return empty_figure("nothing was compared over a horizon")
+            return empty_figure("The gap by segment length was not computed.")
         figure = new_figure(3.2)
         axes = figure.subplots()
-        for name, look in (("before", style.SIMULATED), ("after", style.RESIDUAL)):
+        for name, label, line in (
+            ("before", "bare model", style.SIMULATED),
+            ("after", "corrected model", style.RESIDUAL),
+        ):
             rms = [1e3 * max(models[name], 1e-9) for models in diagnosis.gap.by_horizon.values()]
-            axes.loglog(lengths, rms, label=f"{name} the effects", marker="o", **look)
+            axes.loglog(lengths, rms, label=label, marker="o", **line)
         floor = 1e3 * float(np.sqrt(np.mean(np.square(list(diagnosis.gap.floor_rad.values())))))
-        axes.axhline(floor, label="noise of a reading", **style.HORIZON)
+        axes.axhline(floor, label="noise floor", **style.HORIZON)
         axes.set_ylim(bottom=floor / 30)
         axes.set_xticks(lengths, list(diagnosis.gap.by_horizon))
         axes.minorticks_off()
-        axes.set_xlabel("horizon (s)")
-        axes.set_ylabel("gap above the noise (mrad rms)")
+        axes.set_xlabel("segment length (s)")
+        axes.set_ylabel("gap (mrad rms)")
         legend_above(figure)
         return figure
 
@@ -96,7 +99,7 @@ def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
     """Write the figures of a diagnosis as PNG.
 
     Returns:
-        path of each file by the name of its figure: where, waterfall or what the evidence has in its place, gap_horizon
+        path of each file by the name of its figure: where, waterfall or the figures of the evidence, gap_horizon
 
     Raises:
         DprError: the folder or a file cannot be written.

@@ -1,4 +1,4 @@
-"""A section of the page: plain words, a figure with its table folded away behind it, and the symbols last."""
+"""A section of the report that shows evidence: sentences, a figure with its folded table, and the equations."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,31 +7,31 @@ from matplotlib.figure import Figure
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Evidence
-from dpr_lab.report.page import details_html, paragraph_html, section_html, table_html
+from dpr_lab.report.page import Block, Paragraph, Picture, Table
 
 Rows = Sequence[Sequence[str]]
 
 
 @dataclass(frozen=True, slots=True)
 class PageSettings:
-    """What of the evidence is drawn, and when it counts."""
+    """Sizes of figures and tables, and thresholds of statements."""
 
     most_runs: int = 4
-    """Whose curves are drawn; the figures of all stand in the tables of the budget."""
+    """Maximum number of runs in the figure of curves; the table of the budget lists all."""
     every: int = 5
-    """Of the points of a curve, that the table behind it holds."""
+    """Every so many points of a curve are listed in its table."""
     rows_of: int = 2
-    """Cells of a map that one row of its table holds, of 15 degrees each."""
+    """Cells of a map, 15 degrees each, per row of its table."""
     sharp: int = 8
-    """Points along the edge of a cell of a map, by which its outline has corners."""
+    """Points along the edge of a map cell, so that its outline has corners."""
     least_mrad: float = 1e-4
-    """Where the scale of the budget begins at the latest: nobody asks for less."""
+    """Upper limit of the lower end of the budget's logarithmic scale, mrad."""
     coverage_factor: float = 2.0
-    """Of an expanded uncertainty of about 95 % (GUM, 6.2)."""
+    """Coverage factor of an expanded uncertainty of about 95 % (GUM, 6.2)."""
     sure: float = 0.95
-    """Confidence from which an effect counts as excluded."""
+    """Confidence above which an effect is excluded."""
     white95: float = 1.96
-    """Standard deviations within which 95 % of what is normal lie."""
+    """Standard deviations that contain 95 % of a normal distribution."""
 
 
 PAGE = PageSettings()
@@ -39,7 +39,7 @@ PAGE = PageSettings()
 
 @dataclass(frozen=True, slots=True)
 class FoldedTable:
-    """A table behind a figure."""
+    """Values of a figure, as a folded table."""
 
     title: str
     columns: tuple[str, ...]
@@ -50,56 +50,51 @@ class FoldedTable:
 
 @dataclass(frozen=True, slots=True)
 class EvidenceSection:
-    """What a diagnosis with evidence says on one matter; every function is given one that has some."""
+    """One topic of a diagnosis; all functions require a diagnosis with evidence."""
 
     name: str
-    """Of its figure and of its place on the page."""
+    """Name of its figure."""
     title: str
+    """Heading of the section."""
     words: Callable[[Diagnosis], Sequence[str]]
-    """Sentences for everybody."""
+    """Sentences of the section."""
     tables: tuple[FoldedTable, ...]
+    """Folded tables."""
     figure: Callable[[Diagnosis], Figure | None] | None = None
+    """Draws the figure; None: the section has none."""
     alternative: str = ""
-    """For readers who do not see the figure."""
+    """Text alternative of the figure."""
     caption: str = ""
+    """Caption of the figure."""
     symbols: str = ""
-    """The same as the literature writes it, with the source."""
+    """Equations with their source."""
 
 
 def evidence_of(diagnosis: Diagnosis) -> Evidence:
-    """What a diagnosis rests on, where a section is made of it.
+    """Return the evidence of a diagnosis.
 
     Raises:
-        ValueError: a diagnosis of an older version, without any.
+        ValueError: the diagnosis is of an older version, without evidence.
     """
     if diagnosis.evidence is None:
         raise ValueError("this diagnosis holds no evidence")
     return diagnosis.evidence
 
 
-def evidence_html(section: EvidenceSection, diagnosis: Diagnosis, drawn: Mapping[str, str]) -> str:
-    """The section; nothing where the diagnosis has no evidence.
+def evidence_blocks(section: EvidenceSection, diagnosis: Diagnosis, drawn: Mapping[str, Picture]) -> list[Block | None]:
+    """Blocks of a section: sentences, figure, folded tables, equations.
 
     Args:
-        section: which
-        diagnosis: the result
+        section: the section
+        diagnosis: a diagnosis with evidence
         drawn: figures by name
     """
-    if diagnosis.evidence is None:
-        return ""
-    return section_html(section.title, *evidence_parts(section, diagnosis, drawn))
-
-
-def evidence_parts(section: EvidenceSection, diagnosis: Diagnosis, drawn: Mapping[str, str]) -> list[str]:
-    """Its parts, for a page that has more to say under the same heading."""
-    behind = [
-        details_html(table.title, table_html(table.columns, rows, table.note, style=table.style))
-        for table in section.tables
-        if (rows := table.rows(diagnosis))
-    ]
     return [
-        *map(paragraph_html, section.words(diagnosis)),
-        drawn.get(section.name, ""),
-        *behind,
-        paragraph_html(section.symbols, style="soft"),
+        *section.words(diagnosis),
+        drawn.get(section.name),
+        *(
+            Table(table.columns, table.rows(diagnosis), table.note, table.style, table.title)
+            for table in section.tables
+        ),
+        Paragraph(section.symbols, "soft") if section.symbols else None,
     ]

@@ -1,14 +1,13 @@
-"""Sizes of named effects: the ratio to b first where only that is identified, then the absolute value."""
+"""Sizes of named effects: the ratio to b first if only ratios are identified, then the absolute value."""
 
 from dpr_lab.gap.result.diagnosis import Diagnosis, EffectSize, NamedEffect
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import with_interval
-from dpr_lab.report.words import named, negative_words, parameter_words, scaled_unit, size_words
-from dpr_lab.shown import listed
+from dpr_lab.report.words import negative_words, parameter_words, scaled_unit, size_words
 
 
 def only_ratios(diagnosis: Diagnosis) -> bool:
-    """Whether nothing but prior bounds fixes the scale, so that only ratios to b are identified."""
+    """Whether only prior bounds determine the scale, so that only ratios to b are identified."""
     return diagnosis.scale is not None and not diagnosis.scale.known
 
 
@@ -18,40 +17,12 @@ def assumed(diagnosis: Diagnosis) -> str:
 
 
 def scale_note(diagnosis: Diagnosis) -> str:
-    """What all absolute sizes of a diagnosis rest on; empty in a diagnosis of an older version."""
+    """The assumption behind all absolute sizes of a diagnosis; empty in a diagnosis of an older version."""
     return scaled_unit(diagnosis.scale.sentence) if diagnosis.scale else ""
 
 
-def size_in_sentence(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS) -> str:
-    """The size of an effect of one parameter, for the verdict; empty for an effect of several."""
-    if len(effect.parameters) != 1:
-        return ""
-    ((name, size),) = effect.parameters.items()
-    if only_ratios(diagnosis) and size.ratio is not None:
-        words = _ratio(name, size)
-    elif size.interval90_with_scale is None:
-        words = size_words(effect.name, name, angles, size.value)
-    else:
-        words = _absolute(effect, name, size, angles)
-    meant = negative_words(effect.name, name, size.value)
-    return words.replace(" (", ", ").rstrip(")") + (f": {meant}" if meant else "")
-
-
-def absolute_sentence(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> str:
-    """The absolute sizes that the verdict's ratios stand for, with the b that they assume; empty where b is known."""
-    sizes = [
-        f"{named(effect.name)} {_absolute(effect, name, size, angles)}"
-        for effect in diagnosis.effects
-        for name, size in effect.parameters.items()
-        if len(effect.parameters) == 1 and size.ratio is not None
-    ]
-    if not sizes or not only_ratios(diagnosis):
-        return ""
-    return f" {_capital(assumed(diagnosis))}, 90 % intervals with the uncertainty of b: {listed(sizes)}."
-
-
 def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS) -> str:
-    """All parameters of an effect: ratios with their intervals first where only these are identified."""
+    """All parameters of an effect with intervals; ratios first if only these are identified."""
     ratios = [_ratio(name, size) for name, size in effect.parameters.items() if size.ratio is not None]
     ratios = ratios if only_ratios(diagnosis) else []
     scaled, others = [], []
@@ -59,23 +30,19 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
         words = f"{parameter_words(name)} {_absolute(effect, name, size, angles)}"
         (scaled if ratios and size.ratio is not None else others).append(words)
     absolute = [f"{assumed(diagnosis)}: {', '.join(scaled)}"] if scaled else []
-    meant = [negative_words(effect.name, name, size.value) for name, size in effect.parameters.items()]
-    return "; ".join([*ratios, *absolute, *others, *filter(None, meant)])
+    signs = [negative_words(effect.name, name, size.value) for name, size in effect.parameters.items()]
+    return "; ".join([*ratios, *absolute, *others, *filter(None, signs)])
 
 
 def _ratio(name: str, size: EffectSize) -> str:
     """`torque / b = 0.1472 1/s² (0.1467 to 0.1476)`."""
     ratio = size.ratio or 0.0
     value, _, interval = with_interval(ratio, *(size.ratio_interval90 or (ratio, ratio))).partition(" (")
-    over = "· b" if size.ratio_unit == "m^2" else "/ b"  # of 1/kg, which falls as the scale rises
+    operator = "· b" if size.ratio_unit == "m^2" else "/ b"  # a size in 1/kg falls as the scale rises
     unit = "" if size.ratio_unit == "1" else f" {scaled_unit(size.ratio_unit)}"
-    return f"{parameter_words(name)} {over} = {value}{unit} ({interval}"
+    return f"{parameter_words(name)} {operator} = {value}{unit} ({interval}"
 
 
 def _absolute(effect: NamedEffect, name: str, size: EffectSize, angles: AngleUnit) -> str:
     """`0.796 mN m (0.70 to 0.90)`, the uncertainty of the scale included."""
     return size_words(effect.name, name, angles, size.value, *(size.interval90_with_scale or size.interval90))
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -1,1 +1,1 @@
-"""The report of a campaign of blind trials: its tables, figures and page."""
+"""Report of a campaign of blind trials: tables, figures and page."""

@@ -1,4 +1,4 @@
-"""Figures of blind trials: what was taken for what, what a probability is worth, how small an effect is found."""
+"""Figures of blind trials: confusion matrix, reliability diagram, detection rate by size."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,39 +15,39 @@ Summary = Mapping[str, Any]
 
 
 def confusion_figure(summary: Summary) -> Figure:
-    """What was hidden (rows) against what was named first, or the verdict where nothing was (columns)."""
+    """Confusion matrix: hidden effects (rows), first named effect, or the verdict if none is named (columns)."""
     with style.house_style():
         table: Mapping[str, Mapping[str, int]] = summary["confusion"]
         if not table:
-            return empty_figure("there are no trials")
-        rows, said = list(table), {name for counts in table.values() for name in counts}
-        columns = [name for name in rows if name in said] + sorted(said.difference(rows))
+            return empty_figure("There are no trials.")
+        rows, labels = list(table), {name for counts in table.values() for name in counts}
+        columns = [name for name in rows if name in labels] + sorted(labels.difference(rows))
         counts = np.array([[table[row].get(column, 0) for column in columns] for row in rows])
-        figure = new_figure(2.4 + 0.21 * len(rows))  # inch, for head and foot and for each row
+        figure = new_figure(2.4 + 0.21 * len(rows))  # inch: margins, and each row
         axes = figure.subplots()
         axes.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0, vmax=1.4, aspect="auto")
         axes.grid(False)
         axes.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
-        axes.set_xlabel("named first")
-        axes.set_ylabel("hidden")
+        axes.set_xlabel("first named effect")
+        axes.set_ylabel("hidden effect")
         for i, j in zip(*np.nonzero(counts), strict=True):
             axes.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=6.5, color="#111111")
         return figure
 
 
 def reliability_figure(summary: Summary) -> Figure:
-    """Share of the claims that held against the probability stated, with how many claims each point stands for."""
+    """Reliability diagram: observed frequency over stated probability, with the number of claims of each point."""
     with style.house_style():
         rows = summary["reliability"]
         if not rows:
-            return empty_figure("nothing was claimed")
+            return empty_figure("No effect was named.")
         figure = new_figure(4.2)
         axes = figure.subplots()
         stated, true, low, high = (np.array([row[name] for row in rows]) for name in ("stated", "true", "low", "high"))
-        axes.plot([0, 1], [0, 1], label="what an honest probability gives", **style.HORIZON)
+        axes.plot([0, 1], [0, 1], label="perfect calibration", **style.HORIZON)
         axes.vlines(stated, low, high, color="#888888", linewidth=1.2)
-        axes.plot(stated, true, marker="o", label="these trials, 90 % intervals", **style.EVOLUTION)
+        axes.plot(stated, true, marker="o", label="trials, 90 % intervals", **style.EVOLUTION)
         for row in rows:
             axes.annotate(
                 f"{row['claims']:.0f}",
@@ -57,18 +57,18 @@ def reliability_figure(summary: Summary) -> Figure:
                 fontsize=7.5,
             )
         axes.set(xlim=(-0.02, 1.04), ylim=(-0.04, 1.04))
-        axes.set_xlabel("probability stated")
-        axes.set_ylabel("share of the claims that held")
+        axes.set_xlabel("stated probability")
+        axes.set_ylabel("observed frequency")
         axes.legend(loc="upper left")
         return figure
 
 
 def size_figure(summary: Summary) -> Figure:
-    """Share of the hidden effects that were named, by size over the least detectable one."""
+    """Detection rate of hidden effects by size, relative to the minimum detectable size."""
     with style.house_style():
         rows = summary["by_size"]
         if not rows:
-            return empty_figure("no effect of the library was hidden")
+            return empty_figure("No effect of the library was hidden.")
         figure = new_figure(2.8)
         axes = figure.subplots()
         bars = axes.bar(
@@ -79,8 +79,8 @@ def size_figure(summary: Summary) -> Figure:
         )
         axes.bar_label(bars, [f"of {row['effects']}" for row in rows], padding=3, fontsize=8)
         axes.set_ylim(0, 112)
-        axes.set_xlabel("size over the detectable limit")
-        axes.set_ylabel("named (%)")
+        axes.set_xlabel("size / minimum detectable size")
+        axes.set_ylabel("detection rate (%)")
         return figure
 
 

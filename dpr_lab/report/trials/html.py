@@ -1,37 +1,30 @@
-"""One HTML page of blind trials: scores, what was taken for what, what a probability and an interval are worth."""
+"""The HTML report of blind trials: scores, confusion matrix, calibration and detection rates."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dpr_lab.report.page import (
-    figures_html,
-    list_html,
-    page_html,
-    paragraph_html,
-    section_html,
-    table_html,
-    write_page,
-)
+from dpr_lab.report.page import Items, Section, Table, page_html, pictures, write_page
 from dpr_lab.report.trials import tables
 
 Summary = Mapping[str, Any]
 
 FIGURES = {
     "by_size": (
-        "Bar chart of the share of hidden effects that were named, by size over the detectable limit.",
-        "How often an effect is named, by how many times the least size that the diagnosis says it could see.",
+        "Bar chart of the detection rate of hidden effects, by size over the minimum detectable size.",
+        "Share of the hidden effects that were named, by multiples of the minimum detectable size of the diagnosis.",
     ),
     "confusion": (
-        "Matrix of what was hidden against what was named first; its numbers stand in the list of trials astray.",
-        "Rows: what was hidden, the largest effect where there were several. Columns: what was named first, or the "
-        "verdict where nothing was. Shade: share of the row.",
+        "Confusion matrix of hidden and first named effects; the list of wrong answers contains its values.",
+        "Rows: hidden effect, the largest if there were several. Columns: first named effect, or the verdict if none"
+        " was named. Shade: share of the row.",
     ),
     "reliability": (
-        "Line chart of the share of claims that held over the probability stated; its numbers stand in the table.",
-        "Of all claims made with a probability, how many held. On the dotted line a probability says what it means.",
+        "Line chart of the observed frequency over the stated probability; the table contains its values.",
+        "Share of the claims of a stated probability that were right. Dotted line: perfect calibration.",
     ),
 }
+"""Name of a figure -> text alternative and caption."""
 
 
 def write_trials_report(
@@ -40,49 +33,46 @@ def write_trials_report(
     """Write `trials.html`.
 
     Args:
-        summary: scores, as `summary.json` holds them
-        setting: what was tried, in a sentence
-        failures: trials that ended in an error, a sentence each
+        summary: scores, as in `summary.json`
+        setting: description of the campaign, one sentence
+        failures: trials that ended with an error, one sentence each
         out_dir: folder of the page
         figures: what `save_trial_figures` returned
 
     Raises:
         DprError: the page cannot be written.
     """
-    drawn = figures_html(figures, FIGURES)
+    drawn = pictures(figures, FIGURES)
     sections = [
-        paragraph_html(f"{setting} Every plant was sealed before it was recorded and opened after its diagnosis."),
-        section_html("Trials that ended in an error", list_html(failures)) if failures else "",
-        section_html("Scores", table_html(tables.SCORE_COLUMNS, tables.score_rows(summary))),
-        section_html("By what was hidden", table_html(tables.KIND_COLUMNS, tables.kind_rows(summary))),
-        section_html("How small", drawn["by_size"], table_html(tables.SIZE_COLUMNS, tables.size_rows(summary))),
-        section_html("What was taken for what", drawn["confusion"], _astray(summary)),
-        section_html(
-            "What a probability is worth",
-            drawn["reliability"],
-            table_html(tables.CLAIM_COLUMNS, tables.claim_rows(summary)),
-        ),
-        section_html("By effect", table_html(tables.EFFECT_COLUMNS, tables.effect_rows(summary))),
+        Section("Trials with errors", [Items(failures)], is_open=True),
+        Section("Scores", [Table(tables.SCORE_COLUMNS, tables.score_rows(summary))], is_open=True),
+        Section("Scores by kind of plant", [Table(tables.KIND_COLUMNS, tables.kind_rows(summary))]),
+        Section("Detection rate", [drawn["by_size"], Table(tables.SIZE_COLUMNS, tables.size_rows(summary))]),
+        Section("Confusion matrix", [drawn["confusion"], _failed(summary)]),
+        Section("Calibration", [drawn["reliability"], Table(tables.CLAIM_COLUMNS, tables.claim_rows(summary))]),
+        Section("Scores by effect", [Table(tables.EFFECT_COLUMNS, tables.effect_rows(summary))]),
     ]
-    page = page_html("Blind trials of the diagnosis", sentence(summary), sections)
+    note = f"{setting} Every plant was sealed before it was recorded and revealed after its diagnosis."
+    page = page_html("Blind trials of the diagnosis", sentence(summary), sections, lead=[note])
     return write_page(page, out_dir / "trials.html")
 
 
 def sentence(summary: Summary) -> str:
-    """The campaign in a sentence."""
-    counted = f"{summary['trials']} trials"
+    """The scores of the campaign in at most three sentences."""
+    trials = f"{summary['trials']} trials."
+    false_alarms = f"False alarms: {tables.percent(summary['false_alarms'])}."
     if not summary["of"]["first"]:
-        return f"{counted}; false alarms: {tables.percent(summary['false_alarms'])}."
+        return f"{trials} {false_alarms}"
     low, high = summary["interval90"]["first"]
     return (
-        f"{counted}: where the library holds the cause, the first name is right in {tables.percent(summary['first'])}"
-        f" (90 % interval {tables.percent(low)} to {tables.percent(high)}), all causes and nothing else are named in"
-        f" {tables.percent(summary['exact'])}; false alarms: {tables.percent(summary['false_alarms'])}."
+        f"{trials} If the cause is in the library, the first name is right in {tables.percent(summary['first'])}"
+        f" (90 % interval {tables.percent(low)} to {tables.percent(high)}), and exactly the causes are named in"
+        f" {tables.percent(summary['exact'])}. {false_alarms}"
     )
 
 
-def _astray(summary: Summary) -> str:
+def _failed(summary: Summary) -> Table | str:
     if not summary["astray"]:
-        return paragraph_html("No trial went astray.")
-    caption = "Every trial that did not go right; kind and seed draw it again."
-    return table_html(tables.ASTRAY_COLUMNS, tables.astray_rows(summary), caption, style="prose")
+        return "All answers were right."
+    caption = "Trials with a wrong answer; kind and seed reproduce the plant."
+    return Table(tables.FAILED_COLUMNS, tables.failed_rows(summary), caption, "prose")

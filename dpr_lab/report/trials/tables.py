@@ -1,4 +1,4 @@
-"""The summary of blind trials as rows of text."""
+"""Tables of blind trials as rows of text."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,9 +8,17 @@ from dpr_lab.report.words import named
 
 Summary = Mapping[str, Any]
 
-SCORE_COLUMNS = ("what", "value", "90 % interval", "of")
-KIND_COLUMNS = ("hidden", "size", "trials", "first name right", "exactly the causes", "false alarms", "admitted")
-SIZE_COLUMNS = ("size over the detectable limit", "effects", "named", "first name right", "exactly the causes")
+SCORE_COLUMNS = ("score", "value", "90 % interval", "basis")
+KIND_COLUMNS = (
+    "kind",
+    "size",
+    "trials",
+    "first name right",
+    "exactly the causes",
+    "false alarms",
+    "unknown cause reported",
+)
+SIZE_COLUMNS = ("size / minimum detectable size", "effects", "named", "first name right", "exactly the causes")
 EFFECT_COLUMNS = (
     "effect",
     "trials",
@@ -18,47 +26,47 @@ EFFECT_COLUMNS = (
     "first name right",
     "exactly the causes",
     "size error, median",
-    "90th percentile",
-    "90 % intervals that hold the truth",
+    "size error, 90th percentile",
+    "coverage of 90 % intervals",
 )
-CLAIM_COLUMNS = ("claims", "probability stated", "share that held", "90 % interval")
-ASTRAY_COLUMNS = ("hidden", "seed", "there was", "the diagnosis said", "verdict", "")
+CLAIM_COLUMNS = ("claims", "stated probability", "observed frequency", "90 % interval")
+FAILED_COLUMNS = ("kind", "seed", "hidden effects", "named effects", "verdict", "grade")
 
 SHARES = {
     "first": "first name right",
-    "top3": "a right name among the first three",
+    "top3": "right name among the first three",
     "exact": "exactly the causes named",
-    "invented": "a cause invented",
-    "false_alarms": "false alarms where nothing was hidden",
-    "unexplained_recall": "cause outside the library admitted",
-    "wrong_name": "a wrong name above probability 0.5",
-    "faults_missed": "an encoder fault not reported",
+    "invented": "absent cause named",
+    "false_alarms": "false alarms without a hidden effect",
+    "unexplained_recall": "unknown cause reported",
+    "wrong_name": "wrong name with a probability above 0.5",
+    "faults_missed": "encoder fault missed",
 }
 NUMBERS = {
     "calibration_error": "expected calibration error",
     "brier": "Brier score",
     "size_error": "size error, median",
     "size_error_p90": "size error, 90th percentile",
-    "interval_coverage": "90 % intervals that hold the true size",
-    "gap_closed": "gap closed on data not used, median",
-    "seconds": "seconds a diagnosis on one core, median",
-    "seconds_p90": "seconds a diagnosis, 90th percentile",
-    "seconds_max": "seconds a diagnosis, longest",
+    "interval_coverage": "coverage of 90 % intervals of sizes",
+    "gap_closed": "gap reduction on held-out data, median",
+    "seconds": "time per diagnosis on one core, median (s)",
+    "seconds_p90": "time per diagnosis, 90th percentile (s)",
+    "seconds_max": "time per diagnosis, maximum (s)",
 }
 
 
 def score_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Every score of which there are trials."""
+    """Every score that has trials, in the columns `SCORE_COLUMNS`."""
     shares = [
-        (said, percent(summary[name]), _interval(summary["interval90"][name]), f"{summary['of'][name]} trials")
-        for name, said in SHARES.items()
+        (label, percent(summary[name]), _interval(summary["interval90"][name]), f"{summary['of'][name]} trials")
+        for name, label in SHARES.items()
         if summary["of"][name]
     ]
-    return shares + [(said, number(summary[name]), NONE, NONE) for name, said in NUMBERS.items()]
+    return shares + [(label, number(summary[name]), NONE, NONE) for name, label in NUMBERS.items()]
 
 
 def kind_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """One row for each kind of plant."""
+    """One row per kind of plant, in the columns `KIND_COLUMNS`."""
     shares = ("first", "exact", "false_alarms", "unexplained_recall")
     return [
         (row["kind"], row["level"], str(row["trials"]), *(percent(row[name]) for name in shares))
@@ -67,7 +75,7 @@ def kind_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def size_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """One row for each range of sizes."""
+    """One row per range of sizes, in the columns `SIZE_COLUMNS`."""
     return [
         (size_range(row), str(row["effects"]), *(percent(row[name]) for name in ("named", "first", "exact")))
         for row in summary["by_size"]
@@ -75,7 +83,7 @@ def size_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def effect_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """One row for each effect that was hidden."""
+    """One row per hidden effect, in the columns `EFFECT_COLUMNS`."""
     shares, errors = ("named", "first", "exact"), ("size_error", "size_error_p90")
     return [
         (
@@ -90,7 +98,7 @@ def effect_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def claim_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """The reliability table."""
+    """Reliability of probabilities, in the columns `CLAIM_COLUMNS`."""
     return [
         (
             f"{row['claims']:.0f}",
@@ -102,8 +110,8 @@ def claim_rows(summary: Summary) -> list[tuple[str, ...]]:
     ]
 
 
-def astray_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Every trial that did not go right."""
+def failed_rows(summary: Summary) -> list[tuple[str, ...]]:
+    """One row per trial with a wrong answer, in the columns `FAILED_COLUMNS`."""
     return [
         (
             f"{row['kind']}:{row['level']}",
@@ -118,17 +126,17 @@ def astray_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def size_range(row: Mapping[str, Any]) -> str:
-    """A range of sizes, in words."""
+    """Format a range of sizes."""
     return f"{row['from']:g} to {row['to']:g}" if row["to"] is not None else f"{row['from']:g} and more"
 
 
 def percent(share: float | None) -> str:
-    """A share for reading; a dash where there is none."""
+    """Format a share in per cent; a dash if there is none."""
     return NONE if share is None or share != share else f"{100 * share:.3g} %"
 
 
 def number(value: float | None) -> str:
-    """A number for reading; a dash where there is none."""
+    """Format a number; a dash if there is none."""
     return NONE if value is None else three(value)
 
 
@@ -137,4 +145,4 @@ def _interval(bounds: Sequence[float] | None) -> str:
 
 
 def _names(names: Sequence[str]) -> str:
-    return ", ".join(map(named, names)) or "nothing"
+    return ", ".join(map(named, names)) or "none"

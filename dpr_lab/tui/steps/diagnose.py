@@ -196,8 +196,8 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         """Without a diagnosis; the one from before is still there, with its sentence."""
         from dpr_lab.report.gap.tables import sentence
 
-        found, unit = self._found, self.workspace.unit
-        before = f"; this is the one from before. {sentence(found, unit)}" if found is not None else ""
+        found = self._found
+        before = f"; this is the one from before. {sentence(found)}" if found is not None else ""
         self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
 
     def report(self) -> Path | None:
@@ -242,7 +242,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
         self._unit = unit = self.workspace.unit
         if self.job is None:
-            self.say(sentence(found, unit) + self._doubt(found))
+            self.say(sentence(found) + self._doubt(found))
         for name, drawn in (("which", _which), ("far", _far), ("next", _next)):
             self.query_one(f"#{name}-text", Static).update(drawn(found, unit))
         number = self.query_one("#place", Select).value

@@ -65,7 +65,7 @@ async def test_from_runs_to_a_saved_diagnosis(lab, until, recorded: list[Path], 
         assert load_diagnosis(pilot.app.workspace.diagnosis).verdict == saved["verdict"]
         assert step(pilot.app).outcome() in (saved["verdict"].replace("_", " "), "1 effect named")
         told = load_diagnosis(pilot.app.workspace.diagnosis)
-        assert " ".join(text(pilot.app, "#state").split()) == sentence(told, pilot.app.workspace.unit)
+        assert " ".join(text(pilot.app, "#state").split()) == sentence(told)
 
 
 @pytest.mark.slow
@@ -86,7 +86,6 @@ async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis
     found = load_diagnosis(fixed_diagnosis)
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
         assert " ".join(text(pilot.app, "#state").split()) == sentence(found)
-        assert "Coulomb friction, joint 1 (1.47 mN m) [coulomb_joint1]" in sentence(found)
         which = " ".join(text(pilot.app, "#which-text").split())
         assert "latency, joint 2 [latency_joint2]" in which
         assert "delay 0.500 ms (0.498 to 0.502)" in which

@@ -1,4 +1,4 @@
-"""What convinces others: one file for each matter, in the order of the page."""
+"""Evidence sections of the report, one file each, in the order of the page."""
 
 from dpr_lab.report.gap.section import EvidenceSection
 from dpr_lab.report.gap.sections.budget import BUDGET

@@ -1,4 +1,4 @@
-"""How the gap falls as one effect after the other is added, on the data that the verdict was tested on."""
+"""Gap reduction as effects are added one at a time, on the data that validate the verdict."""
 
 from itertools import pairwise
 
@@ -14,76 +14,77 @@ from dpr_lab.report.words import named
 
 
 def closing_figure(diagnosis: Diagnosis) -> Figure:
-    """Waterfall from the gap of the bare model to what all effects leave."""
+    """Waterfall from the gap of the bare model to the remainder."""
     steps = evidence_of(diagnosis).closing
     with style.house_style():
         if len(steps) < 2:
-            return empty_figure("no effect is named: nothing closes the gap")
-        left = 1e3 * np.array([item.left_rad for item in steps])
-        names = ["bare model", *(named(item.effect).replace(" [", "\n[") for item in steps[1:]), "left"]
+            return empty_figure("No effect is named, so the gap is not reduced.")
+        gaps = 1e3 * np.array([step.left_rad for step in steps])
+        names = ["bare model", *(named(step.effect).replace(" [", "\n[") for step in steps[1:]), "remainder"]
         figure = new_figure(1.2 + 0.42 * len(names))
         axes = figure.subplots()
         rows = np.arange(len(names))
-        axes.barh(rows[[0, -1]], left[[0, -1]], height=0.6, label="gap", **_bar(style.SIMULATED))
-        falls = left[:-1] - left[1:]
-        bars = axes.barh(rows[1:-1], falls, left=left[1:], height=0.6, label="closed", **_bar(style.MEASURED))
-        axes.bar_label(bars, [three(fall) for fall in falls], padding=4)
-        for row, at in zip((0, len(rows) - 1), left[[0, -1]].tolist(), strict=True):
-            axes.annotate(three(at), (at, row), (4, 0), textcoords="offset points", va="center")
-        for row, (_, after) in enumerate(pairwise(left.tolist())):
+        axes.barh(rows[[0, -1]], gaps[[0, -1]], height=0.6, label="gap", **_bar(style.SIMULATED))
+        reductions = gaps[:-1] - gaps[1:]
+        bars = axes.barh(rows[1:-1], reductions, left=gaps[1:], height=0.6, label="reduction", **_bar(style.MEASURED))
+        axes.bar_label(bars, [three(reduction) for reduction in reductions], padding=4)
+        for row, gap in zip((0, len(rows) - 1), gaps[[0, -1]].tolist(), strict=True):
+            axes.annotate(three(gap), (gap, row), (4, 0), textcoords="offset points", va="center")
+        for row, (_, after) in enumerate(pairwise(gaps.tolist())):
             axes.plot([after, after], [row + 0.7, row + 2.3], color="#555555", linewidth=0.8)
         floor = 1e3 * _floor(diagnosis)
-        axes.axvline(floor, label="noise of a reading", **style.HORIZON)
+        axes.axvline(floor, label="noise floor", **style.HORIZON)
         axes.set_yticks(rows, names)
         axes.invert_yaxis()
         axes.margins(x=0.08)
-        axes.set_xlabel("gap above the noise, rms of a reading (mrad)")
+        axes.set_xlabel("gap per reading (mrad rms)")
         legend_above(figure)
         return figure
 
 
-def _bar(look: dict) -> dict:
-    return {"color": look["color"], "edgecolor": "#222222", "linewidth": 0.6}
+def _bar(line: dict) -> dict:
+    return {"color": line["color"], "edgecolor": "#222222", "linewidth": 0.6}
 
 
 def _floor(diagnosis: Diagnosis) -> float:
-    """Noise of a reading, rms over both joints, rad."""
+    """Noise floor, rms over both joints, rad."""
     return float(np.sqrt(np.mean(np.square(list(diagnosis.gap.floor_rad.values())))))
 
 
 def closing_words(diagnosis: Diagnosis) -> list[str]:
-    """How much closes, and on what that was seen."""
+    """Size of the gap before and after, and the data on which it was measured."""
     steps = evidence_of(diagnosis).closing
     if len(steps) < 2:
-        return ["No effect is named, so the gap stays as it is."]
-    on = {
-        "one release": "each quarter of the one recording, foretold from the others",
-        "releases left out": "each recording, foretold from the others",
-        "held-out runs": "the recordings that were held out",
+        return ["No effect is named, so the gap is not reduced."]
+    data = {
+        "one release": "each quarter of the single run, predicted from the other quarters",
+        "releases left out": "each run, predicted from the others",
+        "held-out runs": "the held-out runs",
     }[diagnosis.basis]
     return [
-        f"Readings differ from the bare simulation by {three(1e3 * steps[0].left_rad)} mrad above the noise; with all"
-        f" that"
-        f" is named {three(1e3 * steps[-1].left_rad)} mrad are left, {steps[-1].closed:.0%} less. That is seen on {on}."
+        f"The named effects reduce the gap from {three(1e3 * steps[0].left_rad)} to"
+        f" {three(1e3 * steps[-1].left_rad)} mrad, by {steps[-1].closed:.1%}. Data: {data}."
     ]
 
 
 def closing_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """What is left after each effect."""
+    """Gap and cumulative reduction of each model."""
     return [
-        (f"+ {named(item.effect)}" if item.effect else "bare model", three(1e3 * item.left_rad), f"{item.closed:.1%}")
-        for item in evidence_of(diagnosis).closing
+        (f"+ {named(step.effect)}" if step.effect else "bare model", three(1e3 * step.left_rad), f"{step.closed:.1%}")
+        for step in evidence_of(diagnosis).closing
     ]
 
 
 CLOSING = EvidenceSection(
     name="closing",
-    title="What closes the gap",
+    title="Gap reduction",
     words=closing_words,
     figure=closing_figure,
-    alternative="Waterfall of the gap: the bare model, what each named effect closes, what is left.",
-    caption="The gap as named effects are added one at a time, in the order in which they were found, on data that took"
-    " no part in the fit: rms of a reading above the noise, segments of 0.5 s with free start states.",
-    tables=(FoldedTable("The same in numbers", ("model", "gap left (mrad)", "closed so far"), closing_rows),),
-    symbols="Gap: √((χ² − level · dof) / dof) · σ. Closed: 1 − gap after / gap before.",
+    alternative="Waterfall of the gap: bare model, reduction by each named effect, remainder.",
+    caption="Gap as the named effects are added one at a time, in the order of selection, on data that were not fitted:"
+    " rms of a reading above the noise, segments of 0.5 s with free initial states.",
+    tables=(
+        FoldedTable("Gap reduction by effect, values", ("model", "gap (mrad)", "cumulative reduction"), closing_rows),
+    ),
+    symbols="Gap: √((χ² − level · dof) / dof) · σ. Reduction: 1 − gap after / gap before.",
 )

@@ -1,4 +1,4 @@
-"""What the rig does not have: least detectable sizes read as exclusions."""
+"""Excluded effects: effects that would have been detected at their minimum detectable size."""
 
 from collections import defaultdict
 
@@ -10,75 +10,65 @@ from dpr_lab.report.words import in_words, named, parameter_words, size_words
 
 
 def exclusion_words(diagnosis: Diagnosis) -> list[str]:
-    """What can be said, and what not."""
-    sure, open_ = _split(diagnosis)
-    blind = [name for name, sizes in diagnosis.detectable.items() if sizes and not any(sizes.values())]
-    said = [
-        f"{len(sure)} of the effects of the library are not there, or are smaller than the size beside their name: a"
-        f" larger one"
-        f" would have shown in these recordings. Each line says how sure that is; {PAGE.sure:.0%} at least.",
-        "Below that size nothing is said. An effect that does the same to the readings as one that is named stands in"
-        " for it,"
-        " and is excluded only beside it.",
+    """Number of excluded effects, and the limits of the statement."""
+    excluded, not_excluded = _split(diagnosis)
+    undetectable = [name for name, sizes in diagnosis.detectable.items() if sizes and not any(sizes.values())]
+    sentences = [
+        f"{len(excluded)} effects of the library are absent, or smaller than the size given: a larger one would have"
+        f" been detected in these recordings with a confidence of at least {PAGE.sure:.0%}.",
+        "Smaller effects are not excluded. An effect that is indistinguishable from a named one is excluded only in"
+        " addition to it.",
     ]
-    if open_:
-        said.append(
-            f"Not excluded, for what is left of the gap has a part of their shape: {', '.join(map(named, open_))}."
+    if not_excluded:
+        sentences.append(
+            "Not excluded, because the remainder has a component of their shape:"
+            f" {', '.join(map(named, not_excluded))}."
         )
-    if blind:
-        names = in_words(", ".join(blind))
-        said.append(
-            f"Beside what is named no size of {names} would show in these recordings: of these nothing is known."
-        )
+    if undetectable:
+        names = in_words(", ".join(undetectable))
+        sentences.append(f"Undetectable at any size in addition to the named effects: {names}.")
     if diagnosis.verdict in ("partly_explained", "unexplained"):
-        said.append(
-            "What is left of the gap has no name, and could hide an effect that works against it: the confidence counts"
-            " on its being of another shape."
+        sentences.append(
+            "The remainder has no named cause and could compensate an effect. The confidence assumes that the remainder"
+            " has a different shape."
         )
-    return said
+    return sentences
 
 
 def exclusion_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """One row for each effect that is excluded, the surest kinds by name."""
-    sure, _ = _split(diagnosis)
+    """One row per excluded effect, in the order of the library."""
+    excluded, _ = _split(diagnosis)
     return [
         (
             named(name),
             ", ".join(
-                f"{parameter_words(i.parameter)} {size_words(name, i.parameter, RADIANS, i.size)}" for i in items
+                f"{parameter_words(e.parameter)} {size_words(name, e.parameter, RADIANS, e.size)}" for e in exclusions
             ),
-            _confident(min(item.confidence for item in items)),
+            _percent(min(e.confidence for e in exclusions)),
         )
-        for name, items in sure.items()
+        for name, exclusions in excluded.items()
     ]
 
 
 def _split(diagnosis: Diagnosis) -> tuple[dict[str, list[Exclusion]], list[str]]:
-    """Excluded effects with their amplitudes, and those that are not."""
+    """Excluded effects with their amplitudes, and names of those that are not excluded."""
     by_effect: dict[str, list[Exclusion]] = defaultdict(list)
-    for item in evidence_of(diagnosis).exclusions:
-        by_effect[item.effect].append(item)
+    for exclusion in evidence_of(diagnosis).exclusions:
+        by_effect[exclusion.effect].append(exclusion)
     order = [name for name in diagnosis.detectable if name in by_effect]
-    sure = {name: by_effect[name] for name in order if all(item.confidence >= PAGE.sure for item in by_effect[name])}
-    return sure, [name for name in order if name not in sure]
+    excluded = {name: by_effect[name] for name in order if all(e.confidence >= PAGE.sure for e in by_effect[name])}
+    return excluded, [name for name in order if name not in excluded]
 
 
-def _size(item: Exclusion) -> str:
-    return f"{parameter_words(item.parameter)} {size_words(item.effect, item.parameter, RADIANS, item.size)}"
-
-
-def _confident(confidence: float) -> str:
+def _percent(confidence: float) -> str:
     return "> 99.9%" if confidence > 0.999 else f"{confidence:.1%}"
 
 
 EXCLUSIONS = EvidenceSection(
     name="exclusions",
-    title="What it is not",
+    title="Excluded effects",
     words=exclusion_words,
-    tables=(
-        FoldedTable("Every excluded effect", ("effect", "not there from this size on", "confidence"), exclusion_rows),
-    ),
-    symbols="Size: 5 s, s the standard deviation of its linear estimate a beside all that is named, correlation of"
-    " the residuals"
-    " included. Confidence: Φ(5 − |a| / s).",
+    tables=(FoldedTable("All excluded effects", ("effect", "excluded from this size", "confidence"), exclusion_rows),),
+    symbols="Size: 5 s, where s is the standard deviation of the linear estimate a of the effect in addition to all"
+    " named effects, with the correlation of the residuals. Confidence: Φ(5 − |a| / s).",
 )

@@ -1,4 +1,4 @@
-"""What was diagnosed, with what, and when."""
+"""Provenance of a diagnosis: recordings, rig file, version and date."""
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.digits import NONE
@@ -7,40 +7,40 @@ from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
 
 def provenance_words(diagnosis: Diagnosis) -> list[str]:
     """Date, version and rig."""
-    told = evidence_of(diagnosis)
-    made = told.made_utc.replace("T", " ").removesuffix("+00:00")
+    evidence = evidence_of(diagnosis)
+    made = evidence.made_utc.replace("T", " ").removesuffix("+00:00")
     return [
-        f"Made on {made} UTC by dpr-lab {told.version}, in {diagnosis.seconds:.0f} s. Rig “{told.rig}”, SHA-256"
-        f" {told.rig_sha256 or 'not known'}.",
-        "Whoever has the same files can repeat it; `dpr-lab certify` writes down what it takes, and `dpr-lab verify`"
-        " does it.",
+        f"Created on {made} UTC by dpr-lab {evidence.version}, in {diagnosis.seconds:.0f} s. Rig “{evidence.rig}”,"
+        f" SHA-256 {evidence.rig_sha256 or 'unknown'}.",
+        "The diagnosis is reproducible from the same files: `dpr-lab certify` writes a certificate, `dpr-lab verify`"
+        " repeats the diagnosis.",
     ]
 
 
 def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Every recording, the whole hash last."""
+    """Every recording with its SHA-256."""
     return [
         (
-            item.name,
-            "held out" if item.held_out else "fitted",
-            item.recorded_utc[:16].replace("T", " ") or NONE,
-            item.pose or NONE,
-            f"{item.duration_s:.3g}",
-            str(item.readings),
-            item.sha256 or NONE,
+            recording.name,
+            "held out" if recording.held_out else "fitted",
+            recording.recorded_utc[:16].replace("T", " ") or NONE,
+            recording.pose or NONE,
+            f"{recording.duration_s:.3g}",
+            str(recording.readings),
+            recording.sha256 or NONE,
         )
-        for item in evidence_of(diagnosis).recordings
+        for recording in evidence_of(diagnosis).recordings
     ]
 
 
 PROVENANCE = EvidenceSection(
     name="provenance",
-    title="What it was made from",
+    title="Provenance",
     words=provenance_words,
     tables=(
         FoldedTable(
-            "The recordings",
-            ("run", "used", "recorded (UTC)", "pose", "duration (s)", "readings used", "SHA-256"),
+            "Recordings",
+            ("run", "role", "recorded (UTC)", "pose", "duration (s)", "readings used", "SHA-256"),
             recording_rows,
             style="hash",
         ),

@@ -1,4 +1,4 @@
-"""Whether what the models leave is noise: its memory, and its distribution."""
+"""Residual analysis: whiteness and normality of the residuals of both models."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,32 +13,34 @@ from dpr_lab.report.figures import legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
 from dpr_lab.report.words import in_words
 
-LOOKS = {"before": style.SIMULATED, "after": style.RESIDUAL}
+LINES = {"before": ("bare model", style.SIMULATED), "after": ("corrected model", style.RESIDUAL)}
+"""Key of a model -> label and line style."""
 
 
 def residual_figure(diagnosis: Diagnosis) -> Figure:
-    """Autocorrelation and normal quantiles, one row for each joint."""
+    """Autocorrelation and normal quantiles, one row per joint."""
     look = evidence_of(diagnosis).residuals
     with style.house_style():
         figure = new_figure(0.5 + 2.5 * len(look.joints))
         grid = figure.subplots(len(look.joints), 2, squeeze=False)
         for (left, right), (joint, models) in zip(grid, look.joints.items(), strict=True):
-            _draw_memory(left, look, models)
+            _draw_autocorrelation(left, look, models)
             _draw_quantiles(right, look, models)
             left.set(title=in_words(joint), ylabel="autocorrelation")
-            right.set_ylabel("residual (noise σ)")
-        grid[-1][0].set_xlabel("time between two readings (s)")
-        grid[-1][1].set_xlabel("normal distribution (σ)")
+            right.set_ylabel("residual (σ of the noise)")
+        grid[-1][0].set_xlabel("lag (s)")
+        grid[-1][1].set_xlabel("normal quantile (σ)")
         legend_above(figure)
         return figure
 
 
-def _draw_memory(axes: Axes, look: ResidualLook, models: dict[str, Whiteness]) -> None:
+def _draw_autocorrelation(axes: Axes, look: ResidualLook, models: dict[str, Whiteness]) -> None:
     band = _band(look)
     axes.axhspan(-band, band, label="white noise, 95 %", **style.NOISE_BAND)
-    for name, item in models.items():
-        t = look.spacing_s * np.arange(len(item.autocorrelation))
-        axes.plot(t, item.autocorrelation, label=f"{name} the effects", **LOOKS[name])
+    for name, whiteness in models.items():
+        label, line = LINES[name]
+        lags = look.spacing_s * np.arange(len(whiteness.autocorrelation))
+        axes.plot(lags, whiteness.autocorrelation, label=label, **line)
     axes.set_ylim(-0.5, 1.05)
     axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.margins(x=0.01)
@@ -46,9 +48,10 @@ def _draw_memory(axes: Axes, look: ResidualLook, models: dict[str, Whiteness]) -
 
 def _draw_quantiles(axes: Axes, look: ResidualLook, models: dict[str, Whiteness]) -> None:
     axes.plot(look.normal, look.normal, label="normal noise", **style.HORIZON)
-    for name, item in models.items():
-        mark = {"marker": "s" if name == "before" else "o", "markersize": 2.5, "linewidth": 0.8}
-        axes.plot(look.normal, item.quantiles, label=f"{name} the effects", **(LOOKS[name] | mark))
+    for name, whiteness in models.items():
+        label, line = LINES[name]
+        markers = {"marker": "s" if name == "before" else "o", "markersize": 2.5, "linewidth": 0.8}
+        axes.plot(look.normal, whiteness.quantiles, label=label, **(line | markers))
     reach = max(4.0, 1.2 * float(np.abs(models["after"].quantiles).max()))
     axes.set_ylim(-reach, reach)
     axes.margins(x=0.03)
@@ -59,71 +62,67 @@ def _band(look: ResidualLook) -> float:
 
 
 def residual_words(diagnosis: Diagnosis) -> list[str]:
-    """Whether noise alone is left."""
-    look = evidence_of(diagnosis).residuals
-    said = []
-    for joint, models in look.joints.items():
-        first = {
-            name: item.autocorrelation[1] if len(item.autocorrelation) > 1 else 0.0 for name, item in models.items()
-        }
-        far = {name: item.beyond3 for name, item in models.items()}
-        said.append(
-            f"{in_words(joint).capitalize()}: neighbouring residuals share {first['before']:.0%} of what they are"
-            f" before"
-            f" and {first['after']:.0%} after the named effects; {far['before']:.1%} and {far['after']:.1%} lie beyond"
-            " three times the noise, where normal noise has 0.3%."
+    """First-lag autocorrelation and share of large residuals by joint and model."""
+    sentences = []
+    for joint, models in evidence_of(diagnosis).residuals.joints.items():
+        first_lag = {name: (*whiteness.autocorrelation, 0.0, 0.0)[1] for name, whiteness in models.items()}
+        tails = {name: whiteness.beyond3 for name, whiteness in models.items()}
+        sentences.append(
+            f"{in_words(joint).capitalize()}: the autocorrelation at lag 1 is {first_lag['before']:.2f} for the bare"
+            f" and {first_lag['after']:.2f} for the corrected model; {tails['before']:.1%} and {tails['after']:.1%} of"
+            " the residuals exceed 3 σ (normal noise: 0.3%)."
         )
     return [
-        "A model that lacks nothing leaves what the encoders' noise leaves: no memory from one reading to the next,"
-        " and a"
-        " normal distribution as wide as the noise. A swing back and forth in the left panels, or points off the dotted"
-        " line in the right ones, is something that the model misses.",
-        " ".join(said),
+        "Residuals of a complete model are white and normally distributed, with the standard deviation of the encoder"
+        " noise. An oscillating autocorrelation, or quantiles off the dotted line, show an effect that the model"
+        " lacks.",
+        " ".join(sentences),
     ]
 
 
 def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Memory and tails, by joint and model."""
-    look = evidence_of(diagnosis).residuals
+    """Autocorrelation at six lags and share of large residuals, by joint and model."""
     rows = []
-    for joint, models in look.joints.items():
-        for name, item in models.items():
-            known = item.autocorrelation
+    for joint, models in evidence_of(diagnosis).residuals.joints.items():
+        for name, whiteness in models.items():
+            known = whiteness.autocorrelation
             lags = (three(known[k]) if k < len(known) else NONE for k in (1, 2, 5, 10, 20, 40))
-            rows.append((in_words(joint), name, *lags, f"{item.beyond3:.2%}"))
+            rows.append((in_words(joint), LINES[name][0], *lags, f"{whiteness.beyond3:.2%}"))
     return rows
 
 
 def quantile_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Every fifth point of the right panels."""
+    """Every fifth point of the quantiles."""
     look = evidence_of(diagnosis).residuals
-    values = [item.quantiles for models in look.joints.values() for item in models.values()]
-    return [(three(look.normal[i]), *(three(column[i]) for column in values)) for i in range(0, len(look.normal), 5)]
+    columns = [whiteness.quantiles for models in look.joints.values() for whiteness in models.values()]
+    return [(three(look.normal[i]), *(three(column[i]) for column in columns)) for i in range(0, len(look.normal), 5)]
 
 
 RESIDUALS = EvidenceSection(
     name="residuals",
-    title="What the residuals look like",
+    title="Residual analysis",
     words=residual_words,
     figure=residual_figure,
-    alternative="Autocorrelation and normal quantiles of the residuals of each joint, before and after.",
-    caption="Left: correlation of two residuals of a segment against the time between them. Right: quantiles of the"
-    " residuals, in standard deviations of the noise, against those of a normal distribution; the range is that of the"
-    " corrected model. Segments of 0.5 s of the fitted recordings, start states free.",
+    alternative="Autocorrelation and normal quantiles of the residuals of each joint, for both models.",
+    caption="Left: autocorrelation of the residuals within segments. Right: quantiles of the residuals, in standard"
+    " deviations of the noise, over those of a normal distribution; the range is that of the corrected model. Segments"
+    " of 0.5 s of the fitted recordings, with free initial states.",
     tables=(
         FoldedTable(
-            "Memory in numbers",
+            "Autocorrelation, values",
             ("joint", "model", "lag 1", "lag 2", "lag 5", "lag 10", "lag 20", "lag 40", "beyond 3 σ"),
             residual_rows,
         ),
         FoldedTable(
-            "Quantiles in numbers",
-            ("normal (σ)", "joint 1 before", "joint 1 after", "joint 2 before", "joint 2 after"),
+            "Quantiles, values",
+            (
+                "normal (σ)",
+                *(f"joint {joint}, {label}" for joint in (1, 2) for label in ("bare model", "corrected model")),
+            ),
             quantile_rows,
             "Residuals in standard deviations of the noise.",
         ),
     ),
     symbols="Autocorrelation at lag k: Σ r(i) r(i+k) / Σ r(i)², within segments; white noise stays within ±1.96/√n."
-    " Box &"
-    " Jenkins, Time Series Analysis, ch. 8.",
+    " Box & Jenkins, Time Series Analysis, ch. 8.",
 )

@@ -1,4 +1,4 @@
-"""How often names were right in blind trials on plants like this rig."""
+"""Blind trials on simulated plants like this rig."""
 
 from collections.abc import Sequence
 
@@ -15,12 +15,12 @@ from dpr_lab.report.words import named
 
 
 def trust_figure(diagnosis: Diagnosis) -> Figure | None:
-    """What was there against what was named; none where nothing was tried."""
+    """Confusion matrix of hidden and named effects; None without trials."""
     if diagnosis.trust is None or not diagnosis.trust.trials:
         return None
     cells = {(cell.true, cell.named): cell.trials for cell in diagnosis.trust.confusion}
     rows, columns = (sorted({pair[i] for pair in cells}, key=lambda name: (name == NOTHING, name)) for i in range(2))
-    counts = np.array([[cells.get((true, told), 0) for told in columns] for true in rows])
+    counts = np.array([[cells.get((true, label), 0) for label in columns] for true in rows])
     with style.house_style():
         figure = new_figure(1.8 + 0.28 * len(rows))
         axes = figure.subplots()
@@ -32,75 +32,78 @@ def trust_figure(diagnosis: Diagnosis) -> Figure | None:
         axes.set_xticks(range(len(columns)), columns, rotation=40, ha="right")
         axes.set_yticks(range(len(rows)), rows)
         axes.grid(visible=False)
-        axes.set(xlabel="named", ylabel="what was there")
+        axes.set(xlabel="named effect", ylabel="hidden effect")
         return figure
 
 
 def trust_words(diagnosis: Diagnosis) -> list[str]:
-    """How far names are to be trusted on this rig."""
-    tried = diagnosis.trust
-    if tried is None or not tried.trials:
-        return ["No blind trials were made on plants like this rig: `dpr-lab diagnose --trust 40` makes them."]
+    """Results of the blind trials, and their limits."""
+    trust = diagnosis.trust
+    if trust is None or not trust.trials:
+        return ["No blind trials were made on plants like this rig. To make them: `dpr-lab diagnose --trust 40`."]
     return [
-        f"{len(tried.trials)} plants at the fitted point, with what was named, with another effect, or with none, were"
-        " simulated by the lab's own model, recorded as this rig was with noise of its own, and diagnosed without being"
-        f" told. All that was there and nothing else was named in {_of(tried.right)}; something that was not there was"
-        f" named in {_of(tried.wrong)}; of the clean plants {_of(tried.false_alarms)} raised a false alarm."
-        f"{_refused(tried.trials)} A trial took {tried.seconds_each:.0f} s.",
-        "The plants lack nothing that the library has no name for, so a real rig can only be harder.",
+        f"Blind trials: {len(trust.trials)} plants with the fitted parameters were simulated with the named effects,"
+        " with another effect, or with none; recorded like this rig with noise of their own; and diagnosed without"
+        f" access to the hidden effects. Exactly the hidden effects were named in {_share(trust.right)}. An absent"
+        f" effect was named in {_share(trust.wrong)}. False alarms on plants without an effect:"
+        f" {_share(trust.false_alarms)}.{_refused(trust.trials)} Time per trial: {trust.seconds_each:.0f} s.",
+        "All hidden effects are in the library. A real rig can have others, so it can only be more difficult.",
     ]
 
 
-def _of(share: TrustShare) -> str:
+def _share(share: TrustShare) -> str:
     if not share.of:
-        return "none of none"
+        return "0 of 0"
     low, high = share.interval90
     return f"{share.held} of {share.of} (90 % interval {low:.0%} to {high:.0%})"
 
 
 def _refused(trials: Sequence[TrustTrial]) -> str:
-    refused = sum(item.verdict == REFUSED for item in trials)
-    return f" Of {refused} the diagnosis refused the recordings, and named nothing." if refused else ""
+    refused = sum(trial.verdict == REFUSED for trial in trials)
+    return f" In {refused} trials the recordings were refused, and no effect was named." if refused else ""
 
 
 def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Every trial."""
-    tried = diagnosis.trust.trials if diagnosis.trust else []
+    """One row per trial."""
+    trials = diagnosis.trust.trials if diagnosis.trust else []
     return [
         (
             str(number),
-            item.kind,
-            ", ".join(map(named, item.truth)) or NOTHING,
-            ", ".join(map(named, item.named)) or NOTHING,
-            item.verdict.replace("_", " "),
-            _grade(item),
-            three(item.seconds),
+            trial.kind,
+            ", ".join(map(named, trial.truth)) or NOTHING,
+            ", ".join(map(named, trial.named)) or NOTHING,
+            trial.verdict.replace("_", " "),
+            _grade(trial),
+            three(trial.seconds),
         )
-        for number, item in enumerate(tried, 1)
+        for number, trial in enumerate(trials, 1)
     ]
 
 
-def _grade(item: TrustTrial) -> str:
-    if item.verdict == REFUSED:
+def _grade(trial: TrustTrial) -> str:
+    if trial.verdict == REFUSED:
         return REFUSED
-    if not item.truth:
-        return "false alarm" if item.named else "right"
-    if item.wrong:
+    if not trial.truth:
+        return "false alarm" if trial.named else "right"
+    if trial.wrong:
         return "wrong name"
-    return "right" if set(item.right) == set(item.truth) else "missed" if item.named or not item.right else NONE
+    return "right" if set(trial.right) == set(trial.truth) else "missed" if trial.named or not trial.right else NONE
 
 
 TRUST = EvidenceSection(
     name="trust",
-    title="How far the names are to be trusted on this rig",
+    title="Blind trials on this rig",
     words=trust_words,
     figure=trust_figure,
-    alternative="Confusion matrix: what was there against what was named, in trials.",
-    caption="Effects that were there against effects that were named, in numbers of trials; ✗ marks what is not"
-    " right. A"
-    " name counts as right where the effect is in its class of those that these recordings do not tell apart.",
+    alternative="Confusion matrix of hidden and named effects.",
+    caption="Number of trials by hidden effect and named effect; ✗ marks wrong names. A name is right if the hidden"
+    " effect is in its class of indistinguishable effects.",
     tables=(
-        FoldedTable("Every trial", ("trial", "kind", "there was", "named", "verdict", "grade", "seconds"), trial_rows),
+        FoldedTable(
+            "All trials",
+            ("trial", "kind", "hidden effects", "named effects", "verdict", "grade", "time (s)"),
+            trial_rows,
+        ),
     ),
-    symbols="Intervals: Wilson's score.",
+    symbols="Intervals: Wilson score.",
 )

@@ -1,0 +1,30 @@
+"""Explanations of the terms in table headers, one line each; `docs/glossary.md` defines them in full."""
+
+TERMS = {
+    "effect": "physical cause of a difference between model and rig, for example Coulomb friction of joint 2",
+    "cause": "effect that explains the gap",
+    "alternatives": "effects that could be the cause instead of the named effect",
+    "indistinguishable effects": "effects that no algorithm can separate on these recordings; they share one"
+    " probability",
+    "probability": "probability that the effect, or one indistinguishable from it, is a cause; calibrated on blind"
+    " trials",
+    "size, 90 % interval": "amplitude of the effect with its 90 % interval",
+    "90 % interval": "interval that contains the true value in 90 of 100 cases, if the model is right",
+    "unique contribution": "share of the excess chi-square that returns when this effect is removed and the others are"
+    " refitted",
+    "excess explained": "share of the excess chi-square: the sum of squared residuals in units of the noise, minus what"
+    " noise alone contributes",
+    "share of the excess": "share of the excess chi-square that a torque or reading error at this place explains",
+    "cosine similarity": "cosine of the angle between the signatures of two effects: 1 = indistinguishable,"
+    " 0 = unrelated",
+    "how to distinguish": "recommended check that separates the effects, or the recordings if they already do",
+    "Bayes factor": "ratio by which the result of a check changes the odds of a cause",
+    "minimum detectable size": "smallest size that these recordings would have shown",
+    "confidence": "probability that an effect of this size or larger would have been detected",
+    "determined by": "what determines a value: the recordings, a measured value of the rig file, or its bounds only",
+    "gap reduction": "relative decrease of the gap: the rms residual above the noise",
+    "horizon (s)": "predictability horizon: time at which the uncertainty of the initial state alone moves an angle by"
+    " 0.1 rad",
+    "role": "whether a run was fitted, or held out to validate the result",
+}
+"""Text of a column header -> its explanation."""
