@@ -1,1 +1,1 @@
-"""Certificates: a diagnosis that others repeat and compare, claim by claim."""
+"""Certificates: claims of a diagnosis that others verify by repeating it."""

@@ -1,4 +1,4 @@
-"""What computes an answer, besides its recordings: the code, the libraries and the machine."""
+"""Versions of code, libraries and machine that compute a diagnosis."""
 
 import hashlib
 import importlib.metadata
@@ -13,7 +13,7 @@ from dpr_lab.version import __version__
 
 
 def made_with() -> dict[str, str]:
-    """Versions and hash of the code that runs here, by the fields of `dpr_lab.certificate.document.MadeWith`."""
+    """Versions and hash of the running code, with the fields of `dpr_lab.certificate.document.MadeWith`."""
     return {
         "dpr_lab": __version__,
         "code": _hash(Path(__file__).parents[1]),
@@ -34,7 +34,7 @@ def _hash(package: Path) -> str:
 
 
 def compare_code(certified: MadeWith, here: Mapping[str, str]) -> list[Verified]:
-    """Compare code and libraries with those of a certificate; a machine may be another."""
+    """Compare code and libraries with those of a certificate; the machine may differ."""
     return [
         Verified(f"made with: {name}", version, here[name], version == here[name])
         for name, version in certified.model_dump().items()

@@ -1,4 +1,4 @@
-"""Choices and origin of a certificate: what no repetition can confirm, shown to whoever judges it."""
+"""Choices and origin of a certificate, which a repetition of the diagnosis cannot verify."""
 
 from collections.abc import Iterator, Mapping
 
@@ -11,14 +11,14 @@ EVERYTHING = f"all {len(EFFECTS)} effects"
 
 
 def choices_of(certificate: Certificate) -> list[Declared]:
-    """What whoever certified was free to choose; a note says how a choice departs from the default."""
+    """Free choices of the certified diagnosis; the note of a choice that is not the default gives the default."""
     choices, recordings = certificate.choices, certificate.recordings
     library, without = choices.library, ", ".join(choices.without)
     return [
         Declared("fitted recordings", ", ".join(each.file for each in recordings if not each.held_out)),
         Declared("held-out recordings", ", ".join(each.file for each in recordings if each.held_out) or "none"),
         Declared("rig file", f"{certificate.rig.file} (SHA-256 {certificate.rig.sha256[:12]})"),
-        Declared("library", EVERYTHING) if library is None else _departs("library", ", ".join(library), EVERYTHING),
+        Declared("library", EVERYTHING) if library is None else _not_default("library", ", ".join(library), EVERYTHING),
         _choice("effects left out", without or "none", "none"),
         _choice("maximum number of effects", str(choices.max_effects), "4"),
         _choice("seed", str(choices.seed), "0"),
@@ -28,15 +28,20 @@ def choices_of(certificate: Certificate) -> list[Declared]:
 
 
 def _choice(name: str, value: str, default: str) -> Declared:
-    return Declared(name, value) if value == default else _departs(name, value, default)
+    return Declared(name, value) if value == default else _not_default(name, value, default)
 
 
-def _departs(name: str, value: str, default: str) -> Declared:
+def _not_default(name: str, value: str, default: str) -> Declared:
     return Declared(name, value, f"default: {default}")
 
 
 def origin_of(certificate: Certificate, here: Mapping[str, str]) -> list[Declared]:
-    """Policy, code, libraries, machine and signature; a note says what differs `here` (`dpr_lab.certificate.code`)."""
+    """Policy, code, libraries, machine and signature.
+
+    Args:
+        certificate: the certificate
+        here: versions of the running code (`dpr_lab.certificate.code.made_with`); notes give those that differ
+    """
     return [Declared("policy", str(certificate.policy)), *_made_with(certificate, here), _signed(certificate)]
 
 
@@ -47,6 +52,6 @@ def _made_with(certificate: Certificate, here: Mapping[str, str]) -> Iterator[De
 
 def _signed(certificate: Certificate) -> Declared:
     if certificate.signature is None:
-        return Declared("signature", "none", "anyone can have written this certificate")
-    own = fingerprint(certificate.signature.public_key)
-    return Declared("signature", f"by key {own}", "" if installed() else f"not checked: {MISSING}")
+        return Declared("signature", "none", "the author is unknown")
+    key = fingerprint(certificate.signature.public_key)
+    return Declared("signature", f"by key {key}", "" if installed() else f"not checked: {MISSING}")

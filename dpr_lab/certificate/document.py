@@ -1,7 +1,7 @@
 """The certificate file: recordings, rig, choices, code and claims of one diagnosis.
 
-The file holds no tolerance and no rule: these are the policy of the code (`dpr_lab.certificate.policy`). The seal is a
-hash without a key. It finds damage and careless edits; whoever edits a certificate can compute it again.
+The file contains no tolerances and no rules; these are the policy of the code (`dpr_lab.certificate.policy`). The seal
+is a hash without a key: it detects damage and accidental edits, but anyone can compute it again after an edit.
 """
 
 import hashlib
@@ -19,15 +19,15 @@ from dpr_lab.whole_file import regular
 
 Policy = Literal[2]
 POLICY: Policy = get_args(Policy)[0]
-"""Version of claims, tolerances and permitted choices; one that is changed gets the next number."""
+"""Version of claims, tolerances and permitted choices; it increases with every change of these rules."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
 def _path(text: str) -> str:
-    """A path that an operating system can look for."""
+    """Check that a text can be the path of a file."""
     if "\0" in text or any(len(os.fsencode(part)) > 255 for part in Path(text).parts):
-        raise ValueError("is no path")
+        raise ValueError("is not a path")
     return text
 
 
@@ -46,9 +46,9 @@ class CertifiedRecording(_Part):
     file: FilePath
     """Path relative to the folder of the certificate."""
     sha256: Sha256
-    """Of the file. Another import of the same table makes another file."""
+    """Hash of the file. Importing the same table again gives another file."""
     readings: Sha256
-    """`dpr_lab.run.Run.readings_sha256`: hash of everything that a fit reads of the run."""
+    """`dpr_lab.run.Run.readings_sha256`: hash of everything that a fit uses of the run."""
     held_out: bool
     """Whether the run only validated the diagnosis and was not fitted."""
 
@@ -59,10 +59,11 @@ class CertifiedRig(_Part):
     file: FilePath
     """Path relative to the folder of the certificate, or the name of a built-in rig."""
     sha256: Sha256
+    """Hash of the file."""
 
 
 class CertifiedChoices(_Part):
-    """Settings of the diagnosis that whoever certifies is free to choose; `verify` shows them first."""
+    """Free choices of the diagnosis; `verify` shows them first."""
 
     library: Annotated[tuple[str, ...], Field(min_length=1)] | None
     """Names of the effects to choose from; None: all."""
@@ -71,11 +72,11 @@ class CertifiedChoices(_Part):
     max_effects: int = Field(ge=1, le=8)
     """Maximum number of effects at once."""
     seed: int = Field(ge=0, lt=1 << 63)
-    """Of the bootstrap."""
+    """Seed of the bootstrap."""
     any_clock: bool
-    """Whether runs are accepted whose device clock is further off than a crystal's."""
+    """Whether runs are accepted if their device clock is less accurate than a crystal."""
     torque: Literal["measured", "commanded"] | None
-    """Which known torques drove the joints of runs that hold both; None: the measured ones."""
+    """Kind of known torques that is used of runs with both; None: measured."""
 
     @model_validator(mode="after")
     def _known_effects(self) -> Self:
@@ -86,11 +87,11 @@ class CertifiedChoices(_Part):
 
 
 class MadeWith(_Part):
-    """What computed the claims, besides the recordings."""
+    """Code, libraries and machine that computed the claims."""
 
     dpr_lab: Version
     code: Sha256
-    """Of all Python files that a diagnosis can run."""
+    """Hash of all Python files of the package."""
     python: Version
     numpy: Version
     scipy: Version
@@ -102,21 +103,22 @@ class CertifiedClaim(_Part):
     """One statement of the diagnosis."""
 
     value: Annotated[str, Field(max_length=65536)] | Number
+    """Text or number, SI."""
     interval90: tuple[Number, Number] | None
-    """Of a number that has one."""
+    """90 % interval; None for a text or a number without one."""
 
 
 class Signature(_Part):
-    """Who vouches for a certificate."""
+    """Signature of a certificate."""
 
     public_key: str = Field(pattern="^ssh-ed25519 [A-Za-z0-9+/]{68}$")
-    """In the form of OpenSSH, without a comment."""
+    """Key of the signer in OpenSSH form, without comment."""
     value: str = Field(pattern="^[0-9a-f]{128}$")
     """Ed25519 signature of `Certificate.content`, in hexadecimal digits."""
 
 
 class Certificate(_Part):
-    """A diagnosis with everything that it takes to repeat it."""
+    """Claims of a diagnosis with everything that is required to repeat it."""
 
     policy: Policy
     recordings: list[CertifiedRecording] = Field(min_length=1)
@@ -126,41 +128,41 @@ class Certificate(_Part):
     claims: dict[str, CertifiedClaim]
     signature: Signature | None
     seal: str = ""
-    """SHA-256 of `content`: finds damage and careless edits."""
+    """SHA-256 of `content`; detects damage and accidental edits."""
 
     @model_validator(mode="after")
-    def _something_is_fitted(self) -> Self:
+    def _has_a_fitted_run(self) -> Self:
         if all(recording.held_out for recording in self.recordings):
             raise ValueError("every recording is held out, so none is fitted")
         return self
 
     @property
     def content(self) -> bytes:
-        """Everything but signature and seal, as one sequence of bytes."""
-        told = self.model_dump(mode="json", exclude={"signature", "seal"})
-        return json.dumps(told, sort_keys=True, separators=(",", ":")).encode()
+        """Canonical JSON of everything except signature and seal."""
+        fields = self.model_dump(mode="json", exclude={"signature", "seal"})
+        return json.dumps(fields, sort_keys=True, separators=(",", ":")).encode()
 
     def sealed(self) -> Self:
-        """The same with its seal."""
+        """Return a copy with its seal."""
         return self.model_copy(update={"seal": hashlib.sha256(self.content).hexdigest()})
 
     def compare_seal(self) -> list[Verified]:
-        """A line where the seal is not of this content."""
+        """One line if the seal does not match the content; otherwise none."""
         if self.seal == self.sealed().seal:
             return []
         return [Verified("seal", self.seal, None, False, "the certificate was changed after it was written")]
 
     def runs(self, folder: Path, *, held_out: bool) -> tuple[Path, ...]:
-        """Paths of the recordings that are fitted, or of those that are held out."""
+        """Paths of the fitted or of the held-out recordings."""
         return tuple(folder / recording.file for recording in self.recordings if recording.held_out is held_out)
 
     def rig_in(self, folder: Path) -> str:
-        """Path of the rig file, or the name of a built-in one."""
+        """Path of the rig file, or name of a built-in rig."""
         path = folder / self.rig.file
         return str(path) if path.is_file() else self.rig.file
 
     def to_text(self) -> str:
-        """The file's text."""
+        """Text of the file."""
         return self.model_dump_json(indent=1) + "\n"
 
 
@@ -168,12 +170,12 @@ def load_certificate(path: Path) -> Certificate:
     """Read a certificate.
 
     Raises:
-        RunError: it cannot be read, is no certificate, or is of another policy.
+        RunError: the file cannot be read, is not a certificate, or is of another policy.
     """
     text = _text(path)
     try:
-        whole = json.loads(text, object_pairs_hook=_without_repeated_keys)
-        _refuse_other_policies(path, whole)
+        document = json.loads(text, object_pairs_hook=_without_repeated_keys)
+        _refuse_other_policies(path, document)
         return Certificate.model_validate_json(text)
     except ValidationError as error:
         fault = error.errors()[0]
@@ -186,7 +188,7 @@ def load_certificate(path: Path) -> Certificate:
 
 
 def _text(path: Path, max_mb: int = 16) -> str:
-    """The text of a file; a certificate of a thousand recordings has less than one MB."""
+    """Read a file of limited size; a certificate of a thousand recordings has less than 1 MB."""
     try:
         if regular(path, RunError).stat().st_size > max_mb << 20:
             raise RunError(f"{path}: is not a certificate: larger than {max_mb} MB")
@@ -198,25 +200,24 @@ def _text(path: Path, max_mb: int = 16) -> str:
 
 
 def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Refuse two values of one key: people may read the first, programs read the last."""
-    whole: dict[str, Any] = {}
+    """Refuse repeated keys: people may read the first value, programs use the last."""
+    values: dict[str, Any] = {}
     for key, value in pairs:
-        if key in whole:
-            raise ValueError(f"key {key!r} is there twice")
-        whole[key] = value
-    return whole
+        if key in values:
+            raise ValueError(f"key {key!r} occurs twice")
+        values[key] = value
+    return values
 
 
-def _refuse_other_policies(path: Path, whole: Any) -> None:
-    if not isinstance(whole, dict):
-        raise RunError(f"{path}: is not a certificate: no JSON object")
-    if "policy" not in whole and whole.get("schema") == 1:
+def _refuse_other_policies(path: Path, document: Any) -> None:
+    if not isinstance(document, dict):
+        raise RunError(f"{path}: is not a certificate: not a JSON object")
+    if "policy" not in document and document.get("schema") == 1:
         raise RunError(
-            f"{path}: is a certificate of policy 1 (dpr-lab 0.2), which kept its tolerances in the file, where anyone"
-            f" could loosen them. This version verifies policy {POLICY}: certify the recordings again, or verify with"
-            " dpr-lab 0.2"
+            f"{path}: is a certificate of policy 1 (dpr-lab 0.2). Its tolerances are in the file, where they can be"
+            f" edited. This version verifies policy {POLICY}. Certify the recordings again, or verify with dpr-lab 0.2"
         )
-    policy = whole.get("policy")
+    policy = document.get("policy")
     if isinstance(policy, int) and not isinstance(policy, bool) and policy != POLICY:
-        age = "newer: update dpr-lab" if policy > POLICY else "older: certify the recordings again"
-        raise RunError(f"{path}: is a certificate of policy {policy}, but this version verifies {POLICY}. It is {age}")
+        remedy = "Update dpr-lab" if policy > POLICY else "Certify the recordings again"
+        raise RunError(f"{path}: is a certificate of policy {policy}, but this version verifies {POLICY}. {remedy}")

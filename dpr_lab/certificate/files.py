@@ -1,4 +1,4 @@
-"""The recordings and the rig file of a certificate: note their hashes, and compare them."""
+"""Hashes of the recordings and of the rig file of a certificate."""
 
 import os
 from pathlib import Path
@@ -12,10 +12,10 @@ from dpr_lab.storage.reader import load_run
 
 
 def certify_recording(path: Path, folder: Path, *, held_out: bool) -> CertifiedRecording:
-    """Note a run file of a certificate in a folder.
+    """Hash a run file for a certificate in a folder.
 
     Raises:
-        RunError: it is no run.
+        RunError: the file is not a run.
     """
     readings = load_run(path).readings_sha256
     return CertifiedRecording(
@@ -24,7 +24,7 @@ def certify_recording(path: Path, folder: Path, *, held_out: bool) -> CertifiedR
 
 
 def certify_rig(rig: str, folder: Path) -> CertifiedRig:
-    """Note a rig file, or a built-in rig, of a certificate in a folder.
+    """Hash a rig file, or a built-in rig, for a certificate in a folder.
 
     Raises:
         ConfigError: the rig is not valid.
@@ -40,7 +40,7 @@ def _relative(path: Path, folder: Path) -> str:
 def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
     """Compare a run file with its hashes.
 
-    The readings decide: another import of the same table is another file with the same readings.
+    The hash of the readings decides: importing the same table again gives another file with the same readings.
     """
     try:
         holds, now, reason = _compare(certified, folder / certified.file)
@@ -52,16 +52,16 @@ def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
 
 
 def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | None, str]:
-    """Whether it holds, the hash of the file, and the reason."""
+    """Whether the file is the certified one, its hash, and the reason."""
     if not path.is_file():
-        return False, None, "is not there"
+        return False, None, "does not exist"
     now = sha256_of(path)
     same_file = now == certified.sha256
     if not same_file and not _has_readings(path, certified.readings):
-        return False, now[:12], "is not the file that was certified"
+        return False, now[:12], "is not the certified file"
     if same_file and load_run(path).readings_sha256 != certified.readings:
         return False, now[:12], "does not hold the certified readings"
-    return True, now[:12], "" if same_file else "another file of the same readings"
+    return True, now[:12], "" if same_file else "another file with the same readings"
 
 
 def _has_readings(path: Path, readings: str) -> bool:
@@ -75,11 +75,11 @@ def compare_rig(certificate: Certificate, folder: Path) -> Verified:
     """Compare the rig file with its hash.
 
     Raises:
-        ConfigError: it is not there or not valid.
+        ConfigError: the file does not exist or is not valid.
     """
     try:
-        now, then = load_rig(certificate.rig_in(folder)).sha256, certificate.rig.sha256
+        now, certified = load_rig(certificate.rig_in(folder)).sha256, certificate.rig.sha256
     except OSError as error:
         raise ConfigError(f"{certificate.rig.file}: cannot be read: {error.strerror}") from error
-    reason = "" if now == then else "is not the file that was certified"
-    return Verified(certificate.rig.file, then[:12], now[:12], now == then, reason)
+    reason = "" if now == certified else "is not the certified file"
+    return Verified(certificate.rig.file, certified[:12], now[:12], now == certified, reason)

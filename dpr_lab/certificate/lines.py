@@ -1,29 +1,33 @@
-"""What a verification says, line by line."""
+"""Lines of the result of a verification."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """A statement of a certificate that was checked."""
+    """A statement of a certificate and its verification."""
 
     claim: str
+    """Name of the claim or of the file."""
     certified: str | float | None
-    """None: the certificate lacks it."""
+    """Value in the certificate; None: missing."""
     now: str | float | None
-    """None: there is nothing to compare with."""
+    """Value of the repetition; None: there is none to compare with."""
     holds: bool
+    """Whether the two agree within the tolerance."""
     reason: str = ""
-    """Why it does not hold, or what is special where it does."""
+    """Why the claim fails, or a remark on one that holds."""
     within: float | None = None
-    """Tolerance of a claim; 0: must be equal. None: a file or a signature."""
+    """Tolerance of a claim; 0: must be equal; None: a file or a signature."""
 
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """What a certificate says that no repetition can confirm: a free choice, or where it comes from."""
+    """A statement of a certificate that a repetition cannot verify: a free choice or its origin."""
 
     name: str
+    """Name of the choice or of the origin."""
     value: str
+    """Value in the certificate."""
     note: str = ""
-    """How it departs from the default, or from what verifies it."""
+    """The default, or the value of the running code, if it differs."""

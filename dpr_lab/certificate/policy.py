@@ -1,10 +1,10 @@
-"""What a certificate must claim, and how far each claim may differ elsewhere.
+"""Required claims of a certificate and their tolerances.
 
-These are rules of the code, not of the file: a certificate with a claim missing, added or changed does not hold. A
-changed rule is a new policy (`dpr_lab.certificate.document.POLICY`).
+These rules are part of the code, not of the file: a certificate with a missing, added or changed claim does not hold.
+Changed rules are a new policy (`dpr_lab.certificate.document.POLICY`).
 
-Names and verdicts must be equal. The tolerances of numbers are those at which the answers of this program are compared
-between its versions (tests/golden). They follow from the diagnosis that is made anew, so an edit cannot widen them.
+Names and verdicts must be equal. The tolerances of numbers are those that compare the results of different versions of
+this program (tests/golden). They follow from the repeated diagnosis, so editing the file cannot widen them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -22,14 +22,14 @@ Ends = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """How far a number may differ elsewhere."""
+    """Tolerances of numbers."""
 
     share: float = 0.02
-    """Of a probability or a share of the gap, and of the ends of its interval."""
+    """Tolerance of a probability or a share of the gap, and of the ends of its interval."""
     of_interval: float = 0.1
-    """Of another number and of the ends of its interval: fraction of the width of its 90 % interval."""
+    """Tolerance of other numbers and of the ends of their intervals, as a fraction of the interval's width."""
     of_typical: float = 1e-3
-    """At least this fraction of the parameter's typical size: a number at a bound has no width."""
+    """Minimum tolerance as a fraction of the parameter's typical size; the interval at a bound has no width."""
 
 
 TOLERANCES = Tolerances()
@@ -40,14 +40,15 @@ class Required:
     """A claim that the policy requires of a diagnosis."""
 
     claim: CertifiedClaim
+    """Value and interval."""
     within: float = 0.0
-    """Largest difference of the value; 0 for a text, which must be equal."""
+    """Tolerance of the value; 0 for a text, which must be equal."""
     of_interval: float = 0.0
-    """Largest difference of each end of the interval."""
+    """Tolerance of each end of the interval."""
 
 
 def required_claims(diagnosis: Diagnosis) -> dict[str, Required]:
-    """Every claim that policy 2 requires of a certificate of this diagnosis."""
+    """Claims that policy 2 requires of a certificate of this diagnosis, by name."""
     closed = diagnosis.gap.closed_held_out
     required = {
         "verdict": _text(diagnosis.verdict),
@@ -71,12 +72,12 @@ def _effect_claims(effect: NamedEffect, scale: Scale | None) -> Iterator[tuple[s
     yield "unique contribution", _share(effect.share)
     parameters = {parameter.name: parameter for parameter in EFFECTS[effect.name].parameters}
     for name, size in effect.parameters.items():
-        parameter = parameters.get(name)  # none: it follows from the parameters
+        parameter = parameters.get(name)  # None: derived from other parameters
         yield name, _size(size, parameter.typical if parameter else abs(size.value))
         if size.ratio is not None and size.ratio_interval90 is not None and scale is not None and parameter is not None:
-            over = "/ b" if parameter.scale_power > 0 else "* b"
+            operator = "/ b" if parameter.scale_power > 0 else "* b"
             typical = scale.ratio(parameter.typical, parameter.scale_power)
-            yield f"{name} {over}, {size.ratio_unit}", _number(size.ratio, size.ratio_interval90, typical)
+            yield f"{name} {operator}, {size.ratio_unit}", _number(size.ratio, size.ratio_interval90, typical)
 
 
 def _fault(finding: SensorFinding) -> str:
@@ -97,13 +98,13 @@ def _number(value: float, interval90: Ends, typical: float) -> Required:
 
 
 def _scale(scale: Scale) -> Required:
-    """The b that absolute sizes assume: an estimate, or a value of the rig file that a repetition takes as it is."""
+    """The b of absolute sizes: an estimate, or a value of the rig file, which a repetition uses unchanged."""
     claim, within = CertifiedClaim(value=scale.b, interval90=scale.interval90), _tolerance(scale.interval90, scale.b)
     return Required(claim, within if scale.known else TOLERANCES.of_typical * scale.b, within)
 
 
 def _size(size: EffectSize, typical: float) -> Required:
-    """An absolute size: its tolerance is that of the fit, its interval holds the uncertainty of the scale too."""
+    """An absolute size with the tolerance of the fit; its interval includes the uncertainty of the scale."""
     interval90 = size.interval90_with_scale or size.interval90
     claim = CertifiedClaim(value=size.value, interval90=interval90)
     return Required(claim, _tolerance(size.interval90, typical), _tolerance(interval90, typical))
@@ -117,25 +118,25 @@ def _tolerance(interval90: Ends, typical: float) -> float:
 def compare_claims(certified: Mapping[str, CertifiedClaim], diagnosis: Diagnosis) -> list[Verified]:
     """Compare the claims of a certificate with those that the policy requires of a diagnosis."""
     required = required_claims(diagnosis)
-    lines = [_compare(name, certified.get(name), now) for name, now in required.items()]
+    lines = [_compare(name, certified.get(name), claim) for name, claim in required.items()]
     unknown = (
-        Verified(name, claim.value, None, False, f"is no claim that policy {POLICY} knows of this diagnosis", 0.0)
+        Verified(name, claim.value, None, False, f"is not a claim of policy {POLICY} for this diagnosis", 0.0)
         for name, claim in certified.items()
         if name not in required
     )
     return [*lines, *unknown]
 
 
-def _compare(name: str, certified: CertifiedClaim | None, now: Required) -> Verified:
-    value = now.claim.value
-    within = now.within
+def _compare(name: str, certified: CertifiedClaim | None, required: Required) -> Verified:
+    value, within = required.claim.value, required.within
     if certified is None:
-        reason = f"is missing, and policy {POLICY} requires it"
+        reason = f"is missing, but policy {POLICY} requires it"
         return Verified(name, None, value, False, reason, within)
-    if not _near(certified.value, value, now.within):
-        return Verified(name, certified.value, value, False, "is not the result of this diagnosis", within)
-    if not _near_intervals(certified.interval90, now.claim.interval90, now.of_interval):
-        reason = f"its interval is {_worded(now.claim.interval90)}, not {_worded(certified.interval90)}"
+    if not _near(certified.value, value, within):
+        return Verified(name, certified.value, value, False, "differs from the result of this diagnosis", within)
+    if not _near_intervals(certified.interval90, required.claim.interval90, required.of_interval):
+        intervals = _format(required.claim.interval90), _format(certified.interval90)
+        reason = f"the interval is {intervals[0]}, not {intervals[1]}"
         return Verified(name, certified.value, value, False, reason, within)
     return Verified(name, certified.value, value, True, "", within)
 
@@ -152,5 +153,5 @@ def _near_intervals(certified: Ends | None, now: Ends | None, within: float) -> 
     return all(_near(end, end_now, within) for end, end_now in zip(certified, now, strict=True))
 
 
-def _worded(interval: Ends | None) -> str:
+def _format(interval: Ends | None) -> str:
     return "none" if interval is None else f"{interval[0]:.5g} to {interval[1]:.5g}"

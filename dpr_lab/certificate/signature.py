@@ -1,4 +1,4 @@
-"""Ed25519 signatures of certificates, with the keys of OpenSSH or OpenSSL; the library is `cryptography`.
+"""Ed25519 signatures of certificates with keys of OpenSSH or OpenSSL, by the library `cryptography`.
 
 Private keys are read and never written.
 """
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
 CONTEXT = b"dpr-lab certificate\n"
-"""Before what is signed, so that a signature of a certificate is a signature of nothing else."""
+"""Prefix of the signed bytes, so that the signature of a certificate is valid for nothing else."""
 
-MISSING = "signatures need the library cryptography: pip install 'dpr-lab[signing]'"
+MISSING = "signatures require the library cryptography: pip install 'dpr-lab[signing]'"
 MAKE_A_KEY = "make one with: ssh-keygen -t ed25519 -f my_key"
 
 
@@ -29,10 +29,11 @@ def load_private_key(path: Path, passphrase: Callable[[], str] | None = None) ->
 
     Args:
         path: the key file
-        passphrase: asks for the passphrase of a protected key; None where nobody can be asked
+        passphrase: asks for the passphrase of a protected key; None without a terminal
 
     Raises:
-        ConfigError: no such file, no Ed25519 private key, a wrong passphrase, or `cryptography` is not installed.
+        ConfigError: the file does not exist or is not an Ed25519 private key, the passphrase is wrong, or
+            `cryptography` is not installed.
     """
     require_library()
     from cryptography.exceptions import UnsupportedAlgorithm
@@ -40,12 +41,12 @@ def load_private_key(path: Path, passphrase: Callable[[], str] | None = None) ->
 
     data = _key_file(path)
     if b"PUBLIC KEY" in data or data.startswith(b"ssh-"):
-        raise ConfigError(f"{path}: is a public key: --sign needs the private one")
+        raise ConfigError(f"{path}: is a public key. --sign requires the private key")
     try:
         key = _private(data, None)
     except TypeError as error:  # protected
         if passphrase is None:
-            raise ConfigError(f"{path}: is protected by a passphrase: run the command on a terminal") from error
+            raise ConfigError(f"{path}: is protected by a passphrase. Run the command on a terminal") from error
         try:
             key = _private(data, passphrase().encode())
         except (ValueError, TypeError) as wrong:
@@ -65,10 +66,10 @@ def _private(data: bytes, password: bytes | None) -> object:
 
 
 def load_public_key(path: Path) -> str:
-    """Read a public key in PEM or OpenSSH form, as OpenSSH writes it, without its comment.
+    """Read a public key in PEM or OpenSSH form; return it in OpenSSH form without comment.
 
     Raises:
-        ConfigError: no such file, no Ed25519 public key, or `cryptography` is not installed.
+        ConfigError: the file does not exist or is not an Ed25519 public key, or `cryptography` is not installed.
     """
     require_library()
     from cryptography.exceptions import UnsupportedAlgorithm
@@ -78,8 +79,8 @@ def load_public_key(path: Path) -> str:
     data = _key_file(path)
     if b"PRIVATE KEY" in data:
         raise ConfigError(
-            f"{path}: is a private key: give the public one, which ssh-keygen wrote to {path.name}.pub and openssl"
-            f" writes with: openssl pkey -in {path.name} -pubout"
+            f"{path}: is a private key. Give the public key: ssh-keygen wrote it to {path.name}.pub; openssl writes it"
+            f" with: openssl pkey -in {path.name} -pubout"
         )
     try:
         key = load_pem_public_key(data) if b"BEGIN PUBLIC KEY" in data else load_ssh_public_key(data)
@@ -91,14 +92,14 @@ def load_public_key(path: Path) -> str:
 
 
 def sign(certificate: Certificate, key: "Ed25519PrivateKey") -> Certificate:
-    """The certificate with a signature of its content."""
+    """Return the certificate with a signature of its content."""
     value = key.sign(CONTEXT + certificate.content).hex()
     signature = Signature(public_key=_as_openssh(key.public_key()), value=value)
     return certificate.model_copy(update={"signature": signature})
 
 
 def is_valid(certificate: Certificate) -> bool:
-    """Whether its signature is one of its content by the key that it names; `cryptography` is needed."""
+    """Whether the signature is valid for the content and the stated key; requires `cryptography`."""
     from cryptography.exceptions import InvalidSignature
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_ssh_public_key
@@ -114,33 +115,33 @@ def is_valid(certificate: Certificate) -> bool:
 
 
 def compare_signature(certificate: Certificate, trusted: str | None) -> list[Verified]:
-    """Check the signature of a certificate; no line where there is none to check or nothing to check it with.
+    """Verify the signature of a certificate; no lines without a signature or without `cryptography`.
 
     Args:
         certificate: the certificate
-        trusted: the public key that must have signed it, as `load_public_key` gives it; None: any or none
+        trusted: the required public key, from `load_public_key`; None: any key or no signature
     """
-    wanted = fingerprint(trusted) if trusted else None
+    required = fingerprint(trusted) if trusted else None
     if certificate.signature is None:
-        return [Verified("signature", None, wanted, False, "there is none")] if trusted else []
+        return [Verified("signature", None, required, False, "is missing")] if trusted else []
     if not installed():
         return []
-    own = fingerprint(certificate.signature.public_key)
+    key = fingerprint(certificate.signature.public_key)
     if trusted and certificate.signature.public_key != trusted:
-        return [Verified("signature", own, wanted, False, "is by another key")]
+        return [Verified("signature", key, required, False, "is by another key")]
     if not is_valid(certificate):
-        return [Verified("signature", own, wanted, False, "is not a signature of this content")]
-    return [Verified("signature", own, wanted, True, "" if trusted else "by a key that nobody asked for")]
+        return [Verified("signature", key, required, False, "is not valid for this content")]
+    return [Verified("signature", key, required, True, "" if trusted else "no key was required")]
 
 
 def fingerprint(public_key: str) -> str:
-    """Of a key in the form of OpenSSH, as `ssh-keygen -lf` prints it."""
+    """Fingerprint of a key in OpenSSH form, as `ssh-keygen -lf` prints it."""
     digest = hashlib.sha256(base64.b64decode(public_key.split()[1])).digest()
     return "SHA256:" + base64.b64encode(digest).decode().rstrip("=")
 
 
 def installed() -> bool:
-    """Whether `cryptography` can be used."""
+    """Whether `cryptography` is installed."""
     try:
         require_library()
     except ConfigError:
@@ -149,10 +150,10 @@ def installed() -> bool:
 
 
 def require_library() -> None:
-    """Make sure that `cryptography` can be used.
+    """Check that `cryptography` is installed.
 
     Raises:
-        ConfigError: it cannot.
+        ConfigError: it is not installed.
     """
     try:
         import cryptography.hazmat.primitives.asymmetric.ed25519  # noqa: F401

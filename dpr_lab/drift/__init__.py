@@ -1,6 +1,6 @@
-"""What changed between groups of runs of one rig.
+"""Drift: changes of parameters between groups of runs of one rig.
 
-groups     which runs belong together: by day, by session, by label
-estimates  ratios and sizes of effects of each run alone
-changes    which of them moved, with simultaneous intervals, and after which group
+groups     grouping of runs by day, session or label
+estimates  ratios and sizes of effects, fitted to each run alone
+changes    significant changes between groups, with simultaneous intervals and change points
 """

@@ -1,4 +1,4 @@
-"""What each run alone says of the rig: its ratios, and the sizes of effects that are known to be there."""
+"""Estimates of ratios and of sizes of given effects, fitted to each run alone."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,20 +24,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
-    """What each of some runs says, in the order of time."""
+    """Estimates of each run, in the order of time."""
 
     runs: tuple[str, ...]
     """Names of the runs."""
     poses: tuple[str, ...]
-    """Of each run, the pose it was released from: what the model misses differs between them."""
+    """Pose of each run; the bias of estimates by model error differs between poses."""
     names: tuple[str, ...]
-    """Of the parameters."""
+    """Names of the parameters."""
     values: Array
-    """(runs, parameters) SI"""
+    """(runs, parameters) estimates, SI."""
     std: Array
-    """(runs, parameters) by the noise of each run alone, SI."""
+    """(runs, parameters) standard deviations from the noise of each run, SI."""
     b: float | None = None
-    """The b that absolute sizes assume, kg m^2; None where the runs fix it. Sizes that scale with it are then ratios
+    """Assumed b of absolute sizes, kg m^2; None if the runs identify it. Sizes that scale with an assumed b are ratios
     to it, and their names end in `/b` or `*b`."""
 
 
@@ -48,56 +48,61 @@ def estimate_each(
     effects: Mapping[str, Mapping[str, float]] | None = None,
     start: Array | None = None,
 ) -> Estimates:
-    """Fit every run alone, over segments of half a second.
+    """Fit every run alone, in segments of 0.5 s.
 
     Args:
         runs: in the order of time
         rig: lengths, masses and encoders
-        effects: what a diagnosis named, with all parameters: their amplitudes are fitted too
-        start: (6,) ratios and b to start from; the rig file's values by default
+        effects: named effects of a diagnosis with all parameters; their amplitudes are fitted too
+        start: (6,) initial values of the ratios and of b; the rig file's values by default
 
     Raises:
-        RunError: a run that cannot be fitted.
+        RunError: a run cannot be fitted.
     """
-    begun = nominal_ratios(rig) if start is None else start
-    found = [_estimate(run, rig, effects or {}, begun) for run in runs]
-    names = found[0][0]
-    for run, (own, _, _) in zip(runs, found, strict=True):
-        if own != names:
-            raise RunError(f"{run.file or run.name}: shows {', '.join(own)}, the first run {', '.join(names)}")
-    values, std = (np.array([item[part] for item in found]) for part in (1, 2))
-    b = None if "b" in names else float(begun[SCALE])
+    initial = nominal_ratios(rig) if start is None else start
+    fits = [_estimate(run, rig, effects or {}, initial) for run in runs]
+    names = fits[0][0]
+    for run, (run_names, _, _) in zip(runs, fits, strict=True):
+        if run_names != names:
+            raise RunError(
+                f"{run.file or run.name}: identifies {', '.join(run_names)}, but the first run identifies"
+                f" {', '.join(names)}"
+            )
+    values, std = (np.array(columns) for columns in list(zip(*fits, strict=True))[1:])
+    b = None if "b" in names else float(initial[SCALE])
     return Estimates(tuple(run.name for run in runs), tuple(run.pose or "" for run in runs), names, values, std, b)
 
 
 def _estimate(
     run: Run, rig: Rig, effects: Mapping[str, Mapping[str, float]], start: Array
 ) -> tuple[tuple[str, ...], Array, Array]:
-    """Names, values and standard deviations of one run's parameters."""
+    """Names, values and standard deviations of the parameters of one run."""
     refuse_without_motion(run, rig)
     _, problem, bare = fit_bare_model(Recordings((record(run, rig),), rig), start)
-    found = bare.fit
+    fitted = bare.fit
     if effects:
-        at = found.estimate.changed(params=effect_params({name: dict(values) for name, values in effects.items()}))
-        found = fit(problem, at, free_parameters(at, tuple(effects), problem))
-    A, _ = found.linear.flat
-    sizes = np.linalg.norm(A, axis=0)
-    if not (sizes > 0).all():
-        raise RunError(f"{run.file or run.name}: does not show every parameter: leave it out")
-    inverse = np.linalg.pinv((A / sizes).T @ (A / sizes), hermitian=True)
-    excess = max(1.0, found.chi2 / problem.measured.size)
-    std = np.sqrt(excess * np.diag(inverse)) / sizes
-    kept = [i for i, p in enumerate(found.free) if p.block != "zeros"]
-    shown = [found.free[i] for i in kept]
-    fixed = any(not parameter.effect and parameter.name == "b" for parameter in shown)
-    powers = [0 if fixed else _scale_power(parameter) for parameter in shown]
-    names = tuple(_name(parameter, power) for parameter, power in zip(shown, powers, strict=True))
-    scales = found.estimate.ratios[SCALE] ** np.array(powers, dtype=float)
-    return names, np.array([parameter.read(found.estimate) for parameter in shown]) / scales, std[kept] / scales
+        params = effect_params({name: dict(values) for name, values in effects.items()})
+        estimate = fitted.estimate.changed(params=params)
+        fitted = fit(problem, estimate, free_parameters(estimate, tuple(effects), problem))
+    A, _ = fitted.linear.flat
+    norms = np.linalg.norm(A, axis=0)
+    if not (norms > 0).all():
+        raise RunError(f"{run.file or run.name}: does not identify every parameter. Omit this run")
+    inverse = np.linalg.pinv((A / norms).T @ (A / norms), hermitian=True)
+    misfit = max(1.0, fitted.chi2 / problem.measured.size)
+    std = np.sqrt(misfit * np.diag(inverse)) / norms
+    indices = [i for i, parameter in enumerate(fitted.free) if parameter.block != "zeros"]
+    parameters = [fitted.free[i] for i in indices]
+    is_scale_known = any(not parameter.effect and parameter.name == "b" for parameter in parameters)
+    powers = [0 if is_scale_known else _scale_power(parameter) for parameter in parameters]
+    names = tuple(_name(parameter, power) for parameter, power in zip(parameters, powers, strict=True))
+    scales = fitted.estimate.ratios[SCALE] ** np.array(powers, dtype=float)
+    values = np.array([parameter.read(fitted.estimate) for parameter in parameters])
+    return names, values / scales, std[indices] / scales
 
 
 def _scale_power(parameter: FreeParameter) -> int:
-    """How an amplitude follows the scale, which each run alone leaves open."""
+    """Exponent with which an amplitude scales with b, which a run alone does not identify."""
     effect = EFFECTS.get(parameter.effect)
     return next((p.scale_power for p in effect.parameters if p.name == parameter.name), 0) if effect else 0
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dpr_lab.drift.changes import Drift, Moved
+from dpr_lab.drift.changes import Drift, ParameterChange
 from dpr_lab.drift.estimates import Estimates
 from dpr_lab.report import style
 from dpr_lab.report.figures import new_figure, save_each
@@ -42,17 +42,17 @@ def sentence(drift: Drift) -> str:
     )
 
 
-def between(parameter: Moved) -> str:
+def between(parameter: ParameterChange) -> str:
     """The groups that differ: `between 2026-11-16 and 2026-11-17`."""
     return f"between {parameter.between[0]} and {parameter.between[1]}"
 
 
-def relative(parameter: Moved, change: float) -> str:
+def relative(parameter: ParameterChange, change: float) -> str:
     """Format a change in per cent of the first group's mean, or in the parameter's unit if that mean is about zero."""
     return f"{100 * change / abs(parameter.first):+.3g} %" if _has_size(parameter) else f"{change:+.3g}"
 
 
-def _has_size(parameter: Moved) -> bool:
+def _has_size(parameter: ParameterChange) -> bool:
     """Whether the first group's mean exceeds the scatter of a run and a tenth of the change."""
     return abs(parameter.first) > max(parameter.scatter, 0.1 * abs(parameter.change))
 
@@ -150,7 +150,7 @@ def chart(drift: Drift, estimates: Estimates, group: Sequence[int]) -> Figure:
         return figure
 
 
-def _draw(axes: Axes, parameter: Moved, values: np.ndarray, critical: float) -> None:
+def _draw(axes: Axes, parameter: ParameterChange, values: np.ndarray, critical: float) -> None:
     scale = 100 / abs(parameter.first) if _has_size(parameter) else 1.0
     limit = critical * parameter.scatter * scale
     axes.axhspan(-limit, limit, **style.NOISE_BAND)
@@ -159,7 +159,7 @@ def _draw(axes: Axes, parameter: Moved, values: np.ndarray, critical: float) -> 
     axes.set_ylabel("change (%)" if _has_size(parameter) else "change")
 
 
-def _range(parameter: Moved, interval: tuple[float, float]) -> str:
+def _range(parameter: ParameterChange, interval: tuple[float, float]) -> str:
     return f"{relative(parameter, interval[0])} to {relative(parameter, interval[1])}"
 
 

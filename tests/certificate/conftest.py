@@ -41,10 +41,10 @@ def _diagnosed(request: DiagnoseRequest) -> object:
 
 @pytest.fixture
 def remembered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Diagnose each request once only: its answer is the same every time."""
+    """Diagnose each request only once."""
     monkeypatch.setattr(workflow, "diagnose", lambda request, on_event: _diagnosed(request))
 
 
 def reseal(path: Path) -> None:
-    """Give an edited certificate the seal of its new content, as anybody can."""
+    """Give an edited certificate the seal of its new content."""
     path.write_text(load_certificate(path).sealed().to_text(), encoding="utf-8")

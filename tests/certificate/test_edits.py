@@ -28,7 +28,7 @@ DECLARED = (
     ("recordings", 1),
     ("rig", "file"),
 )
-"""What a certificate is free to say, as long as it is shown."""
+"""Fields that a certificate may change, if the change is shown."""
 
 
 def parts(value: Any, key: Key = ()) -> Iterator[tuple[Key, Any]]:
@@ -43,7 +43,7 @@ def parts(value: Any, key: Key = ()) -> Iterator[tuple[Key, Any]]:
 
 
 def replacements(value: Any) -> list[Any]:
-    """What a value is changed into: of its kind, and of another."""
+    """Replacements of a value, of the same and of another type."""
     if isinstance(value, bool):
         return [not value, 1, None]
     if isinstance(value, (int, float)):
@@ -57,7 +57,7 @@ def replacements(value: Any) -> list[Any]:
 
 
 def additions(value: Any) -> list[Any]:
-    """What a container is extended to."""
+    """Extensions of a container."""
     if isinstance(value, dict):
         inner = next(iter(value.values()), 0)
         return [{**value, "extra": each} for each in (0, inner)]
@@ -85,7 +85,7 @@ def edited(whole: dict[str, Any], key: Key, change: Callable[[Any, Any], None]) 
 
 
 def outcome(path: Path, whole: Any) -> VerifiedCertificate | None:
-    """The verification of an edited certificate with a new seal; None where it is refused."""
+    """The verification of an edited certificate with a new seal; None if it is refused."""
     path.write_text(json.dumps(whole), encoding="utf-8")
     try:
         if ("seal",) in dict(parts(whole)):
@@ -116,7 +116,7 @@ def test_every_edit_of_every_field_fails_or_is_shown(folder: Path) -> None:
 
 
 def _same(path: Path, whole: Any, certified: Certificate) -> bool:
-    """Whether it says the same: `True == 1` in Python, not in a certificate."""
+    """Whether the content is the same; `True == 1` holds in Python, but not in a certificate."""
     path.write_text(json.dumps(whole), encoding="utf-8")
     try:
         return load_certificate(path) == certified

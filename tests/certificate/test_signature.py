@@ -30,7 +30,7 @@ PASSPHRASE = "open sesame"
 
 
 def write_key(path: Path, key: object, form: PrivateFormat, passphrase: str = "") -> Path:
-    """A private key, and its public half beside it in the same form."""
+    """A private key and its public key in the same form."""
     protection = BestAvailableEncryption(passphrase.encode()) if passphrase else NoEncryption()
     path.write_bytes(key.private_bytes(Encoding.PEM, form, protection))  # type: ignore[attr-defined]
     openssh = form is PrivateFormat.OpenSSH
@@ -103,18 +103,18 @@ def test_no_edit_of_a_signed_certificate_keeps_its_signature(signed: Path, keys:
 
 
 def test_an_unsigned_certificate_fails_where_a_key_is_asked_for(folder: Path, keys: Path) -> None:
-    assert signature_line(verify(folder / "certificate.json", signed_by=keys / "ssh.pub")) == (False, "there is none")
+    assert signature_line(verify(folder / "certificate.json", signed_by=keys / "ssh.pub")) == (False, "is missing")
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("remembered")
 def test_a_signature_is_checked_and_its_key_shown_where_no_key_is_asked_for(signed: Path) -> None:
-    assert signature_line(verify(signed)) == (True, "by a key that nobody asked for")
+    assert signature_line(verify(signed)) == (True, "no key was required")
     certificate = load_certificate(signed)
     assert certificate.signature is not None
     forged = Signature(public_key=certificate.signature.public_key, value="0" * 128)
     signed.write_text(certificate.model_copy(update={"signature": forged}).to_text(), encoding="utf-8")
-    assert signature_line(verify(signed)) == (False, "is not a signature of this content")
+    assert signature_line(verify(signed)) == (False, "is not valid for this content")
 
 
 def test_a_public_key_has_one_name_in_either_form(keys: Path) -> None:
@@ -132,11 +132,11 @@ def test_a_public_key_has_one_name_in_either_form(keys: Path) -> None:
         ("missing", "cannot be read: No such file or directory; make one with: ssh-keygen"),
         (".", "cannot be read: Is a directory"),
         ("text", "is not a private key in PEM or OpenSSH form"),
-        ("ssh.pub", "is a public key: --sign needs the private one"),
-        ("pem.pub", "is a public key: --sign needs the private one"),
+        ("ssh.pub", "is a public key. --sign requires the private key"),
+        ("pem.pub", "is a public key. --sign requires the private key"),
         ("ecdsa", "is not an Ed25519 key"),
-        ("ssh_protected", "is protected by a passphrase: run the command on a terminal"),
-        ("pem_protected", "is protected by a passphrase: run the command on a terminal"),
+        ("ssh_protected", "is protected by a passphrase. Run the command on a terminal"),
+        ("pem_protected", "is protected by a passphrase. Run the command on a terminal"),
     ],
 )
 def test_a_key_that_cannot_sign_is_refused_before_the_diagnosis(
@@ -158,8 +158,8 @@ def test_a_wrong_passphrase_is_refused(keys: Path, name: str) -> None:
     [
         ("missing", "cannot be read"),
         ("text", "is not a public key in PEM or OpenSSH form"),
-        ("ssh", "is a private key: give the public one"),
-        ("pem", "is a private key: give the public one"),
+        ("ssh", "is a private key. Give the public key"),
+        ("pem", "is a private key. Give the public key"),
         ("ecdsa.pub", "is not an Ed25519 key"),
     ],
 )
@@ -197,5 +197,5 @@ print(compare_signature(certificate, None), origin_of(certificate, made_with())[
 def test_without_the_library_a_sentence_says_how_to_install_it(signed: Path) -> None:
     command = [sys.executable, "-c", WITHOUT_LIBRARY, str(signed)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ)
-    sentence = "signatures need the library cryptography: pip install 'dpr-lab[signing]'"
+    sentence = "signatures require the library cryptography: pip install 'dpr-lab[signing]'"
     assert done.stdout.splitlines() == [sentence, sentence, f"[] not checked: {sentence}"]

@@ -59,7 +59,7 @@ def test_choices_and_origin_are_declared_with_their_departures_from_the_default(
     assert choices["seed"] == ("3", True)
     origin = {each.name: each.note for each in done.origin}
     assert origin["policy"] == origin["made with: code"] == ""
-    assert origin["signature"] == "anyone can have written this certificate"
+    assert origin["signature"] == "the author is unknown"
 
 
 def test_one_byte_of_a_run_is_seen(copied: Path) -> None:
@@ -67,9 +67,9 @@ def test_one_byte_of_a_run_is_seen(copied: Path) -> None:
     data = bytearray(run.read_bytes())
     data[len(data) // 2] ^= 1
     run.write_bytes(data)
-    assert failed(copied) == [("X2.mcap", "is not the file that was certified")]
+    assert failed(copied) == [("X2.mcap", "is not the certified file")]
     run.unlink()
-    assert failed(copied) == [("X2.mcap", "is not there")]
+    assert failed(copied) == [("X2.mcap", "does not exist")]
 
 
 @pytest.mark.slow
@@ -80,11 +80,11 @@ def test_another_import_of_the_same_table_holds(copied: Path, paper: Rig) -> Non
     run.unlink()
     import_csv(table, paper, out=run)
     lines = {(line.claim, line.holds, line.reason) for line in verify(copied).lines}
-    assert ("X2.mcap", True, "another file of the same readings") in lines
+    assert ("X2.mcap", True, "another file with the same readings") in lines
     table.write_text(table.read_text(encoding="utf-8").replace("0.5", "0.6", 1), encoding="utf-8")
     run.unlink()
     import_csv(table, paper, out=run)
-    assert failed(copied) == [("X2.mcap", "is not the file that was certified")]
+    assert failed(copied) == [("X2.mcap", "is not the certified file")]
 
 
 def test_the_hash_of_the_readings_sees_every_field_that_a_fit_reads(folder: Path) -> None:
@@ -113,7 +113,7 @@ def test_an_edit_under_the_old_seal_is_seen_before_the_diagnosis_is_repeated(cop
 def test_a_claim_that_the_recordings_contradict_is_named(copied: Path) -> None:
     name = "coulomb_joint1: torque_Nm"
     edit(copied, lambda whole: whole["claims"][name].update(value=5e-3), sealed=True)
-    assert failed(copied) == [(name, "is not the result of this diagnosis")]
+    assert failed(copied) == [(name, "differs from the result of this diagnosis")]
 
 
 @pytest.mark.slow
@@ -121,8 +121,8 @@ def test_missing_and_unknown_claims_are_named(copied: Path) -> None:
     edit(copied, lambda whole: whole["claims"].pop("verdict"), sealed=True)
     edit(copied, lambda whole: whole["claims"].update({"price": {"value": 1.0, "interval90": None}}), sealed=True)
     assert failed(copied) == [
-        ("verdict", "is missing, and policy 2 requires it"),
-        ("price", "is no claim that policy 2 knows of this diagnosis"),
+        ("verdict", "is missing, but policy 2 requires it"),
+        ("price", "is not a claim of policy 2 for this diagnosis"),
     ]
 
 
@@ -153,11 +153,11 @@ def test_a_diagnosis_that_starts_from_a_model_is_not_certified(folder: Path, tmp
         ("{}", "policy: is missing"),
         ("\x00", "is not a certificate"),
         ("[" * 100_000, "is not a certificate"),
-        ('{"policy": 2, "policy": 2}', "is there twice"),
+        ('{"policy": 2, "policy": 2}', "occurs twice"),
         ('{"policy": NaN}', "is not a valid certificate"),
         ('{"schema": 1, "claims": {}}', "certificate of policy 1"),
-        ('{"policy": 1}', "policy 1, but this version verifies 2. It is older"),
-        ('{"policy": 9}', "policy 9, but this version verifies 2. It is newer: update dpr-lab"),
+        ('{"policy": 1}', "policy 1, but this version verifies 2. Certify the recordings again"),
+        ('{"policy": 9}', "policy 9, but this version verifies 2. Update dpr-lab"),
     ],
 )
 def test_what_is_no_certificate_of_this_policy_is_a_sentence(text: str, message: str, tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ def test_a_rig_that_stays_as_it_is_ends_with_0(days: list[Path], cli) -> None:
         file.with_name(f"{file.name}.note").write_text("before" if k < 3 else "after")
     done = cli("drift", *renamed, "--rig", "paper", "--by", "label", "--fail-on-drift")
     assert done.code == 0, done.err
-    assert "Nothing moved between before and after" in done.out
+    assert "No significant change between before and after" in done.out
 
 
 def test_a_diagnosis_that_is_none_is_a_sentence(days: list[Path], tmp_path: Path, cli) -> None:

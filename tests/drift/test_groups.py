@@ -1,4 +1,4 @@
-"""Runs are grouped by when they were recorded, never by when their tables were imported."""
+"""Runs are grouped by the time of recording, not by the time of import."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,10 +19,10 @@ NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 def test_groups_by_date_need_a_date_and_groups_by_label_do_not() -> None:
     runs = [Occasion("a", NOON, "warm"), Occasion("b", None, "cold"), Occasion("c", NOON, "cold")]
     for by in ("day", "session"):
-        with pytest.raises(RunError, match=f"groups by {by} need.*; 1 of 3 .*: b. .*--recorded-at.*--by label"):
+        with pytest.raises(RunError, match=f"cannot group by {by}: 1 of 3 .*: b. .*--recorded-at.*--by label"):
             grouped(runs, by)
-    found = grouped(runs, "label")
-    assert (found.order, found.group, found.names) == ((0, 1, 2), (0, 1, 1), ("warm", "cold"))
+    groups = grouped(runs, "label")
+    assert (groups.order, groups.group, groups.names) == ((0, 1, 2), (0, 1, 1), ("warm", "cold"))
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_imported_tables_without_a_date_are_not_grouped_by_the_day_of_the_import
     files = [tmp_path / f"{table.stem}.mcap" for table in tables]
     for table, file in zip(tables, files, strict=True):
         import_csv(table, paper, out=file)
-    with pytest.raises(RunError, match="2 of 2 do not say it"):
+    with pytest.raises(RunError, match="2 of 2 runs have no recording time"):
         watch_drift(DriftRequest(tuple(files), "paper"))
 
 

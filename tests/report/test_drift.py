@@ -1,10 +1,10 @@
-from dpr_lab.drift.changes import Difference, Drift, Moved
+from dpr_lab.drift.changes import Difference, Drift, ParameterChange
 from dpr_lab.report.drift import basis_sentence, group_rows, relative, rows, sentence
 
 
-def moved(name: str = "c2/b", first: float = 0.2, change: float = 0.03) -> Moved:
+def moved(name: str = "c2/b", first: float = 0.2, change: float = 0.03) -> ParameterChange:
     ends = (change - 0.005, change + 0.005)
-    return Moved(
+    return ParameterChange(
         name=name,
         first=first,
         scatter=1e-3,
@@ -20,7 +20,7 @@ def moved(name: str = "c2/b", first: float = 0.2, change: float = 0.03) -> Moved
     )
 
 
-def drift(*parameters: Moved) -> Drift:
+def drift(*parameters: ParameterChange) -> Drift:
     days = ("2026-11-16", "2026-11-17", "2026-11-18")
     return Drift(days, (3, 3, 3), parameters, "runs of one group", 3.5, 0.012)
 

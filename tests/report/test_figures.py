@@ -13,8 +13,8 @@ from tests.thinned import thinned
 
 
 def line(axes, label):
-    (found,) = [line for line in axes.lines if line.get_label() == label]
-    return found
+    (matching,) = [line for line in axes.lines if line.get_label() == label]
+    return matching
 
 
 def drawn(axes, label):
@@ -58,7 +58,7 @@ def test_a_run_that_is_predictable_to_its_end_has_no_horizon_line(comparison):
 
     figure = response_figure([replace(made, horizon_s=float(made.t[-1]))])
 
-    assert {found.get_label() for found in figure.axes[0].lines} == {"measured", "simulated, free run"}
+    assert {line.get_label() for line in figure.axes[0].lines} == {"measured", "simulated, free run"}
     assert "predictable to the end" in figure.axes[0].get_title(loc="left")
 
 

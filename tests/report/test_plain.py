@@ -16,8 +16,8 @@ RESULTS = st.recursive(
 
 
 def test_paths_and_keys_become_text_and_everything_else_stays() -> None:
-    told = {"rms": 0.5, "range": (1.0, None), 5: {"file": Path("a/b"), "ok": True}}
-    assert json.loads(as_json(told)) == {"rms": 0.5, "range": [1.0, None], "5": {"file": "a/b", "ok": True}}
+    result = {"rms": 0.5, "range": (1.0, None), 5: {"file": Path("a/b"), "ok": True}}
+    assert json.loads(as_json(result)) == {"rms": 0.5, "range": [1.0, None], "5": {"file": "a/b", "ok": True}}
 
 
 def test_a_number_that_is_not_finite_fails_loudly_with_its_key() -> None:

@@ -40,13 +40,15 @@ def test_a_parameter_says_what_fixed_it_and_a_bound_has_no_uncertainty(model):
     assert rows["c1"][4] == "the recordings"
 
 
-def test_base_parameters_are_told_where_the_runs_show_their_scale(model):
-    found = model()
-    bound = {name: item.model_copy(update={"fixed_by": "bound", "std": None}) for name, item in found.base.items()}
-    seen = {name: item.model_copy(update={"fixed_by": "data", "std": 1e-3}) for name, item in found.base.items()}
+def test_base_parameters_are_listed_if_the_runs_identify_their_scale(model):
+    whole = model()
+    bound = {name: value.model_copy(update={"fixed_by": "bound", "std": None}) for name, value in whole.base.items()}
+    identified = {
+        name: value.model_copy(update={"fixed_by": "data", "std": 1e-3}) for name, value in whole.base.items()
+    }
 
-    assert tables.base_rows(found.model_copy(update={"base": bound})) == []
-    rows = tables.base_rows(found.model_copy(update={"base": seen}))
+    assert tables.base_rows(whole.model_copy(update={"base": bound})) == []
+    rows = tables.base_rows(whole.model_copy(update={"base": identified}))
     assert [row[0] for row in rows] == ["a", "b", "d", "e1", "c1", "c2"]
     assert all(len(row) == len(tables.BASE_COLUMNS) and "±" in row[1] for row in rows)
 

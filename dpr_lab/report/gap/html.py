@@ -65,8 +65,8 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
         Section("Effects and alternatives", list(_effects(diagnosis))),
         *([curves] if curves else []),
         Section("Results of checks", list(_checks(diagnosis))),
-        Section("Gap reduction", [*_gap_reduction(diagnosis), *closure, drawn["gap_horizon"], _horizons(diagnosis)]),
-        Section("Residual maps", [_MAPS, in_words(diagnosis.where_sentence), *_maps(diagnosis), drawn["where"]]),
+        Section("Gap reduction", [*closure, *_gap_reduction(diagnosis), drawn["gap_horizon"], _horizons(diagnosis)]),
+        Section("Residual maps", [_MAPS, *_maps(diagnosis), drawn["where"]]),
         Section("Sensor faults", [_faults(diagnosis)]),
         *evidence.values(),
         Section("Minimum detectable effects", [_detectable(diagnosis)]),
@@ -109,7 +109,10 @@ def _checks(diagnosis: Diagnosis) -> Iterator[Block]:
 
 
 def _gap_reduction(diagnosis: Diagnosis) -> Iterator[Block]:
-    yield Table(tables.CLOSED_COLUMNS, tables.closed_rows(diagnosis), tables.CLOSED_NOTE, "prose")
+    rows = tables.closed_rows(diagnosis)
+    width = len(tables.CLOSED_COLUMNS) if diagnosis.evidence is None else 2  # the budget lists errors of free runs
+    note = tables.CLOSED_NOTE if diagnosis.evidence is None else ""
+    yield Table(tables.CLOSED_COLUMNS[:width], [row[:width] for row in rows], note, "prose")
     if diagnosis.gap.waterfall:
         title = "Excess chi-square of the fitted recordings"
         yield Table(tables.STEP_COLUMNS, tables.step_rows(diagnosis), tables.STEP_NOTE, "prose", title)
@@ -120,6 +123,8 @@ def _horizons(diagnosis: Diagnosis) -> Table:
 
 
 def _maps(diagnosis: Diagnosis) -> Iterator[Block]:
+    if not diagnosis.where:
+        yield in_words(diagnosis.where_sentence)
     yield Table(tables.PLACE_COLUMNS, tables.place_rows(diagnosis), style="prose")
     yield Table(tables.MAP_COLUMNS, tables.map_rows(diagnosis), title="Residual maps, values")
 

@@ -89,12 +89,11 @@ def evidence_blocks(section: EvidenceSection, diagnosis: Diagnosis, drawn: Mappi
         diagnosis: a diagnosis with evidence
         drawn: figures by name
     """
+    tables = [Table(each.columns, each.rows(diagnosis), each.note, each.style, each.title) for each in section.tables]
+    has_symbols = section.symbols and any(table.rows for table in tables)
     return [
         *section.words(diagnosis),
         drawn.get(section.name),
-        *(
-            Table(table.columns, table.rows(diagnosis), table.note, table.style, table.title)
-            for table in section.tables
-        ),
-        Paragraph(section.symbols, "soft") if section.symbols else None,
+        *tables,
+        Paragraph(section.symbols, "soft") if has_symbols else None,
     ]

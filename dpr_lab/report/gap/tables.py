@@ -46,7 +46,7 @@ CHECK_NOTE = (
 )
 DETECTABLE_COLUMNS = ("effect", "minimum detectable size")
 HORIZON_COLUMNS = ("segment length (s)", "gap, bare model (mrad rms)", "gap, corrected model (mrad rms)")
-MAP_COLUMNS = ("place", "coordinate", "coordinate value", "map value", "90 % half width")
+MAP_COLUMNS = ("place", "coordinate", "coordinate value", "quantity", "value", "90 % half width")
 FINDING_COLUMNS = ("fault", "run", "axis", "time (s)", "evidence")
 
 EFFECT_NOTE = (
@@ -342,9 +342,9 @@ def horizon_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 def map_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
     """Every knot of the maps with the largest share of the excess, in the columns `MAP_COLUMNS`."""
     return [
-        (in_words(place.site), coordinate(place)[0], three(knot), f"{three(value)} {quantity(place)[0]}", three(reach))
+        (in_words(place.site), coordinate(place)[0], three(knot), quantity(place)[0], three(value), three(half_width))
         for place in diagnosis.where[:count]
-        for knot, value, reach in zip(*(values.tolist() for values in place_map(place)), strict=True)
+        for knot, value, half_width in zip(*(values.tolist() for values in place_map(place)), strict=True)
     ]
 
 

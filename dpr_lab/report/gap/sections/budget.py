@@ -49,8 +49,7 @@ def budget_words(diagnosis: Diagnosis) -> list[str]:
     return [
         "A simulation can differ from a recording although its model is right: initial state, lengths and gravity are"
         " known with finite accuracy, and the integrator rounds. The figure shows how much each input changes a free"
-        " run, and the error of the free run. The model is wrong only if the error exceeds twice the combined"
-        " uncertainty.",
+        " run, and the error of the free run. An error beyond twice the combined uncertainty shows a model error.",
         f"Bare model: {_judged(budget.error_before_rad, budget.u_before_rad)}"
         f" Corrected model: {_judged(budget.error_after_rad, budget.u_after_rad)}",
     ]

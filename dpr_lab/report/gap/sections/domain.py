@@ -67,8 +67,8 @@ def domain_words(diagnosis: Diagnosis) -> list[str]:
         f"It was fitted to {_count(fitted)}"
         + (f" and validated on {_count(held_out)} held out." if held_out else ". No recording was held out."),
         _days(days, len(evidence.recordings)),
-        "Blank cells were not visited: there the model extrapolates, and this report makes no statement. It makes none"
-        " either about other loads, bearings, temperatures or drives.",
+        "Blank cells were not visited: there the model extrapolates, and this report makes no statement. Other loads,"
+        " bearings, temperatures and drives are untested.",
     ]
 
 
