@@ -13,7 +13,7 @@ from numba.extending import register_jitable
 
 from dpr_lab.kernel_cache import CACHE, compiling
 
-# Threads that wait by spinning make a parallel kernel slower than a serial one wherever something else runs too. OpenMP
+# Threads that wait by spinning make a parallel kernel slower than a serial one if other programs run too. OpenMP
 # reads this when the first parallel kernel starts.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
@@ -21,7 +21,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 numba_caching: Any = caching
 UNPICKLING_ERROR: type[Exception] = numba_caching.pickle.UnpicklingError
 UNREADABLE = (UNPICKLING_ERROR, EOFError, ValueError, LookupError, AttributeError, TypeError, ImportError)
-"""What loading a kernel raises of a file that was cut off by a kill, a full disk or a power cut."""
+"""Errors of loading a kernel from a truncated file, after a kill, a full disk or a power cut."""
 
 numba_config: Any = config
 if numba_config.CPU_FEATURES is None and "+avx512f" in (features := get_host_cpu_features()):
@@ -84,7 +84,7 @@ def inlined(function: Function) -> Function:
 def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
     """A kernel compiled by itself, which others take as an argument and call through a pointer.
 
-    Whatever calls a kernel in the ordinary way compiles all of its code once more, and again at each level above. A
+    An ordinary call of a kernel compiles all of its code again, at each level of callers. A
     pointer costs some nanoseconds a call instead, and is for kernels that are long and do much at a time.
 
     Args:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.equation import coupled, solved
 from dpr_lab.effects.quantities import ArmModel, BaseParameters, Motion, Terms
-from dpr_lab.kernels import subroutine
+from dpr_lab.kernels import inlined, subroutine
 
 Mode = Literal["clamped", "free", "driven"]
 
@@ -63,6 +63,12 @@ def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[fl
     return turning, arm.reach * base.e1 * motion.cos1, arm.reach * base.e2 * motion.cos2
 
 
+@inlined
+def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: float, d: float) -> tuple[float, float]:
+    """Torques on theta1, theta2 over the squared speed of the arm, kg m^2."""
+    return (a * sin1 + d * sin2) * cos1, (b * sin2 + d * sin1) * cos2
+
+
 class ReducedRods(NamedTuple):
     """The rods' two equations with the arm eliminated from them, and what the arm then does.
 
@@ -94,10 +100,10 @@ def reduced_rods(
     inertia1, inertia2 = a + terms.a, b + terms.b
     if mode == CLAMPED:
         return ReducedRods(inertia1, inertia2, coupling, torque1, torque2, 0.0, 0.0, 0.0)
-    lever1, lever2 = (a * sin1 + d * sin2) * cos1, (b * sin2 + d * sin1) * cos2
-    whirl = omega0 * omega0
-    torque1 += whirl * lever1
-    torque2 += whirl * lever2
+    lever1, lever2 = levers(sin1, cos1, sin2, cos2, a, b, d)
+    squared = omega0 * omega0
+    torque1 += squared * lever1
+    torque2 += squared * lever2
     turning, cross1, cross2 = mass_matrix(motion, base, arm)
     if mode != FREE:
         return ReducedRods(

@@ -36,7 +36,7 @@ def apply_encoder_errors(angles: NDArray[np.float64], t: NDArray[np.float64], ru
 def with_encoder_errors(
     angles: NDArray[np.float64], params: ArrayLike, constants: RigConstants, segments: Segments
 ) -> NDArray[np.float64]:
-    """(n, N, 2) what the encoders make of the same angles under many effects; nothing is integrated for it.
+    """(n, N, 2) readings of the same angles under many effects, without integration.
 
     Args:
         angles: (N, 2) joint 1 absolute, joint 2 as its encoder has it, rad

@@ -1,4 +1,4 @@
-r"""What the encoders of a rig with effects read along segments with free initial states: the model of the fits.
+r"""Predicted encoder readings of a rig with effects along segments with free initial states: the model of the fits.
 
 A segment starts `PAD` before its first sample, so that a late or fast clock never reads before it; the first of a run
 at the release itself, where that is near (`segment_start`). It is integrated by classical Runge-Kutta steps of equal
@@ -39,7 +39,7 @@ def predict(
     internal: ArrayLike | None = None,
     arm: bool = False,
 ) -> Array:
-    """What the encoders read, for one candidate; arguments as for `predict_batch`, without its first axis.
+    """Predict the readings of one candidate; arguments as for `predict_batch`, without its first axis.
 
     Returns:
         (N, 2) theta1 and the angle of joint 2 as its encoder has it, rad; with `arm` a third column, theta0
@@ -57,7 +57,7 @@ def predict_batch(
     internal: ArrayLike | None = None,
     arm: bool = False,
 ) -> Array:
-    """What the encoders read, for many candidates in parallel: forward differences of all columns take one call.
+    """Predict the readings of many candidates in parallel: forward differences of all columns take one call.
 
     Args:
         bases: (n, 7) base parameters a, b, d, e1, c1, c2, p of the whole rig without any mass clamped on, SI; or (n, 6)

@@ -1,4 +1,4 @@
-"""What was measured on a rig and what a run carried besides, as the kernels of effects read it."""
+"""Measured constants of a rig, with the mounting of a run, as the kernels of effects read them."""
 
 import math
 
@@ -7,13 +7,13 @@ from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.setup import Setup
 
 UNKNOWN = RigConstants._make([math.nan] * len(RigConstants._fields))._replace(relative2=1.0)
-"""A rig of which nothing was measured, its joint-2 encoder on the joint."""
+"""A rig without measured constants, its joint-2 encoder on the joint."""
 
 
 def rig_constants(rig: Rig) -> RigConstants:
     """Lengths, gravity, best known masses and encoders of a rig, without any mass clamped on.
 
-    A rod whose length nobody gave is taken as twice its centroid's distance.
+    A rod of unknown length is assumed to be twice as long as its centroid's distance.
     """
     best = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
     frame, encoders = rig.rig, rig.encoders

@@ -40,7 +40,7 @@ NUDGE_WEIGHT = 100.0
 # Rows of the workspace, as offsets in units of one number. The last twelve hold what one stage leaves to the next:
 # sines and cosines, the accelerations P, Q, R of the first three stages, and the nudge to the end of the step.
 ROWS = 32
-"""Of the workspace."""
+"""Number of rows of the workspace."""
 
 (
     B, D, E1, E2, C1, C2, THETA1, THETA2, OMEGA1, OMEGA2, SIN1, COS1, SIN2, COS2,

@@ -1,10 +1,10 @@
-"""How the time between samples is cut into Runge-Kutta steps; one rule for every integrator of the package."""
+"""Division of the time between samples into Runge-Kutta steps, the same for every integrator of the package."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 MAX_STEP = 1e-3
-"""Longest Runge-Kutta step unless asked otherwise, s.
+"""Default of the longest Runge-Kutta step, s.
 
 On the paper's rig it errs by less than 2e-8 rad over the first 2 s from any pose, far below an encoder's step.
 """

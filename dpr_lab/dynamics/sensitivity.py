@@ -1,4 +1,4 @@
-r"""How a swing answers to its parameters and its start: the derivative of the Runge-Kutta map itself.
+r"""Sensitivity of a swing to its parameters and initial state: the derivative of the Runge-Kutta map itself.
 
 With state x, parameters p and S = dx/d(p, x(0)), every stage k = f(x + h a k', p) is differentiated alongside:
 dk = f_x (S + h a dk') + f_p. The result is the exact derivative of what `simulate` computes, up to rounding, not an

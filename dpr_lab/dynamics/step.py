@@ -167,7 +167,7 @@ def _stage(
 
 @subroutine
 def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> tuple[float, float]:
-    """Directions in which the joints go on: 1 or -1, and 0 for those that dry friction holds at rest."""
+    """Directions in which the joints continue: 1 or -1, and 0 for those that dry friction holds at rest."""
     directions = _directions(x, model)
     if directions[0] != 0.0 and directions[1] != 0.0:
         return directions
@@ -186,7 +186,7 @@ def _directions(x: RigState, model: RigModel) -> tuple[float, float]:
 
 @subroutine
 def _spare(motion: Motion, rods: ReducedRods, model: RigModel, directions: tuple[float, float]) -> tuple[float, float]:
-    """By how much, N m, the limits of the joints at rest exceed what they have to withstand; inf for the others."""
+    """Limit less push of the joints at rest, N m; inf for the others."""
     push1, push2 = pushes(rods, directions[0], directions[1])
     limit1, limit2 = dry_limits(motion, push1, push2, model.params, model.active)
     spare1 = limit1 - abs(push1) if directions[0] == 0.0 else math.inf
@@ -194,7 +194,7 @@ def _spare(motion: Motion, rods: ReducedRods, model: RigModel, directions: tuple
 
 
 class TriedStep(NamedTuple):
-    """A step in unchanged directions: its end, the accelerations there, and what was to spare at start and end."""
+    """A step in unchanged directions: its end, the accelerations there, and limit less push at start and end."""
 
     end: RigState
     alphas: tuple[float, float, float]
@@ -239,7 +239,7 @@ def _runge_kutta(
 def _stopped(
     x: RigState, joint: int, directions: tuple[float, float], later: float, alphas: tuple[float, float, float]
 ) -> RigState:
-    """The state a moment later, in which a joint that slid is at rest."""
+    """The state after a correction of the instant, with a joint set to rest."""
     theta0 = x.theta0 + later * x.omega0
     theta1, theta2 = x.theta1 + later * x.omega1, x.theta2 + later * x.omega2
     omega0 = x.omega0 + later * alphas[0]

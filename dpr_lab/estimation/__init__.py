@@ -1,1 +1,1 @@
-"""What a recording says: noise, velocities, parameters and their uncertainty."""
+"""Estimation from a recording: noise, velocities, rest and motion."""

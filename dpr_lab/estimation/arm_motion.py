@@ -1,4 +1,4 @@
-"""The motion of an arm from its encoder: a smoothing spline, whose smoothness the readings themselves decide."""
+"""The motion of an arm from its encoder, by a smoothing spline with generalised cross-validation."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,14 @@ FEWEST = 5
 
 
 def prescribed_arm(t: NDArray[np.float64], theta0: NDArray[np.float64], rig: Rig, name: str) -> ArmMotion:
-    """How the arm of a run moved, arguments and errors as of `arm_motion`; the rods feel it at the arm's length."""
+    """Motion of the arm of a run; arguments and errors as of `arm_motion`; the rods feel it at the arm's length."""
     if "L0" not in rig.rig.model_fields_set:
         raise RunError(f"{name}: an arm that moves pushes the rods by its length: the rig file needs [rig] L0")
     return arm_motion(t, theta0, name)
 
 
 def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str) -> ArmMotion:
-    """How the arm moved, from readings (n,) of its encoder at the instants t (n,).
+    """Motion of the arm, from readings (n,) of its encoder at the instants t (n,).
 
     The spline minimises squared errors and the squared second derivative, weighed by generalised cross-validation
     (Woltring 1986, A Fortran package for generalized, cross-validatory spline smoothing and differentiation).

@@ -1,4 +1,4 @@
-"""A chain of integrators driven by white noise: how one rod moves where nothing is known of the rig."""
+"""A chain of integrators driven by white noise: a motion model of one rod without knowledge of the rig."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Rods that are held: where a recording stands still although no free rod would."""
+"""Detection of held rods: stretches of a recording at rest in which a free rod would move."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class HeldSettings:
-    """When rods count as held."""
+    """Thresholds from which rods count as held."""
 
     still_rad: float = 0.02
     """Largest excursion of a rod at rest within a stretch. A hand trembles by a few mrad; a free rod 0.1 rad from its
@@ -32,7 +32,7 @@ class HeldSettings:
     stretch_s: float = 0.4
     """Shortest stretch that counts as held. At a turning point both rods of 0.4 m stay in the band for below 0.2 s."""
     hanging_rad: float = 0.2
-    """Rods this close to hanging may rest by themselves: friction keeps them aside by less."""
+    """Rods this close to hanging may rest by themselves: stiction offsets them by less."""
     shortest_rest_s: float = 0.03
     """Shortest rest before the release that is cut, where the rest is shorter than a stretch."""
     trembles: float = 8.0
@@ -48,7 +48,7 @@ class HeldSettings:
     driven_share: float = 0.02
     """Torques below this share of the recording's largest count as none."""
     unclear: float = 0.25
-    """Share of the excursion from which the band is too wide to tell rest from motion: noise, or too few readings."""
+    """Share of the excursion from which the band is too wide to distinguish rest from motion: noise or few readings."""
     restless: float = 3.0
     """Standard deviation of a rest over that of its noise from reading to reading, above which the rods tremble."""
     readings: int = 20_000
@@ -60,7 +60,7 @@ HELD = HeldSettings()
 
 @dataclass(frozen=True, slots=True)
 class RodMotion:
-    """What a recording shows of its rods."""
+    """Motion of the rods in a recording."""
 
     t: Array
     """(n,) s, increasing; 0 may be the release."""

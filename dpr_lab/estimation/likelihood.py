@@ -1,4 +1,4 @@
-"""How likely one rod's angles are under a chain of integrators driven by white noise: a compiled scalar filter."""
+"""Log-likelihood of one rod's angles under a chain of integrators driven by white noise: a compiled scalar filter."""
 
 import math
 
@@ -17,7 +17,7 @@ def log_likelihood(
 
         -1/2 sum_k (log S_k + y_k^2 / S_k)
 
-    The first CHAIN readings only find the state and are not counted.
+    The first CHAIN readings only initialise the state and are not counted.
 
     Args:
         t: (n,) increasing instants

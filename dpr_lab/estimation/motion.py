@@ -1,4 +1,4 @@
-"""Whether a recording holds enough of a swing to say anything: samples, duration and motion of both joints."""
+"""Minimum content of a recording: samples, duration and motion of both joints."""
 
 from dataclasses import dataclass
 
@@ -15,10 +15,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class MotionSettings:
-    """What a recording must hold at least."""
+    """Minimum content of a recording."""
 
     samples: int = 16
-    """After the release: two segments of eight, one to fit and one to judge."""
+    """After the release: two segments of eight, one to fit and one to validate."""
     duration_s: float = 0.35
     """After the release: a segment of 0.25 s, or the 0.3 s that a free run starts from, and some more to compare."""
     turn_rad: float = 0.01

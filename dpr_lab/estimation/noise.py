@@ -1,4 +1,4 @@
-"""How exact the recorded angles are: the noise floor below which no difference to a model means anything."""
+"""Noise floor of recorded angles, below which a difference to a model has no meaning."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 NORMAL_Q90 = 1.6448536269514722
-"""Of a normal variable's absolute value nine of ten lie below so many standard deviations."""
+"""90 % quantile of the absolute value of a standard normal variable."""
 
 ORDER = 6
 """Order of the differences: a 5 Hz swing read at 200 Hz then leaks less than 1e-6 rad into them."""
@@ -23,7 +23,7 @@ ORDER = 6
 
 @dataclass(frozen=True, slots=True)
 class NoiseSettings:
-    """What a noise floor is trusted on."""
+    """Settings of the noise estimate."""
 
     rest_samples: int = 100
     """Fewest samples of rest: they give the standard deviation to 7 %."""
@@ -32,7 +32,7 @@ class NoiseSettings:
     correlated: float = 4.0
     """Standard errors of an autocorrelation from which readings at rest share their errors."""
     most_alike: float = 0.98
-    """Autocorrelation that counts at most: a hand that holds a rod trembles slowly, and is no noise of reading."""
+    """Upper limit of the autocorrelation: a larger one is the tremble of a hand that holds a rod, not reading noise."""
     wild: float = 8.0
     """Deviations, by the quantile that nine of ten keep to, beyond which a reading at rest is a logger's fault."""
 
@@ -47,7 +47,7 @@ class NoiseFloor:
     std_joint: NDArray[np.float64]
     """(2,) joint 1 and joint 2 as its encoder sees it (relative to rod 1, or absolute), rad."""
     source: Literal["rest", "differences", "quantisation"]
-    """What it was measured on: the rest before the release, the swing itself, or only the size of a count."""
+    """Data it was measured on: the rest before the release, the swing itself, or only the size of a count."""
     joints: JointAngles
     """Where the encoder of joint 2 sits."""
 
@@ -73,7 +73,7 @@ def noise_floor(run: Run, rig: Rig) -> NoiseFloor:
     never less than quantisation, count / sqrt(12), for a recording in counts.
 
     Raises:
-        RunError: too few samples to tell.
+        RunError: too few samples.
     """
     quantised = np.abs(rig.radians_per_count[1:]) / math.sqrt(12)
     source: Literal["rest", "differences"]
@@ -122,7 +122,7 @@ def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArr
 
 
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> NDArray[np.float64]:
-    """(2,) autocorrelation of the errors of joint 1 and 2 at rest, so many samples apart; 0 where none is to be seen.
+    """(2,) autocorrelation of the errors of joint 1 and 2 at rest, at a lag in samples; 0 where none is significant.
 
     White noise has one of 0 +- 1 / sqrt(n), a tracker or a filter leaves one.
     """

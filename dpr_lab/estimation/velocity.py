@@ -6,8 +6,8 @@ Each rod is a chain of integrators driven by white noise in the fourth derivativ
 
 which needs no knowledge of the rig. Both rods share one state, because a relative encoder at joint 2 makes their
 measurement noise correlated. Transition and process noise are exact for any interval, so uneven instants and gaps
-need no resampling. A swing has violent and calm stretches, and calms down as a whole: offline, the strength `snap`
-follows it, chosen stretch by stretch where it makes the recorded angles most likely (`tuned_snap`).
+need no resampling. Accelerations vary within a swing and decay with it: offline, the strength `snap` is estimated
+by maximum likelihood, stretch by stretch (`tuned_snap`).
 
 Noise of standard deviation sigma at intervals h against such a motion gives the filter a memory of about
 T = (sigma^2 h / snap)^(1/8). Inside, angles are in units of sigma and time in units of T, or of h where that is longer,
@@ -32,20 +32,20 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """What the filters suppose of the rods' motion."""
+    """Motion model of the filters."""
 
     live_snap: float = 1e8
     """Process noise of a live filter before anything was recorded, rad^2/s^7; right for rods of about 0.4 m."""
     prior: tuple[float, ...] = (1.0, 1e7, 1e7, 1e7)
     """Variance of the first state in filter units: the angle is as exact as the first reading, the rest unknown."""
     memories: tuple[float, float, float] = (-1.0, 2.0, 0.25)
-    """Memories tried, log10 of samples: first, last, step; from a wild swing at 30 Hz to a calm one at 10 kHz."""
+    """Grid of memories, log10 of samples: first, last, step; for fast swings at 30 Hz to slow ones at 10 kHz."""
     stretch_s: float = 0.4
-    """Length over which the process noise is taken as one: a little less than half a swing of a 0.4 m rod."""
+    """Length over which the process noise is taken as constant: a little less than half a swing of a 0.4 m rod."""
     stretch_samples: int = 100
-    """Fewest samples of a stretch, which tell memories of up to ten samples."""
+    """Fewest samples of a stretch; they determine memories of up to ten samples."""
     memories_per_stretch: int = 10
-    """A stretch cannot tell memories longer than this fraction of it."""
+    """A stretch does not determine memories longer than this fraction of it."""
 
 
 SETTINGS = FilterSettings()
@@ -75,7 +75,7 @@ class Smoothed:
 
 
 class VelocityFilter:
-    """Live speeds of both rods: give it each sample as it arrives.
+    """Live Kalman filter for the speeds of both rods; `update` takes each sample as it arrives.
 
     Args:
         covariance: (2, 2) noise of (theta1, theta2), rad^2
@@ -142,7 +142,7 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
 
 
 def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
-    """Process noise that makes the innovations of each rod most likely, stretch by stretch.
+    """Maximum-likelihood process noise of each rod, stretch by stretch.
 
     The likelihood of each stretch is taken for each memory of a grid, and its maximum refined by a parabola through the
     neighbours. Between the middles of stretches the logarithm is interpolated. Each rod is judged by its own marginal

@@ -1,4 +1,4 @@
-"""Noise that drives the rods: of torques, and of an arm's motion, that are known only as well as they were measured.
+"""Process noise: measurement noise of known torques and of the arm's prescribed motion.
 
 A reading of a torque that is off by v while it holds, for h, is an impulse v h that the rods were not given. Where v is
 white that is white noise of intensity std^2 h, carried along the swing like any torque (`dpr_lab.fitting.response`).
@@ -32,8 +32,8 @@ ONTO_RODS = np.array([[1.0, -1.0], [0.0, 1.0]])
 def torque_noise(torques: Torques) -> Array:
     """(2,) standard deviation of the white noise of measured torques from the release on, N m; none of others.
 
-    The least that differences of any order leave, by their median absolute value: what is left of the course of the
-    torque itself can only make it look larger.
+    Minimum over orders of differences, by their median absolute value: the torque signal itself can only increase the
+    estimate.
     """
     joints = torques.joints[torques.t >= 0.0]
     if torques.kind != "measured" or len(joints) <= max(ORDERS):
@@ -43,7 +43,7 @@ def torque_noise(torques: Torques) -> Array:
 
 
 def disturbance(problem: Problem, at: Estimate, begins: Callable[[float], float] = segment_start) -> Disturbance | None:
-    """What the noise of all that is known to drive the rods does to the readings; none of free swings.
+    """Effect of the process noise on the readings; none of free swings.
 
     Args:
         problem: the segments

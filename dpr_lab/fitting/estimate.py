@@ -1,4 +1,4 @@
-"""The unknowns of a fit: the ratios of the rods, the parameters of effects, and where every segment starts."""
+"""The unknowns of a fit: the ratios of the rods, the parameters of effects, and the initial states of segments."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -20,7 +20,7 @@ UNKNOWN_RATIOS = (*RATIOS, "b", "p/b")
 """Order of `Estimate.ratios`: 1, 1, 1/s^2, 1/s, 1/s, kg m^2, 1."""
 
 SCALE, ON_ELBOW = UNKNOWN_RATIOS.index("b"), UNKNOWN_RATIOS.index("p/b")
-"""Places of b, which only what has a known weight makes visible, and of p / b, which only the inner rod alone does."""
+"""Indices of b, which is identifiable with a known weight, and of p / b, which is with the inner rod alone."""
 
 EFFECTS_BEGIN, ZEROS_BEGIN = len(UNKNOWN_RATIOS), len(UNKNOWN_RATIOS) + SIZE
 """Places in `Estimate.vector` at which the blocks `effects` and `zeros` begin."""
@@ -35,7 +35,7 @@ STRAIGHT = 0.15
 
 @dataclass(frozen=True, slots=True)
 class DifferenceSteps:
-    """Forward steps of derivatives: a slope that is off by a thousandth moves no solution of a fit."""
+    """Forward steps of derivatives: a derivative that is off by a thousandth does not change the solution of a fit."""
 
     ratio: float = 1e-5
     """Of a ratio, relative."""
@@ -136,7 +136,7 @@ class FreeParameter:
     place: int
     """Its place in `Estimate.vector`."""
     step: float
-    """Forward step of its derivative."""
+    """Forward step of the difference quotient."""
     lower: float = -np.inf
     size: float = 1.0
     """Expected order of magnitude."""
@@ -174,7 +174,7 @@ def whole_of(ratios: Array) -> Array:
 
 
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
-    """Places of the unknowns that runs can show; the others stay as they are given.
+    """Indices of the unknowns that runs determine; the others keep their values.
 
     Both rods free show the five ratios, and the inner one alone also p/b. Without any swing of both, e1/b and
     c1/b stand for e and c over the inertia of what swings, d/b for the outer rod's gravity where it hangs aside, and
@@ -194,7 +194,7 @@ def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tupl
 
 
 def ratio_parameters(at: Estimate, visible: Iterable[int] = range(len(RATIOS))) -> tuple[FreeParameter, ...]:
-    """Those of the unknown ratios that can be seen, by their places."""
+    """Free parameters of the identifiable ratios."""
     steps = DIFFERENCE_STEPS
     sizes = np.maximum(np.abs(at.ratios), steps.least_ratio).tolist()
     lower = [0.0 if place in FRICTION else -np.inf for place in range(len(UNKNOWN_RATIOS))]
@@ -205,7 +205,7 @@ def ratio_parameters(at: Estimate, visible: Iterable[int] = range(len(RATIOS))) 
 
 
 def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
-    """The zeros of the encoders that are read, of each run its own."""
+    """Zero offsets of the encoders that are read, separate for each run."""
     own = [(run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2)]
     names = [f"zero{joint + 1}_of_run{run + 1}_rad" for run, joint in own]
     places = [ZEROS_BEGIN + 2 * run + joint for run, joint in own]

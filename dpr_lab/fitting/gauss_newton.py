@@ -171,7 +171,7 @@ def descend(
     settings: GaussNewton = SETTINGS,
 ) -> Iteration:
     """Iterate as `fit` does, without the final linearisation; arguments as there."""
-    start, free = problem.begun(start), problem.all_free(free)
+    start, free = problem.with_zeros(start), problem.all_free(free)
     linear = first or linearise(problem, start, free, predicted)
     state = Iteration(start, predicted, linear.chi2, linear, start, True, settings.least_damping)
     while state.stop is None and state.number < iterations:

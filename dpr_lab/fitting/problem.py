@@ -1,4 +1,4 @@
-"""What is fitted: the encoder readings of segments, how much each counts, and the model that is to predict them."""
+"""Fit problem: the encoder readings of segments, their weights, and the model that predicts them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class OutputModel(Protocol):
-    """What the encoders read along segments, and how that answers to the unknowns."""
+    """Model of the encoder readings along segments, with its derivatives by the unknowns."""
 
     @property
     def constants(self) -> RigConstants:
@@ -25,11 +25,11 @@ class OutputModel(Protocol):
         ...
 
     def with_constants(self, constants: RigConstants) -> "OutputModel":
-        """The same of a rig that was measured otherwise."""
+        """The same model with other measured constants."""
         ...
 
     def predict(self, segments: Segments, at: Estimate) -> Array:
-        """(samples, 2) joint 1 and joint 2 as its encoder has it, rad; not finite where it cannot be followed."""
+        """(samples, 2) joint 1 and joint 2 as its encoder has it, rad; not finite where the integration fails."""
         ...
 
     def slopes(self, segments: Segments, at: Estimate, free: Sequence[FreeParameter]) -> Array:
@@ -51,16 +51,16 @@ class Problem:
     """(samples, 2) one over the standard deviation, times the root of a robust weight, 1/rad."""
     model: OutputModel
     masses_weighed: bool = False
-    """Whether the masses of the rig were weighed, so that friction by load shows the scale of torques."""
+    """Whether the masses of the rig were weighed, so that load-dependent friction determines the scale of torques."""
 
     always: tuple[str, ...] = ()
-    """Effects that every fit frees: what they correct is hardly known of the rig."""
+    """Effects that every fit frees, because the rig file states an uncertainty of what they correct."""
     noise_correlation: float = 0.0
-    """Of the noise of neighbouring readings: what a filter or a tracker leaves."""
+    """Correlation of the noise of neighbouring readings, from a filter or a tracker."""
     rezeroed: bool = False
     """Whether the zeros of the encoders are set again before each run: every fit then frees them, run by run."""
     disturbance: Disturbance | None = None
-    """Noise of what drives the rods, in these segments; none where nothing known drives them."""
+    """Process noise of known torques and arm motions in these segments; none in free swings."""
 
     @property
     def t(self) -> Array:
@@ -90,7 +90,7 @@ class Problem:
     def whitened(self, values: Array) -> Array:
         """(segments, m) or (segments, m, k) from (samples, 2) or (samples, 2, k): weighted, padded with zeros.
 
-        Where noise drives the rods these are innovations: of unit variance too, one independent of the others.
+        Under process noise these are innovations: of unit variance and independent of one another.
         """
         columns = values.reshape(*self.weight.shape, -1)
         blocks = self.decorrelated(padded(columns, self.weight, self.segments.offsets))
@@ -108,7 +108,7 @@ class Problem:
         row = np.arange(len(owner)) - self.segments.offsets[owner]
         return whitened.reshape(len(whitened), -1, 2)[owner, row]
 
-    def begun(self, at: Estimate) -> Estimate:
+    def with_zeros(self, at: Estimate) -> Estimate:
         """An estimate with zeros for the runs of these segments, where they are set again: its own, or none yet."""
         runs = len(self.segments.setups)
         return at.changed(zeros=np.zeros((runs, 2))) if self.rezeroed and len(at.zeros) != runs else at
@@ -119,7 +119,7 @@ class Problem:
         return (*free, *(parameter for parameter in own if parameter not in free))
 
     def predict(self, at: Estimate) -> Array:
-        """(samples, 2) what the encoders would read, rad."""
+        """(samples, 2) predicted readings, rad."""
         read = self.model.predict(self.segments, at)
         return read + at.zeros[self.segments.run[self.owner]] if len(at.zeros) else read
 

@@ -16,10 +16,10 @@ Array = NDArray[np.float64]
 Indices = Sequence[int] | slice | NDArray[np.int64]
 
 RIDGE = 1e-10
-"""Added to the diagonal of normal matrices of unit columns: some hundred times what rounding leaves of their sums."""
+"""Ridge on the diagonal of normal matrices of unit columns: some hundred times their rounding error."""
 
 TINY = 1e-140
-"""The norm of a column of zeros: the square of its reciprocal, over the ridge, is a number too."""
+"""Floor on the column norm; avoids overflow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +48,14 @@ class ColumnSpace:
         """Only some of the columns."""
         return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
 
-    def beside(self, held: Indices, columns: Indices) -> "ColumnSpace":
-        """Columns, and the residual, with their parts along others taken out; the scale stays that of before."""
+    def given(self, held: Indices, columns: Indices) -> "ColumnSpace":
+        """Columns and residual, projected orthogonally to others; their scale is kept."""
         across = self.H[held][:, columns]
         out = np.linalg.solve(_ridged(self.H[held][:, held]), np.column_stack([across, self.gradient[held]]))
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
-    def gains_beside(self, across: Array, own: Array, gradient: Array, positive: bool) -> Array:
+    def gains_given(self, across: Array, own: Array, gradient: Array, positive: bool) -> Array:
         """(sets,) fall of |e|^2 by each of many small sets of columns, all of these being fitted too.
 
         Args:
@@ -78,7 +78,7 @@ class ColumnSpace:
         return np.asarray(2 * np.einsum("si,si->s", x, left) - np.einsum("si,sij,sj->s", x, H, x))
 
     def solution(self, lower: Array | None = None, damping: float = 0.0) -> Array:
-        """(k,) the x that explains most, none below its bound (k,)."""
+        """(k,) the least-squares x within its lower bounds (k,)."""
         return self._unit_solution(lower, damping) * self.scale
 
     def gain(self, lower: Array | None = None) -> float:
@@ -97,7 +97,7 @@ class ColumnSpace:
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
     def cosine(self, direction: Array, own: Indices, others: Indices) -> float:
-        """Between what the own columns do along a direction (own,) and the nearest that other columns can do."""
+        """Cosine between the own columns' response along a direction (own,) and its projection onto other columns."""
         x = direction / self.scale[own]
         overlap = self.H[others][:, own] @ x
         length = float(x @ self.H[own][:, own] @ x)

@@ -15,7 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.arm import levers
 from dpr_lab.dynamics.base import RATIOS, base_of_run
+from dpr_lab.dynamics.equation import coupled
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.segments import segments
@@ -51,7 +53,7 @@ TRAJECTORY = TrajectorySettings()
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """The swings of all segments on a fine grid, and how they answer to a torque."""
+    """The swings of all segments on a fine grid, with their response to a torque."""
 
     t: Array
     """(n,) since the release, s."""
@@ -147,9 +149,9 @@ def trajectory(
     lost |= np.abs(np.linalg.det(phi)) < TRAJECTORY.singular
     owner = np.repeat(np.arange(len(grid)), np.diff(grid.offsets))
     own, pushes = bases[grid.run][owner], grid.pushes
-    drive = pushes[:, :2] + (_carried(own, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0)
+    drive = pushes[:, :2] + (_prescribed_torques(own, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0)
     inverse, alpha = _accelerations(own, grid.held[owner], rig.L1, rig.g, states, drive)
-    phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be followed answers to nothing
+    phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be followed has no response
     edges = grid.offsets
     place = np.concatenate(
         [
@@ -183,34 +185,25 @@ def _grid(first: float, last: float, spacing: float) -> Array:
     return np.linspace(first, last, max(1, int(np.ceil((last - first) / spacing))) + 1)
 
 
-def _carried(bases: Array, rig: RigConstants, states: Array, arm: Array) -> Array:
+def _prescribed_torques(bases: Array, rig: RigConstants, states: Array, arm: Array) -> Array:
     """(n, 2) torques on theta1, theta2 of an arm's acceleration and squared speed, (n, 2); docs/theory.md (54)."""
-    (a, b, d, e1, *_), (alpha0, whirl) = bases.T, arm.T
+    (a, b, d, e1, *_), (alpha0, squared) = bases.T, arm.T
     (sin1, sin2), (cos1, cos2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T)
-    pull = rig.L0 / rig.g * alpha0
-    tau1 = (whirl * (a * sin1 + d * sin2) - pull * e1) * cos1
-    return np.stack([tau1, (whirl * (b * sin2 + d * sin1) - pull * d * rig.g / rig.L1) * cos2], axis=1)
+    pull, (lever1, lever2) = rig.L0 / rig.g * alpha0, levers(sin1, cos1, sin2, cos2, a, b, d)
+    return np.stack([squared * lever1 - pull * e1 * cos1, squared * lever2 - pull * d * rig.g / rig.L1 * cos2], axis=1)
 
 
 def _accelerations(
     bases: Array, held: NDArray[np.bool_], L1: float, g: float, states: Array, drive: Array
 ) -> tuple[Array, Array]:
-    """(n, 2, 2) inverse mass matrices and (n, 2) accelerations of equation (1); of joint 2 held where it is."""
+    """(n, 2, 2) inverse mass matrices and (n, 2) accelerations of equation (1), joint 2 held where `held`."""
     a, b, d, e1, c1, c2 = bases.T
-    theta1, theta2, omega1, omega2 = states.T
-    coupling, twist = d * np.cos(theta1 - theta2), d * np.sin(theta1 - theta2)
+    (sin1, sin2), (cos1, cos2), (omega1, omega2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T), states[:, 2:].T
+    coupling, *torques = coupled(sin1, cos1, sin2, cos2, omega1, omega2, d, e1, d * g / L1, c1, c2)
     inverse = np.stack([np.stack([b, -coupling]), np.stack([-coupling, a])])
     inverse = np.moveaxis(inverse / (a * b - coupling**2), -1, 0)
     inverse[held] = (1 / (a + b + 2 * coupling))[held, None, None]
-    friction2 = c2 * (omega2 - omega1)
-    right = np.stack(
-        [
-            -twist * omega2**2 - c1 * omega1 + friction2 + e1 * np.sin(theta1),
-            twist * omega1**2 - friction2 + d * g / L1 * np.sin(theta2),
-        ],
-        axis=1,
-    )
-    return inverse, (inverse @ (right + drive)[:, :, None])[:, :, 0]
+    return inverse, (inverse @ (np.stack(torques, axis=1) + drive)[:, :, None])[:, :, 0]
 
 
 @njit(allocates=False)

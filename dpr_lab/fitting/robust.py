@@ -37,7 +37,7 @@ def without_outstanding(problem: Problem, first_fit: Fit, *, iterations: int = 1
     return min(first_fit, refit, key=lambda one: one.chi2)
 
 
-def begun_again(problem: Problem, first_fit: Fit, initial: Array, *, iterations: int = 20, lost: float = 9.0) -> Fit:
+def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: int = 20, lost: float = 9.0) -> Fit:
     """Refit from other initial states of the segments that converged to a wrong minimum.
 
     Args:

@@ -33,7 +33,7 @@ class RodsAlone:
     constants: RigConstants
 
     def with_constants(self, constants: RigConstants) -> "RodsAlone":
-        """The same of a rig that was measured otherwise."""
+        """The same model with other measured constants."""
         return RodsAlone(constants)
 
     def predict(self, segments: Segments, at: Estimate) -> Array:

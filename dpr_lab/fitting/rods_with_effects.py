@@ -1,8 +1,9 @@
 """The rods with effects: readings by lanes of Runge-Kutta, derivatives by forward differences in one batch.
 
 A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). Differences are taken at twice the
-integrator's step: a slope that is off by a thousandth moves no solution of a fit, and half the steps are half the time.
-What encoders misread moves no rod, so one swing does for all of it. Derivatives by initial states hold the internal
+integrator's step: a derivative that is off by a thousandth does not change the solution of a fit, and half the steps
+are half the time.
+Encoder errors move no rod, so one swing does for all of it. Derivatives by initial states hold the internal
 states of effects still: those are handed on from segment to segment, and are not to feel another segment's start.
 """
 
@@ -33,7 +34,7 @@ ENCODER_AMPLITUDES = [
     if effect.stage == "encoder"
     for parameter in effect.amplitudes
 ]
-"""Places of the amplitudes of what encoders misread."""
+"""Indices of the amplitudes of encoder errors."""
 
 
 STEP_LIMITS = {name: effect.longest_step for name, effect in EFFECTS.items() if effect.longest_step is not None}
@@ -47,7 +48,7 @@ class RodsWithEffects:
     constants: RigConstants
 
     def with_constants(self, constants: RigConstants) -> "RodsWithEffects":
-        """The same of a rig that was measured otherwise."""
+        """The same model with other measured constants."""
         return RodsWithEffects(constants)
 
     def predict(self, segments: Segments, at: Estimate) -> Array:
@@ -63,13 +64,13 @@ class RodsWithEffects:
             [p.block == "effects" and EFFECTS[p.effect].stage == "encoder" for p in free] + [False] * 4
         )
         moving, still = np.flatnonzero(~of_encoders), np.flatnonzero(of_encoders)
-        swung = np.append(moving, len(ratios) - 1)  # the estimate itself is the last row
-        quiet = params[swung]
+        rollouts = np.append(moving, len(ratios) - 1)  # the estimate itself is the last row
+        quiet = params[rollouts]
         quiet[-1, ENCODER_AMPLITUDES] = 0.0
         handed = internal_states(at.whole, at.params, self.constants, coarse, at.initial)
-        internal = np.full((len(swung), *handed.shape), np.nan)
+        internal = np.full((len(rollouts), *handed.shape), np.nan)
         internal[len(moving) - 4 : len(moving)] = handed
-        swings = predict_batch(whole_of(ratios[swung]), quiet, self.constants, coarse, initial[swung], internal)
+        swings = predict_batch(whole_of(ratios[rollouts]), quiet, self.constants, coarse, initial[rollouts], internal)
         angles = np.empty((len(ratios), len(segments.t), 2))
         angles[moving] = swings[:-1]
         angles[[*still, -1]] = with_encoder_errors(swings[-1], params[[*still, -1]], self.constants, coarse)

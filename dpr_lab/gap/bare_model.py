@@ -13,7 +13,7 @@ from dpr_lab.fitting.disturbance import disturbance
 from dpr_lab.fitting.estimate import SCALE, Estimate, unknown_ratios, with_scale
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.robust import begun_again, student_weights
+from dpr_lab.fitting.robust import refit_lost, student_weights
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.residuals import lone_readings
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
@@ -88,4 +88,4 @@ def lengthened(recordings: Recordings, short: Problem, at: Estimate, length: flo
     longer, initial = recordings.cut(length)
     begun = at.changed(initial=carried(short.segments, at.initial, longer.segments, initial))
     found = fit(longer, begun, free_parameters(begun, (), longer), iterations=20)
-    return longer, hypothesis(longer, (), begun_again(longer, found, initial))
+    return longer, hypothesis(longer, (), refit_lost(longer, found, initial))

@@ -200,7 +200,7 @@ def driving_noise(problem: Problem, at: Estimate) -> Disturbance | None:
 def information(problem: Problem, at: Estimate) -> Array:
     """(k, k) Fisher information that segments hold of the unknowns that they show; all else that is free eliminated."""
     free = problem.all_free(ratio_parameters(at, visible_of(problem.segments)))
-    slopes = _without_zeros(linearise(problem, problem.begun(at), free), free)
+    slopes = _without_zeros(linearise(problem, problem.with_zeros(at), free), free)
     A = slopes.reshape(-1, slopes.shape[2])
     return A.T @ A
 

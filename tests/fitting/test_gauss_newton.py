@@ -46,16 +46,16 @@ def test_bounded_solution_agrees_with_an_independent_solver(rng):
         assert found == pytest.approx(reference, abs=1e-9)
 
 
-def test_columns_explain_beside_others_what_a_joint_solution_says(rng):
+def test_columns_explain_given_others_what_a_joint_solution_gives(rng):
     A, e = rng.normal(size=(40, 7)) * 10.0 ** rng.integers(-4, 5, 7), rng.normal(size=40)
     space, held, own = ColumnSpace.of(A, e), [0, 1, 2], [3, 4, 5, 6]
     whole = np.linalg.lstsq(A, e, rcond=None)[0]
     assert space.solution() == pytest.approx(whole, rel=1e-6)
     assert space.gain() == pytest.approx(np.sum((A @ whole) ** 2))
-    beside = space.beside(held, own)
-    assert beside.solution() == pytest.approx(whole[own], rel=1e-6)
-    assert beside.covariance() == pytest.approx(np.linalg.inv(A.T @ A)[np.ix_(own, own)], rel=1e-6)
-    assert space.chosen(held).gain() + beside.gain() == pytest.approx(space.gain())
+    others_removed = space.given(held, own)
+    assert others_removed.solution() == pytest.approx(whole[own], rel=1e-6)
+    assert others_removed.covariance() == pytest.approx(np.linalg.inv(A.T @ A)[np.ix_(own, own)], rel=1e-6)
+    assert space.chosen(held).gain() + others_removed.gain() == pytest.approx(space.gain())
     nearest = A[:, own] @ np.linalg.lstsq(A[:, own], A[:, 0], rcond=None)[0]
     expected = np.linalg.norm(nearest) / np.linalg.norm(A[:, 0])
     assert space.cosine(np.ones(1), [0], own) == pytest.approx(expected)
@@ -66,13 +66,13 @@ def test_many_small_sets_gain_what_each_gains_alone(rng):
     sets[4, :, 1] = held[:, 0] + 1e-6 * sets[4, :, 1]  # nearly what is fitted already
     space, across = ColumnSpace.of(held, e), np.einsum("rk,srn->ksn", held, sets)
     own, gradient = np.einsum("sri,srj->sij", sets, sets), np.einsum("srn,r->sn", sets, e)
-    found = space.gains_beside(across, own, gradient, positive=False)
+    found = space.gains_given(across, own, gradient, positive=False)
     left = [np.linalg.lstsq(A, e, rcond=None)[1][0] for A in (held, *(np.column_stack([held, own]) for own in sets))]
     assert found == pytest.approx(left[0] - np.array(left[1:]), rel=1e-3)
     single = np.ix_(range(5), [0], [0])
-    found = space.gains_beside(across[:, :, :1], own[single], gradient[:, :1], positive=True)
+    found = space.gains_given(across[:, :, :1], own[single], gradient[:, :1], positive=True)
     alone = [ColumnSpace.of(np.column_stack([held, one[:, :1]]), e) for one in sets]
-    wrong = np.array([item.beside([0, 1, 2], [3]).solution()[0] < 0 for item in alone])
+    wrong = np.array([space.given([0, 1, 2], [3]).solution()[0] < 0 for space in alone])
     assert wrong.any()
     assert (found[wrong] == 0).all()
     assert found[~wrong] == pytest.approx([alone[i].gain() - space.gain() for i in np.flatnonzero(~wrong)])

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.arm import levers
 from dpr_lab.dynamics.lanes.workspace import LANES, At
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import subroutine
@@ -23,7 +24,7 @@ class Drive(NamedTuple):
     t: NDArray[np.float64]
     """(K,) instants between which the impulse is linear, s since the release."""
     impulse: NDArray[np.float64]
-    """(K, 2) up to each, on theta1 and theta2, N m s."""
+    """(K, 2) impulse up to each, on theta1 and theta2, N m s."""
     first: NDArray[np.int64]
     """(runs + 1,) where the runs begin."""
     arm_t: NDArray[np.float64]
@@ -35,7 +36,7 @@ class Drive(NamedTuple):
 
 
 def drive_of(setups: Sequence[Setup]) -> Drive:
-    """The torques of runs; a free swing has no instants."""
+    """Known torques and arm motions of runs; a free swing has no instants."""
     no_torques = np.zeros(0), np.zeros((0, 2))
     knots = [no_torques if setup.torques is None else setup.torques.knots for setup in setups]
     first = np.cumsum([0, *(len(t) for t, _ in knots)])
@@ -53,7 +54,7 @@ def drive_of(setups: Sequence[Setup]) -> Drive:
 
 @subroutine
 def _impulse(drive: Drive, i: int, t: float, joint: int) -> float:
-    """Up to the time t after the instant i, N m s."""
+    """Impulse up to the time t after the instant i, N m s."""
     share = (t - drive.t[i]) / (drive.t[i + 1] - drive.t[i])
     return drive.impulse[i, joint] + max(share, 0.0) * (drive.impulse[i + 1, joint] - drive.impulse[i, joint])
 
@@ -83,7 +84,7 @@ def set_torques(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], kn
 
 @subroutine
 def _arm_speed(drive: Drive, first: int, last: int, t: float) -> float:
-    """Between the instants `first` and `last`, rad/s."""
+    """Speed of the arm between the instants `first` and `last`, rad/s."""
     i = first + int(np.searchsorted(drive.arm_t[first : last + 1], t))
     if i == first or i > last:
         return drive.arm_omega[min(i, last)]
@@ -111,7 +112,6 @@ def add_prescribed(w: NDArray[np.float64], rig: RigConstants) -> None:
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = w[At.sin1 + k], w[At.cos1 + k], w[At.sin2 + k], w[At.cos2 + k]
         squared, pull = w[At.squared + k], w[At.prescribed + k] * rig.L0 / rig.g
-        lever1 = (w[At.a + k] * sin1 + w[At.d + k] * sin2) * cos1
-        lever2 = (w[At.b + k] * sin2 + w[At.d + k] * sin1) * cos2
+        lever1, lever2 = levers(sin1, cos1, sin2, cos2, w[At.a + k], w[At.b + k], w[At.d + k])
         w[At.torque1 + k] += squared * lever1 - pull * w[At.e1 + k] * cos1
         w[At.torque2 + k] += squared * lever2 - pull * w[At.e2 + k] * cos2

@@ -87,7 +87,7 @@ def allocate(segments: SegmentArrays, angles: NDArray[np.float64]) -> Buffers:
 
 
 class Candidates(NamedTuple):
-    """What is to be predicted."""
+    """Candidates whose readings are to be predicted."""
 
     bases: NDArray[np.float64]
     """(n, runs, 6) of what hangs there"""
@@ -100,7 +100,7 @@ class Candidates(NamedTuple):
 
 
 class Block(NamedTuple):
-    """What all lanes share that go together."""
+    """Data that all lanes of a block share."""
 
     segments: SegmentArrays
     candidates: Candidates
@@ -163,7 +163,7 @@ def predict_tracks(
 
 @subroutine
 def _load(w: NDArray[np.float64], k: int, c: int, r: int, block: Block) -> None:
-    """What lane k keeps along its track: candidate c in run r."""
+    """Set what lane k keeps along its track: candidate c in run r."""
     parts, base, rig = block.segments.parts, block.candidates.bases, block.rig
     w[At.L1 + k], w[At.L2 + k] = parts[r, 0], parts[r, 1]
     w[At.m1 + k], w[At.m2 + k], w[At.mb + k] = parts[r, 2], parts[r, 3], parts[r, 4]
@@ -189,7 +189,7 @@ def _params_row(r: int, block: Block) -> int:
 
 @njit
 def segment_start(first: float, near: float = 0.04) -> float:
-    """When a segment starts whose first reading is taken `first` seconds after the release, s.
+    """Start of a segment whose first reading is taken `first` seconds after the release, s.
 
     One that would start less than `near` after the release starts with it, where all internal states are known.
     """
@@ -237,14 +237,14 @@ def _begin(
     w[At.due1 + k] = samples.t1[k, 0]
     if block.required.timing or block.required.play:
         w[At.due2 + k] = samples.t2[k, 0]
-    w[At.handed + k] = min(segment_start(float(until)), last1)
+    w[At.handed + k] = min(segment_start(until), last1)
     w[At.t + k], w[At.h + k], w[At.step + k] = now, block.segments.step[s], block.segments.step[s]
     _set_state(w, k, initial, initial_internal, block.rig.relative2)
 
 
 @subroutine
 def _set_samples(k: int, c: int, s: int, block: Block, samples: LaneSamples) -> float:
-    """Instants at which lane k reads segment s; returns when the next segment reads first, s, without timing errors."""
+    """Set the instants at which lane k reads segment s; return the first sampling instant of the next segment, s."""
     t, required = block.segments.t, block.required
     i, j = block.segments.offsets[s], block.segments.offsets[s + 1]
     count, until = j - i, t[min(j, len(t) - 1)]
@@ -261,14 +261,14 @@ def _set_samples(k: int, c: int, s: int, block: Block, samples: LaneSamples) -> 
             samples.t1[k, n] += shift1
             samples.t2[k, n] += shift2
         until += reading_shifts(until, params, block.active)[0]
-    return until
+    return float(until)
 
 
 @subroutine
 def _set_state(
     w: NDArray[np.float64], k: int, initial: NDArray[np.float64], internal: NDArray[np.float64], relative2: float
 ) -> None:
-    """Angles, speeds and internal states of lane k at the instant `t`, where no step and no event is pending."""
+    """Set angles, speeds and internal states of lane k at the instant `t`, with no step or event pending."""
     w[At.until + k], w[At.ahead + k], w[At.cut + k] = w[At.t + k], 0.0, 0.0
     w[At.theta1 + k], w[At.theta2 + k], w[At.omega1 + k], w[At.omega2 + k] = initial
     w[At.theta0 + k], w[At.omega0 + k] = internal[ARM], internal[ARM + 1]
@@ -284,7 +284,7 @@ def _set_state(
 def _reset_internal(
     segments: SegmentArrays, s: int, initial: NDArray[np.float64], internal: NDArray[np.float64]
 ) -> None:
-    """Internal states at the first start in a run: of a rig at rest until the release, of long sliding after it."""
+    """Set internal states at the start of a run: of a rig at rest until the release, of long sliding after it."""
     for n in range(len(internal)):
         internal[n] = AT_RELEASE[n]
     if segment_start(float(segments.t[segments.offsets[s]])) > 0.0:
@@ -338,7 +338,7 @@ def _any_due(w: NDArray[np.float64]) -> bool:
 def _hand_over(
     w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_], play: bool, after: NDArray[np.float64]
 ) -> None:
-    """Internal states for the next segment, where it starts in this step; the play's is that of the step's end."""
+    """Store the internal states for the next segment where it starts in this step; backlash as at the step's end."""
     if not shares(w, At.handed, 1.0):
         return
     for k in range(LANES):

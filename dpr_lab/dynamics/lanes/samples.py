@@ -120,7 +120,7 @@ def read_joint2(w: NDArray[np.float64], until: float, relative2: float, samples:
 
 @subroutine
 def read_play(w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_], samples: LaneSamples) -> None:
-    """Read joint 2 through the play of its encoder, which looks for a turning point at each quarter of the step."""
+    """Read joint 2 through the backlash of its encoder, which is updated at each quarter of the step."""
     for quarter in range(1, 5):
         until = 0.25 * quarter
         while shares(w, At.due2, until):

@@ -7,8 +7,8 @@ for which tanh, exp and sincos are polynomials (`dpr_lab.effects.elementary`). E
 skipped where the effect is off (`effects`); it finds the motion of the stage in the workspace and adds to five
 rows of terms. Loops over what only some effects need (the arm, joint forces, internal states) are skipped alike.
 
-Each lane has its own time and its own step. Nothing is reassociated and no lane knows of its neighbours, so that a
-candidate has the same bits in any company and for any number of threads.
+Each lane has its own time and its own step. Nothing is reassociated and no lane knows of its neighbours, so that the
+result of a candidate has the same bits in any block and for any number of threads.
 
 An arm is held until the release. While any lane has not been released the arm's loop asks lane by lane, which costs a
 few steps at the beginning of a run.
@@ -82,14 +82,14 @@ def _advance(
     if required.stepped:
         _move_internal(w, active)
         if held:
-            _forget(w)
+            _reset_held(w)
     if dry:
         settle(w, required, resting)
 
 
 @subroutine
 def _begin(w: NDArray[np.float64]) -> None:
-    """Keep the state as that of the start of the step."""
+    """Copy the state to the rows of the start of the step."""
     for k in range(LANES):
         w[At.old_t + k] = w[At.t + k]
         w[At.old_theta1 + k], w[At.old_theta2 + k] = w[At.theta1 + k], w[At.theta2 + k]
@@ -104,7 +104,7 @@ def _begin_arm(w: NDArray[np.float64]) -> None:
 
 @subroutine
 def _place(w: NDArray[np.float64], share: float) -> None:
-    """The state of a stage, from the speeds and accelerations of the one before; for the first they do not count."""
+    """State of a stage, from the speeds and accelerations of the stage before; the first does not use them."""
     for k in range(LANES):
         ahead = share * w[At.h + k]
         p1, p2 = w[At.stage_omega1 + k], w[At.stage_omega2 + k]
@@ -130,7 +130,7 @@ def _place_arm(w: NDArray[np.float64], share: float) -> None:
 def _accelerate(
     w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], required: Required, held: bool, resting: bool
 ) -> None:
-    """Accelerations of a stage, the friction that follows the load from those without it."""
+    """Accelerations of a stage; load-dependent friction uses those without it."""
     if not (required.torque or required.load or required.arm):
         _accelerate_bare(w)
         return
@@ -207,7 +207,7 @@ def _accumulate_arm(w: NDArray[np.float64], weight: float, more: bool) -> None:
 
 @subroutine
 def _finish(w: NDArray[np.float64]) -> None:
-    """The state at the end of the step, and how far the joints have turned in it."""
+    """State at the end of the step, and displacements of the joints in it."""
     for k in range(LANES):
         h, sixth = w[At.h + k], w[At.h + k] / 6.0
         turn1, turn2 = w[At.turn1 + k], w[At.turn2 + k]
@@ -237,8 +237,8 @@ def _move_internal(w: NDArray[np.float64], active: NDArray[np.bool_]) -> None:
 
 
 @subroutine
-def _forget(w: NDArray[np.float64]) -> None:
-    """Internal states before the release: those of a rig at rest."""
+def _reset_held(w: NDArray[np.float64]) -> None:
+    """Reset internal states before the release to those of a rig at rest."""
     for k in range(LANES):
         if waits(w, k):
             for i, at_release in enumerate(_AT_RELEASE):

@@ -1,6 +1,6 @@
 """The flat workspace of the lanes: a row of `LANES` numbers for each quantity, in one array.
 
-At offsets are constants, so that the compiler sees that rows do not overlap and turns a loop over the lanes into
+Row offsets are constants, so that the compiler sees that rows do not overlap and turns a loop over the lanes into
 vector instructions. Kernels read lane k of a row as `w[At.theta1 + k]`.
 """
 
@@ -49,7 +49,7 @@ class At(IntEnum):
     friction = auto()
     stiffness = auto()
     step = auto()
-    # the step that is taken, the state, and what it was at the start of the step
+    # the step that is taken, the state, and the state at the start of the step
     h = auto()
     t = auto()
     theta0 = auto()
@@ -82,7 +82,7 @@ class At(IntEnum):
     alpha0 = auto()
     alpha1 = auto()
     alpha2 = auto()
-    # which way joints slide, what pushes those at rest, up to which limit they hold, what is to spare at either end
+    # which way joints slide, what pushes those at rest, up to which limit they hold, limit less push at either end
     direction1 = auto()
     direction2 = auto()
     push1 = auto()
@@ -159,7 +159,7 @@ def constants_at(w: NDArray[np.float64], k: int, rig: RigConstants) -> RigConsta
 
 @inlined
 def arm_at(w: NDArray[np.float64], k: int, rig: RigConstants) -> ArmModel:
-    """What holds the arm of lane k."""
+    """Inertia, friction and stiffness of the arm of lane k."""
     return ArmModel(w[At.inertia + k], rig.L0 / rig.g, w[At.friction + k], w[At.stiffness + k])
 
 
@@ -197,7 +197,7 @@ def joint2_at(w: NDArray[np.float64], k: int) -> Joint:
 
 @inlined
 def terms_at(w: NDArray[np.float64], k: int) -> Terms:
-    """What the effects of lane k add at the stage."""
+    """Terms of the effects of lane k at the stage."""
     return Terms(w[At.term_a + k], w[At.term_b + k], w[At.term_coupling + k], w[At.torque1 + k], w[At.torque2 + k])
 
 

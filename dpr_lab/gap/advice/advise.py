@@ -212,7 +212,7 @@ def _foretold(recordings: Recordings, chosen: Hypothesis, choice: PossibleReleas
     own = {name: effect_parameters(EFFECTS[name]) for name in names}
     known += trial.all_free(())
     linear = linearise(
-        trial, trial.begun(at.changed(initial=initial)), [*known, *(p for each in own.values() for p in each)]
+        trial, trial.with_zeros(at.changed(initial=initial)), [*known, *(p for each in own.values() for p in each)]
     )
     A, _ = linear.flat
     ends = np.cumsum([len(known), *map(len, own.values())])

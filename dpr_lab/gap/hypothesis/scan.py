@@ -98,7 +98,7 @@ def _gains(effect: Effect, every: list[Shape], problem: Problem, fit: Fit, along
         products -= onto_initial @ initial  # as if the columns had been projected, which would cost a pass over them
         across = products[:, :-4].sum(axis=0).reshape(-1, len(chosen), many)
         own = _within(columns, columns, many) - _within(initial, initial + products[:, -4:], many)
-        gains.append(fitted.gains_beside(across[:-1], own, across[-1], positive))
+        gains.append(fitted.gains_given(across[:-1], own, across[-1], positive))
     return np.concatenate(gains)
 
 

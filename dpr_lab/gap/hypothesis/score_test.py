@@ -67,7 +67,7 @@ class ScoreTest:
 
     def beside(self, columns: Sequence[int]) -> ColumnSpace:
         """Columns of candidates with what is fitted projected out."""
-        return self.space.beside(list(self.held), list(columns))
+        return self.space.given(list(self.held), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
         """Between what `target` does and the nearest that `other` can do, what is fitted projected out."""

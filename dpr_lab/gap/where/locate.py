@@ -140,7 +140,7 @@ def _place(problem: Problem, base: Hypothesis, along: Trajectory, joint: int, na
     columns, linear, held = make(problem, along, joint), base.fit.linear, len(base.fit.free)
     seen = linear.projected(columns.readings)
     space = ColumnSpace.of(np.concatenate([linear.A, seen], axis=2), linear.e)
-    space = space.beside(slice(0, held), slice(held, None))
+    space = space.given(slice(0, held), slice(held, None))
     values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * base.residuals.inflation)
     share = float(np.clip((space.gain() - len(space)) / base.residuals.excess, 0.0, 1.0))
     kind, coordinate = name.split(" by ")
