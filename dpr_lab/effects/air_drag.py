@@ -1,4 +1,4 @@
-r"""Quadratic resistance of the air, summed along the rods.
+r"""Air drag: quadratic resistance, integrated along the rods.
 
 A point of the inner rod at the distance s from joint 1 moves across its rod at s w1; one of the outer rod, s from
 joint 2, at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The force against it is k v |v| a metre.
@@ -38,7 +38,7 @@ def moments(start: float, slope: float, length: float) -> tuple[float, float]:
 
 @inlined
 def outer(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) -> Terms:
-    """Drag on the outer rod, which the inner rod feels through joint 2."""
+    """Drag on the outer rod, transmitted to the inner rod by joint 2."""
     lever = constants.L1 * (motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2)
     force, moment = moments(lever * motion.omega1, motion.omega2, constants.L2)
     return torques(-coefficient_kg_per_m2 * lever * force, -coefficient_kg_per_m2 * moment)

@@ -1,4 +1,4 @@
-"""A base that does not stand level, in the plane in which the rods swing."""
+"""Base tilt in the plane in which the rods swing."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.elementary import sincos
@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def tilted(motion: Motion, base: BaseParameters, tilt_rad: float) -> Terms:
-    """Gravity turned by the tilt: what it adds to e1 sin(theta1) and e2 sin(theta2)."""
+    """Change of the gravity torques e1 sin(theta1) and e2 sin(theta2) by the tilt."""
     lean, cosine = sincos(tilt_rad)
     rise = cosine - 1.0
     torque1 = base.e1 * (motion.sin1 * rise + motion.cos1 * lean)
@@ -21,7 +21,7 @@ BASE_TILT = Effect(
     equation="e1 sin(theta1 + tilt), e2 sin(theta2 + tilt) in place of e1 sin(theta1), e2 sin(theta2)",
     parameters=(EffectParameter("tilt_rad", "rad", 5e-3),),
     remedy=lambda params, rig, joint: (
-        f"level the base, which leans by {1e3 * abs(params['tilt_rad']):.3g} mrad, or lean gravity so in the simulator"
+        f"level the base, which tilts by {1e3 * abs(params['tilt_rad']):.3g} mrad, or tilt gravity in the simulator"
     ),
     site="base",
     stage="torque",

@@ -1,4 +1,4 @@
-"""A device clock that runs fast or slow."""
+"""Clock rate error of the device."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined
@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def fast(t: float, excess: float) -> float:
-    """True time less device time at the device time t, s, for a clock that runs by the excess too fast."""
+    """True time less device time at the device time t, s, for a clock that is too fast by the excess."""
     return t / (1.0 + excess) - t
 
 
@@ -19,8 +19,8 @@ CLOCK_RATE = Effect(
     stage="timing",
     kernel=fast,
     remedy=lambda params, rig, joint: (
-        f"divide the device's times by {1.0 + params['excess']:.6f}: its clock runs {1e6 * params['excess']:+.0f} ppm"
-        " off"
+        f"divide the device's times by {1.0 + params['excess']:.6f}: its clock has a rate error of"
+        f" {1e6 * params['excess']:+.0f} ppm"
     ),
     twins=("wrong_length_L1",),
     quantities=(
@@ -30,7 +30,7 @@ CLOCK_RATE = Effect(
     ),
     bench_check=(
         "Compare ten minutes of the device's ticks with the host's clock (`dpr-lab run info` shows the rate error). A"
-        " crystal is off by 0.01 % at most: a larger error is rather one of the length L1 (or of gravity)."
+        " crystal is off by 0.01 % at most: a larger error points to the length L1 (or to gravity)."
     ),
     source=(
         "Equation (1) keeps its form when time is scaled, but for gravity. Data sheets of crystals allow 20 to 100 ppm"

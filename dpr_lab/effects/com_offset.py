@@ -49,8 +49,7 @@ COM_OFFSET_LINK1 = Effect(
     quantities=(BenchQuantity("offset of the centroid across the inner rod", "y", ("offset_m",)),),
     bench_check=(
         "Hang the inner rod alone and compare where it rests with a plumb line. Clamp a known mass on its axis and"
-        " repeat: the moment of the centroid stays as it was, and so does a detent's; take the motor off and the detent"
-        " goes."
+        " repeat: the moment of the centroid stays the same, and so does cogging; without the motor, cogging vanishes."
     ),
     source=_SOURCE,
 )

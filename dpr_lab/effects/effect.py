@@ -18,7 +18,7 @@ Shape = tuple[tuple[int, float], ...]
 
 
 LEVERS = ("friction_radius_m", "offset_m")
-"""Lengths that make a torque of a force that the rig file's masses fix: they follow the scale as torques do."""
+"""Lengths that turn a force, known from the rig file's masses, into a torque: they scale as torques do."""
 
 
 _RATIO_UNITS = {
@@ -42,7 +42,7 @@ class EffectParameter:
     """
 
     name: str
-    """Spells its unit, as in `torque_Nm`."""
+    """Name with the unit, as in `torque_Nm`."""
     unit: str
     typical: float
     """Size met on a laboratory rig, in `unit`."""
@@ -151,13 +151,13 @@ class InternalState:
     """Internal state of an effect: it depends on the motion so far."""
 
     name: str
-    """The argument by which kernels ask for its value, at the start of the step."""
+    """Kernel argument that receives its value at the start of the step."""
     unit: str
     at_release: float = 0.0
     after: Callable[..., float] | None = None
-    """Its transition over a turn of the effect's joint one way: a kernel that may ask for the state, `displacement`
-    (rad) and parameters. None where the stage says what becomes of it: a play is its own transition, and an arm moves
-    by the equation of the whole rig."""
+    """Transition over a displacement of the effect's joint in one direction: a kernel that may ask for the state,
+    `displacement` (rad) and parameters. None where the stage defines it: backlash is its own transition, and an arm
+    moves by the equation of the whole rig."""
     sliding: Callable[[float], float] | None = None
     """Kernel for its value in a run that is first seen after the release, from the joint's speed, rad/s. None: as at
     the release."""
@@ -197,7 +197,7 @@ class Effect:
     words: str
     """Title for people: `Coulomb friction, joint 1`."""
     equation: str
-    """What it adds, in the symbols of docs/theory.md: torques on theta1, theta2, or changes of what is read."""
+    """Its contribution, in the symbols of docs/theory.md: torques on theta1, theta2, or changes of what is read."""
     parameters: tuple[EffectParameter, ...]
     site: Site
     stage: StageName

@@ -1,4 +1,4 @@
-"""An encoder disc or magnet that sits off centre or tilted: an error that repeats with every turn."""
+"""Encoder eccentricity: a disc or magnet off centre or tilted, with an error that repeats every turn."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.elementary import sincos
@@ -39,14 +39,14 @@ def eccentric(
 
 
 LARGEST_RAD = 0.1
-"""Of a disc a tenth of its radius off centre; of higher orders the less."""
+"""Largest amplitudes, of a disc off centre by a tenth of its radius; smaller for higher orders."""
 
 ENCODER_ECCENTRICITY = pair(
     "encoder_eccentricity",
     words="encoder eccentricity, joint {j}",
     kernel=eccentric,
     remedy=lambda params, rig, joint: (
-        f"centre the disc or magnet of encoder {joint + 1}, or take its error over a turn off what it reads"
+        f"centre the disc or magnet of encoder {joint + 1}, or subtract its error over a turn from its readings"
     ),
     twins=("encoder_offset",),
     equation="encoder {j} reads q{j} + sum over k = 1..6 of A_k cos(k q{j}) + B_k sin(k q{j})",

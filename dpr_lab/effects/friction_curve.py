@@ -1,4 +1,4 @@
-"""Friction of any form that grows with speed: a curve through fixed speeds, made of increments of one sign.
+"""Free-form friction curve that increases with speed: increments of one sign between fixed speeds.
 
 At rest it may differ between the two directions, as a skewed seal or a preloaded bearing does.
 """

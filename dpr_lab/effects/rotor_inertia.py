@@ -1,4 +1,4 @@
-"""A rotor that turns with a joint: motor, gear or encoder disc."""
+"""Rotor inertia at a joint: motor, gear or encoder disc."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, Params, Words
 from dpr_lab.effects.quantities import Terms
@@ -37,8 +37,8 @@ ROTOR_INERTIA_JOINT1 = Effect(
     absorbed_by=("a",),
     quantities=(BenchQuantity("inertia of the rotor", "J", ("inertia_kgm2",)),),
     bench_check=(
-        "A free swing cannot tell it from the inner rod's own inertia: take the rotor off, or swing the inner rod alone"
-        " with and without it, and compare the periods."
+        "Indistinguishable from the inner rod's own inertia by free swings: take the rotor off, or swing the inner rod"
+        " alone with and without it, and compare the periods."
     ),
     source=_SOURCE,
 )
@@ -55,7 +55,7 @@ ROTOR_INERTIA_JOINT2 = Effect(
     exported=armature,
     quantities=(BenchQuantity("inertia of the rotor", "J", ("inertia_kgm2",)),),
     bench_check=(
-        "Clamp the inner rod and swing the outer one with and without what turns in joint 2 (motor, gear, disc): the"
+        "Clamp the inner rod and swing the outer one with and without the rotor of joint 2 (motor, gear, disc): the"
         " period gives its inertia."
     ),
     source=_SOURCE,

@@ -1,4 +1,4 @@
-"""Stribeck friction: more of it at rest than in motion."""
+"""Stribeck friction: greater at rest than in motion."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair, shape
 from dpr_lab.effects.elementary import exp

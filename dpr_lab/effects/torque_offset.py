@@ -1,4 +1,4 @@
-"""A torque signal that does not read zero where the drive gives none."""
+"""Torque offset: the known torque is not zero where the drive exerts none."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.kernels import inlined
@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def shifted(offset_Nm: float) -> float:
-    """Torque that acts beyond the one that is known, N m."""
+    """Torque in addition to the known one, N m."""
     return offset_Nm
 
 

@@ -1,4 +1,4 @@
-"""Ripple of a drive: its torque constant changes with the angle of its rotor."""
+"""Torque ripple: the torque constant of a drive changes with the angle of its rotor."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair, shape
 from dpr_lab.effects.elementary import sincos
@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rippled(torque: float, joint: Joint, cos_share: float, sin_share: float, order: float) -> float:
-    """Torque that acts beyond the one that is known, N m: in proportion to it, periodic in the joint's angle."""
+    """Torque in addition to the known one, N m: in proportion to it, periodic in the joint's angle."""
     sin, cos = sincos(order * joint.angle)
     return torque * (cos_share * cos + sin_share * sin)
 

@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rescaled(torque: float, excess: float) -> float:
-    """Torque that acts beyond the one that is known, N m."""
+    """Torque in addition to the known one, N m."""
     return excess * torque
 
 

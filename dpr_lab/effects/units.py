@@ -1,4 +1,4 @@
-"""Units in which a person gives the amplitude of an effect, and their conversion to the unit of the library."""
+"""Accepted units of amplitudes, and their conversion to the unit of the library."""
 
 import math
 import re

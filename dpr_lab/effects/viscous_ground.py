@@ -1,4 +1,4 @@
-"""Viscous friction of the outer rod against the room instead of against the inner rod."""
+"""Viscous friction of the outer rod against ground, instead of against the inner rod."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import Motion, Terms, torques
@@ -26,8 +26,8 @@ VISCOUS_GROUND = Effect(
         BenchQuantity("viscous friction coefficient of the outer rod against the room", "c", ("friction_Nms",)),
     ),
     bench_check=(
-        "Tape a light card to the outer rod: resistance of the air grows several times, friction of a joint stays."
-        " A release from upright covers the speeds at which linear and quadratic resistance part."
+        "Tape a light card to the outer rod: air drag grows several times, joint friction remains."
+        " A release from upright covers the speeds at which linear and quadratic resistance differ."
     ),
     source="Stokes' law for slow flow; written by mistake in many models for friction of joint 2.",
 )
