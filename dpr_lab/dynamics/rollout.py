@@ -191,8 +191,8 @@ def _score(lanes: NDArray[np.float64], target: NDArray[np.float64], weights: NDA
 
 @subroutine
 def _sines(lanes: NDArray[np.float64], k: int, first_row: int) -> tuple[float, float, float, float]:
-    at = first_row + k
-    return lanes[at], lanes[at + LANES], lanes[at + 2 * LANES], lanes[at + 3 * LANES]
+    i = first_row + k
+    return lanes[i], lanes[i + LANES], lanes[i + 2 * LANES], lanes[i + 3 * LANES]
 
 
 @subroutine

@@ -216,12 +216,12 @@ def _runge_kutta(
     for stage in range(3):
         ahead, weight = (0.5 * h, 2.0) if stage < 2 else (h, 1.0)
         displacements = ahead * p1, ahead * (p2 - p1)
-        at = RigState(
+        state = RigState(
             x.theta0 + ahead * p0, x.theta1 + ahead * p1, x.theta2 + ahead * p2,
             x.omega0 + ahead * k0, x.omega1 + ahead * k1, x.omega2 + ahead * k2, x.internal,
         )  # fmt: skip
-        p0, p1, p2 = at.omega0, at.omega1, at.omega2
-        motion, rods = _stage(t + ahead, at, displacements, model, mode, drive, directions)
+        p0, p1, p2 = state.omega0, state.omega1, state.omega2
+        motion, rods = _stage(t + ahead, state, displacements, model, mode, drive, directions)
         k0, k1, k2 = held(rods, directions[0], directions[1])
         turn0, turn1, turn2 = turn0 + weight * p0, turn1 + weight * p1, turn2 + weight * p2
         sum0, sum1, sum2 = sum0 + weight * k0, sum1 + weight * k1, sum2 + weight * k2

@@ -42,19 +42,21 @@ def torque_noise(torques: Torques) -> Array:
     return NORMAL_MAD * np.min(left, axis=0)
 
 
-def disturbance(problem: Problem, at: Estimate, begins: Callable[[float], float] = segment_start) -> Disturbance | None:
+def disturbance(
+    problem: Problem, estimate: Estimate, begins: Callable[[float], float] = segment_start
+) -> Disturbance | None:
     """Effect of the process noise on the readings; none of free swings.
 
     Args:
         problem: the segments
-        at: along whose swings
+        estimate: its swings are followed
         begins: as of `trajectory`
     """
     setups = problem.segments.setups
     spread, arm = np.array([_spread(setup) for setup in setups]), np.array([_of_arm(setup) for setup in setups])
     if not (spread.any() or arm.any()):
         return None
-    along = trajectory(problem, at, begins)
+    along = trajectory(problem, estimate, begins)
     into = along.into @ spread[along.run]
     rate, shared = into @ into.transpose(0, 2, 1), np.zeros((len(problem.t), 2))
     if arm.any():

@@ -193,10 +193,10 @@ def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tupl
     return tuple(sorted(ratios | ({SCALE} if scale_visible else set())))
 
 
-def ratio_parameters(at: Estimate, visible: Iterable[int] = range(len(RATIOS))) -> tuple[FreeParameter, ...]:
+def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATIOS))) -> tuple[FreeParameter, ...]:
     """Free parameters of the identifiable ratios."""
     steps = DIFFERENCE_STEPS
-    sizes = np.maximum(np.abs(at.ratios), steps.least_ratio).tolist()
+    sizes = np.maximum(np.abs(estimate.ratios), steps.least_ratio).tolist()
     lower = [0.0 if place in FRICTION else -np.inf for place in range(len(UNKNOWN_RATIOS))]
     return tuple(
         FreeParameter(UNKNOWN_RATIOS[place], "ratios", place, steps.ratio * sizes[place], lower[place], sizes[place])

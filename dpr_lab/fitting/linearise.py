@@ -97,19 +97,19 @@ class Linearisation:
 
 
 def linearise(
-    problem: Problem, at: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None
+    problem: Problem, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None
 ) -> Linearisation:
     """Residuals and all their slopes.
 
     Args:
         problem: what was measured
-        at: where
+        estimate: point of expansion
         free: the unknowns besides the initial states
         predicted: the readings there, (samples, 2), where they are known already
     """
-    predicted = problem.predict(at) if predicted is None else predicted
+    predicted = problem.predict(estimate) if predicted is None else predicted
     residual = problem.whitened(problem.measured - predicted)
-    J = problem.whitened(problem.slopes(at, free))
+    J = problem.whitened(problem.slopes(estimate, free))
     lost = np.logical_not(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     residual[lost], J[lost] = np.inf, 0.0
     alone = np.array([setup.alone for setup in problem.segments.setups])[problem.segments.run]

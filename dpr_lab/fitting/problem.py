@@ -28,11 +28,11 @@ class OutputModel(Protocol):
         """The same model with other measured constants."""
         ...
 
-    def predict(self, segments: Segments, at: Estimate) -> Array:
+    def predict(self, segments: Segments, estimate: Estimate) -> Array:
         """(samples, 2) joint 1 and joint 2 as its encoder has it, rad; not finite where the integration fails."""
         ...
 
-    def slopes(self, segments: Segments, at: Estimate, free: Sequence[FreeParameter]) -> Array:
+    def slopes(self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
         """(samples, 2, free + 4) derivatives, the last four by the initial state of each sample's own segment."""
         ...
 
@@ -108,25 +108,27 @@ class Problem:
         row = np.arange(len(owner)) - self.segments.offsets[owner]
         return whitened.reshape(len(whitened), -1, 2)[owner, row]
 
-    def with_zeros(self, at: Estimate) -> Estimate:
+    def with_zeros(self, estimate: Estimate) -> Estimate:
         """An estimate with zeros for the runs of these segments, where they are set again: its own, or none yet."""
         runs = len(self.segments.setups)
-        return at.changed(zeros=np.zeros((runs, 2))) if self.rezeroed and len(at.zeros) != runs else at
+        return (
+            estimate.changed(zeros=np.zeros((runs, 2))) if self.rezeroed and len(estimate.zeros) != runs else estimate
+        )
 
     def all_free(self, free: Sequence[FreeParameter]) -> tuple[FreeParameter, ...]:
         """Unknowns besides the initial states, with the zeros that are set again before each run."""
         own = zero_parameters(self.segments.setups) if self.rezeroed else ()
         return (*free, *(parameter for parameter in own if parameter not in free))
 
-    def predict(self, at: Estimate) -> Array:
+    def predict(self, estimate: Estimate) -> Array:
         """(samples, 2) predicted readings, rad."""
-        read = self.model.predict(self.segments, at)
-        return read + at.zeros[self.segments.run[self.owner]] if len(at.zeros) else read
+        read = self.model.predict(self.segments, estimate)
+        return read + estimate.zeros[self.segments.run[self.owner]] if len(estimate.zeros) else read
 
-    def slopes(self, at: Estimate, free: Sequence[FreeParameter]) -> Array:
+    def slopes(self, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
         """(samples, 2, free + 4) derivatives of that, the last four by the initial state of each own segment."""
         zeros = [i for i, parameter in enumerate(free) if parameter.block == "zeros"]
-        of_model = self.model.slopes(self.segments, at, [p for p in free if p.block != "zeros"])
+        of_model = self.model.slopes(self.segments, estimate, [p for p in free if p.block != "zeros"])
         if not zeros:
             return of_model
         slopes, run = np.zeros((*of_model.shape[:2], len(free) + 4)), self.segments.run[self.owner]
@@ -144,9 +146,9 @@ class Problem:
             squares = np.sum(((self.measured - predicted) * self.weight) ** 2, axis=1)
         return np.nan_to_num(np.add.reduceat(squares, self.segments.offsets[:-1]), nan=np.inf)
 
-    def chi2(self, at: Estimate) -> float:
+    def chi2(self, estimate: Estimate) -> float:
         """Sum over all segments."""
-        return float(self.chi2_by_segment(self.predict(at)).sum())
+        return float(self.chi2_by_segment(self.predict(estimate)).sum())
 
     def weighted(self, factor: Array) -> "Problem":
         """The same with every weight times a factor, (samples, 1 or 2)."""

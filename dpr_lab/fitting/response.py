@@ -126,13 +126,16 @@ class Trajectory:
 
 
 def trajectory(
-    problem: Problem, at: Estimate, begins: Callable[[float], float] = segment_start, spacing: float = TRAJECTORY.grid_s
+    problem: Problem,
+    estimate: Estimate,
+    begins: Callable[[float], float] = segment_start,
+    spacing: float = TRAJECTORY.grid_s,
 ) -> Trajectory:
     """Follow the swings of an estimate, with its ratios and initial states; its effects are small and left out.
 
     Args:
         problem: their segments
-        at: the estimate
+        estimate: the estimate
         begins: when a segment starts whose first reading is at an instant, s
         spacing: of the grid, at most, s
     """
@@ -141,8 +144,8 @@ def trajectory(
     instants = [_grid(first, last, spacing) for first, last in spans]
     setups = problem.segments.setups
     grid = segments(instants, problem.segments.run, setups, step=TRAJECTORY.grid_s)
-    bases = np.array([base_of_run(at.whole, setup, rig.L1, rig.g) for setup in setups])
-    states, slopes = follow(at.ratios, grid, at.initial, rig, of=4)
+    bases = np.array([base_of_run(estimate.whole, setup, rig.L1, rig.g) for setup in setups])
+    states, slopes = follow(estimate.ratios, grid, estimate.initial, rig, of=4)
     phi = slopes[:, :, len(RATIOS) :]
     lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < TRAJECTORY.wildest).all(axis=1))
     phi[lost], states[lost] = np.eye(4), 0.0

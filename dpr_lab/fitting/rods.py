@@ -36,17 +36,17 @@ class RodsAlone:
         """The same model with other measured constants."""
         return RodsAlone(constants)
 
-    def predict(self, segments: Segments, at: Estimate) -> Array:
+    def predict(self, segments: Segments, estimate: Estimate) -> Array:
         """(samples, 2) encoder readings, rad."""
-        values, _ = self._ratios(segments, at)
-        begins = segments.turning_as_one(at.initial)
+        values, _ = self._ratios(segments, estimate)
+        begins = segments.turning_as_one(estimate.initial)
         states, _, _ = driven(values, self.constants, segments, begins, 0)
         return JointAngles(self.constants.relative2 == 1.0).of_rods(states[:, :2])
 
-    def slopes(self, segments: Segments, at: Estimate, free: Sequence[FreeParameter]) -> Array:
+    def slopes(self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
         """(samples, 2, free + 4); the free parameters are ratios, b and p/b."""
-        values, chains = self._ratios(segments, at)
-        begins = segments.turning_as_one(at.initial)
+        values, chains = self._ratios(segments, estimate)
+        begins = segments.turning_as_one(estimate.initial)
         _, seen, by_push = driven(values, self.constants, segments, begins, 2)
         seen[:, 1] -= self.constants.relative2 * seen[:, 0]
         by_push[:, 1] -= self.constants.relative2 * by_push[:, 0]
@@ -62,9 +62,9 @@ class RodsAlone:
             slopes[first:last, :, -4:] = by_start(slopes[first:last, :, -4:], segments.setups[segments.run[s]])
         return slopes
 
-    def _ratios(self, segments: Segments, at: Estimate) -> tuple[Array, Array]:
+    def _ratios(self, segments: Segments, estimate: Estimate) -> tuple[Array, Array]:
         """(segments, 6) ratios that each swings by and 1 / b, and (segments, 6, 7) their derivatives."""
-        by_run = [pushed_by(at.ratios, setup, self.constants.L1, self.constants.g) for setup in segments.setups]
+        by_run = [pushed_by(estimate.ratios, setup, self.constants.L1, self.constants.g) for setup in segments.setups]
         return np.array([by_run[run][0] for run in segments.run]), np.array([by_run[run][1] for run in segments.run])
 
 

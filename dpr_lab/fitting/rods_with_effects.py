@@ -51,15 +51,17 @@ class RodsWithEffects:
         """The same model with other measured constants."""
         return RodsWithEffects(constants)
 
-    def predict(self, segments: Segments, at: Estimate) -> Array:
+    def predict(self, segments: Segments, estimate: Estimate) -> Array:
         """(samples, 2) encoder readings, rad."""
-        return predict(at.whole, at.params, self.constants, resolved(segments, at.params), at.initial)
+        return predict(
+            estimate.whole, estimate.params, self.constants, resolved(segments, estimate.params), estimate.initial
+        )
 
-    def slopes(self, segments: Segments, at: Estimate, free: Sequence[FreeParameter]) -> Array:
+    def slopes(self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
         """(samples, 2, free + 4) derivatives of the readings."""
-        coarse = resolved(segments, at.params)
+        coarse = resolved(segments, estimate.params)
         coarse = replace(coarse, step=COARSER * coarse.step)
-        ratios, params, initial = _varied(at, free)
+        ratios, params, initial = _varied(estimate, free)
         of_encoders = np.array(
             [p.block == "effects" and EFFECTS[p.effect].stage == "encoder" for p in free] + [False] * 4
         )
@@ -67,7 +69,7 @@ class RodsWithEffects:
         rollouts = np.append(moving, len(ratios) - 1)  # the estimate itself is the last row
         quiet = params[rollouts]
         quiet[-1, ENCODER_AMPLITUDES] = 0.0
-        handed = internal_states(at.whole, at.params, self.constants, coarse, at.initial)
+        handed = internal_states(estimate.whole, estimate.params, self.constants, coarse, estimate.initial)
         internal = np.full((len(rollouts), *handed.shape), np.nan)
         internal[len(moving) - 4 : len(moving)] = handed
         swings = predict_batch(whole_of(ratios[rollouts]), quiet, self.constants, coarse, initial[rollouts], internal)
@@ -88,13 +90,13 @@ def resolved(segments: Segments, params: Array) -> Segments:
     return replace(segments, step=np.minimum(segments.step, min(limits))) if limits else segments
 
 
-def _varied(at: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array, Array]:
+def _varied(estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array, Array]:
     """(n, 7) ratios, (n, SIZE) parameters and (n, segments, 4) initial states, n = free + 4 + 1.
 
     A row for each free parameter and each number of the initial states, moved by its step; the last as it is.
     """
     rows = len(free) + 5
-    vectors, initial = np.tile(at.vector, (rows, 1)), np.tile(at.initial, (rows, 1, 1))
+    vectors, initial = np.tile(estimate.vector, (rows, 1)), np.tile(estimate.initial, (rows, 1, 1))
     for i, parameter in enumerate(free):
         for place, value in parameter.overrides:
             vectors[i, place] = value

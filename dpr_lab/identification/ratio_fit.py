@@ -190,17 +190,17 @@ def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations
     return noisy if noisy.chi2_per_dof < SHORT.noise_alone else rough
 
 
-def driving_noise(problem: Problem, at: Estimate) -> Disturbance | None:
+def driving_noise(problem: Problem, estimate: Estimate) -> Disturbance | None:
     """Effect of noise in the prescribed motion of an arm on the readings."""
     if all(setup.arm is None for setup in problem.segments.setups):
         return None
-    return disturbance(problem, at, begins=lambda first: first)
+    return disturbance(problem, estimate, begins=lambda first: first)
 
 
-def information(problem: Problem, at: Estimate) -> Array:
+def information(problem: Problem, estimate: Estimate) -> Array:
     """(k, k) Fisher information that segments hold of the unknowns that they show; all else that is free eliminated."""
-    free = problem.all_free(ratio_parameters(at, visible_of(problem.segments)))
-    slopes = _without_zeros(linearise(problem, problem.with_zeros(at), free), free)
+    free = problem.all_free(ratio_parameters(estimate, visible_of(problem.segments)))
+    slopes = _without_zeros(linearise(problem, problem.with_zeros(estimate), free), free)
     A = slopes.reshape(-1, slopes.shape[2])
     return A.T @ A
 
@@ -228,10 +228,10 @@ def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: floa
         t: (n,) instants, the first of them the segment's own
         error_rad: that error
     """
-    rig, laid_out, at = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate
-    setup = laid_out.setups[laid_out.run[index]]
+    rig, layout, estimate = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate
+    setup = layout.setups[layout.run[index]]
     own = segments([t], setups=[setup], step=MAX_STEP)
-    _, slopes = followed(at.ratios, own, at.initial[index : index + 1], rig, of=2)
+    _, slopes = followed(estimate.ratios, own, estimate.initial[index : index + 1], rig, of=2)
     growth = by_start(slopes[:, :2, len(RATIOS) :], setup)
     variance = np.einsum("nij,jk,nik->ni", growth, ratio_fit.initial_covariances[index], growth)
     lost = np.flatnonzero(~(variance.max(axis=1) * max(1.0, ratio_fit.chi2_per_dof) < error_rad**2))

@@ -62,16 +62,16 @@ def _trials(
 ) -> Floats:
     """(size, n) one trial for each individual.
 
-    scipy has no generation to call. It is given the population, given the known costs, and asked for one
+    scipy has no generation to call. It gets the population and its known costs, and is run for one
     iteration, in which the trials are all that it evaluates.
     """
     from scipy import optimize
 
-    asked: list[Floats] = []
+    evaluated: list[Floats] = []
 
     def known_then_none(columns: Floats) -> Floats:
-        asked.append(columns.T)
-        return np.minimum(population.cost, FAILED_ABOVE) if len(asked) == 1 else np.zeros(len(population.cost))
+        evaluated.append(columns.T)
+        return np.minimum(population.cost, FAILED_ABOVE) if len(evaluated) == 1 else np.zeros(len(population.cost))
 
     init: Any = population.genes  # typed as str in scipy's signature
     optimize.differential_evolution(
@@ -87,4 +87,4 @@ def _trials(
         vectorized=True,
         rng=rng,
     )
-    return np.clip(asked[1], *box)
+    return np.clip(evaluated[1], *box)

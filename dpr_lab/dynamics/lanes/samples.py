@@ -82,10 +82,10 @@ def read_both(w: NDArray[np.float64], relative2: float, arm: bool, samples: Lane
         for k in range(LANES):
             if w[At.share + k] <= 1.0:
                 j = samples.next1[k]
-                at = samples.first[k] + j * samples.columns
-                samples.out[at], samples.out[at + 1] = w[At.angle1 + k], w[At.angle2 + k]
+                i = samples.first[k] + j * samples.columns
+                samples.out[i], samples.out[i + 1] = w[At.angle1 + k], w[At.angle2 + k]
                 if arm and samples.columns > 2:
-                    samples.out[at + 2] = angle0(w, k, w[At.share + k])
+                    samples.out[i + 2] = angle0(w, k, w[At.share + k])
                 samples.next1[k] = _after_reading(w, At.due1, k, samples.t1, j, samples.size[k])
 
 
@@ -98,10 +98,10 @@ def read_joint1(w: NDArray[np.float64], arm: bool, samples: LaneSamples) -> None
         for k in range(LANES):
             if w[At.share + k] <= 1.0:
                 j = samples.next1[k]
-                at = samples.first[k] + j * samples.columns
-                samples.out[at] = w[At.angle1 + k]
+                i = samples.first[k] + j * samples.columns
+                samples.out[i] = w[At.angle1 + k]
                 if arm and samples.columns > 2:
-                    samples.out[at + 2] = angle0(w, k, w[At.share + k])
+                    samples.out[i + 2] = angle0(w, k, w[At.share + k])
                 samples.next1[k] = _after_reading(w, At.due1, k, samples.t1, j, samples.size[k])
 
 
