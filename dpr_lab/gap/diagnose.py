@@ -1,10 +1,10 @@
-"""From runs to a diagnosis: screen, bare model, where, which, how sure, how far, what next."""
+"""The diagnosis, stage by stage: screen, bare model, where, which, classes, how far, advice, evidence."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,36 @@ from dpr_lab.run import Run, as_runs
 STAGES = ("screen", "bare model", "where", "which", "classes", "how far", "advice", "evidence")
 """Names of the stages, in order."""
 
+Event = StageBegan | FitBegan | ScoreTestBegan
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a diagnosis is asked for."""
+
+    rig: Rig
+    library: Mapping[str, Effect]
+    """Effects to choose from."""
+    max_effects: int
+    start: NDArray[np.float64] | None
+    """(7,) ratios, b and p/b to start from; None: those of the rig file."""
+    on_progress: Callable[[Event], None]
+
+    def begin(self, stage: str) -> None:
+        """Report that a stage begins."""
+        self.on_progress(StageBegan(STAGES.index(stage) + 1, len(STAGES), stage))
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """The recordings with the bare model fitted to them."""
+
+    recordings: Recordings
+    problem: Problem
+    bare: Hypothesis
+    held_out: Unseen | None
+    """Recordings that take no part in any fit; None where there are none."""
+
 
 @solvable
 def diagnose(
@@ -55,12 +85,16 @@ def diagnose(
     max_effects: int = 4,
     start: NDArray[np.float64] | None = None,
     seed: int = 0,
-    on_progress: Callable[[StageBegan | FitBegan | ScoreTestBegan], None] | None = None,
+    on_progress: Callable[[Event], None] | None = None,
 ) -> Diagnosis:
-    """Say where simulation and rig differ, which effects cause it, how sure that is, and how much of it closes.
+    """Diagnose the gap between simulation and rig: where it is, its causes, their probabilities, how far it closes.
+
+    Where known torques drive the rods, their noise is part of the model first. If the chosen effects then leave far
+    more than noise, the torques are taken as exact and the bare model and the effects are fitted again: what adds up
+    along a segment is no noise of the torques, and whitening would hide it.
 
     Args:
-        runs: what was recorded, one run or several; three releases or more tell effects apart best
+        runs: what was recorded, one run or several; three releases or more distinguish effects best
         rig: lengths, masses and encoders
         held_out: recordings that only measure how far the gap closes
         library: the effects to choose from; all of `dpr_lab.effects.EFFECTS` by default
@@ -73,74 +107,83 @@ def diagnose(
         RunError: no runs, or one that is too short or without motion.
         IdentificationError: known torques or masses fit only a negative inertia.
     """
+    started = time.perf_counter()
     runs, held_out = as_runs(runs), as_runs(held_out)
-    on_progress = on_progress or (lambda event: None)
-    library = EFFECTS if library is None else library
     if not runs:
         raise RunError("no runs to diagnose")
     for run in (*runs, *held_out):
         refuse_without_motion(run, rig)
+    request = Request(rig, EFFECTS if library is None else library, max_effects, start, on_progress or _silent)
 
-    def begin(stage: str) -> None:
-        on_progress(StageBegan(STAGES.index(stage) + 1, len(STAGES), stage))
-
-    began = time.perf_counter()
-    begin("screen")
+    request.begin("screen")
     runs, held_out, cut = in_pieces(runs, held_out)
     recordings, unseen = (Recordings(tuple(record(run, rig) for run in some), rig) for some in (runs, held_out))
-    begin("bare model")
-    begun = nominal_ratios(rig) if start is None else start
-    recordings, problem, bare = fit_bare_model(recordings, begun)
-    begin("where")
-    places = locate(problem, bare)
-    begin("which")
+    request.begin("bare model")
+    fitted = _fitted(request, recordings, unseen)
+    request.begin("where")
+    places = locate(fitted.problem, fitted.bare)
+    request.begin("which")
+    selection = _selected(request, fitted)
+    if fitted.problem.disturbance is not None and far_from_noise(selection.chosen):
+        fitted = _fitted(request, replace(fitted.recordings, exact_torques=True), unseen)
+        places, selection = locate(fitted.problem, fitted.bare), _selected(request, fitted)
+    refuse_negative_scale(selection.chosen.fit.estimate.ratios, runs, rig)
+    recordings, problem = fitted.recordings, fitted.problem
+    request.begin("classes")
+    posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
+    request.begin("how far")
+    carried = transfer(recordings, fitted.held_out, problem, selection, np.random.default_rng(seed))
+    posteriors = carried.judged(posteriors)
+    described = description(runs, rig, selection, carried)
+    everything = recordings.only([*recordings.records, *unseen.records])
+    models = {"before": selection.base, "after": selection.chosen}
+    freely = {name: free_runs(everything, model.fit.estimate) for name, model in models.items()}
+    size = gap(recordings, problem, selection, carried, freely)
+    request.begin("advice")
+    advice = tuple(advise(recordings, selection.chosen, posteriors))
+    spread = covariance(problem, selection.chosen, rig)
+    findings = Findings(
+        recordings, problem, selection, posteriors, carried, described, places, size, advice, spread, cut
+    )
+    request.begin("evidence")
+    unseen = replace(unseen, ratios=recordings.ratios)
+    rests_on = evidence(recordings, unseen, problem, selection, carried, freely)
+    return conclude(findings, rests_on, seconds=time.perf_counter() - started)
+
+
+def _fitted(request: Request, recordings: Recordings, unseen: Recordings) -> Fitted:
+    start = nominal_ratios(request.rig) if request.start is None else request.start
+    recordings, problem, bare = fit_bare_model(recordings, start)
+    held_out = held_out_runs(replace(unseen, ratios=recordings.ratios), bare) if unseen.records else None
+    return Fitted(recordings, problem, bare, held_out)
+
+
+def _selected(request: Request, fitted: Fitted) -> Selection:
+    held_out = fitted.held_out
+    return select(
+        fitted.recordings,
+        fitted.problem,
+        fitted.bare,
+        applicable(request.library, fitted.problem),
+        max_effects=request.max_effects,
+        expected=expected_of(request.rig.joints.geared),
+        unseen_chi2=None if held_out is None else lambda model: float(held_out.chi2(model).sum()),
+        on_progress=request.on_progress,
+    )
+
+
+def applicable(library: Mapping[str, Effect], problem: Problem) -> dict[str, Effect]:
+    """The effects of a library that can act in these recordings and are not fitted anyway."""
     setups = problem.segments.setups
     driven, arm_known = any(setup.torques for setup in setups), any(setup.arm for setup in setups)
-    library = {
+    return {
         name: effect
         for name, effect in library.items()
         if name not in problem.always
         and (driven or not effect.driven)
-        and not (arm_known and effect.stage == "arm")  # it moves as it is known to
+        and not (arm_known and effect.stage == "arm")  # the arm's motion is prescribed
     }
 
-    def choose(recordings: Recordings, problem: Problem, bare: Hypothesis) -> tuple[Unseen | None, Selection]:
-        apart = held_out_runs(replace(unseen, ratios=recordings.ratios), bare) if unseen.records else None
-        return apart, select(
-            recordings,
-            problem,
-            bare,
-            library,
-            max_effects=max_effects,
-            expected=expected_of(rig.joints.geared),
-            unseen_chi2=None if apart is None else lambda at: float(apart.chi2(at).sum()),
-            on_progress=on_progress,
-        )
 
-    apart, selection = choose(recordings, problem, bare)
-    if problem.disturbance is not None and far_from_noise(selection.chosen):
-        # What is left is no noise of the torques: it adds up along a segment, where to whiten is to look away from it.
-        recordings, problem, bare = fit_bare_model(replace(recordings, exact_torques=True), begun)
-        places = locate(problem, bare)
-        apart, selection = choose(recordings, problem, bare)
-    refuse_negative_scale(selection.chosen.fit.estimate.ratios, runs, rig)
-    unseen = replace(unseen, ratios=recordings.ratios)
-    begin("classes")
-    posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
-    begin("how far")
-    transferred = transfer(recordings, apart, problem, selection, np.random.default_rng(seed))
-    posteriors = transferred.judged(posteriors)
-    described = description(runs, rig, selection, transferred)
-    everything = recordings.only([*recordings.records, *unseen.records])
-    models = {"before": selection.base, "after": selection.chosen}
-    freely = {name: free_runs(everything, at.fit.estimate) for name, at in models.items()}
-    size = gap(recordings, problem, selection, transferred, freely)
-    begin("advice")
-    advice = advise(recordings, selection.chosen, posteriors)
-    spread = covariance(problem, selection.chosen, rig)
-    findings = Findings(
-        recordings, problem, selection, posteriors, transferred, described, places, size, tuple(advice), spread, cut
-    )
-    begin("evidence")
-    rests_on = evidence(recordings, unseen, problem, selection, transferred, freely)
-    return conclude(findings, rests_on, seconds=time.perf_counter() - began)
+def _silent(event: Event) -> None:
+    """Report no progress."""

@@ -49,7 +49,7 @@ def test_a_name_that_does_not_carry_over_to_a_held_out_run_is_withdrawn(dry: lis
     found = diagnose(dry[:2], paper, held_out=recorded({})[2:], library=LIBRARY)
     assert (found.verdict, found.basis, found.withdrawn) == ("unexplained", "held-out runs", ["coulomb_joint2"])
     assert found.probabilities["coulomb_joint2"] <= 0.5
-    assert "and not the next" in found.sentence
+    assert "but not in others" in found.sentence
 
 
 @pytest.mark.slow
@@ -63,7 +63,7 @@ def test_an_effect_that_misleads_on_held_out_runs_is_left_out_of_the_model(dry: 
 
 def test_a_gap_that_grows_is_not_said_to_close() -> None:
     grown = Transfer("held-out runs", GapReduction(-0.51, (-0.74, -0.22)), (), {}, {}, {}, (), ())
-    assert how_far(grown) == "the gap does not close on held-out runs (-51%, 90 % interval -74% to -22%)"
+    assert how_far(grown) == "On held-out runs the gap does not close (-51%, 90 % interval -74% to -22%)."
 
 
 @pytest.mark.slow
@@ -119,5 +119,5 @@ def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded
     assert small.verdict == "named"
     assert large.verdict == "partly_explained"
     assert large.effects[0].probability <= 0.5
-    assert f"{name} ({large.effects[0].probability:.0%} likely to be the cause)" in large.sentence
+    assert f"{name} (probability only {large.effects[0].probability:.0%})" in large.sentence
     assert "larger than on any rig: something else has that shape" in large.sentence

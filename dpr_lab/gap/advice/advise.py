@@ -76,7 +76,7 @@ class NextStep:
 
 
 @dataclass(frozen=True, slots=True)
-class Foretold:
+class ExpectedRecording:
     """What the readings of a release would show of some effects."""
 
     choice: PossibleRelease
@@ -95,7 +95,7 @@ class Foretold:
 
 
 def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[NextStep]:
-    """Recordings and bench checks for what is not told apart and for alternatives; empty when nothing is open."""
+    """Recordings and bench checks that distinguish members of classes and the alternatives; empty if none is open."""
     worth = {
         item.name: [other for other in item.alternatives if other.probability >= WORTH_A_RECORDING]
         for item in posteriors
@@ -106,15 +106,15 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
         if len(item.members) > 1 or worth[item.name]
         for name in (item.name, *item.members, *(other.name for other in worth[item.name]))
     }
-    foretold = [_foretold(recordings, chosen, choice, list(involved)) for choice in MENU] if involved else []
-    said: list[NextStep] = []
+    expected = [_expected(recordings, chosen, choice, list(involved)) for choice in MENU] if involved else []
+    steps: list[NextStep] = []
     for item in posteriors:
-        said += _for_class(foretold, chosen, item)
-        said += [_for_rival(foretold, chosen, item, other) for other in worth[item.name]]
-    return said
+        steps += _for_class(expected, chosen, item)
+        steps += [_for_rival(expected, chosen, item, other) for other in worth[item.name]]
+    return steps
 
 
-def _for_class(foretold: Sequence[Foretold], chosen: Hypothesis, item: EffectPosterior) -> list[NextStep]:
+def _for_class(expected: Sequence[ExpectedRecording], chosen: Hypothesis, item: EffectPosterior) -> list[NextStep]:
     """Recordings that tell members of a class apart, if there are such, and what the bench tells."""
     if len(item.members) == 1:
         return []
@@ -123,7 +123,7 @@ def _for_class(foretold: Sequence[Foretold], chosen: Hypothesis, item: EffectPos
     for other in (name for name in item.members if name != item.name):
         # The wider of two forms may be there in a size that the narrower has none of.
         pairs = (item.name, other), (other, item.name)
-        strength, best = _most(foretold, lambda there, pairs=pairs: max(there.apart(*pair) for pair in pairs))
+        strength, best = _most(expected, lambda there, pairs=pairs: max(there.apart(*pair) for pair in pairs))
         if strength >= TOLD_APART:
             steps.append(_recording(chosen, item.name, other, [share, share], strength, best))
     measured = [_measurement(item.name, name, item.members, [share] * len(item.members)) for name in item.members]
@@ -133,17 +133,21 @@ def _for_class(foretold: Sequence[Foretold], chosen: Hypothesis, item: EffectPos
     return steps
 
 
-def _for_rival(foretold: Sequence[Foretold], chosen: Hypothesis, item: EffectPosterior, rival: Alternative) -> NextStep:
+def _for_rival(
+    expected: Sequence[ExpectedRecording], chosen: Hypothesis, item: EffectPosterior, rival: Alternative
+) -> NextStep:
     name, other, likely = item.name, rival.name, [item.probability, rival.probability]
-    strength, best = _most(foretold, lambda there: there.apart(name, other))
+    strength, best = _most(expected, lambda there: there.apart(name, other))
     if strength < TOLD_APART:
         check = _measurement(name, name, (name, other), likely)
         return NextStep(f"No recording of the menu tells {name} from {other}. {check.text}", (check,))
     return _recording(chosen, name, other, likely, strength, best)
 
 
-def _most(foretold: Sequence[Foretold], strength: Callable[[Foretold], float]) -> tuple[float, PossibleRelease]:
-    return max(((strength(there), there.choice) for there in foretold), key=lambda pair: pair[0])
+def _most(
+    expected: Sequence[ExpectedRecording], strength: Callable[[ExpectedRecording], float]
+) -> tuple[float, PossibleRelease]:
+    return max(((strength(there), there.choice) for there in expected), key=lambda pair: pair[0])
 
 
 def _recording(
@@ -205,7 +209,9 @@ def _entropy(p: Array) -> Array:
     return -(p * np.log2(p) + (1 - p) * np.log2(1 - p))
 
 
-def _foretold(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease, names: Sequence[str]) -> Foretold:
+def _expected(
+    recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease, names: Sequence[str]
+) -> ExpectedRecording:
     at = chosen.fit.estimate
     trial, initial = _simulated(recordings, chosen, choice)
     known = [p for p in chosen.fit.free if p.block == "ratios" or p.effect in trial.always]
@@ -217,7 +223,7 @@ def _foretold(recordings: Recordings, chosen: Hypothesis, choice: PossibleReleas
     A, _ = linear.flat
     ends = np.cumsum([len(known), *map(len, own.values())])
     fitted = {name: np.array([parameter.read(at) for parameter in each]) for name, each in own.items()}
-    return Foretold(
+    return ExpectedRecording(
         choice,
         A[:, : ends[0]],
         {name: A[:, i:j] for name, i, j in zip(own, ends[:-1], ends[1:], strict=True)},

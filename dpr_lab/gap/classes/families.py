@@ -41,7 +41,7 @@ def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> fl
     return float(np.clip(back / whole, 0.0, 1.0)) if whole > 0 else 0.0
 
 
-def told(found: list[NamedFamily]) -> str:
+def families_sentence(found: list[NamedFamily]) -> str:
     """Sentences for the headline; empty where there is no family."""
     return "".join(
         f" Together {' and '.join(item.effects)} are what a {item.words} does [{item.name}]:"

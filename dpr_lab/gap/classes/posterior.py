@@ -1,4 +1,4 @@
-"""What cannot be told apart on these recordings, what else it could be, and how probable each is.
+"""Classes of effects that are indistinguishable on these recordings, alternatives, and their probabilities.
 
 Two effects whose signatures (what they do to the readings, ratios and initial states projected out) agree to 0.999 in
 cosine, and that predict the recordings equally well, are one class: no algorithm can split them on this record.
@@ -78,11 +78,11 @@ class Alternative:
 
 @dataclass(frozen=True, slots=True)
 class EffectPosterior:
-    """A named effect among those that cannot be told from it and those that could stand in its place."""
+    """A named effect, the effects indistinguishable from it, and its alternatives."""
 
     name: str
     members: tuple[str, ...]
-    """Itself, and what cannot be told from it."""
+    """The effect itself and those indistinguishable from it."""
     alternatives: tuple[Alternative, ...]
     probability: float
     odds: tuple[float, ...] = ()

@@ -1,4 +1,4 @@
-"""What was found, put into words and numbers: the result model."""
+"""The result of a diagnosis in words and numbers."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.advise import NextStep
 from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.bare_model import scale
-from dpr_lab.gap.classes.families import families, told
+from dpr_lab.gap.classes.families import families, families_sentence
 from dpr_lab.gap.classes.posterior import EffectPosterior, probabilities
 from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.verdict import listed_causes, sentence, verdict
@@ -55,7 +55,7 @@ SURELY = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """All that the stages of a diagnosis found."""
+    """Results of the stages of a diagnosis."""
 
     recordings: Recordings
     problem: Problem
@@ -103,7 +103,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
     return Diagnosis(
         verdict=kind,
         sentence=sentence(kind, found.selection, found.posteriors, found.transfer, least, found.description)
-        + told(whole),
+        + families_sentence(whole),
         hints=[found.description.hint] if found.description.hint else [],
         basis=found.transfer.basis,
         transfer=_transfer(found.transfer),
@@ -123,7 +123,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
             found.recordings.constants,
             {*found.transfer.withdrawn, *found.transfer.oversized},
         ),
-        advice=[said.text for said in found.advice],
+        advice=[step.text for step in found.advice],
         checks=_checks(found, [item.name for item in named]),
         ratios={
             name: _interval(value, found.intervals.get(("", name), 0.0))
@@ -158,7 +158,7 @@ def _checks(found: Findings, named: Sequence[str]) -> list[AdvisedCheck]:
     """All checks of the advice, each once, with ids that those of another diagnosis do not have."""
     at = found.selection.chosen.fit.estimate
     own = hashlib.sha256(at.ratios.tobytes() + at.params.tobytes()).hexdigest()[:4]
-    each = {(check.kind, check.text, check.about): check for said in found.advice for check in said.checks}
+    each = {(check.kind, check.text, check.about): check for step in found.advice for check in step.checks}
     each = {key: check for key, check in each.items() if check.about in named and check.expected_bits > 0}
     ranked, assumed = sorted(each.values(), key=lambda check: -check.expected_bits), found.scale
     return [
@@ -212,7 +212,7 @@ def _named(found: Findings, item: EffectPosterior) -> NamedEffect:
 
 
 def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
-    """What follows from an effect's parameters, their errors taken for independent."""
+    """Quantities that follow from an effect's parameters, whose errors are taken as independent."""
     if effect.implied is None:
         return {}
     found, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
@@ -237,7 +237,7 @@ def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> E
 
 
 def _rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
-    """What else could stand in a named effect's place; where nothing is named, the closest effects first."""
+    """Alternatives of the named effects; where nothing is named, the closest effects first."""
     found = [
         _rival(other.name, other.members, other.probability, other.cosine, item.name)
         for item in posteriors
@@ -255,7 +255,7 @@ def _rival(name: str, members: Sequence[str], probability: float, cosine: float,
 
 
 def _sensor_findings(found: Findings) -> list[SensorFinding]:
-    """What the sensors did wrong; a step that an effect found can make is that effect's."""
+    """Sensor faults, less the steps that a fitted effect accounts for."""
     values = named_params(found.selection.chosen.fit.estimate.params)
     hidden = [0.0, 0.0]
     for name, effect in EFFECTS.items():
@@ -283,49 +283,53 @@ def _assumptions(found: Findings) -> list[str]:
     elif any(item.arm_moves is None for item in records):
         made.append("The arm's angle was not recorded.")
     if found.recordings.exact_torques:
-        made.append("Measured torques were taken for exact: what is left is far above what their noise does.")
+        made.append("Measured torques were taken as exact: the remainder is far above the effect of their noise.")
     return [*made, *_zeros(found), *_geared(found), *_misleading(found)]
 
 
 def _zeros(found: Findings) -> list[str]:
-    """What the zeros of encoders were fitted to be that are put anew before each recording."""
+    """The fitted zeros of encoders that are set to zero before each recording."""
     runs, zeros = found.recordings.records, 1e3 * found.selection.chosen.fit.estimate.zeros
     each = [f"{item.run.name}: {own[0]:.3g} and {own[1]:.3g}" for item, own in zip(runs, zeros, strict=False)]
-    told = "Encoders are zeroed before each recording; what joints 1 and 2 read too much was fitted, mrad"
-    return [f"{told}: {'; '.join(each)}."] if each else []
+    text = "Encoders are zeroed before each recording; the zero errors of joints 1 and 2 were fitted, mrad"
+    return [f"{text}: {'; '.join(each)}."] if each else []
 
 
 def _geared(found: Findings) -> list[str]:
-    """What is in the model because the rig is known to have it."""
+    """Effects that are in the model because the rig is known to have them."""
     names = [name for name in found.selection.chosen.effects if name in found.selection.expected]
     joints = listed([f"joint {joint}" for joint in found.recordings.rig.joints.geared])
-    told = (
-        f"The rig file has a geared motor on {joints}: {{}} {{}} in the model, large or small, whatever speaks for it."
+    are = "is" if len(names) == 1 else "are"
+    return (
+        [f"The rig file has a geared motor on {joints}: {listed(names)} {are} in the model at any size."]
+        if names
+        else []
     )
-    return [told.format(listed(names), "is" if len(names) == 1 else "are")] if names else []
 
 
 def _misleading(found: Findings) -> list[str]:
-    """What the runs held out spoke against."""
+    """Effects left out because they make held-out runs harder to predict."""
     names = found.selection.misleading
     was = "was" if len(names) == 1 else "were"
-    told = "left out of the model, for the runs held out are foretold better so: these runs took part in that choice."
-    return [f"{listed(names)} {was} {told}"] if names else []
+    text = (
+        "left out of the model: the held-out runs are predicted better without. So these runs took part in that choice."
+    )
+    return [f"{listed(names)} {was} {text}"] if names else []
 
 
 def _length(found: Findings) -> str:
-    """What is known of L1."""
+    """The length L1: as measured, or fitted within its uncertainty."""
     rig, at = found.recordings.rig, found.selection.chosen.fit.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
     (name,) = found.problem.always
     (added,) = named_params(at.params).get(name, {"": 0.0}).values()
     reach = max(found.intervals[key] for key in found.intervals if key[0] == name)
-    told = (
+    text = (
         f"L1 is given as {rig.L1:g} m with a standard uncertainty of {rig.rig.L1_std:g} m and fitted:"
         f" {rig.L1 + added:.5g} m +- {reach:.2g} m (90 %), at g = {rig.g:g} m/s^2 and by the device's clock."
     )
-    return told if abs(added) < SURELY * rig.rig.L1_std else f"{told} The file's uncertainty does not allow that."
+    return text if abs(added) < SURELY * rig.rig.L1_std else f"{text} The file's uncertainty does not allow that."
 
 
 def _unseen(least: Mapping[str, Mapping[str, float | None]]) -> list[str]:

@@ -20,7 +20,7 @@ def remedies(
         rig: what the rig file says
         doubtful: names of those that do not carry over, or are larger than they can be: nothing is done about them
     """
-    said: list[str] = []
+    sentences: list[str] = []
     simulated: list[str] = []
     for item in named:
         remedy = EFFECTS[item.name].remedy
@@ -33,10 +33,10 @@ def remedies(
         unless = (
             f" (once it is sure that it is not {' or '.join(others)}: these recordings do not tell)" if others else ""
         )
-        said.append(f"For {item.name}: {remedy(sizes[item.name], rig, EFFECTS[item.name].joints[0])}{unless}.")
+        sentences.append(f"For {item.name}: {remedy(sizes[item.name], rig, EFFECTS[item.name].joints[0])}{unless}.")
     if simulated:
-        said.append(
+        sentences.append(
             f"Give the simulator {listed(simulated)}: model.json in the folder of this diagnosis, and the models for"
-            " other programs beside it, have the sizes found."
+            " other programs, have the fitted sizes."
         )
-    return said
+    return sentences

@@ -1,4 +1,4 @@
-"""The verdict in one word and one sentence; an honest "unexplained" before a wrong name."""
+"""The verdict in one word and up to three sentences: the causes, how far the gap closes, what remains."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class VerdictRules:
     named_share: float = 0.93
     """Of the excess: right models explained 0.97 and more, wrong libraries 0.91 at most."""
     partly_share: float = 0.5
-    """Of the excess, below which nothing is said to be explained."""
+    """Share of the excess chi-square, below which the verdict is "unexplained"."""
     sure: float = 0.6
     """Probability that the surest class of a named set has at least; the sentence gives that of the least sure."""
     rather: float = 0.5
@@ -91,7 +91,7 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carrie
 
 
 def _small(item: Hypothesis) -> bool:
-    """Whether what is left is noise, or too little beside it to be called a gap."""
+    """Whether the remainder is noise, or too small compared with it to be called a gap."""
     return at_noise_floor(item) or item.residuals.noise_ratio < RULES.gap_from
 
 
@@ -109,8 +109,8 @@ def sentence(
     if described.withholds:
         gap = selection.base.residuals.noise_ratio
         return f"Unexplained: a gap of {gap:.2g} times the noise. {described.hint}"
-    told = _sentence(kind, selection, posteriors, carried)
-    return f"{told} {described.hint}" if described.hint else told
+    text = _sentence(kind, selection, posteriors, carried)
+    return f"{text} {described.hint}" if described.hint else text
 
 
 def _inconclusive(least: Detectable) -> str:
@@ -122,68 +122,82 @@ def _inconclusive(least: Detectable) -> str:
 
 
 def _sentence(kind: Verdict, selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer) -> str:
-    share, left = selection.share_explained, selection.chosen.residuals.noise_ratio
-    carrying = [item for item in posteriors if item.name not in carried.withdrawn]
-    likely = [item for item in carrying if item.name not in selection.expected or item.probability >= RULES.rather]
-    carrying = likely or carrying  # the assumptions tell of what is only known to be there
     if kind == "no_gap":
         return _no_gap(selection.base)
     if kind == "named":
-        sure = min(item.probability for item in posteriors)
+        causes = listed([_class(cause) for cause in _causes_named(selection, posteriors, carried)])
+        surest = min(cause.probability for cause in posteriors)
         return (
-            f"The gap is explained by {listed(list(map(_class, carrying)))} (probability {sure:.0%}):"
-            f" nothing above the noise floor is left; {how_far(carried)}."
+            f"The gap is explained by {causes} (probability {surest:.0%}). {how_far(carried)}"
+            " Nothing above the noise floor remains."
         )
+    share, remainder = selection.share_explained, selection.chosen.residuals.noise_ratio
     if kind == "partly_explained":
-        named = listed([_class(item) + _unsure(item) for item in listed_causes(carrying) or listed_causes(posteriors)])
+        causes = listed_causes(_causes_named(selection, posteriors, carried)) or listed_causes(posteriors)
+        named = listed([_class(cause) + _doubt(cause) for cause in causes])
         return (
-            f"Partly explained by {named}: {how_far(carried)}. Of the excess in the fitted recordings {share:.1%} is"
-            f" explained; a remainder of {left:.2g} times the noise has another cause or another form."
-            f"{_doubts(carried)}"
+            f"The gap is partly explained by {named}. {how_far(carried)} A remainder of {remainder:.2g} times the noise"
+            f" has another cause or another form.{_restrictions(carried)}"
         )
     if not posteriors:
-        return f"Unexplained: a gap of {left:.2g} times the noise, and no effect of the library fits it."
-    closest = listed([_class(item) for item in posteriors])
+        return f"Unexplained: a gap of {remainder:.2g} times the noise, and no effect of the library fits it."
+    closest = listed([_class(cause) for cause in posteriors])
     if share >= RULES.partly_share:
         return (
-            f"Unexplained: {closest} would explain {share:.0%} of the excess in these recordings, and not the next:"
-            f" {how_far(carried)}."
+            f"Unexplained: {closest} would explain {share:.0%} of the excess chi-square in the fitted recordings, but"
+            f" not in others. {how_far(carried)}"
         )
-    return f"Unexplained: closest {closest}, which would explain only {share:.0%} of the excess."
+    return f"Unexplained: the closest, {closest}, would explain only {share:.0%} of the excess chi-square."
+
+
+def _causes_named(
+    selection: Selection, posteriors: Sequence[EffectPosterior], carried: Transfer
+) -> Sequence[EffectPosterior]:
+    """The causes that the sentence names: they carry over, and are more than merely known to be there."""
+    carrying = [cause for cause in posteriors if cause.name not in carried.withdrawn]
+    likely = [cause for cause in carrying if cause.name not in selection.expected or cause.probability >= RULES.rather]
+    return likely or carrying
 
 
 def _no_gap(base: Hypothesis) -> str:
     if at_noise_floor(base):
-        return "No gap visible at this noise: the bare model explains the recordings down to the noise floor."
+        return "No gap visible at this noise. The bare model explains the recordings down to the noise floor."
     return (
-        f"No gap above the noise: a remainder of {base.residuals.noise_ratio:.2g} times the noise, which no effect of"
-        " the library explains."
+        f"No gap above the noise. A remainder of {base.residuals.noise_ratio:.2g} times the noise is explained by no"
+        " effect of the library."
     )
 
 
 def how_far(carried: Transfer) -> str:
-    """The number that transfers, and what it was tested on."""
+    """How far the gap closes on data that took no part in the fit, and what those data are."""
     estimate, (low, high) = carried.closed.estimate, carried.closed.interval90
-    if estimate > 0:
-        closed = f"{estimate:.0%} of the gap closes on {{}} (90 % interval {low:.0%} to {high:.0%})"
-    else:
-        closed = f"the gap does not close on {{}} ({estimate:.0%}, 90 % interval {low:.0%} to {high:.0%})"
-    if carried.basis == "one release":
-        return closed.format("quarters left out") + ", from one release: not tested on another"
-    return closed.format(carried.basis)
+    closes = f"the gap closes by {estimate:.0%}" if estimate > 0 else f"the gap does not close ({estimate:.0%}"
+    interval = f"90 % interval {low:.0%} to {high:.0%})"
+    untested = " No other release tested it." if carried.basis == "one release" else ""
+    return f"{_BASIS[carried.basis]} {closes}{' (' if estimate > 0 else ', '}{interval}.{untested}"
 
 
-def _doubts(carried: Transfer) -> str:
-    verb = "explains" if len(carried.withdrawn) == 1 else "explain"
-    told = f" {listed(carried.withdrawn)} {verb} these recordings, not the next." if carried.withdrawn else ""
+_BASIS = {
+    "held-out runs": "On held-out runs",
+    "releases left out": "In cross-validation across the releases",
+    "one release": "In cross-validation across the quarters of the release",
+}
+"""Where a gap closes, by the data that tested it."""
+
+
+def _restrictions(carried: Transfer) -> str:
+    parts = []
+    if carried.withdrawn:
+        verb = "does" if len(carried.withdrawn) == 1 else "do"
+        parts.append(f" {listed(carried.withdrawn)} {verb} not carry over to data that took no part in the fit.")
     if carried.oversized:
-        told += f" {listed(carried.oversized)} would be larger than on any rig: something else has that shape."
-    return told
+        parts.append(f" {listed(carried.oversized)} would be larger than on any rig: something else has that shape.")
+    return "".join(parts)
 
 
-def _unsure(item: EffectPosterior) -> str:
-    """How likely an effect is that is rather not the cause, though it stands for a part of the gap."""
-    return "" if item.probability >= RULES.rather else f" ({item.probability:.0%} likely to be the cause)"
+def _doubt(cause: EffectPosterior) -> str:
+    """How probable an effect is that is rather not the cause, although it explains a part of the gap."""
+    return "" if cause.probability >= RULES.rather else f" (probability only {cause.probability:.0%})"
 
 
 def _class(item: EffectPosterior) -> str:

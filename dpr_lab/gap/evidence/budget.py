@@ -1,15 +1,15 @@
-"""How far a prediction may be off although the model is right, beside how far it is off.
+"""Uncertainty of a prediction although the model is right, compared with its error.
 
     E = simulation - measurement,    u_val^2 = u_num^2 + u_input^2 + u_D^2
 
 E beyond 2 u_val is the model's own fault. All are propagated to a free run from a start state that the first readings
 fix, up to the predictability horizon: u_num by halving the integrator's step, u_input by what was measured or assumed
-of the rig (with the ratios fitted anew each time), by the noise in what fitted values and start state rest on, u_D by
+of the rig (with the ratios refitted each time), by the noise in what fitted values and start state rest on, u_D by
 that of the readings compared. What the model itself lacks is in none of them, or no error would ever be beyond them.
 
-An input one standard uncertainty off changes the readings by c, of which c' is left beside what is fitted. With f what
-one piece of independent evidence costs, the recordings themselves leave the share (1 + |c'|^2 / f)^-1/2 of it: what
-would be seen in them is not unsure.
+An input one standard uncertainty off changes the readings by c, of which c' remains after the fitted values absorb
+their part. With f what one piece of independent evidence costs, the recordings themselves leave the share (1 + |c'|^2
+/ f)^-1/2 of it: what would be seen in them is not unsure.
 
 Sources: ASME V&V 20-2009, Standard for Verification and Validation in Computational Fluid Dynamics and Heat Transfer;
 JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.
@@ -68,7 +68,7 @@ class _Source:
 
 
 def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
-    """Every contribution to the uncertainty of what a model foretells."""
+    """Every contribution to the uncertainty of a prediction."""
     before = problem.predict(at.fit.estimate)
 
     def fitted_anew(other: Problem) -> tuple[Array, float]:
@@ -87,7 +87,7 @@ def sources(problem: Problem, at: Hypothesis, rig: Rig) -> list[_Source]:
 
     halved = replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
     finer = moved(fitted_anew(halved)[0], ASSUMED.richardson, lambda swings: swings.otherwise(finer=2.0))
-    how = "halving the step of the Runge-Kutta method, the values fitted anew"
+    how = "halving the step of the Runge-Kutta method, the values refitted"
     found = [_Source("integrator", "numerical", how, finer)]
     for name, how, constants in _inputs(problem.model.constants, rig, problem.always):
         step, left = fitted_anew(replace(problem, model=problem.model.with_constants(constants)))

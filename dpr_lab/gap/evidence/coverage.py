@@ -61,7 +61,7 @@ def _spent(item: Record, to_rods: Callable[[Array], Array]) -> Spent:
 
 
 def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:
-    """Angle, speed and time of one rod, in each recording in which it swung; a rod alone is told as the first."""
+    """Angle, speed and time of one rod, in each recording in which it swung; a single rod counts as the first."""
     for mounting, theta, speed, step in spent:
         if mounting in (rod, "both", "clamped"):
             column = 0 if mounting == rod else RODS.index(rod)

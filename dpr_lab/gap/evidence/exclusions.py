@@ -1,7 +1,7 @@
 """What is not there: the least detectable size of an effect, and how surely the effect is smaller than that.
 
-A score test beside all that was named gives each amplitude a linear estimate a with standard deviation s. The least
-detectable size is 5 s, so that the effect is smaller with the confidence
+A score test with all named effects in the model gives each amplitude a linear estimate a with standard deviation s. The
+least detectable size is 5 s, so that the effect is smaller with the confidence
 
     P(|x| < 5 s) = Phi(5 - |a| / s)
 """
@@ -26,13 +26,13 @@ def exclusions(at: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str,
     found = []
     for item in test.ranking:
         name = item.effect.name
-        beside = test.beside(item.columns)
+        given = test.beside(item.columns)
         for i, column in enumerate(item.columns):
             parameter = test.free[column]
             size = least.get(name, {}).get(parameter.name)
             if name in at.effects or not size:
                 continue
-            estimate = float(beside.gradient[i] / beside.H[i, i] * beside.scale[i])
+            estimate = float(given.gradient[i] / given.H[i, i] * given.scale[i])
             sigma = size / SIGMAS
             found.append(
                 Exclusion(

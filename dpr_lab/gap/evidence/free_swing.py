@@ -1,4 +1,4 @@
-"""One recording as a model foretells it from its first readings, and how that answers to all that is unsure.
+"""Prediction of one recording from its first readings, and its sensitivity to every uncertain input.
 
 With r the readings, J0 and J their slopes along the start state and along the fitted values, W one over the noise, the
 start state is fitted to the first readings h. Whatever changes the readings by dr moves that start as well, so that
@@ -85,9 +85,9 @@ class FreeSwings:
     def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> list[Array]:
         """(n, 2) of each by how much its readings change for a rig measured otherwise, or with finer steps."""
         known = self.runs.problem
-        laid = replace(known.segments, step=known.segments.step / finer)
+        finer_segments = replace(known.segments, step=known.segments.step / finer)
         model = known.model if constants is None else known.model.with_constants(constants)
-        changed = replace(known, segments=laid, model=model).predict(self.runs.begun)
+        changed = replace(known, segments=finer_segments, model=model).predict(self.runs.begun)
         change = np.nan_to_num(changed - self.runs.predicted)
         return [change[own] for own in self.runs.rows]
 

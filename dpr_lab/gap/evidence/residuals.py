@@ -1,4 +1,4 @@
-"""How much structure the residuals have left: from one reading to the next, and beside a normal distribution.
+"""Structure left in the residuals: autocorrelation, and deviation from a normal distribution.
 
 Source: G. E. P. Box & G. M. Jenkins, Time Series Analysis, ch. 8: residual autocorrelation as a check of a model.
 """

@@ -1,4 +1,4 @@
-"""Free runs beside recordings, before and after: error against uncertainty, areas between distributions, curves.
+"""Free runs compared with recordings, before and after: error against uncertainty, areas between distributions, curves.
 
 Nothing beyond the predictability horizon counts. The area between the empirical distributions F of simulated and
 measured angles,

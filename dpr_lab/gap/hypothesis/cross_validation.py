@@ -60,7 +60,7 @@ class _Folds:
         self.gradient = sum((one.gradient for one in self.each), np.zeros(len(free)))
 
     def seen_by_one_alone(self, one: _Fold) -> NDArray[np.bool_]:
-        """(free,) the zeros that were put anew before the run of a fold: as free there as where it begins."""
+        """(free,) zeros set before the run of a fold: as free there as its initial state."""
         return self.zeros & (np.diag(self.H) - np.diag(one.H) <= 1.0)
 
     def _fold(self, mine: NDArray[np.bool_]) -> _Fold:

@@ -17,7 +17,7 @@ SEEN = 1e-6
 
 
 def detectable(at: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, float | None]]:
-    """Minimum detectable amplitude of each effect beside what is fitted: five standard deviations.
+    """Minimum detectable amplitude of each effect, given what is fitted: five standard deviations.
 
         size = 5 sqrt(f) / | s |,
 

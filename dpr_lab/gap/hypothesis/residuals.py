@@ -118,8 +118,8 @@ def lone_readings(problem: Problem, at: Estimate) -> NDArray[np.bool_]:
     for first, last in pairwise(problem.segments.offsets.tolist()):
         off[first:last] = _off_a_line(r[first:last])
         across[first + 3 : last - 3] = np.abs(r[first + 6 : last] - r[first : last - 6])
-    beside = np.concatenate([np.arange(-12, -3), np.arange(4, 13)])
-    about = np.clip(np.arange(len(r))[:, None] + beside, 0, len(r) - 1)
+    offsets = np.concatenate([np.arange(-12, -3), np.arange(4, 13)])
+    about = np.clip(np.arange(len(r))[:, None] + offsets, 0, len(r) - 1)
     usual = np.quantile(off[about], ASSUMPTIONS.lone_quantile, axis=1)
     return off > np.maximum(np.maximum(ASSUMPTIONS.lone, ASSUMPTIONS.lone_among * usual), 2 * across)
 

@@ -1,4 +1,4 @@
-"""When a fall of the cost means something: beside noise, beside chance, beside what another form could make up for."""
+"""When a reduction of the cost is significant: against noise, chance, and the error of an inexact form."""
 
 from dataclasses import dataclass
 

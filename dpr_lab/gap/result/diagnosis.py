@@ -54,7 +54,7 @@ class ClosedShare(_Record):
     """Share of the gap above the noise floor that the named effects close, on data not used for the fit."""
 
     estimate: Number
-    """On the runs held out; where there are none, on each run as foretold from the others."""
+    """On the runs held out; where there are none, each run predicted from the others."""
     interval90: tuple[Number, Number]
     """90 % interval of the estimate."""
     per_run: dict[str, Number]
@@ -357,7 +357,7 @@ class Diagnosis(Shown, _Record):
     scale: Scale | None = None
     """The b that absolute sizes assume, its interval and what fixed it; None in a file of an older version."""
     p_over_b: Number | None = None
-    """m2 L1^2 / b, which the inner rod alone swings by beside the ratios."""
+    """m2 L1^2 / b, which together with the ratios determines the swing of the inner rod alone."""
     model_effects: dict[str, dict[str, Number]]
     """The corrected model's effects with all parameters, as `dpr_lab.effects.effect_params` takes them."""
     assumptions: list[str]
@@ -395,8 +395,8 @@ def load_diagnosis(path: Path) -> Diagnosis:
             does not know.
     """
     try:
-        told = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
-        kept = {key: told[key] for key in told if key != "files"} if isinstance(told, dict) else told
+        document = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
+        kept = {key: document[key] for key in document if key != "files"} if isinstance(document, dict) else document
         found = Diagnosis.model_validate(kept)
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error

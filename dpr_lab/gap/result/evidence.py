@@ -19,7 +19,7 @@ class RecordingUsed(_Part):
     sha256: str
     """Of its file; empty where there is none."""
     recorded_utc: str
-    """When it was begun, ISO 8601; empty where nothing says."""
+    """Start of the recording, ISO 8601; empty where unknown."""
     pose: str
     mounting: str
     driven: bool
@@ -85,7 +85,7 @@ class Exclusion(_Part):
     size: Number
     """The least detectable."""
     estimate: Number
-    """What these recordings say of it, beside all that was named."""
+    """What these recordings show of an effect when all named effects are in the model."""
     confidence: Number
     """That it is smaller than `size`, 0 to 1."""
 
@@ -139,7 +139,7 @@ class Budget(_Part):
 
 
 class Curves(_Part):
-    """A free run before and after beside what was measured."""
+    """Free runs before and after, and the measured curve."""
 
     run: str
     held_out: bool

@@ -19,7 +19,7 @@ class _Part(BaseModel):
 
 
 class TrustTrial(_Part):
-    """One plant at the fitted point, recorded as the rig was, and what the diagnosis said of it."""
+    """One plant at the fitted point, recorded as the rig was, and its diagnosis."""
 
     kind: Literal["as found", "another", "clean"]
     """Its effects: those that were named, one drawn from the library, or none."""

@@ -18,12 +18,12 @@ ORDER = 6
 
 @dataclass(frozen=True, slots=True)
 class SpeedNoiseSettings:
-    """How noise is told to grow with speed: its level in bins of speed, and a straight line through their squares."""
+    """How growth of noise with speed is tested: noise level in bins of speed, a straight line through the squares."""
 
     bins: int = 12
     """Bins of equally many readings, by speed."""
     fewest: int = 40
-    """Readings in a bin; with fewer nothing is said."""
+    """Readings in a bin; with fewer no growth is tested."""
     uneven: float = 0.25
     """Deviation of a neighbourhood's length from that without a gap up to which it counts, in sampling periods."""
     overlap: float = 4.0

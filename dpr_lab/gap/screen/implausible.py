@@ -16,7 +16,7 @@ class ImplausibleSettings:
     """rad/s; no rod of a laboratory turns thirty times a second."""
     moved: float = 8.0
     """Standard deviations a rod must have moved before a reading that did not is called repeated."""
-    beside: float = 0.25
+    goes_on: float = 0.25
     """Share of what the rod moves a sample, by which it must move just before and after a repeated reading."""
     reach: int = 4
     """Samples on either side over which a speed is taken, so that one jittered instant does not make it."""
@@ -59,7 +59,7 @@ def repeated(
     moved = speed * np.diff(t, prepend=t[0] - period)[:, None]
     step = np.diff(joints, axis=0, prepend=np.nan)
     stands = step == 0.0
-    goes_on = _before(step) * _before(step[::-1])[::-1] > (settings.beside * moved) ** 2
+    goes_on = _before(step) * _before(step[::-1])[::-1] > (settings.goes_on * moved) ** 2
     alone = stands & goes_on & (moved > settings.moved * np.hypot(std, jitter * speed))
     both = stands.all(axis=1)
     return alone | (both & (moved > settings.moved * std).any(axis=1))[:, None]

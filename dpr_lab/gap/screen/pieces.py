@@ -42,8 +42,8 @@ def in_pieces(runs: Sequence[Run], held_out: Sequence[Run]) -> tuple[Sequence[Ru
         replace(run.between(start, stop), name=f"{run.name} {first:.0f}-{last:.0f} s")
         for start, stop, first, last in zip(starts, stops, edges[:-1], edges[1:], strict=True)
     ]
-    said = (
-        f"The record of {run.duration:.0f} s was cut into {count} pieces; every second one took no part in the fit and"
-        " tells how far the gap closes."
+    sentence = (
+        f"The record of {run.duration:.0f} s was cut into {count} pieces; every second one is held out of the fit and"
+        " shows how far the gap closes."
     )
-    return cut[0::2], cut[1::2], said
+    return cut[0::2], cut[1::2], sentence

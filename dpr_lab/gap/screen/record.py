@@ -41,9 +41,9 @@ class ThinningSettings:
     averaged_from: float = 1.5
     """Times the blocks' rate: slower recordings are kept as they are."""
     bent: float = 0.092
-    """Of (speed times a block)^4 rad: what a mean is off by once its acceleration, fitted over seven, is taken off."""
+    """Of (speed times a block)^4 rad: residual curvature bias of a block mean."""
     seen: float = 6.0
-    """Times a block's noise that it may be off by at the highest speeds: 27 times were told from noise, 7 were not."""
+    """Largest such bias, in standard deviations of a block, at the highest speeds: 27 stood out, 7 did not."""
     fastest: float = 0.995
     """Quantile of the speed that counts as the highest."""
     turn: float = 0.1

@@ -29,7 +29,8 @@ class SegmentLengths:
     first: float = 0.25
     """From which any rig file within 20 % of the truth converges."""
     working: float = 0.5
-    """At which effects are told apart: four to seven times as sensitive as the first, and still Gauss-Newton-able."""
+    """Length at which effects are distinguished: four to seven times as sensitive as the first, and Gauss-Newton still
+    converges."""
 
 
 LENGTHS = SegmentLengths()

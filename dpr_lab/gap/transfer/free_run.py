@@ -41,7 +41,7 @@ class FreeRuns:
     problem: Problem
     """What is compared, a segment of each."""
     begun: Estimate
-    """The model with a start state of each, and with its zeros where they are put anew."""
+    """The model with a start state of each, and with the zeros of encoders that are zeroed before each run."""
 
     @cached_property
     def predicted(self) -> Array:
@@ -101,7 +101,7 @@ def _begun(recordings: Recordings, item: Record, at: Estimate) -> Estimate:
 
 
 def own_zeros(recordings: Recordings, at: Estimate, iterations: int) -> Array:
-    """(runs, 2) zeros of recordings that were put anew before each, by the whole of each; (0, 2) where they stay."""
+    """(runs, 2) zeros of encoders that are zeroed before each run, fitted to the whole run; (0, 2) where they stay."""
     if not recordings.rig.encoders.rezeroed:
         return np.zeros((0, 2))
     problem, initial = recordings.cut(LENGTHS.working)

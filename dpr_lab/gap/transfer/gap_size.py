@@ -19,10 +19,10 @@ from dpr_lab.gap.screen.sensor_faults import AXES
 Array = NDArray[np.float64]
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
-"""Lengths of segments over which the gap is told: from where no model fails to where chaos begins."""
+"""Lengths of segments over which the gap is given: from where no model fails to where chaos begins."""
 
-TOLD = GaussNewton(converged=1e-3, converged_frozen=1e-4)
-"""A gap by the horizon is told in two digits."""
+TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
+"""Tolerance of the fit: a gap by horizon is given in two digits."""
 
 TORQUE_HATS = 3
 """Of each joint in each segment: one every quarter of a second, as many as its readings can tell."""
@@ -86,7 +86,7 @@ def by_horizon(
 def _left(problem: Problem, initial: Array, working: Problem, at: Hypothesis) -> ResidualStatistics:
     """What a model leaves once its segments are cut otherwise."""
     begun = carried(working.segments, at.fit.estimate.initial, problem.segments, initial)
-    return residual_statistics(problem, fit(problem, at.fit.estimate.changed(initial=begun), (), settings=TOLD))
+    return residual_statistics(problem, fit(problem, at.fit.estimate.changed(initial=begun), (), settings=TWO_DIGITS))
 
 
 def _mean(values: Array, problem: Problem) -> Array:

@@ -40,7 +40,7 @@ class GapReduction:
 
 @dataclass(frozen=True, slots=True)
 class Unseen:
-    """Recordings as models foretell them that were fitted to others, only the initial states free."""
+    """Predictions of recordings by models that were fitted to others; only the initial states are free."""
 
     names: tuple[str, ...]
     """Of the runs."""
@@ -60,7 +60,7 @@ class Unseen:
 
 
 def left_out(recordings: Recordings, problem: Problem) -> Unseen:
-    """Each run as foretold from the others, or each quarter of the only one."""
+    """Each run predicted from the others, or each quarter of the only run from the other quarters."""
     fold = folds(problem)
     return _unseen(recordings, problem, lambda item: left_out_chi2(item.fit, fold))
 

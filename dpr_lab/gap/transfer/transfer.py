@@ -1,4 +1,4 @@
-"""Whether what was named carries over: how each effect helps to foretell recordings that took no part in its fit.
+"""Whether named effects carry over: how each improves the prediction of recordings that took no part in its fit.
 
 The chosen set is set against itself without the effect, both fitted to the same runs, on each run left out. With
 
@@ -6,7 +6,7 @@ The chosen set is set against itself without the effect, both fitted to the same
 
 for each segment s of it, neighbours taken together, an effect carries over where d is above zero beyond chance (its
 sum, or its signed ranks), and below zero beyond chance on no run, and where it closes no less than half of the share of
-the gap that it closes in the fitted recordings. What does not explains these recordings, and not the next.
+the gap that it closes in the fitted recordings. An effect that does not carry over explains the fitted recordings only.
 
 The sum alone is blind to a fall of every segment that is largest in a few: its spread is then as large as itself. The
 signed ranks see that it falls everywhere.
@@ -64,7 +64,7 @@ class Transfer:
     closing: tuple[tuple[str, float, float], ...]
     """Effect added, "" for none; gap left, rms of a reading, rad; share closed so far: on what took no part."""
     left_out: Mapping[str, GapReduction]
-    """The same of each fitted run as foretold from the others."""
+    """The same of each fitted run as predicted from the others."""
     held_out: Mapping[str, GapReduction]
     """The same of each run held out."""
     effects: Mapping[str, Mapping[str, GapReduction]]

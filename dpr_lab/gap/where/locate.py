@@ -30,7 +30,7 @@ from dpr_lab.gap.where.coordinates import (
 Array = NDArray[np.float64]
 
 CONVINCING = 0.6
-"""Share of the excess from which a place is said to explain the gap."""
+"""Share of the excess chi-square from which a place explains the gap."""
 
 WORTH_SAYING = 3.0
 """Standard deviations of the residual below which there is nothing to locate."""
@@ -153,17 +153,17 @@ def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array,
     """What a map looks like, in words."""
     where = {"torque": f"a torque in {site}", "friction": f"friction of {site}", "error": f"an error of {site}"}[kind]
     by = "load or on the direction of motion alone" if coordinate == "load" else coordinate
-    said = [f"{share:.0%} of the excess can lie in {where} that depends on {by}"]
+    parts = [f"{share:.0%} of the excess can lie in {where} that depends on {by}"]
     if coordinate == "speed":
-        said.append(_speed_shape(knots, values, std))
+        parts.append(_speed_shape(knots, values, std))
     elif coordinate == "angle":
-        said.append("once per turn or slower" if _smooth(values) else "several times per turn")
+        parts.append("once per turn or slower" if _smooth(values) else "several times per turn")
     elif coordinate == "time":
         drift = values[-3:].mean() - values[:3].mean()
-        said.append("growing with time" if drift > 0 else "falling with time")
+        parts.append("growing with time" if drift > 0 else "falling with time")
     elif coordinate == "load":
-        said.append(_load_shape(knots, values, std))
-    return ", ".join(said) + "."
+        parts.append(_load_shape(knots, values, std))
+    return ", ".join(parts) + "."
 
 
 def _speed_shape(knots: Array, values: Array, std: Array) -> str:

@@ -30,12 +30,12 @@ Array = NDArray[np.float64]
 
 
 def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, item: Score) -> float:
-    """Share of what an effect explains beside a set that no other form of the set's effects explains, 0 to 1.
+    """Share of what an effect explains in addition to a set, that no other form of the set's effects explains, 0 to 1.
 
     Args:
         problem: what was measured
         less: the set
-        test: the score test beside it
+        test: the score test on that set
         item: the effect, from that
     """
     along, linear = trajectory(problem, less.fit.estimate), test.linear

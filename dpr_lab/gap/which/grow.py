@@ -35,7 +35,7 @@ class Beam:
     as_promising: float = 0.5
     """Share of what a set gained by reaching the noise that another effect must promise to be fitted too."""
     same_gain: float = 1e-3
-    """Relative difference of gains within which effects that are hardly told apart are not fitted twice."""
+    """Relative difference of gains within which effects that are hardly distinguishable are not fitted twice."""
 
 
 BEAM = Beam()
@@ -45,7 +45,7 @@ def grow(search: ModelSearch, begun: Hypothesis, max_effects: int, *, to_floor: 
     """The best set on the way from `begun` to `max_effects`, or as far as one effect more is worth it.
 
     Far from the noise one effect that does not help alone is passed: causes of one size may only help together. With
-    `to_floor` growth ends where nothing but noise is left: longer segments see what there is beside it.
+    `to_floor` growth ends where nothing but noise is left: longer segments show what else there is.
     """
     best, front, alone = begun, [begun], False
     for _ in range(max_effects - len(search.unexpected(begun))):
@@ -119,7 +119,7 @@ def _contains(search: ModelSearch, one: Hypothesis, other: Hypothesis) -> bool:
 
 
 def _candidates(at: Hypothesis, test: ScoreTest) -> list[Score]:
-    """The most promising effects; of those hardly told apart one; with each also the simpler ones in it."""
+    """Effects with the largest predicted reduction, one of those hardly distinguishable, and simpler forms of each."""
     inflation = min(at.residuals.inflation, max(1.0, at.residuals.chi2 / at.residuals.dof))
     promising = [
         item

@@ -92,7 +92,7 @@ class ModelSearch:
         return self.escaped(at) if at.effects else at
 
     def test(self, at: Hypothesis) -> ScoreTest:
-        """The score test beside a set."""
+        """The score test of further effects on a set."""
         if at.key not in self.tested:
             self.on_progress(ScoreTestBegan(at.effects))
             others = [effect for name, effect in self.library.items() if name not in at.effects]
@@ -201,7 +201,7 @@ class ModelSearch:
         return None if item is None else self._best_shape(at, item)
 
     def again(self, at: Hypothesis, effect: str) -> Hypothesis:
-        """A set fitted once more, with the shape of one of its effects looked for anew."""
+        """A set fitted once more, after a new search for the shape of one of its effects."""
         other = self._grown(self.without(at, effect), effect)
         if other is not None and other.cost < self.fitted[at.key].cost:
             self.fitted[at.key] = other

@@ -1,4 +1,4 @@
-"""Which effects: sets of up to `max_effects`, grown, pruned and swapped, judged by how they predict runs left out.
+"""Which effects: sets of up to `max_effects`, grown, pruned and swapped, judged by how they predict held-out runs.
 
 Theory of operation. Forward alone is greedy and takes the plausible twin first. So two sets are carried forward, every
 effect is tried as a later one too, and what was found is pruned, swapped and simplified before it is believed. Every
@@ -70,8 +70,8 @@ def select(
         library: effects to choose from
         max_effects: at most so many at once
         expected: those of the library that the rig is known to have
-        unseen_chi2: sum of chi2 on runs held out, as a set foretells them; none where there are none
-        on_progress: told what is being fitted
+        unseen_chi2: sum of chi2 on runs held out, as a set predicts them; none where there are none
+        on_progress: called with each fit and score test as it begins
     """
     chosen = _selected(recordings, problem, base, library, max_effects, expected, unseen_chi2, on_progress)
     bare = _base_again(problem, chosen)
@@ -202,14 +202,14 @@ def _drop_harmful(search: ModelSearch, chosen: Hypothesis) -> Hypothesis:
     tolerance = THRESHOLDS.chance * chosen.residuals.inflation
     for name in chosen.effects:
         less = search.without(chosen, name)
-        followed = excess(less) <= excess(search.bare)  # or its fit got lost, and foretells nothing
+        followed = excess(less) <= excess(search.bare)  # or its fit got lost, and predicts nothing
         if followed and (chosen.predictive_loss - less.predictive_loss > tolerance).any():
             return _drop_harmful(search, less)
     return chosen
 
 
 def _without_misleading(search: ModelSearch, chosen: Hypothesis) -> Hypothesis:
-    """Without effects, the worst first, that make runs held out harder to foretell."""
+    """Without effects, the worst first, that make held-out runs harder to predict."""
     if search.unseen_chi2 is None or len(chosen.effects) < 2:
         return chosen
     fewer = [search.without(chosen, name) for name in chosen.effects]

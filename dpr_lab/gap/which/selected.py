@@ -18,17 +18,17 @@ class Selection:
     fitted: Mapping[frozenset[str], Hypothesis]
     """Every set that was fitted."""
     last: ScoreTest
-    """The score test beside the chosen set."""
+    """The score test of further effects on the chosen set."""
     without: Mapping[str, Hypothesis]
     """The chosen set without each of its effects."""
     around: Mapping[str, ScoreTest]
-    """The score test beside each of those."""
+    """The score test on each of those sets."""
     path: tuple[tuple[str, Hypothesis], ...]
     """From the bare model to the chosen set, one effect at a time, the most telling first."""
     expected: frozenset[str] = frozenset()
-    """Effects that the rig is known to have, whatever the recordings say of them."""
+    """Effects that the rig is known to have; they stay in the model at any size."""
     misleading: tuple[str, ...] = ()
-    """Effects without which the runs held out are foretold better, and which therefore are not in the chosen set."""
+    """Effects that make held-out runs harder to predict, and so are not in the chosen set."""
 
     @property
     def share_explained(self) -> float:
