@@ -1,4 +1,4 @@
-"""Required claims of a certificate and their tolerances.
+"""RequiredClaim claims of a certificate and their tolerances.
 
 These rules are part of the code, not of the file: a certificate with a missing, added or changed claim does not hold.
 Changed rules are a new policy (`dpr_lab.certificate.document.POLICY`).
@@ -36,7 +36,7 @@ TOLERANCES = Tolerances()
 
 
 @dataclass(frozen=True, slots=True)
-class Required:
+class RequiredClaim:
     """A claim that the policy requires of a diagnosis."""
 
     claim: CertifiedClaim
@@ -47,7 +47,7 @@ class Required:
     """Tolerance of each end of the interval."""
 
 
-def required_claims(diagnosis: Diagnosis) -> dict[str, Required]:
+def required_claims(diagnosis: Diagnosis) -> dict[str, RequiredClaim]:
     """Claims that policy 2 requires of a certificate of this diagnosis, by name."""
     closed = diagnosis.gap.closed_held_out
     required = {
@@ -66,7 +66,7 @@ def required_claims(diagnosis: Diagnosis) -> dict[str, Required]:
     return required | {name: _number(r.value, r.interval90, DIFFERENCE_STEPS.least_ratio) for name, r in ratios}
 
 
-def _effect_claims(effect: NamedEffect, scale: Scale | None) -> Iterator[tuple[str, Required]]:
+def _effect_claims(effect: NamedEffect, scale: Scale | None) -> Iterator[tuple[str, RequiredClaim]]:
     yield "indistinguishable from", _text(", ".join(name for name in effect.members if name != effect.name))
     yield "probability", _share(effect.probability)
     yield "unique contribution", _share(effect.share)
@@ -84,30 +84,30 @@ def _fault(finding: SensorFinding) -> str:
     return f"{finding.name} ({finding.run})"
 
 
-def _text(value: str) -> Required:
-    return Required(CertifiedClaim(value=value or "none", interval90=None))
+def _text(value: str) -> RequiredClaim:
+    return RequiredClaim(CertifiedClaim(value=value or "none", interval90=None))
 
 
-def _share(value: float, interval90: Ends | None = None) -> Required:
-    return Required(CertifiedClaim(value=value, interval90=interval90), TOLERANCES.share, TOLERANCES.share)
+def _share(value: float, interval90: Ends | None = None) -> RequiredClaim:
+    return RequiredClaim(CertifiedClaim(value=value, interval90=interval90), TOLERANCES.share, TOLERANCES.share)
 
 
-def _number(value: float, interval90: Ends, typical: float) -> Required:
+def _number(value: float, interval90: Ends, typical: float) -> RequiredClaim:
     within = _tolerance(interval90, typical)
-    return Required(CertifiedClaim(value=value, interval90=interval90), within, within)
+    return RequiredClaim(CertifiedClaim(value=value, interval90=interval90), within, within)
 
 
-def _scale(scale: Scale) -> Required:
+def _scale(scale: Scale) -> RequiredClaim:
     """The b of absolute sizes: an estimate, or a value of the rig file, which a repetition uses unchanged."""
     claim, within = CertifiedClaim(value=scale.b, interval90=scale.interval90), _tolerance(scale.interval90, scale.b)
-    return Required(claim, within if scale.known else TOLERANCES.of_typical * scale.b, within)
+    return RequiredClaim(claim, within if scale.known else TOLERANCES.of_typical * scale.b, within)
 
 
-def _size(size: EffectSize, typical: float) -> Required:
+def _size(size: EffectSize, typical: float) -> RequiredClaim:
     """An absolute size with the tolerance of the fit; its interval includes the uncertainty of the scale."""
     interval90 = size.interval90_with_scale or size.interval90
     claim = CertifiedClaim(value=size.value, interval90=interval90)
-    return Required(claim, _tolerance(size.interval90, typical), _tolerance(interval90, typical))
+    return RequiredClaim(claim, _tolerance(size.interval90, typical), _tolerance(interval90, typical))
 
 
 def _tolerance(interval90: Ends, typical: float) -> float:
@@ -127,7 +127,7 @@ def compare_claims(certified: Mapping[str, CertifiedClaim], diagnosis: Diagnosis
     return [*lines, *unknown]
 
 
-def _compare(name: str, certified: CertifiedClaim | None, required: Required) -> Verified:
+def _compare(name: str, certified: CertifiedClaim | None, required: RequiredClaim) -> Verified:
     value, within = required.claim.value, required.within
     if certified is None:
         reason = f"is missing, but policy {POLICY} requires it"

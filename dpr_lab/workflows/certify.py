@@ -13,7 +13,7 @@ from dpr_lab.workflows.events import OnEvent, ignore
 if TYPE_CHECKING:
     from dpr_lab.certificate.document import Certificate
     from dpr_lab.certificate.lines import Declared, Verified
-    from dpr_lab.certificate.policy import Required
+    from dpr_lab.certificate.policy import RequiredClaim
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Certified:
     certificate: "Certificate"
     choices: "list[Declared]"
     origin: "list[Declared]"
-    claims: "dict[str, Required]"
+    claims: "dict[str, RequiredClaim]"
     """With their tolerances."""
 
 
@@ -81,7 +81,7 @@ def certify(
     return Certified(certificate, choices_of(certificate), origin_of(certificate, made_with()), claims)
 
 
-def _certificate(request: DiagnoseRequest, folder: Path, claims: "Mapping[str, Required]") -> "Certificate":
+def _certificate(request: DiagnoseRequest, folder: Path, claims: "Mapping[str, RequiredClaim]") -> "Certificate":
     from dpr_lab.certificate.code import made_with
     from dpr_lab.certificate.document import POLICY, Certificate, CertifiedChoices, MadeWith
     from dpr_lab.certificate.files import certify_recording, certify_rig

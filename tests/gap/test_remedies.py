@@ -22,5 +22,5 @@ def test_a_wrong_setting_is_told_by_its_right_value(named, paper: Rig):
     scale, simulate = remedies(effects, sizes, rig_constants(paper), {"base_tilt"})
 
     assert "set counts_per_rev of joint 2 in the rig file to 16412 (now 16384)" in scale
-    assert "not spring_joint2" in scale
+    assert "first rule out spring_joint2" in scale
     assert "Give the simulator coulomb_joint1: model.json in the folder of this diagnosis" in simulate

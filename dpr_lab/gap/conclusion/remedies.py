@@ -12,7 +12,7 @@ from dpr_lab.shown import listed
 def remedies(
     named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants, doubtful: Collection[str]
 ) -> list[str]:
-    """A sentence for each effect that is a fault, and one for all that a simulator is to have.
+    """One sentence for each effect that is a fault, and one for all effects that the simulator should have.
 
     Args:
         named: the effects, in their order
@@ -30,9 +30,7 @@ def remedies(
             simulated.append(item.name)
             continue
         others = [name for name in item.members if name != item.name]
-        unless = (
-            f" (once it is sure that it is not {' or '.join(others)}: these recordings do not tell)" if others else ""
-        )
+        unless = f" (first rule out {' and '.join(others)}: indistinguishable in these recordings)" if others else ""
         sentences.append(f"For {item.name}: {remedy(sizes[item.name], rig, EFFECTS[item.name].joints[0])}{unless}.")
     if simulated:
         sentences.append(
