@@ -11,7 +11,7 @@ from dpr_lab.drift.changes import Drift, ParameterChange
 from dpr_lab.drift.estimates import Estimates
 from dpr_lab.report import style
 from dpr_lab.report.figures import new_figure, save_each
-from dpr_lab.report.page import Section, Table, page_html, pictures, write_page
+from dpr_lab.report.pages.page import PageTable, Section, page_html, pictures, write_page
 from dpr_lab.shown import listed
 
 COLUMNS = ("parameter", "significant", "mean of first group", "change", "simultaneous interval", "groups", "p-value")
@@ -122,11 +122,11 @@ def save_drift(
     """
     figures = save_each({"control_chart": chart(drift, estimates, group)}, out)
     chart_picture = pictures(figures, {"control_chart": CHART})["control_chart"]
-    changes = Table(COLUMNS, rows(drift))
+    changes = PageTable(COLUMNS, rows(drift))
     sections = [
         Section("Changes", [changes, basis_sentence(drift, torques)], is_open=True),
         Section("Control charts", [chart_picture], is_open=True),
-        Section("Changes from the first group", [Table(GROUP_COLUMNS, group_rows(drift))]),
+        Section("Changes from the first group", [PageTable(GROUP_COLUMNS, group_rows(drift))]),
     ]
     page = page_html(f"Double pendulum “{rig}”: drift", sentence(drift), sections)
     return {"report": str(write_page(page, out / "drift.html")), "control_chart": str(figures["control_chart"])}

@@ -7,7 +7,7 @@ from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
 from dpr_lab.report import tables
 from dpr_lab.report.figures import save_figures
-from dpr_lab.report.page import Definitions, Formula, Items, Section, Table, page_html, pictures, write_page
+from dpr_lab.report.pages.page import Definitions, Formula, Items, PageTable, Section, page_html, pictures, write_page
 
 FIGURES = {
     "response": (
@@ -68,23 +68,23 @@ def write_report(
 
 def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str, Path]) -> str:
     drawn = pictures(figures, FIGURES)
-    compared = Table(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), tables.COMPARISON_NOTE)
+    compared = PageTable(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), tables.COMPARISON_NOTE)
     base_rows = tables.base_rows(model)
     ratios = [
         f"Free swings identify these five ratios. A simulation of a free swing needs nothing else, apart from"
         f" L1 = {model.rig.L1:g} m and g = {model.rig.g:g} m/s².",
-        Table(tables.RATIO_COLUMNS, tables.ratio_rows(model)),
+        PageTable(tables.RATIO_COLUMNS, tables.ratio_rows(model)),
         tables.ratio_note(model),
         "These runs also identify the scale, and with it the base parameters." if base_rows else None,
-        Table(tables.BASE_COLUMNS, base_rows),
+        PageTable(tables.BASE_COLUMNS, base_rows),
         Formula(_RATIO_FORMULAS),
     ]
     parameters = [
         _SCALE,
-        Table(tables.PARAMETER_COLUMNS, tables.parameter_rows(model), tables.parameter_note(model)),
+        PageTable(tables.PARAMETER_COLUMNS, tables.parameter_rows(model), tables.parameter_note(model)),
         Definitions(_DETERMINED_BY),
     ]
-    search = Table(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose")
+    search = PageTable(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose")
     sections = [
         Section("Warnings", [Items([*model.failures, *model.warnings])], "warnings", is_open=True),
         Section("Identified ratios", ratios, is_open=True),
@@ -94,7 +94,7 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
             [compared, drawn["response"], drawn["error"]] if comparisons else ["No run was compared."],
         ),
         Section("Search", [search, drawn["evolution"]]),
-        Section("Fitted runs", [Table(tables.RUN_COLUMNS, tables.run_rows(model), style="hash")]),
+        Section("Fitted runs", [PageTable(tables.RUN_COLUMNS, tables.run_rows(model), style="hash")]),
     ]
     footer = f"Rig {model.rig.name}, file SHA-256 {model.rig.sha256 or 'unknown'}. Written by dpr-lab {model.version}."
     title = f"Double pendulum “{model.rig.name}”: identified model"

@@ -2,8 +2,8 @@ from pathlib import Path
 
 from dpr_lab.report import tables
 from dpr_lab.report.gap import tables as gap_tables
-from dpr_lab.report.page import Section, Table, page_html
-from dpr_lab.report.terms import TERMS
+from dpr_lab.report.pages.page import PageTable, Section, page_html
+from dpr_lab.report.pages.terms import TERMS
 
 
 def test_every_explained_term_is_a_column() -> None:
@@ -19,14 +19,14 @@ def test_every_explained_term_is_a_column() -> None:
 
 
 def test_the_page_explains_the_terms_that_it_uses() -> None:
-    page = page_html("Title", "Summary.", [Section("Table", [Table(("probability", "other"), [("1 %", "2")])])])
+    page = page_html("Title", "Summary.", [Section("PageTable", [PageTable(("probability", "other"), [("1 %", "2")])])])
     assert f'<abbr title="{TERMS["probability"]}">probability</abbr>' in page
     assert page.count(TERMS["probability"]) == 2  # header and list of terms
     assert TERMS["confidence"] not in page
 
 
 def test_a_section_without_content_is_left_out() -> None:
-    assert "Empty" not in page_html("Title", "Summary.", [Section("Empty", [Table(("a",), []), None, ""])])
+    assert "Empty" not in page_html("Title", "Summary.", [Section("Empty", [PageTable(("a",), []), None, ""])])
 
 
 def test_text_is_escaped_and_control_characters_are_spelled_out(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.sections.closing import CLOSING
 from dpr_lab.report.gap.sizes import scale_note
 from dpr_lab.report.gap.summary import budget_bar, summary_note
-from dpr_lab.report.page import Block, Heading, Items, Section, Table, page_html, pictures, write_page
+from dpr_lab.report.pages.page import Block, Heading, Items, PageTable, Section, page_html, pictures, write_page
 from dpr_lab.report.words import in_words
 
 FIGURES = {
@@ -80,7 +80,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
     """The one-look summary below the verdict."""
     if bar := budget_bar(diagnosis):
         yield bar
-    yield Table(tables.SUMMARY_COLUMNS, tables.summary_rows(diagnosis), style="prose")
+    yield PageTable(tables.SUMMARY_COLUMNS, tables.summary_rows(diagnosis), style="prose")
     if note := summary_note(diagnosis):
         yield note
 
@@ -97,42 +97,42 @@ def _effects(diagnosis: Diagnosis) -> Iterator[Block]:
     if not diagnosis.effects:
         yield "No effect is named."
     effect_note = f"{tables.EFFECT_NOTE} {scale_note(diagnosis)}".strip()
-    yield Table(tables.EFFECT_COLUMNS, tables.effect_rows(diagnosis), effect_note, "prose")
-    yield Table(tables.STANDING_COLUMNS, tables.standing_rows(diagnosis), tables.STANDING_NOTE, "prose")
+    yield PageTable(tables.EFFECT_COLUMNS, tables.effect_rows(diagnosis), effect_note, "prose")
+    yield PageTable(tables.STANDING_COLUMNS, tables.standing_rows(diagnosis), tables.STANDING_NOTE, "prose")
 
 
 def _checks(diagnosis: Diagnosis) -> Iterator[Block]:
     """Probabilities before and after each check."""
     for done in diagnosis.checks_done:
         yield f"{done.check.id}: {in_words(done.check.text)} {done.result}"
-        yield Table(tables.MOVED_COLUMNS, tables.moved_rows(done), tables.MOVED_NOTE, "prose")
+        yield PageTable(tables.MOVED_COLUMNS, tables.moved_rows(done), tables.MOVED_NOTE, "prose")
 
 
 def _gap_reduction(diagnosis: Diagnosis) -> Iterator[Block]:
     rows = tables.closed_rows(diagnosis)
     width = len(tables.CLOSED_COLUMNS) if diagnosis.evidence is None else 2  # the budget lists errors of free runs
     note = tables.CLOSED_NOTE if diagnosis.evidence is None else ""
-    yield Table(tables.CLOSED_COLUMNS[:width], [row[:width] for row in rows], note, "prose")
+    yield PageTable(tables.CLOSED_COLUMNS[:width], [row[:width] for row in rows], note, "prose")
     if diagnosis.gap.waterfall:
         title = "Excess chi-square of the fitted recordings"
-        yield Table(tables.STEP_COLUMNS, tables.step_rows(diagnosis), tables.STEP_NOTE, "prose", title)
+        yield PageTable(tables.STEP_COLUMNS, tables.step_rows(diagnosis), tables.STEP_NOTE, "prose", title)
 
 
-def _horizons(diagnosis: Diagnosis) -> Table:
-    return Table(tables.HORIZON_COLUMNS, tables.horizon_rows(diagnosis), title="Gap by segment length, values")
+def _horizons(diagnosis: Diagnosis) -> PageTable:
+    return PageTable(tables.HORIZON_COLUMNS, tables.horizon_rows(diagnosis), title="Gap by segment length, values")
 
 
 def _maps(diagnosis: Diagnosis) -> Iterator[Block]:
     if not diagnosis.where:
         yield in_words(diagnosis.where_sentence)
-    yield Table(tables.PLACE_COLUMNS, tables.place_rows(diagnosis), style="prose")
-    yield Table(tables.MAP_COLUMNS, tables.map_rows(diagnosis), title="Residual maps, values")
+    yield PageTable(tables.PLACE_COLUMNS, tables.place_rows(diagnosis), style="prose")
+    yield PageTable(tables.MAP_COLUMNS, tables.map_rows(diagnosis), title="Residual maps, values")
 
 
 def _faults(diagnosis: Diagnosis) -> Block:
     rows = tables.finding_rows(diagnosis)
-    return Table(tables.FINDING_COLUMNS, rows, _FAULTS, "prose") if rows else "No sensor fault was found."
+    return PageTable(tables.FINDING_COLUMNS, rows, _FAULTS, "prose") if rows else "No sensor fault was found."
 
 
-def _detectable(diagnosis: Diagnosis) -> Table:
-    return Table(tables.DETECTABLE_COLUMNS, tables.detectable_rows(diagnosis), scale_note(diagnosis), "prose")
+def _detectable(diagnosis: Diagnosis) -> PageTable:
+    return PageTable(tables.DETECTABLE_COLUMNS, tables.detectable_rows(diagnosis), scale_note(diagnosis), "prose")

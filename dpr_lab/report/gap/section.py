@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Evidence
-from dpr_lab.report.page import Block, Paragraph, Picture, Table
+from dpr_lab.report.pages.page import Block, PageTable, Paragraph, Picture
 
 Rows = Sequence[Sequence[str]]
 
@@ -89,7 +89,9 @@ def evidence_blocks(section: EvidenceSection, diagnosis: Diagnosis, drawn: Mappi
         diagnosis: a diagnosis with evidence
         drawn: figures by name
     """
-    tables = [Table(each.columns, each.rows(diagnosis), each.note, each.style, each.title) for each in section.tables]
+    tables = [
+        PageTable(each.columns, each.rows(diagnosis), each.note, each.style, each.title) for each in section.tables
+    ]
     has_symbols = section.symbols and any(table.rows for table in tables)
     return [
         *section.words(diagnosis),

@@ -5,7 +5,7 @@ from itertools import pairwise
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.digits import three
 from dpr_lab.report.gap.tables import PROBABLE, causes, steps
-from dpr_lab.report.page import Bar
+from dpr_lab.report.pages.page import ShareBar
 from dpr_lab.report.words import named
 from dpr_lab.shown import listed
 
@@ -17,7 +17,7 @@ BASIS = {
 """`Diagnosis.basis` -> the data on which the gap reduction is measured, in words."""
 
 
-def budget_bar(diagnosis: Diagnosis) -> Bar | None:
+def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
     """The gap of the bare model, split into the part that each effect removes and the remainder.
 
     Parts are differences of rms values (rad) as effects are added one at a time. A probable cause has a part of its
@@ -40,7 +40,7 @@ def budget_bar(diagnosis: Diagnosis) -> Bar | None:
         removed[label] = removed.get(label, 0.0) + gap - gap_with_effect
     parts = [*removed.items(), ("remainder", remainder)]
     total = sum(max(part, 0.0) for _, part in parts)  # an effect may enlarge the gap on held-out data
-    return Bar(
+    return ShareBar(
         f"Gap budget: {three(1e3 * before)} mrad rms above the noise ({basis})",
         [(f"{label}: {three(1e3 * part)} mrad ({part / before:.1%})", max(part, 0.0) / total) for label, part in parts],
     )

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dpr_lab.report.page import Items, Section, Table, page_html, pictures, write_page
+from dpr_lab.report.pages.page import Items, PageTable, Section, page_html, pictures, write_page
 from dpr_lab.report.trials import tables
 
 Summary = Mapping[str, Any]
@@ -45,12 +45,12 @@ def write_trials_report(
     drawn = pictures(figures, FIGURES)
     sections = [
         Section("Trials with errors", [Items(failures)], is_open=True),
-        Section("Scores", [Table(tables.SCORE_COLUMNS, tables.score_rows(summary))], is_open=True),
-        Section("Scores by kind of plant", [Table(tables.KIND_COLUMNS, tables.kind_rows(summary))]),
-        Section("Detection rate", [drawn["by_size"], Table(tables.SIZE_COLUMNS, tables.size_rows(summary))]),
+        Section("Scores", [PageTable(tables.SCORE_COLUMNS, tables.score_rows(summary))], is_open=True),
+        Section("Scores by kind of plant", [PageTable(tables.KIND_COLUMNS, tables.kind_rows(summary))]),
+        Section("Detection rate", [drawn["by_size"], PageTable(tables.SIZE_COLUMNS, tables.size_rows(summary))]),
         Section("Confusion matrix", [drawn["confusion"], _failed(summary)]),
-        Section("Calibration", [drawn["reliability"], Table(tables.CLAIM_COLUMNS, tables.claim_rows(summary))]),
-        Section("Scores by effect", [Table(tables.EFFECT_COLUMNS, tables.effect_rows(summary))]),
+        Section("Calibration", [drawn["reliability"], PageTable(tables.CLAIM_COLUMNS, tables.claim_rows(summary))]),
+        Section("Scores by effect", [PageTable(tables.EFFECT_COLUMNS, tables.effect_rows(summary))]),
     ]
     note = f"{setting} Every plant was sealed before it was recorded and revealed after its diagnosis."
     page = page_html("Blind trials of the diagnosis", sentence(summary), sections, lead=[note])
@@ -71,8 +71,8 @@ def sentence(summary: Summary) -> str:
     )
 
 
-def _failed(summary: Summary) -> Table | str:
+def _failed(summary: Summary) -> PageTable | str:
     if not summary["astray"]:
         return "All answers were right."
     caption = "Trials with a wrong answer; kind and seed reproduce the plant."
-    return Table(tables.FAILED_COLUMNS, tables.failed_rows(summary), caption, "prose")
+    return PageTable(tables.FAILED_COLUMNS, tables.failed_rows(summary), caption, "prose")

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from dpr_lab.errors import printable
-from dpr_lab.report.terms import TERMS
+from dpr_lab.report.pages.terms import TERMS
 from dpr_lab.whole_file import write_whole
 
 
@@ -44,7 +44,7 @@ class Items:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PageTable:
     """A table of text, with row headers in its first column; nothing is shown where it has no rows."""
 
     kind: ClassVar = "table"
@@ -90,7 +90,7 @@ class Formula:
 
 
 @dataclass(frozen=True, slots=True)
-class Bar:
+class ShareBar:
     """A stacked horizontal bar with a legend."""
 
     kind: ClassVar = "bar"
@@ -99,7 +99,7 @@ class Bar:
     """Legend and share of each part; the shares add up to 1 and the last part is the remainder."""
 
 
-Block = Paragraph | Heading | Items | Table | Picture | Definitions | Formula | Bar | str
+Block = Paragraph | Heading | Items | PageTable | Picture | Definitions | Formula | ShareBar | str
 """Part of a section; a string is a paragraph."""
 
 
@@ -130,7 +130,7 @@ def page_html(
     columns = (
         column
         for block in (*lead, *(block for section in shown for block in section.blocks))
-        if isinstance(block, Table)
+        if isinstance(block, PageTable)
         for column in block.columns
     )
     terms = {column: TERMS[column] for column in columns if column in TERMS}
@@ -140,7 +140,7 @@ def page_html(
 
 def _has_content(block: Block | None) -> bool:
     match block:
-        case Table(rows=content) | Items(sentences=content):
+        case PageTable(rows=content) | Items(sentences=content):
             return len(content) > 0
     return bool(block)
 
@@ -148,7 +148,7 @@ def _has_content(block: Block | None) -> bool:
 @cache
 def _environment() -> Environment:
     return Environment(
-        loader=PackageLoader("dpr_lab.report"),
+        loader=PackageLoader("dpr_lab.report.pages"),
         autoescape=True,
         finalize=_printable,
         trim_blocks=True,
