@@ -27,7 +27,7 @@ from dpr_lab.effects.effect_kernels import (
     required_by,
 )
 from dpr_lab.effects.quantities import NOTHING, ArmModel, BaseParameters, Motion, RigConstants, plus
-from dpr_lab.effects.stages import Required
+from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import subroutine
 
 
@@ -41,7 +41,7 @@ class RigModel(NamedTuple):
     """(SIZE,) parameters of all effects."""
     active: NDArray[np.bool_]
     """(effects,) which are on."""
-    required: Required
+    required: Requirements
     """What they require."""
 
 
@@ -61,7 +61,7 @@ class RigState(NamedTuple):
 def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, params: NDArray[np.float64]) -> RigModel:
     """The rig with the effects of a vector; `arm` holds its arm unless an effect does."""
     active = active_effects(params)
-    required = Required(*map(bool, required_by(active)))
+    required = Requirements(*map(bool, required_by(active)))
     arm = arm_model(constants, arm, params, active) if required.arm else arm
     return RigModel(base, constants, arm, params, active, required)
 

@@ -15,7 +15,7 @@ from dpr_lab.effects import EFFECTS, SLICES, param_index
 from dpr_lab.effects.effect import Effect, InternalState
 from dpr_lab.effects.fold import arguments, call, compiled
 from dpr_lab.effects.quantities import Terms, encoder1, encoder2, joint1, joint2, yielding
-from dpr_lab.effects.stages import PER_JOINT, STAGES, Required
+from dpr_lab.effects.stages import PER_JOINT, STAGES, Requirements
 
 _ALL = list(EFFECTS.values())
 _AMPLITUDES = [param_index(effect.name, p.name) for effect in _ALL for p in effect.amplitudes]
@@ -165,15 +165,15 @@ _REQUIRED_BY: dict[str, Callable[[Effect], bool]] = {
     "dry1": lambda effect: effect.dry and 0 in effect.joints,
     "dry2": lambda effect: effect.dry and 1 in effect.joints,
 }
-"""Fields of `Required` that are no stages -> whether an effect requires them."""
+"""Fields of `Requirements` that are no stages -> whether an effect requires them."""
 
 _REQUIREMENTS = np.array(
     [
         [_REQUIRED_BY[field](effect) if field in _REQUIRED_BY else effect.stage == field for effect in _ALL]
-        for field in Required._fields
+        for field in Requirements._fields
     ]
 )
-"""(fields of `Required`, effects)"""
+"""(fields of `Requirements`, effects)"""
 
 
 def active_effects(params: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -181,7 +181,7 @@ def active_effects(params: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.logical_or.reduceat(params[..., _AMPLITUDES] != 0.0, _FIRST_AMPLITUDES, axis=-1)
 
 
-def required_by(active: NDArray[np.bool_]) -> Required:
+def required_by(active: NDArray[np.bool_]) -> Requirements:
     """What the effects require that are on, (..., effects); each field (...)."""
     required = np.logical_or.reduce(active[..., None, :] & _REQUIREMENTS, axis=-1)
-    return Required(*(required[..., i] for i in range(len(_REQUIREMENTS))))
+    return Requirements(*(required[..., i] for i in range(len(_REQUIREMENTS))))

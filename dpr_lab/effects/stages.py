@@ -147,7 +147,7 @@ PER_JOINT = ("timing", "encoder")
 """Stages whose kernels are called for each of an effect's joints; the others only for the first."""
 
 
-class Required(NamedTuple):
+class Requirements(NamedTuple):
     """What a step has to compute, from the effects that are on; bools, or arrays of them.
 
     A field with the name of a stage: whether an effect of that stage is on.

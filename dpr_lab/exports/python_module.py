@@ -30,7 +30,7 @@ from dpr_lab.effects.effect_kernels import (
     required_by,
 )
 from dpr_lab.effects.quantities import HELD_ARM, ArmModel, BaseParameters, RigConstants
-from dpr_lab.effects.stages import Required
+from dpr_lab.effects.stages import Requirements
 from dpr_lab.exports.source import PREAMBLE, Rewrite, sources
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
@@ -48,7 +48,7 @@ FOLDED = {
 """Functions that go through all effects; in an export through those that it holds."""
 
 _USED = {"RigModel": RigModel, "RigState": RigState, "accelerations_at": accelerations_at, "stepped": stepped}
-_USED |= {kind.__name__: kind for kind in (BaseParameters, RigConstants, ArmModel, Required)}
+_USED |= {kind.__name__: kind for kind in (BaseParameters, RigConstants, ArmModel, Requirements)}
 _USED |= {"read_at": read_at}
 
 _HEAD = '''"""A double pendulum with the effects that dpr-lab named: the functions that dpr-lab itself simulates with.
@@ -207,7 +207,7 @@ def module_text(
     required = required_by(active)._replace(torque=True)
     gravity = with_gravity(base, model.rig.L1, model.rig.g)
     arm = arm_model(constants, HELD_ARM, params.tolist(), active)
-    simulated = RigModel(gravity, constants, arm, (0.0, 0.0), None, Required(*map(bool, required)))  # type: ignore[arg-type]
+    simulated = RigModel(gravity, constants, arm, (0.0, 0.0), None, Requirements(*map(bool, required)))  # type: ignore[arg-type]
     head = _HEAD.format(
         rig=model.rig.name,
         scale=model.scale_sentence,

@@ -34,12 +34,12 @@ from dpr_lab.dynamics.lanes.effects import add_dry_limits
 from dpr_lab.dynamics.lanes.workspace import LANES, At, arm_at, base_at, motion_at, terms_at, waits
 from dpr_lab.effects.effect_kernels import STEPPED
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.effects.stages import Required
+from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import subroutine
 
 
 @subroutine
-def begin_dry(w: NDArray[np.float64], required: Required) -> bool:
+def begin_dry(w: NDArray[np.float64], required: Requirements) -> bool:
     """Set length and directions of the step that each lane takes; return whether any joint is at rest."""
     for k in range(LANES):
         fresh = w[At.t + k] >= w[At.until + k]
@@ -107,7 +107,7 @@ def let_go(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_],
 
 
 @subroutine
-def settle(w: NDArray[np.float64], required: Required, resting: bool) -> None:
+def settle(w: NDArray[np.float64], required: Requirements, resting: bool) -> None:
     """After a step: end it at its end, or take it back where a joint stopped or started to slide within it."""
     count = 0
     for k in range(LANES):
@@ -155,7 +155,7 @@ def _stop(w: NDArray[np.float64], k: int, joint: int, later: float) -> None:
 
 
 @subroutine
-def _look_for_event(w: NDArray[np.float64], k: int, required: Required, resting: bool) -> None:
+def _look_for_event(w: NDArray[np.float64], k: int, required: Requirements, resting: bool) -> None:
     """Take the step of lane k back if it has an event, and plan the step up to the first one."""
     h, share, joint = w[At.h + k], 1.0, 0
     direction1, direction2 = w[At.direction1 + k], w[At.direction2 + k]
@@ -183,7 +183,7 @@ def _look_for_event(w: NDArray[np.float64], k: int, required: Required, resting:
 
 
 @subroutine
-def _take_back(w: NDArray[np.float64], k: int, required: Required) -> None:
+def _take_back(w: NDArray[np.float64], k: int, required: Requirements) -> None:
     """Return lane k to the start of its step, as after a step of length 0."""
     w[At.t + k], w[At.h + k] = w[At.old_t + k], 0.0
     w[At.theta1 + k], w[At.theta2 + k] = w[At.old_theta1 + k], w[At.old_theta2 + k]

@@ -32,7 +32,7 @@ from dpr_lab.effects.effect_kernels import (
     reading_shifts,
 )
 from dpr_lab.effects.quantities import HELD_ARM, RigConstants
-from dpr_lab.effects.stages import Required
+from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import njit, subroutine
 
 PAD = 0.02
@@ -99,7 +99,7 @@ class Candidates(NamedTuple):
     """(n, S, internal) nan where it is taken over from the segment before."""
 
 
-class Block(NamedTuple):
+class LaneBlock(NamedTuple):
     """Data that all lanes of a block share."""
 
     segments: SegmentArrays
@@ -107,7 +107,7 @@ class Block(NamedTuple):
     rig: RigConstants
     active: NDArray[np.bool_]
     """(effects,) which effects are on."""
-    required: Required
+    required: Requirements
 
 
 @njit(allocates=False)
@@ -138,7 +138,7 @@ def predict_tracks(
     w, after, run, _, samples = buffers
     for b in range(blocks[0], blocks[1]):
         first, last = tracks.edges[b], tracks.edges[b + 1]
-        block = Block(segments, candidates, rig, tracks.active[b], required_in(tracks.required, b))
+        block = LaneBlock(segments, candidates, rig, tracks.active[b], required_in(tracks.required, b))
         rounds = 0
         for k in range(LANES):
             track = min(first + k, last - 1)
@@ -162,7 +162,7 @@ def predict_tracks(
 
 
 @subroutine
-def _load(w: NDArray[np.float64], k: int, c: int, r: int, block: Block) -> None:
+def _load(w: NDArray[np.float64], k: int, c: int, r: int, block: LaneBlock) -> None:
     """Set what lane k keeps along its track: candidate c in run r."""
     parts, base, rig = block.segments.parts, block.candidates.bases, block.rig
     w[At.L1 + k], w[At.L2 + k] = parts[r, 0], parts[r, 1]
@@ -182,7 +182,7 @@ def _load(w: NDArray[np.float64], k: int, c: int, r: int, block: Block) -> None:
 
 
 @subroutine
-def _params_row(r: int, block: Block) -> int:
+def _params_row(r: int, block: LaneBlock) -> int:
     """Index of the effects of run r among those of a candidate; without allocation no array is returned."""
     return r if block.candidates.params.shape[1] > 1 else 0
 
@@ -203,7 +203,7 @@ def _begin(
     k: int,
     c: int,
     s: int,
-    block: Block,
+    block: LaneBlock,
     samples: LaneSamples,
     internal: NDArray[np.float64],
     initial_internal: NDArray[np.float64],
@@ -243,7 +243,7 @@ def _begin(
 
 
 @subroutine
-def _set_samples(k: int, c: int, s: int, block: Block, samples: LaneSamples) -> float:
+def _set_samples(k: int, c: int, s: int, block: LaneBlock, samples: LaneSamples) -> float:
     """Set the instants at which lane k reads segment s; return the first sampling instant of the next segment, s."""
     t, required = block.segments.t, block.required
     i, j = block.segments.offsets[s], block.segments.offsets[s + 1]
@@ -293,7 +293,7 @@ def _reset_internal(
 
 
 @subroutine
-def _read(block: Block, advance: Any, buffers: Buffers) -> None:
+def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
     """Step all lanes on until each has read its segment."""
     w, after, run, knot, samples = buffers
     required, drive, relative2 = block.required, block.segments.drive, block.rig.relative2
@@ -359,7 +359,7 @@ def _hand_over(
 
 
 @subroutine
-def _add_errors(c: int, s: int, block: Block, angles: NDArray[np.float64]) -> None:
+def _add_errors(c: int, s: int, block: LaneBlock, angles: NDArray[np.float64]) -> None:
     """Add the errors of the encoders to the predictions of candidate c on segment s."""
     run, t, rig = int(block.segments.run[s]), block.segments.t, block.rig
     params = block.candidates.params[c, _params_row(run, block)]

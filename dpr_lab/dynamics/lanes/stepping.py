@@ -30,7 +30,7 @@ from dpr_lab.dynamics.step import joint_forces
 from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import HELD_ARM, NOTHING, RigConstants
-from dpr_lab.effects.stages import Required
+from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import behind_pointer, subroutine
 
 _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
@@ -39,12 +39,12 @@ _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 @cache
 def advance() -> Any:
     """One Runge-Kutta step of all lanes, `_advance`, compiled by itself for kernels that take it as an argument."""
-    required, active = Required(*[False] * len(Required._fields)), np.zeros(1, dtype=np.bool_)
+    required, active = Requirements(*[False] * len(Requirements._fields)), np.zeros(1, dtype=np.bool_)
     return behind_pointer(_advance, np.zeros(1), UNKNOWN, active, required, False)
 
 
 def _advance(
-    w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], required: Required, held: bool
+    w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], required: Requirements, held: bool
 ) -> None:
     """One Runge-Kutta step of all lanes.
 
@@ -128,7 +128,12 @@ def _place_arm(w: NDArray[np.float64], share: float) -> None:
 
 @subroutine
 def _accelerate(
-    w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], required: Required, held: bool, resting: bool
+    w: NDArray[np.float64],
+    rig: RigConstants,
+    active: NDArray[np.bool_],
+    required: Requirements,
+    held: bool,
+    resting: bool,
 ) -> None:
     """Accelerations of a stage; load-dependent friction uses those without it."""
     if not (required.torque or required.load or required.arm):

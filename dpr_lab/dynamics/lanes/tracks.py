@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.lanes.workspace import LANES
 from dpr_lab.effects.effect_kernels import required_by
 from dpr_lab.effects.fold import compiled
-from dpr_lab.effects.stages import Required
+from dpr_lab.effects.stages import Requirements
 
 
 class Tracks(NamedTuple):
@@ -29,16 +29,16 @@ class Tracks(NamedTuple):
     """(blocks + 1,) where the blocks begin among the tracks."""
     active: NDArray[np.bool_]
     """(blocks, effects) which effects are on."""
-    required: Required
+    required: Requirements
     """(blocks,) what they require."""
 
 
 required_in = compiled(
     [
         "def required_in(required, b):",
-        f"    return Required({', '.join(f'required.{f}[b]' for f in Required._fields)})",
+        f"    return Requirements({', '.join(f'required.{f}[b]' for f in Requirements._fields)})",
     ],
-    {"Required": Required},
+    {"Requirements": Requirements},
 )
 """(required, b) -> what block b of all requires."""
 
