@@ -1,4 +1,4 @@
-"""Processes beside this one: started, talked to, and ended within a bounded time; none outlives this process.
+"""Child processes: started, talked to, and ended within a bounded time; none outlives this process.
 
     ChildFunction    a function of ours with a pipe between: work that must not stop a screen, the owner of a device
     ChildProgram     another program, its lines read from pipes: the simulated device

@@ -1,4 +1,4 @@
-"""What can go wrong outside the program, said so that an operator can act on it.
+"""Errors from outside the program, in words that an operator can act on.
 
     DprError                 base; the message says what happened, where, and what to do
      +-- ConfigError         a rig, search or plant file: names file, key, value, range
@@ -25,7 +25,7 @@ _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u20
 
 
 def printable(text: str) -> str:
-    """Text that a file, a device or a file's name may have said, as it can be shown: controls are spelled out."""
+    """Text from a file, a device or a file name, made safe to show: control characters are spelled out."""
     return _CONTROL.sub(lambda control: control[0].encode("unicode_escape").decode(), text)
 
 

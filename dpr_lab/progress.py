@@ -30,15 +30,15 @@ class FitBegan:
 
 @dataclass(frozen=True, slots=True)
 class ScoreTestBegan:
-    """Every effect of the library is being tried, to first order, beside a model."""
+    """A score test of every effect of the library on a model."""
 
-    beside: tuple[str, ...]
+    effects: tuple[str, ...]
     """The effects that this model holds; none for the bare model."""
 
     @property
     def text(self) -> str:
         """In words."""
-        return f"score test beside {', '.join(self.beside) or 'the bare model'}"
+        return f"score test on {', '.join(self.effects) or 'the bare model'}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,10 +87,10 @@ class Rig(Shown, RigTable):
 
     def _rows(self) -> list[Row]:
         columns = ("nominal", "lower", "upper", "measured", "std")
-        told = {name: parameter.model_dump() for name, parameter in self.parameters.items()}
+        values = {name: parameter.model_dump() for name, parameter in self.parameters.items()}
         cells = (
             [name, *(f"{v:g}" if (v := of[column]) is not None else "" for column in columns)]
-            for name, of in told.items()
+            for name, of in values.items()
         )
         return [("parameter", *columns), *cells]
 
@@ -159,13 +159,13 @@ class Rig(Shown, RigTable):
         return rig
 
     def with_rods(self, mounted: str | None = None, elbow: str | None = None) -> "Rig":
-        """The rig with other rods on it; itself where nothing is said.
+        """The rig with other rods on it; itself where nothing is given.
 
         Raises:
             ValueError: an elbow clamped that is not there.
         """
-        said = {key: value for key, value in (("mounted", mounted), ("elbow", elbow)) if value is not None}
-        rods = {**self.rods.model_dump(), **said}
+        changes = {key: value for key, value in (("mounted", mounted), ("elbow", elbow)) if value is not None}
+        rods = {**self.rods.model_dump(), **changes}
         if rods == self.rods.model_dump():
             return self
         return Rig.model_validate({**self.model_dump(exclude_none=True), "rods": rods})

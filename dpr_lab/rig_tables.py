@@ -43,7 +43,7 @@ class Parameter(RigTable):
     upper: Positive | None = None
     """Of the search, together with `lower`."""
     measured: Positive | None = None
-    """What a balance or a calliper said, together with `std`: the search holds it, the result's scale rests on it."""
+    """Value measured with a balance or a calliper: the search holds it, and the scale of the result rests on it."""
     std: Positive | None = None
     """Standard uncertainty of `measured`."""
 
@@ -83,7 +83,7 @@ class Encoders(RigTable):
     direction: tuple[Literal[-1, 1], Literal[-1, 1], Literal[-1, 1]] = (1, 1, 1)
     """-1 for an encoder that counts backwards."""
     rezeroed: bool = False
-    """Whether the zeros of joints 1 and 2 are put anew before each recording, as those of an encoder that only counts:
+    """Whether the zeros of joints 1 and 2 are set again before each recording, as those of an encoder that only counts:
     dry friction holds a hanging rod aside, and each recording then has zeros of its own, which are fitted."""
 
     @property

@@ -17,7 +17,7 @@ from dpr_lab.setup import ArmMotion, Setup, Torques
 from dpr_lab.shown import Shown
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
-"""Why a sample can be missing: the device was late, the link damaged it, the device said two things of its tick, or it
+"""Why a sample can be missing: the device was late, the link damaged it, the device sent two values for its tick, or it
 never arrived. Of a device with drives there is `torque` besides: its torques never arrived."""
 
 
@@ -52,7 +52,7 @@ class Run(Shown):
     torques: NDArray[np.float64] | None = None
     """(n, 2) known torques of joint 1 and 2, N m, each held until the next sample; None for a free swing."""
     torque_kind: str = ""
-    """`measured` or `commanded`, where that was said of the torques."""
+    """`measured` or `commanded`, where that is known."""
     commanded: NDArray[np.float64] | None = None
     """(n, 2) those that were commanded, where `torques` are the measured ones and both are known."""
     input_delay_s: float = 0.0
@@ -83,8 +83,8 @@ class Run(Shown):
     def _heading(self) -> str:
         pose = f", pose {self.pose}" if self.pose else ""
         whole = "" if self.complete else ", not complete"
-        told = f"{len(self.t)} samples at {self.rate_hz:g} Hz, {self.duration:.3g} s of swing"
-        return f"Run {self.name} of rig {self.rig_name}{pose}: {told}{whole}"
+        length = f"{len(self.t)} samples at {self.rate_hz:g} Hz, {self.duration:.3g} s of swing"
+        return f"Run {self.name} of rig {self.rig_name}{pose}: {length}{whole}"
 
     @property
     def elbow(self) -> float:
@@ -104,7 +104,7 @@ class Run(Shown):
             return replace(self, torques=self.commanded, torque_kind=kind, commanded=None)
         if kind != self.torque_kind:
             raise RunError(
-                f"{self.file or self.name}: holds no {kind} torques, only {self.torque_kind or 'some of no said kind'}:"
+                f"{self.file or self.name}: holds no {kind} torques, only {self.torque_kind or 'unnamed'} ones:"
                 " leave out --torque"
             )
         return replace(self, commanded=None)
@@ -164,7 +164,7 @@ def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
 
 
 def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
-    """The kinds of known torques that drove these runs, where it is said of them."""
+    """The kinds of known torques that drove these runs, where it is known."""
     return tuple(sorted({run.torque_kind for run in runs if run.torques is not None} - {""}))
 
 
@@ -189,7 +189,7 @@ def _bytes(part: Any) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class MountingSettings:
-    """What readings may do that contradicts what is said to be mounted."""
+    """Limits beyond which readings contradict the mounted rods."""
 
     still: float = 0.1
     """Turn of joint 2, rad, that a clamp or an encoder without a rod gives at most: play, and a bearing's drag."""
@@ -206,14 +206,14 @@ def as_mounted(
     """(n, 3) angles of a run in which that was mounted: of one rod alone theta2 is theta1.
 
     Raises:
-        RunError: joint 2 moves although nothing, or a clamp, is said to be there.
+        RunError: joint 2 moves although no rod, or a clamped elbow, was given.
     """
     turned = elbow_turn(theta, mounting, settings)
     if turned > settings.still:
-        said = "the elbow is said to be clamped" if mounting == "clamped" else f"only the {mounting} rod is mounted"
+        given = "the elbow was given as clamped" if mounting == "clamped" else f"only the {mounting} rod is mounted"
         raise RunError(
-            f"{name}: joint 2 turns by {turned:.2f} rad although {said}: both rods swing here; leave --rods and --elbow"
-            " out, or name the column of the rod that swings theta1"
+            f"{name}: joint 2 turns by {turned:.2f} rad although {given}: both rods swing here; leave out --rods and"
+            " --elbow, or name the column of the rod that swings theta1"
         )
     return theta[:, [0, 1, 1]] if mounting in ("inner", "outer") else theta
 

@@ -19,7 +19,7 @@ class Torques:
     joints: NDArray[np.float64]
     """(n, 2) torque of joint 1 on the inner rod, and of joint 2 on the outer one, N m."""
     kind: str = ""
-    """`measured` or `commanded`, where it was said."""
+    """`measured` or `commanded`, where it is known."""
 
     @property
     def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -49,7 +49,7 @@ class ArmMotion:
     omega: NDArray[np.float64]
     """(n,) its speed, rad/s."""
     noise: float = 0.0
-    """Standard deviation of the readings that this was told from, rad."""
+    """Standard deviation of the readings that it was estimated from, rad."""
 
     def mean_before(self, at: ArrayLike) -> NDArray[np.float64]:
         """(m, 2) mean acceleration and squared speed between each of (m,) instants and the one before, rad, s."""

@@ -1,3 +1,3 @@
-"""The version, said here alone."""
+"""The version; it is defined here only."""
 
 __version__ = "0.2.0"

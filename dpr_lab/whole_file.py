@@ -36,7 +36,7 @@ def regular(path: Path, error: type[DprError] = DprError) -> Path:
 
 
 def write_whole(path: Path, write: Callable[[Path], object], error: type[DprError] = DprError) -> None:
-    """Make the folder of `path` and let `write` fill a file beside it, which then takes its place.
+    """Make the folder of `path` and let `write` fill a temporary file in it, which then replaces `path`.
 
     Args:
         path: the file

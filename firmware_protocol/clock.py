@@ -16,7 +16,7 @@ from firmware_protocol.stream import unwrap
 OUTSTANDING = 16
 """Pings whose answer is waited for; an older one is given up."""
 RESOLUTION_S = 1e-6
-"""Round trips closer than this are not told apart."""
+"""Round trips closer than this are not distinguished."""
 FEWEST = 5
 """Exchanges a fit needs: two for the line and three to tell how well it fits."""
 

@@ -152,7 +152,7 @@ class DeviceSession:
         return self._frame(Status(self.state, self.fault_code, self.latched, *counters))
 
     def report(self, tick: int, positions: Sequence[int], overruns: int, dropped: int, sent: int) -> tuple[Frame, ...]:
-        """What is sent ten times a second; the release is told again, so that no lost frame costs a swing."""
+        """What is sent ten times a second; the release is repeated, so that no lost frame costs a swing."""
         frames = (*self.positions(tick, positions), self.status(overruns, dropped, sent))
         return (*frames, self.released(self._release_tick)) if self.state is State.RELEASED else frames
 

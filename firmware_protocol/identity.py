@@ -67,20 +67,20 @@ def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
     known = {page.page: page.fields for page in pages if page.page <= PAGES}
     if len(known.keys() - {PAGES}) < PAGES:
         return None
-    told = {name: value for fields in known.values() for name, value in fields.items()}
-    unit = told.get("torque_unit", 0)
+    values = {name: value for fields in known.values() for name, value in fields.items()}
+    unit = values.get("torque_unit", 0)
     return DeviceInfo(
-        firmware=f"{told['firmware_major']}.{told['firmware_minor']}.{told['firmware_patch']}",
-        uid=f"{told['uid_high']:08x}{told['uid_low']:08x}",
-        counts_per_rev=(told["counts_per_rev0"], told["counts_per_rev1"], told["counts_per_rev2"]),
-        rate_max_hz=told["rate_max_hz"],
-        rate_default_hz=told["rate_default_hz"],
-        simulated_time=bool(told["simulated_time"]),
-        torque_kinds=tuple(kind for flag, kind in _TORQUE_FLAGS.items() if unit and told[flag]),
+        firmware=f"{values['firmware_major']}.{values['firmware_minor']}.{values['firmware_patch']}",
+        uid=f"{values['uid_high']:08x}{values['uid_low']:08x}",
+        counts_per_rev=(values["counts_per_rev0"], values["counts_per_rev1"], values["counts_per_rev2"]),
+        rate_max_hz=values["rate_max_hz"],
+        rate_default_hz=values["rate_default_hz"],
+        simulated_time=bool(values["simulated_time"]),
+        torque_kinds=tuple(kind for flag, kind in _TORQUE_FLAGS.items() if unit and values[flag]),
         torque_unit_uNm=unit,
-        major=told["major"],
-        minor=told["minor"],
-        schema_hash=told["schema_hash"],
+        major=values["major"],
+        minor=values["minor"],
+        schema_hash=values["schema_hash"],
     )
 
 

@@ -49,7 +49,7 @@ LATCHED: dict[State, bool] = {
     State.STREAMING: True,
     State.RELEASED: False,
 }
-"""Whether the latch holds; not said of FAULT, which leaves it as it was."""
+"""Whether the latch holds; not defined for FAULT, which leaves it unchanged."""
 
 STREAMS = (State.STREAMING, State.RELEASED)
 """States in which samples are sent."""

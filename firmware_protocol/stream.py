@@ -8,7 +8,7 @@ from firmware_protocol.messages import Event, Message, Position, Sample
 FASTEST_TURNS_S = 20.0
 """No joint turns faster, turns a second; a free rod of a bench rig reaches a third of it."""
 HALF_RANGE = 0x7FFF
-"""Counts or ticks by which two messages may differ and still be told apart from a turn of the low 16 bits."""
+"""Counts or ticks by which two messages may differ and still be distinguished from a turn of the low 16 bits."""
 
 
 REMEMBERED = 1024
@@ -39,7 +39,7 @@ class SampleStream:
     """Follows one device's messages in the order they arrived.
 
     After a gap longer than `blind_ticks` a counter may have gone round unseen: samples are left out until POSITION, ten
-    times a second, has told every joint's whole counter again. A tick that leaps so far is believed once a second
+    times a second, has sent the whole counter of every joint again. A tick that leaps so far is believed once a second
     sample follows it, since a damaged one would hide all that come before it.
 
     Of two samples of one tick with other counts nobody can say which is right. A link that doubles or swaps frames
@@ -123,7 +123,7 @@ class SampleStream:
         self.went_back |= self._late >= LATE_IN_A_ROW
 
     def _after_gap(self, low: int, tick: int) -> bool:
-        """Whether a leap of the tick is believed; then counters that nobody told of since are forgotten."""
+        """Whether a leap of the tick is believed; then counters that no message confirmed since are forgotten."""
         leap, self._leap = self._leap, low
         if leap is None or not 0 < (low - leap) & 0xFFFF <= self._blind:
             return False

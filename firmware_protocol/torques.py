@@ -45,9 +45,9 @@ class TorquePairs:
     def note(self, torque: Torque) -> None:
         """Take a TORQUE."""
         tick = unwrap(torque.tick, self._newest, 16)
-        told = self._told.setdefault(tick, {})
+        kinds_seen = self._told.setdefault(tick, {})
         pair = torque.torque1, torque.torque2
-        told[torque.kind] = pair if told.get(torque.kind, pair) == pair else None
+        kinds_seen[torque.kind] = pair if kinds_seen.get(torque.kind, pair) == pair else None
         for old in sorted(self._told)[: max(0, len(self._told) - KEPT)]:
             del self._told[old]
 
@@ -68,8 +68,8 @@ class TorquePairs:
         return [row for row in map(self._with_torques, ready) if row is not None]
 
     def _with_torques(self, row: Row) -> DrivenRow | None:
-        told = self._told.pop(row.tick, {})
-        pairs = [pair for kind in self.kinds if (pair := told.get(kind)) is not None]
+        kinds_seen = self._told.pop(row.tick, {})
+        pairs = [pair for kind in self.kinds if (pair := kinds_seen.get(kind)) is not None]
         if len(pairs) < len(self.kinds):
             self.missing += 1
             return None

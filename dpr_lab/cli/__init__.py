@@ -81,7 +81,7 @@ def _leave_stdout() -> None:
 
 
 def _run(app: Callable[[], object]) -> None:
-    """The command, all of it: its output is on its way, and an interrupt is one whatever library it broke into."""
+    """Run the command, flush its output, and report an interrupt as such, whichever library it interrupted."""
     try:
         app()
     except SystemExit as ended:

@@ -58,8 +58,8 @@ def capture(
         with Listener() as listener:
             captured = capture_runs(request, _operator(ask=not yes and sys.stdin.isatty()), listener)
     except KeyboardInterrupt as stopped:
-        said = str(stopped) or "stopped by the operator; nothing was released, the rods are as they were"
-        raise KeyboardInterrupt(said) from stopped
+        reason = str(stopped) or "stopped by the operator; nothing was released, the rods are as they were"
+        raise KeyboardInterrupt(reason) from stopped
     if as_json:
         runs = [_record(run) for run in captured.captured]
         emit({"link": captured.url, "device": asdict(captured.device), "runs": runs})

@@ -1,4 +1,4 @@
-"""What is wrong with the arguments of a command, said before the work begins."""
+"""Check the arguments of a command before its work begins."""
 
 import math
 import sys
@@ -35,8 +35,8 @@ class Choices:
 
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
         """What the last name, after any comma, can become, and what shells that have room for it say of each."""
-        before, comma, begun = incomplete.rpartition(",")
-        found = (name for name in self.names() if name.startswith(begun))
+        before, comma, prefix = incomplete.rpartition(",")
+        found = (name for name in self.names() if name.startswith(prefix))
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in found]
 
     def check(self, value: str | None) -> str | None:

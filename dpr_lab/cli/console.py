@@ -101,14 +101,16 @@ def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
 
 def _list(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> None:
     """A table whose words do not fit side by side: a block for each row, a line for one of two columns."""
-    said = [_hanging(title, width, "")]
+    lines = [_hanging(title, width, "")]
     for first, *rest in rows:
         if len(rest) == 1:
-            said.append(_hanging(f"{first}: {rest[0]}", width, ""))
+            lines.append(_hanging(f"{first}: {rest[0]}", width, ""))
         else:
-            said.append(_hanging(first, width, ""))
-            said += [_hanging(f"{column}: {cell}", width, "  ") for column, cell in zip(columns[1:], rest, strict=True)]
-    print("\n".join(said))
+            lines.append(_hanging(first, width, ""))
+            lines += [
+                _hanging(f"{column}: {cell}", width, "  ") for column, cell in zip(columns[1:], rest, strict=True)
+            ]
+    print("\n".join(lines))
 
 
 def _hanging(text: str, width: int, indent: str) -> str:
@@ -143,8 +145,8 @@ def progress(title: str, total: float | None) -> Iterator[Bar]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    told = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"))
-    columns = (SpinnerColumn(), *told, TimeElapsedColumn(), TimeRemainingColumn(elapsed_when_finished=True))
+    text_columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"))
+    columns = (SpinnerColumn(), *text_columns, TimeElapsedColumn(), TimeRemainingColumn(elapsed_when_finished=True))
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=total, text="")
         yield lambda done, text="": bar.update(task, completed=done, text=text)

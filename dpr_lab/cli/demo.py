@@ -74,7 +74,7 @@ def _record(done: "DemoResult") -> dict[str, Any]:
         "report": known.report,
         "ratios": {name: estimate.model_dump() for name, estimate in known.model.ratios.items()},
         "plant": known.ratios,
-        "deviations_std": {name: row[-1] for name, row in known.beside.items()},
+        "deviations_std": {name: row[-1] for name, row in known.comparison.items()},
         "trial": opening(withheld.opened) | {"folder": str(withheld.trial.folder), "report": withheld.report},
     }
 
@@ -89,7 +89,7 @@ def _show(done: "DemoResult") -> None:
     table(
         "Five ratios: identified, and the plant's own",
         ("ratio", "identified", "std", "plant", "deviation, std"),
-        [(name, f"{v:.7g}", f"{s:.2g}", f"{p:.7g}", f"{z:+.2f}") for name, (v, s, p, z) in known.beside.items()],
+        [(name, f"{v:.7g}", f"{s:.2g}", f"{p:.7g}", f"{z:+.2f}") for name, (v, s, p, z) in known.comparison.items()],
     )
     line(f"report: {known.report}")
     line()

@@ -25,7 +25,7 @@ def export(
     ] = "mjcf,python,urdf,sdf",
     check: Annotated[
         list[Path] | None,
-        typer.Option(help="Run to replay there, and to fit again where something cannot be said; may be given again."),
+        typer.Option(help="Run to replay in each program, and to refit what a format cannot express; may be repeated."),
     ] = None,
     torque: TorqueKind = None,
     out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("export"),

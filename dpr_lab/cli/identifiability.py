@@ -34,8 +34,8 @@ def identifiability(
     with Listener() as listener:
         result = judge(IdentifiabilityRequest(rig, tuple(runs or ()), torque), listener)
     if as_json:
-        told = {"rig": result.rig, "runs": [str(path) for path in runs or []], "torques": list(result.torques)}
-        emit(result.found.to_json() | told)
+        request = {"rig": result.rig, "runs": [str(path) for path in runs or []], "torques": list(result.torques)}
+        emit(result.found.to_json() | request)
     else:
         if result.torques:
             _print(f"Runs driven by their {' and '.join(result.torques)} torques.")

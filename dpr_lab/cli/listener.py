@@ -104,7 +104,7 @@ class Listener:
         self._bar, self._title = no_bar, ""
 
     def _trial(self, event: events.TrialDone) -> None:
-        """A bar on a terminal, a line for each trial elsewhere; what failed is told on both."""
+        """Progress of trials: a bar on a terminal, a line for each trial elsewhere; failures on both."""
         from dpr_lab.trials.campaign import Failure
 
         self._at("trials", event.done, event.of, f"{event.done} of {event.of}")
@@ -115,7 +115,7 @@ class Listener:
         elif event.last is not None:
             last = event.last
             truth, named = effects_listed(last.truth), named_by(last)
-            say(f"{event.done} of {event.of}: there was {truth}; said {named}: {last.grade}")
+            say(f"{event.done} of {event.of}: truth: {truth}; diagnosis: {named}: {last.grade}")
         elif event.done:
             say(f"{event.done} of {event.of} trials are there already")
 

@@ -6,7 +6,7 @@ from typer.core import TyperGroup
 
 
 class Listing(TyperGroup):
-    """Commands beside the whole first sentence of their help, on as many lines as it takes."""
+    """Commands with the whole first sentence of their help, on as many lines as needed."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list."""

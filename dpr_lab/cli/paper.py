@@ -1,4 +1,4 @@
-"""`dpr-lab paper`: the published experiment again, beside what it prints."""
+"""`dpr-lab paper`: repeat the published experiment and compare it with the printed numbers."""
 
 import os
 from pathlib import Path

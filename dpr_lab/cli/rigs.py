@@ -110,8 +110,8 @@ def new(
     if ask:
         mb = mb or _asked(ask, "--mb", "What sits on the elbow, kg; Enter where nobody knows", "")
         counts_per_rev = counts_per_rev or int(_asked(ask, "--counts-per-rev", "Counts per turn", "16384", kind=int))
-        said = "The outer rod's encoder reads (relative to the inner rod, or absolute)"
-        joint2 = joint2 or ("absolute" if _asked(ask, "--joint2", said, "relative").startswith("a") else "relative")
+        question = "The outer rod's encoder reads (relative to the inner rod, or absolute)"
+        joint2 = joint2 or ("absolute" if _asked(ask, "--joint2", question, "relative").startswith("a") else "relative")
         url = url or _asked(ask, "--link", "Where the device is", "sim://")
     measures = RigMeasures(
         name,

@@ -109,7 +109,7 @@ def export(
 def _each(
     files: Sequence[Path], look: Callable[[Path], dict[str, Any]], show: Callable[[dict[str, Any]], None], json: bool
 ) -> None:
-    """Look at every file, whatever is wrong with those before it, and end with 3 when one is not sound."""
+    """Check every file, even after a damaged one, and exit with 3 when one is damaged."""
     found: list[dict[str, Any]] = []
     for file in files:
         try:

@@ -133,19 +133,19 @@ def opening(opened: "Opened") -> dict[str, Any]:
 
 
 def show_opened(opened: "Opened", trial: "Trial") -> None:
-    """The truth beside the diagnosis, on stdout."""
+    """Print the hidden effects and the diagnosis."""
     from dpr_lab.cli.listener import effects_listed, named_by
-    from dpr_lab.trials.beside import COLUMNS, beside
+    from dpr_lab.trials.comparison import COLUMNS, comparison_rows
 
     outcome = opened.outcome
     drawn = "{kind}:{level}, seed {seed}".format(**opened.truth.drawn)
     line(f"the seal holds: {outcome.seal} ({drawn})")
-    if rows := beside(opened, trial.rig):
+    if rows := comparison_rows(opened, trial.rig):
         table("Truth and diagnosis", COLUMNS, rows)
     if opened.truth.drawn["kind"] == "dirty":
         found, missed = outcome.sensor_findings, outcome.faults_missed
         line(f"the encoders were faulty: found {effects_listed(found)}, missed {effects_listed(missed)}")
-    line(f"there was {effects_listed(outcome.truth)}; the diagnosis said {named_by(outcome)}: {outcome.grade}")
+    line(f"hidden: {effects_listed(outcome.truth)}; diagnosis: {named_by(outcome)}: {outcome.grade}")
 
 
 @app.command()

@@ -34,10 +34,10 @@ class ExportFormat:
     """Stages of the effects whose kernels it calls."""
 
     def lost(self, model: Model, rig: Rig) -> dict[str, str]:
-        """Effect -> why it cannot be said there."""
-        said = set(in_words(model, rig, self.words))
-        said |= {name for name in model.effects if name in EFFECTS and EFFECTS[name].stage in self.calls}
-        return left_out(model, said, self.program)
+        """Effect -> why the format cannot express it."""
+        expressed = set(in_words(model, rig, self.words))
+        expressed |= {name for name in model.effects if name in EFFECTS and EFFECTS[name].stage in self.calls}
+        return left_out(model, expressed, self.program)
 
     def written(
         self, model: Model, rig: Rig, lost: Mapping[str, str] | None = None, check: Mapping[str, Any] | None = None
@@ -47,12 +47,12 @@ class ExportFormat:
         Args:
             model: what to write
             rig: its rig
-            lost: what it lacks already, fitted again without; none: what it has and cannot be said
+            lost: effects already left out of the refitted model; none: those that the format cannot express
             check: what that costs, for the JSON
         """
         lost = self.lost(model, rig) if lost is None else lost
-        told = {"lost": dict(lost), "check": check}
-        losses = {f"{self.main}.lost.json": json.dumps(told, ensure_ascii=False, indent=1) + "\n"} if lost else {}
+        document = {"lost": dict(lost), "check": check}
+        losses = {f"{self.main}.lost.json": json.dumps(document, ensure_ascii=False, indent=1) + "\n"} if lost else {}
         return dict(self.files(model, rig, lost)) | losses
 
 
@@ -73,10 +73,10 @@ FORMATS: dict[str, ExportFormat] = {
         tuple(stage for stage in _ALL if stage != "arm"),
     ),
     "urdf": ExportFormat(
-        "URDF", "corrected_model.urdf", lambda *said: {"corrected_model.urdf": urdf.urdf(*said)}, urdf.WORDS
+        "URDF", "corrected_model.urdf", lambda *model: {"corrected_model.urdf": urdf.urdf(*model)}, urdf.WORDS
     ),
     "sdf": ExportFormat(
-        "SDFormat", "corrected_model.sdf", lambda *said: {"corrected_model.sdf": sdf.sdf(*said)}, sdf.WORDS
+        "SDFormat", "corrected_model.sdf", lambda *model: {"corrected_model.sdf": sdf.sdf(*model)}, sdf.WORDS
     ),
     "fmu": ExportFormat(
         "FMI 3", "corrected_model.fmu", lambda model, rig, _: {"corrected_model.fmu": fmu(model, rig)}, calls=_ALL

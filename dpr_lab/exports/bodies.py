@@ -61,25 +61,25 @@ class Bodies:
 
 
 def words_of(effects: Effects) -> dict[str, Words]:
-    """Effect -> its words, of those that are wholly said in words."""
-    said = {}
+    """Effect -> its words, of those that words express completely."""
+    expressed = {}
     for name, values in effects.items():
         effect = EFFECTS.get(name)
         known = {p.name: values.get(p.name, p.default) for p in effect.parameters} if effect else {}
         if effect is not None and effect.exported is not None and (words := effect.exported(known)):
-            said[name] = words
-    return said
+            expressed[name] = words
+    return expressed
 
 
 def in_words(model: Model, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
     """The effects of a model that a program can say which knows these words."""
-    said = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
-    return {name: words for name, words in said.items() if "arm" not in words or arm_of(model, rig) is not None}
+    expressed = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
+    return {name: words for name, words in expressed.items() if "arm" not in words or arm_of(model, rig) is not None}
 
 
-def left_out(model: Model, said: Collection[str], program: str) -> dict[str, str]:
-    """Effect -> why a program that knows the words `said` cannot say it."""
-    return {name: _reason(name, model.effects[name], program) for name in model.effects if name not in said}
+def left_out(model: Model, expressed: Collection[str], program: str) -> dict[str, str]:
+    """Effect -> why a program cannot express it, given those that it can."""
+    return {name: _reason(name, model.effects[name], program) for name in model.effects if name not in expressed}
 
 
 def _reason(name: str, values: Mapping[str, float], program: str) -> str:
@@ -94,8 +94,8 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
     return f"{program} has no words for it"
 
 
-def bodies(model: Model, rig: Rig, said: Mapping[str, Words]) -> Bodies:
-    """Rigid bodies that move as equation (1) does, docs/theory.md, with the effects that are said in words.
+def bodies(model: Model, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
+    """Rigid bodies that move as equation (1) does, docs/theory.md, with the effects that words express.
 
     Their masses are those of the model at the scale of its base parameters; only what these fix is felt in a swing.
     """
@@ -103,7 +103,7 @@ def bodies(model: Model, rig: Rig, said: Mapping[str, Words]) -> Bodies:
     a, b, d, e1 = (model.base[name].value for name in ("a", "b", "d", "e1"))
     scale = b / (z["J2"] + z["m2"] * z["l2"] ** 2)
     m1, m2, mb = scale * z["m1"], scale * z["m2"], scale * z["mb"]
-    every = list(said.values())
+    every = list(expressed.values())
     length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in every)
     moment2 = d / length
     moment1 = e1 / model.rig.g - (m2 + mb) * length
@@ -113,7 +113,7 @@ def bodies(model: Model, rig: Rig, said: Mapping[str, Words]) -> Bodies:
     felt = (constants.m1, constants.m2)
     rods = []
     for j, about_joint in enumerate((a - (m2 + mb) * length**2, b)):
-        words = _of_joint(said, j)
+        words = _of_joint(expressed, j)
         across = felt[j] * words.get("offset", 0.0)
         more = felt[j] * words.get("offset", 0.0) ** 2
         centroid, offset = moments[j] / masses[j], across / masses[j]
@@ -137,10 +137,10 @@ def arm_of(model: Model, rig: Rig) -> Arm | None:
     return Arm(rig.rig.L0, alone, held.friction, held.stiffness)
 
 
-def _of_joint(said: Mapping[str, Words], joint: int) -> dict[str, Any]:
+def _of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:
     """The words of the effects of one joint, of which no two share one."""
     found: dict[str, Any] = {}
-    for name, words in said.items():
+    for name, words in expressed.items():
         if EFFECTS[name].joints == (joint,):
             found |= words
     return found

@@ -1,4 +1,4 @@
-"""What it costs to say a model elsewhere: recordings replayed beside the corrected and the bare model."""
+"""Cost of an export: replay errors compared with those of the corrected and of the bare model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

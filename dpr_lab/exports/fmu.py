@@ -1,7 +1,7 @@
 """The corrected model as a functional mock-up unit for co-simulation, FMI 3.0 or 2.0.
 
-Joint torques go in; angles, speeds and what the encoders read come out. Inside is the Python module, so that whatever
-runs the unit needs a Python with numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4, sec. 4 (Modelica
+Joint torques go in; angles, speeds and what the encoders read come out. It contains the Python module, so that
+the program that runs it needs a Python with numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4, sec. 4 (Modelica
 Association, 2022).
 """
 

@@ -92,16 +92,16 @@ def mjcf(model: Model, rig: Rig) -> str:
 
     What it has no words for is listed as the custom text `left_out`, and is in the passive force (`passive`).
     """
-    said = in_words(model, rig, WORDS)
-    made = bodies(model, rig, said)
+    expressed = in_words(model, rig, WORDS)
+    made = bodies(model, rig, expressed)
     root = element(None, "mujoco", model=model.rig.name)
     element(root, "compiler", angle="radian")
     pull = f"{made.gravity * math.sin(made.tilt)!r} 0 {-made.gravity * math.cos(made.tilt)!r}"
     element(root, "option", gravity=pull, timestep="0.0005", integrator="RK4")
     custom = element(root, "custom")
-    left = [name for name in model.effects if name not in said]  # in the passive force, where it is known
-    told = f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed."
-    element(custom, "text", name="left_out", data=told)
+    left = [name for name in model.effects if name not in expressed]  # in the passive force, where it is known
+    text = f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed."
+    element(custom, "text", name="left_out", data=text)
     element(custom, "text", name="scale", data=model.scale_sentence)
     friction, world = rest_friction(model.effects, rig), element(root, "worldbody")
     parent = _arm(world, made) if made.arm else world
@@ -121,12 +121,12 @@ def mjcf(model: Model, rig: Rig) -> str:
 
 def passive(model: Model, rig: Rig) -> str:
     """A module with the passive force of the effects that MJCF has no words for, and readings of the encoders."""
-    said = in_words(model, rig, WORDS)
-    called = [name for name in model.effects if name in EFFECTS and name not in said]
+    expressed = in_words(model, rig, WORDS)
+    called = [name for name in model.effects if name in EFFECTS and name not in expressed]
     more = {"motion_of": motion_of, "under_load": under_load, "joint_forces": joint_forces, "held": held, "plus": plus}
     more |= {"reduced_rods": reduced_rods, "called_torques": effect_torques}
     text = module_text(model, rig, more, {"called_torques": partial(of_effects, effects=called)})
-    first = 1 if any("arm" in words for words in said.values()) else 0
+    first = 1 if any("arm" in words for words in expressed.values()) else 0
     friction = rest_friction({name: model.effects[name] for name in called}, rig)
     return text + _CALLBACK.format(friction=friction, first=first, xml=XML)
 
@@ -182,8 +182,8 @@ def _motors(root: Element, made: Bodies) -> None:
     actuators = element(root, "actuator") if any(parts for _, parts in passive_parts) else root
     for joint, parts in passive_parts:
         for kind, numbers in parts:
-            told = {kind: " ".join(map(repr, numbers))}
-            element(actuators, "dcmotor", joint=joint, input="none", resistance="1", motorconst="0 0", **told)
+            attributes = {kind: " ".join(map(repr, numbers))}
+            element(actuators, "dcmotor", joint=joint, input="none", resistance="1", motorconst="0 0", **attributes)
 
 
 def _told(words: Words, hanging: float) -> list[tuple[str, tuple[float, ...]]]:

@@ -1,7 +1,7 @@
 """The corrected model as a plain Python module that needs numpy alone.
 
 It holds the functions that the lab itself simulates with (`dpr_lab.exports.source`), of the effects that were named.
-Whatever a file said, such as the name of a rig, enters the source as a Python literal alone, so that it never runs.
+Text from a file, such as the name of a rig, enters the source as a Python literal only, so that it is never run.
 """
 
 import ast
@@ -234,7 +234,7 @@ def _functions(effects: Collection[str], more: Mapping[str, Any], rewritten: Map
 
 
 def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """What the library knows of effects that a file may have said."""
+    """The library's definitions of the effects that a file names."""
     return {
         name: {p.name: values[p.name] for p in EFFECTS[name].parameters if p.name in values}
         for name, values in effects.items()

@@ -1,6 +1,6 @@
-"""What a program cannot say, said by what it can: simpler friction, fitted again to the recordings.
+"""Replace effects that a program cannot express by simpler ones, refitted to the recordings.
 
-An effect that is left out leaves its work undone, and what was fitted beside it (a viscous friction that went to
+An effect that is left out biases what was fitted together with it (a viscous friction that went to
 nothing) is wrong without it. So ratios, simpler effects and all that the program can say are fitted once more.
 """
 
@@ -33,7 +33,7 @@ MOVING = ("torque", "load", "arm")
 
 
 def fitted_for(formats: Sequence[str], model: Model, runs: Sequence[Run], rig: Rig) -> dict[str, Model]:
-    """Format -> the model to write: the same, or, where it cannot be said, simpler and fitted again.
+    """Format -> the model to write: the same, or, where the format cannot express it, a simpler one, refitted.
 
     Args:
         formats: names of `FORMATS`
@@ -59,8 +59,8 @@ def fitted_for(formats: Sequence[str], model: Model, runs: Sequence[Run], rig: R
 def _best_fit(problem: Problem, effects: Effects, ratios: Sequence[Array], initial: Array) -> Estimate:
     """The best of the fits that begin with these ratios: one far off ends where it began."""
     params, fits = effect_params(effects), []
-    for begun in ratios:
-        at = Estimate.of(begun, params, initial)
+    for start in ratios:
+        at = Estimate.of(start, params, initial)
         of_rods = [effect for effect in effects if EFFECTS[effect].stage in MOVING]
         fits.append(fit(problem, at, free_parameters(at, of_rods, problem), iterations=20))
     return min(fits, key=lambda item: item.chi2).estimate
@@ -96,11 +96,11 @@ def _without(model: Model, lost: frozenset[str], words: frozenset[str]) -> dict[
 
 
 def _simpler(effect: Effect, words: frozenset[str]) -> set[str]:
-    """The simpler effects that can be said in these words, of an effect that cannot."""
+    """Simpler forms of an effect that can be expressed in these words."""
     found: set[str] = set()
     for name in effect.nested:
-        said = words_of({name: _typical(EFFECTS[name])}).get(name, {"": None})
-        found |= {name} if words.issuperset(said) else _simpler(EFFECTS[name], words)
+        own_words = words_of({name: _typical(EFFECTS[name])}).get(name, {"": None})
+        found |= {name} if words.issuperset(own_words) else _simpler(EFFECTS[name], words)
     return found
 
 

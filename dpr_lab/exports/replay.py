@@ -133,8 +133,8 @@ def _urdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
 
 def _sdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
     """What the file holds, in MuJoCo: Drake, which reads the file itself, leaves dry friction out."""
-    said = in_words(model, rig, FORMATS["sdf"].words)
-    held = model.model_copy(update={"effects": {name: model.effects[name] for name in said}})
+    expressed = in_words(model, rig, FORMATS["sdf"].words)
+    held = model.model_copy(update={"effects": {name: model.effects[name] for name in expressed}})
     file.with_name(XML).write_text(mjcf(held, rig), encoding="utf-8")
     file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
     return _engine(file.with_name(XML), {"passive": None, "FIRST": 0})
@@ -175,7 +175,7 @@ def _fmu(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
             [sys.executable, "-c", _FMU], input=json.dumps(swing), capture_output=True, text=True, cwd=file.parent
         )
         if done.returncode:
-            last = done.stderr.strip().splitlines()[-1:] or ["it said nothing"]
+            last = done.stderr.strip().splitlines()[-1:] or ["it printed nothing"]
             raise DprError(f"the FMU did not run in FMPy (pip install dpr-lab[exports]): {last[0]}")
         return np.array(json.loads(done.stdout.splitlines()[-1])).T
 

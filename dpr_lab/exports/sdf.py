@@ -19,8 +19,8 @@ WORDS = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_lengt
 
 def sdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
     """A world with its gravity and one model: links `inner`, `outer`; joints 0 = upright, joint 2 relative."""
-    said = in_words(model, rig, WORDS)
-    made = bodies(model, rig, said)
+    expressed = in_words(model, rig, WORDS)
+    made = bodies(model, rig, expressed)
     root = element(None, "sdf", version="1.10")
     comment(root, model.scale_sentence)
     comment(root, f"left out: {json.dumps(dict(lost), ensure_ascii=False)}")

@@ -21,7 +21,7 @@ Rewrite = Callable[[ast.FunctionDef], ast.FunctionDef]
 
 
 def sources(roots: Mapping[str, Any], rewritten: Mapping[str, Rewrite] | None = None) -> str:
-    """Definitions of the roots and of whatever they use, in an order in which they can be run.
+    """Definitions of the roots and of everything they use, in an order in which they can be run.
 
     Args:
         roots: name in the source -> function, compiled or not, named tuple or number
@@ -43,7 +43,7 @@ class _Writer:
     def __init__(self, rewritten: Mapping[str, Rewrite]) -> None:
         self.rewritten = rewritten
         self.names: dict[Any, str] = {}
-        self.begun: set[Any] = set()
+        self.started: set[Any] = set()
         self.written: list[str] = []
 
     def write(self, value: Any) -> str:
@@ -52,8 +52,8 @@ class _Writer:
         if key not in self.names:
             self.names[key] = self._free_name(value)
         name = self.names[key]
-        if key not in self.begun:
-            self.begun.add(key)
+        if key not in self.started:
+            self.started.add(key)
             self.written.append(self.definition(name, value))
         return name
 

@@ -19,8 +19,8 @@ WORDS = frozenset({"friction", "offset", "added_length", "tilt"})
 
 def urdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
     """Links `world`, `base`, `inner`, `encoder2`, `outer`; joints 0 = upright, joint 2 relative to the inner rod."""
-    said = in_words(model, rig, WORDS)
-    made = bodies(model, rig, said)
+    expressed = in_words(model, rig, WORDS)
+    made = bodies(model, rig, expressed)
     root = element(None, "robot", name=model.rig.name)
     comment(root, model.scale_sentence)
     comment(root, f"left out: {json.dumps(dict(lost), ensure_ascii=False)}")

@@ -1,4 +1,4 @@
-"""XML whose texts a file may have said."""
+"""XML with texts that come from files."""
 
 import re
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring

@@ -1,1 +1,1 @@
-"""The published experiment again: its tables, its search, its figures, beside what it prints."""
+"""The published experiment repeated: tables, search and figures, compared with the printed ones."""

@@ -1,4 +1,4 @@
-"""E(Z), docs/theory.md (2), of the published experiment: 10 s from X1, X2, X3 beside swings of the true parameters."""
+"""E(Z), docs/theory.md (2), of the published experiment: 10 s from X1, X2, X3, against the true parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ class Reading:
     poses: tuple[str, ...]
     """H is the sum of E over these."""
     speeds: bool
-    """Whether E holds speeds beside angles."""
+    """Whether E contains speeds as well as angles."""
     why: str
 
 

@@ -1,4 +1,4 @@
-"""The published tables with our numbers beside the printed ones, and what follows from them."""
+"""The published tables, printed and recomputed, and what follows from them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ def table3(ours: Recomputed, rig: Rig) -> PaperTable:
         )
         for i, row in enumerate(TABLE_3)
     ]
-    return PaperTable("table3", "Table 3: printed rows, H recomputed (angles unless said)", columns, tuple(rows))
+    return PaperTable("table3", "Table 3: printed rows, H recomputed (angles unless stated)", columns, tuple(rows))
 
 
 def searches(found: Sequence[Found], rig: Rig) -> PaperTable:

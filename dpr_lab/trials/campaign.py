@@ -41,7 +41,7 @@ class Campaign:
     """Plant file or built-in name; a file must lie where every worker finds it."""
 
     def cases(self, numbers: Sequence[int]) -> list[Case]:
-        """What each trial of these numbers is told, as JSON values.
+        """Requests of the trials with these numbers, as JSON values.
 
         Raises:
             ConfigError: no such rig.
@@ -92,7 +92,7 @@ def run_campaign(
         folder: of the campaign; made, or gone on with
         jobs: processes on this machine
         scheduler: address of a dask scheduler to use instead
-        on_trial: told how many are done, at the start and after each, and what the last one came to
+        on_trial: called at the start and after each with the number done and the last result
 
     Raises:
         RunError: the folder holds another campaign, or one that is running.

@@ -71,5 +71,5 @@ def run_of(recording: dict[str, Any], rig: Rig) -> Run:
     )
 
 
-def _rows(told: list[list[float]] | None) -> NDArray[np.float64] | None:
-    return None if told is None else np.array(told)
+def _rows(values: list[list[float]] | None) -> NDArray[np.float64] | None:
+    return None if values is None else np.array(values)

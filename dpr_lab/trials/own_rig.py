@@ -87,7 +87,7 @@ def trust(
         max_effects: at most so many at once
         seed: same seed, same plants and noise
         processes: trials side by side; with one they are made in this process
-        on_trial: told before the first and after each how many are done
+        on_trial: called before the first and after each with the number done
 
     Raises:
         DprError: a process was killed.
@@ -126,10 +126,10 @@ class _Plan:
         again = [_recorded_again(item, rig, found.unknowns, params, rng) for item in self.originals]
         whole = {"library": library, "max_effects": self.max_effects, "start": found.unknowns, "seed": self.seed}
         try:
-            said = diagnose(again, rig, **whole)
+            diagnosis = diagnose(again, rig, **whole)
         except DprError:  # of some plants nobody could say anything, and the other trials still count
-            said = None
-        return _judged(kind if truth else "clean", truth, said, time.perf_counter() - began)
+            diagnosis = None
+        return _judged(kind if truth else "clean", truth, diagnosis, time.perf_counter() - began)
 
 
 def _made(trial: Callable[[int], TrustTrial], count: int, processes: int) -> Iterator[tuple[int, TrustTrial]]:
@@ -177,8 +177,8 @@ def _recorded_again(item: _Original, rig: Rig, ratios: Array, params: Array, rng
     """The readings of a plant at the instants of a recording; the rest before the release stays as it was."""
     run, seen = item.run, item.seen
     swing = run.t > item.start_s
-    laid = segments([run.t[swing]], setups=[run.setup], step=STEP / OWN_RIG.finer)
-    joints = predict(whole_of(ratios), params, rig_constants(rig), laid, item.start)
+    finer = segments([run.t[swing]], setups=[run.setup], step=STEP / OWN_RIG.finer)
+    joints = predict(whole_of(ratios), params, rig_constants(rig), finer, item.start)
     rounding = np.where(seen.count > 0, seen.count, 0.0) / np.sqrt(12)
     noise = np.sqrt(np.maximum(np.where(np.isfinite(seen.noise), seen.noise, 0.0) ** 2 - rounding**2, 0.0))
     joints += noise * rng.standard_normal(joints.shape)
@@ -197,8 +197,8 @@ def _recorded_again(item: _Original, rig: Rig, ratios: Array, params: Array, rng
     return replace(run, theta=theta, counts=counts, file=None, sha256="")
 
 
-def _judged(kind: str, truth: Effects, said: Diagnosis | None, seconds: float) -> TrustTrial:
-    effects = said.effects if said else []
+def _judged(kind: str, truth: Effects, diagnosis: Diagnosis | None, seconds: float) -> TrustTrial:
+    effects = diagnosis.effects if diagnosis else []
     right = [name for name in truth if any(name in (item.name, *item.members) for item in effects)]
     wrong = [item.name for item in effects if not {item.name, *item.members} & set(truth)]
     return TrustTrial.model_validate(
@@ -206,7 +206,7 @@ def _judged(kind: str, truth: Effects, said: Diagnosis | None, seconds: float) -
             "kind": kind,
             "truth": truth,
             "named": [item.name for item in effects],
-            "verdict": said.verdict if said else REFUSED,
+            "verdict": diagnosis.verdict if diagnosis else REFUSED,
             "right": right,
             "wrong": wrong,
             "seconds": seconds,

@@ -4,7 +4,7 @@ trial.json       the seal, given away before anything was recorded; written when
 rig.toml         the rig file that goes with the plant
 runs/            one recording from each of its poses, through the real protocol
 device/          the device's own: nothing of the lab reads it
-diagnosis.json   what the diagnosis said
+diagnosis.json   the diagnosis
 opened.json      the truth, checked against the seal, and the score
 """
 
@@ -100,7 +100,7 @@ def recordings(trial: Trial) -> list[Run]:
 
 
 def keep_diagnosis(trial: Trial, diagnosis: dict[str, Any]) -> None:
-    """Write down what the diagnosis said.
+    """Record the diagnosis.
 
     Raises:
         RunError: the trial is open already: a diagnosis after that is not blind.

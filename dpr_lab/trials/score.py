@@ -1,4 +1,4 @@
-"""One trial scored: what the diagnosis said, against what was there."""
+"""Score of one trial: the diagnosis against the hidden effects."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -216,7 +216,7 @@ def cause_named(effect: Json, truth: Truth) -> int | None:
 
 
 def _claims(diagnosis: Json, effects: Sequence[Json], hits: Sequence[int | None], truth: Truth) -> list[Claim]:
-    """What was said with a probability: each name, or that there is nothing, or nothing with a name."""
+    """Claims with a probability: each named effect, or no gap, or a gap without a name."""
     if claimed := _claimed(effects, hits):
         return claimed
     true = {"no_gap": truth.clean, "unexplained": truth.outside}.get(diagnosis["verdict"], False)

@@ -110,7 +110,7 @@ def sealed_in_memory(request: PlantRequest, rig: str) -> Iterator[tuple[dict[str
         subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True) as device,
     ):
 
-        def told(line: str) -> dict[str, Any]:
+        def parsed(line: str) -> dict[str, Any]:
             assert device.stdin is not None
             assert device.stdout is not None
             with suppress(BrokenPipeError):  # what it says is better than that it is gone
@@ -122,7 +122,7 @@ def sealed_in_memory(request: PlantRequest, rig: str) -> Iterator[tuple[dict[str
             log.seek(0)
             raise _refusal(code, log.read())
 
-        yield told(json.dumps(rig)), lambda: told("open")
+        yield parsed(json.dumps(rig)), lambda: parsed("open")
 
 
 def unseal(folder: Path) -> dict[str, Any]:
@@ -153,6 +153,6 @@ def ask(*words: str) -> dict[str, Any]:
     return json.loads(done.stdout)
 
 
-def _refusal(code: int, said: str) -> DprError:
+def _refusal(code: int, output: str) -> DprError:
     refused = ConfigError if code == ConfigError.exit_code else DprError
-    return refused(f"the simulated device says: {said.strip() or f'nothing, code {code}'}")
+    return refused(f"the simulated device says: {output.strip() or f'nothing, code {code}'}")

@@ -1,4 +1,4 @@
-"""What a sealed plant was in truth, as it is told once the diagnosis stands."""
+"""The hidden effects of a sealed plant, revealed once the diagnosis is recorded."""
 
 import hashlib
 import json
@@ -87,7 +87,7 @@ def unsealed(opened: Mapping[str, Any], seal: str) -> Truth:
     """The truth of a plant whose seal was given away before.
 
     Raises:
-        DprError: what was told is not what had been sealed.
+        DprError: the revealed truth is not the sealed one.
     """
     text = opened["salt"] + json.dumps(opened["truth"], sort_keys=True, separators=(",", ":"))
     if hashlib.sha256(text.encode()).hexdigest() != seal:

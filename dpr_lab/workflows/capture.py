@@ -66,7 +66,7 @@ def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ign
     Args:
         request: what to record
         confirm: the go-ahead for each release, as `dpr_lab.acquisition.capture.capture` asks it
-        on_event: told how far it is
+        on_event: called with the progress
 
     Raises:
         ConfigError: the rig is not valid or lacks a pose, or a file stands where the folder is to be.

@@ -1,4 +1,4 @@
-"""What is wrong with a request, said before the work for it begins."""
+"""Check a request before its work begins."""
 
 from collections.abc import Sequence
 from pathlib import Path

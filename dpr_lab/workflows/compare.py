@@ -1,4 +1,4 @@
-"""Runs and a model in, figures and a report out: the model beside the measurement."""
+"""Compare runs with a model: figures and a report."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +32,7 @@ class CompareRequest:
 
 @dataclass(frozen=True, slots=True)
 class CompareResult:
-    """The runs beside the model."""
+    """The runs compared with the model."""
 
     comparisons: "tuple[Comparison, ...]"
     followed: "tuple[Followed, ...]"

@@ -57,7 +57,7 @@ class KnownPlant:
     """The plant's own."""
 
     @property
-    def beside(self) -> dict[str, tuple[float, float, float, float]]:
+    def comparison(self) -> dict[str, tuple[float, float, float, float]]:
         """Of each ratio: identified, its standard deviation, the plant's own, their distance in those deviations."""
         return {
             name: (found.value, found.std, self.ratios[name], (found.value - self.ratios[name]) / found.std)

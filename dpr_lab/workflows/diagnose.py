@@ -172,7 +172,7 @@ def failures(found: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -
         reasons: those that count
         sure: probability from which a named effect is not unsure
     """
-    told = {
+    sentences = {
         "gap": found.sentence if found.verdict not in ("no_gap", "inconclusive") else "",
         "unexplained": found.sentence if found.verdict in ("unexplained", "partly_explained") else "",
         "unsure": ", ".join(f"{e.name} is at {e.probability:.0%}" for e in found.effects if e.probability < sure),
@@ -180,4 +180,4 @@ def failures(found: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -
     }
     always = [f"inconclusive: {found.sentence}"] if found.verdict == "inconclusive" else []
     always += [f"description: {hint}" for hint in found.hints]
-    return [*always, *(f"{reason}: {told[reason]}" for reason in reasons if told[reason])]
+    return [*always, *(f"{reason}: {sentences[reason]}" for reason in reasons if sentences[reason])]

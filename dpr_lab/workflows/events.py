@@ -129,7 +129,7 @@ class TrialSealed:
 
 @dataclass(frozen=True, slots=True)
 class TrialDone:
-    """How far a campaign is: told once before its first trial, and after each."""
+    """Progress of a campaign: sent before its first trial and after each."""
 
     done: int
     of: int
@@ -139,7 +139,7 @@ class TrialDone:
 
 @dataclass(frozen=True, slots=True)
 class TrustTrialDone:
-    """How far the blind trials of a diagnosis on its own rig are: told before the first, and after each."""
+    """Progress of the blind trials of a diagnosis on its own rig: sent before the first and after each."""
 
     done: int
     of: int

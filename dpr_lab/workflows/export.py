@@ -28,7 +28,7 @@ class ExportRequest:
     formats: tuple[str, ...]
     out: Path
     check: tuple[Path, ...] = ()
-    """Runs to replay in each program; what cannot be said there is fitted again to them."""
+    """Runs to replay in each program; what a format cannot express is refitted to them."""
     torque: str | None = None
     """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
 
@@ -40,7 +40,7 @@ class ExportResult:
     files: dict[str, str]
     """Format -> the file that a program reads first."""
     lost: dict[str, dict[str, str]]
-    """Format -> effect -> why it cannot be said there."""
+    """Format -> effect -> why the format cannot express it."""
     instead: dict[str, list[str]]
     """Format -> the effects that it was written with after it was fitted again."""
     refused: dict[str, str]
@@ -91,7 +91,7 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     models = fitted_for(request.formats, model, runs, rig) if runs else dict.fromkeys(request.formats, model)
     for name in request.formats if not runs else ():
         if moving_losses(name, model, rig):
-            on_event(Warned(f"{name}: {', '.join(lost[name])} cannot be said there; --check RUN fits again without"))
+            on_event(Warned(f"{name}: {', '.join(lost[name])} cannot be expressed there; --check RUN refits without"))
     result = _checked(request, model, models, runs, rig, on_event) if runs else ExportResult({}, {}, {}, {})
     files = {}
     for name in request.formats:
@@ -100,11 +100,11 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
             check = check_of(tried, result.bare_rad) if tried and result.bare_rad is not None else None
             files[name] = write_export(FORMATS[name], models[name], rig, request.out, lost[name], check)
     instead = {name: moving(found) for name, found in models.items() if found is not model}
-    told = {name: reasons for name, reasons in lost.items() if reasons}
+    with_reasons = {name: reasons for name, reasons in lost.items() if reasons}
     return replace(
         result,
         files=files,
-        lost=told,
+        lost=with_reasons,
         instead=instead,
         torques=torque_kinds(runs),
         scale=model.scale.model_dump() if model.scale else None,
@@ -120,24 +120,24 @@ def _checked(
     rig: "Rig",
     on_event: OnEvent,
 ) -> ExportResult:
-    """How the model does in each program, beside the lab's own simulation and the bare model."""
+    """Error of the model in each program, compared with our own simulation and with the bare model."""
     from dpr_lab.exports import FORMATS
     from dpr_lab.exports.cost import REPLAY_RULE, yardstick
     from dpr_lab.exports.replay import replayed
 
     stages = len(request.formats) + 1
     on_event(StageBegan(1, stages, "the lab's own simulation"))
-    beside = yardstick(model, runs, rig)
+    reference = yardstick(model, runs, rig)
     tried, refused = {}, {}
     for number, name in enumerate(request.formats, 2):
         on_event(StageBegan(number, stages, FORMATS[name].program))
-        models[name], swings = beside.held_against(models[name])
+        models[name], swings = reference.held_against(models[name])
         angles = replayed(name, models[name], rig, swings)
-        tried[name] = beside.replayed(swings, [item.off(theta) for item, theta in zip(swings, angles, strict=True)])
-        if not tried[name].off_rad <= REPLAY_RULE.worse * beside.bare_rad:
+        tried[name] = reference.replayed(swings, [item.off(theta) for item, theta in zip(swings, angles, strict=True)])
+        if not tried[name].off_rad <= REPLAY_RULE.worse * reference.bare_rad:
             refused[name] = (
                 f"{name} was not written: there the corrected model is off by {1e3 * tried[name].off_rad:.3g} mrad on"
-                f" these runs, the bare model by {1e3 * beside.bare_rad:.3g} mrad; diagnose more recordings, or use"
+                f" these runs, the bare model by {1e3 * reference.bare_rad:.3g} mrad; diagnose more recordings, or use"
                 " another format"
             )
-    return ExportResult({}, {}, {}, refused, beside.bare_rad, beside.replayed(beside.own), tried)
+    return ExportResult({}, {}, {}, refused, reference.bare_rad, reference.replayed(reference.own), tried)

@@ -1,4 +1,4 @@
-"""The published experiment again: its tables, searches and figures beside what it prints."""
+"""Repeat the published experiment: tables, searches and figures, compared with the printed ones."""
 
 from dataclasses import dataclass
 from itertools import count

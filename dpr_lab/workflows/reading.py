@@ -1,4 +1,4 @@
-"""The runs of a request, read; each is told."""
+"""Read the runs of a request and report each."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ def read_runs(
     Args:
         files: of the runs
         rig: that they are of
-        on_event: told of each
+        on_event: called for each run
         any_clock: whether any clock is good enough
         torque: `measured` or `commanded`: which known torques drove the joints of runs that hold both
 

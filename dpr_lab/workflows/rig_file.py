@@ -271,8 +271,8 @@ def _missing(rig: "Rig") -> Iterator[RigFinding]:
     if not rig.poses:
         yield RigFinding("missing", "poses", "none: capture has nothing to release from; imported tables are fine")
     if all(rig.parameters[name].measured is None for name in MASSES) and rig.added_mass is None:
-        said = "no mass is weighed (measured, std): only ratios can be known, and the scale of all masses is free"
-        yield RigFinding("missing", "parameters", said)
+        message = "no mass is weighed (measured, std): only ratios can be known, and the scale of all masses is free"
+        yield RigFinding("missing", "parameters", message)
     if rig.L2 is None:
         yield RigFinding("missing", "rig.L2", "drawings and exports guess the outer rod's length without it")
 
@@ -320,11 +320,13 @@ def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]
     if length is None:
         return
     if at > length:
-        said = f"{at:g} m lies beyond the end of the rod at {length:g} m"
-        yield RigFinding("odd", f"parameters.l{rod}", said)
+        message = f"{at:g} m lies beyond the end of the rod at {length:g} m"
+        yield RigFinding("odd", f"parameters.l{rod}", message)
     elif J > m * at * (length - at):
-        said = f"{J:g} kg m^2 is more than a rod of {m:g} kg and {length:g} m can have ({m * at * (length - at):.3g})"
-        yield RigFinding("odd", f"parameters.J{rod}", said)
+        message = (
+            f"{J:g} kg m^2 is more than a rod of {m:g} kg and {length:g} m can have ({m * at * (length - at):.3g})"
+        )
+        yield RigFinding("odd", f"parameters.J{rod}", message)
 
 
 def _odd_poses(rig: "Rig") -> Iterator[RigFinding]:

@@ -36,7 +36,7 @@ class DiagnoseTrialRequest:
 
 @dataclass(frozen=True, slots=True)
 class DiagnoseTrialResult:
-    """What the diagnosis of a trial said, and its files by name."""
+    """The diagnosis of a trial, and its files by name."""
 
     diagnosis: "Diagnosis"
     files: dict[str, str]

@@ -14,7 +14,7 @@ def opens_and_stays_open(folder: Path, cli) -> None:
     shown = cli("trials", "open", folder)
     assert shown.code == 0, shown.err
     assert "the seal holds" in shown.out
-    assert "there was length error, inner rod [wrong_length_L1]; the diagnosis said" in shown.out
+    assert "hidden: length error, inner rod [wrong_length_L1]; diagnosis:" in shown.out
     late = cli("trials", "run", folder)
     assert late.code == 3
     assert "opened already" in late.err

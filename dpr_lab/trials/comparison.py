@@ -1,4 +1,4 @@
-"""An opened trial as a table: each cause that there was beside what the diagnosis said of it, then what it invented."""
+"""A revealed trial as a table: each hidden effect with its diagnosis, then wrongly named effects."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,11 +10,11 @@ from dpr_lab.rig import Rig
 from dpr_lab.trials.protocol import Opened
 from dpr_lab.trials.score import cause_named
 
-COLUMNS = ("there was", "true size", "the diagnosis said", "size found, 90 % interval", "probability")
+COLUMNS = ("hidden effect", "true size", "diagnosis", "estimated size, 90 % interval", "probability")
 
 
-def beside(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
-    """One row for each cause, and one for each name that is none."""
+def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
+    """One row for each hidden effect, and one for each effect named wrongly."""
     truth, diagnosis, left = opened.truth, opened.diagnosis, list(_named(opened))
     sizes = truth.sizes(rig, diagnosis["scale_b"])
     rows: list[tuple[str, ...]] = []
