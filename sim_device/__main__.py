@@ -36,7 +36,7 @@ draw the effects too, from the seed: single, pair, triple, clean, dirty, form, o
 SEAL_HELP = """\
 draw a plant, keep its truth in FOLDER, print its seal (a salted hash) and the rig file that goes with it as JSON, and
 exit; --plant FOLDER/plant.toml then is that plant. With - nothing is written: the rig file comes in as one line of JSON
-text on standard input, and the truth is told once another line comes"""
+text on standard input, and the truth is revealed once another line comes"""
 
 
 def main(arguments: list[str] | None = None) -> int:

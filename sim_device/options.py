@@ -36,7 +36,7 @@ class Options:
 
 
 SEALED_PLANT = "sealed"
-"""Instead of a plant: the one that was sealed in `device/` beside the rig file; a link's URL need not tell where."""
+"""Instead of a plant: the one sealed in `device/` in the folder of the rig file."""
 SEALED_FILE = Path("device") / "plant.toml"
 SEALED_TORQUES = Path("device") / "torques.csv"
 """What its drives replay, where it has any."""

@@ -171,7 +171,7 @@ def capture(
     check_room(out_dir, options.longest * rate_hz)
     metadata = _metadata(device, rig, pose_name, rate_hz, options.note)
     try:
-        device.stop()  # whatever an earlier program left running; the latch stays as it is
+        device.stop()  # an earlier program may have left a stream running; the latch keeps its state
         device.poll(0)
         hanging = look_at_hanging(device, rig, on_progress, settings)
         device.hold(1 + list(rig.poses).index(pose_name))

@@ -69,7 +69,7 @@ class Conformity:
 
     what: str
     ok: bool
-    said: str
+    message: str
     """What was wrong, or found."""
 
 
@@ -91,18 +91,18 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
     pages = [page for page in peer.ask(Hello(token=1)) if isinstance(page, Info)]
     simulated_time = any(page.fields.get("simulated_time") for page in pages)
     peer.driven = any(page.page == PAGES for page in pages)
-    told = json.loads(files("firmware_protocol").joinpath("traces.json").read_text(encoding="utf-8"))
-    for trace in told["traces"]:
+    traces = json.loads(files("firmware_protocol").joinpath("traces.json").read_text(encoding="utf-8"))
+    for trace in traces["traces"]:
         steps: Sequence[Step] = trace["steps"]
         if any("fault" in step for step in steps) or steps[0].get("send", [""])[0] != "HELLO":
             continue  # needs a hand on the hardware
         if simulated_time and any("silent_s" in step for step in steps):
-            continue  # its clock stands still while nothing is said
+            continue  # its clock stands still while nothing is sent
         if "drives" in trace and not peer.driven:
             continue
         peer.drives_are_news = "drives" not in trace
         peer.to_idle()
-        wrong = next((said for n, step in enumerate(steps, 1) if (said := _step(peer, step, f"step {n}"))), "")
+        wrong = next((error for n, step in enumerate(steps, 1) if (error := _step(peer, step, f"step {n}"))), "")
         yield Conformity(trace["why"], not wrong, wrong or f"{len(steps)} steps")
     peer.to_idle()
     yield from _timing(peer, settings, simulated_time)
@@ -110,7 +110,7 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
 
 
 class _Peer:
-    """The host's end, which says just what it is told to."""
+    """The host's end, which sends exactly what it is given."""
 
     def __init__(self, link: Transport, settings: ConformanceSettings) -> None:
         self.link, self.settings = link, settings
@@ -124,7 +124,7 @@ class _Peer:
         self._heard: list[Message] = []
 
     def to_idle(self) -> None:
-        """A new conversation with a device that is idle, whatever was before."""
+        """A new session with an idle device, regardless of the one before."""
         self._released = None
         self.ask(Hello(token=200))
         for command in (Stop(token=201), ClearFault(token=202), Hold(token=203), Stream(token=204)):
@@ -143,19 +143,19 @@ class _Peer:
         return self.answers()
 
     def fall_silent(self, seconds: float) -> list[Message]:
-        """What is said while nothing is."""
+        """Messages sent while nothing is expected."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.read()
         return self.answers()
 
     def answers(self) -> list[Message]:
-        """What was said until now, without reports, samples and repeated releases."""
+        """Messages received until now, without reports, samples and repeated releases."""
         self._mark = self._mark % 255 + 1
         mark = Ping(MARK + self._mark)
         self._await(lambda: any(isinstance(m, Pong) and m.token == mark.token for m in self._heard), mark)
-        said, self._heard = self._heard, []
-        return [message for message in said if self._is_answer(message)]
+        messages, self._heard = self._heard, []
+        return [message for message in messages if self._is_answer(message)]
 
     def status(self) -> Status:
         """The next report."""
@@ -216,8 +216,8 @@ def _step(peer: _Peer, step: Step, where: str) -> str:
             f"{where}, {asked}: answered {_names(answers)}, not {', '.join(n for n, _ in step['answers']) or 'nothing'}"
         )
     for answer, (_, fields) in zip(answers, expected, strict=True):
-        told = {name: getattr(answer, name) for name in fields}
-        if told != fields:
+        values = {name: getattr(answer, name) for name in fields}
+        if values != fields:
             return f"{where}, {asked}: answered {answer}, not with {fields}"
     if "then" in step:
         state, latched, fault = step["then"]
@@ -271,7 +271,7 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
 
 
 def refuse_with_rods(rods_are_off: bool) -> None:
-    """Raise unless the operator said that there is nothing to let go.
+    """Raise unless the operator confirmed that no rod is held.
 
     Raises:
         DprError: they did not.

@@ -301,7 +301,7 @@ class Device:
                     self._take(received)
                     self._send_due(time.monotonic())
                     self._changed.notify_all()
-        except Exception as error:  # whatever it is, it must reach the caller and not end with the thread
+        except Exception as error:  # every error must reach the caller and not end with the thread
             with self._lock:
                 self._failure = error
                 self._changed.notify_all()

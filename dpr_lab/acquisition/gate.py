@@ -63,7 +63,7 @@ class QualityReport:
 
 @dataclass(frozen=True, slots=True)
 class DeviceWord:
-    """What a device reported beside its samples while it was recorded."""
+    """What a device reported in addition to its samples during the recording."""
 
     real_time: bool
     """Whether its seconds are to be the host's; not of simulated time."""
@@ -72,7 +72,7 @@ class DeviceWord:
     statuses: int
     """STATUS messages after the release."""
     latched: int
-    """How many of them said that the latch holds."""
+    """How many of them reported that the latch holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,7 +277,7 @@ def _latch(judged: JudgedRun) -> Check | None:
         return None
     share = word.latched / word.statuses
     sentence = (
-        f"after the release {word.latched} of {word.statuses} STATUS messages said that the latch holds:"
+        f"after the release {word.latched} of {word.statuses} STATUS messages reported that the latch holds:"
         " check the latch's sensor and the firmware"
     )
     return Check("latch", share <= limits.latched_share, share, limits.latched_share, "1", sentence)
@@ -302,7 +302,7 @@ def _moved(judged: JudgedRun) -> Check | None:
     if len(swing.t) < judged.limits.fewest_samples:
         return None
     if (turned := elbow_turn(swing.theta, swing.mounting)) > MOUNTED.still:
-        sentence = f"joint 2 turned by {turned:.2f} rad: by --rods or --elbow it is said to stand still"
+        sentence = f"joint 2 turned by {turned:.2f} rad: --rods or --elbow say that it stands still"
         return Check("moved", False, turned, MOUNTED.still, "rad", sentence)
     counts = judged.rig.positions(swing.theta) if swing.counts is None else swing.counts
     travel = np.ptp(counts, axis=0)[1 : 2 if judged.run.setup.held else 3]

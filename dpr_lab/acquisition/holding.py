@@ -103,7 +103,7 @@ def _last_tick(batch: Batch) -> int:
 
 
 def raise_faults(url: str, batches: Iterable[Batch]) -> None:
-    """Raise for what the device said that ends a capture: a fault, or a lease it lost."""
+    """Raise for a report of the device that ends a capture: a fault, or a lost lease."""
     for batch in batches:
         for message in batch.messages:
             _raise_for(url, message)
@@ -119,13 +119,13 @@ def _raise_for(url: str, message: Message) -> None:
 
 
 def _raise_if_open(url: str, batches: Iterable[Batch]) -> None:
-    """Raise for a device that was told to hold and says that it let go."""
+    """Raise for a device that reports an open latch after the order to hold."""
     for message in (message for batch in batches for message in batch.messages):
         let_go = isinstance(message, Event) and message.kind is EventKind.RELEASED
         if let_go or (isinstance(message, Status) and not message.latched):
             raise DeviceFault(
-                f"{url}: the device says that its latch is open, though it was told to hold and no RELEASE was sent:"
-                " the rods may be free, look before you reach in; check latch and firmware"
+                f"{url}: the device says that its latch is open, although it was ordered to hold and no RELEASE was"
+                " sent: the rods may be free, look before you reach in; check latch and firmware"
             )
 
 

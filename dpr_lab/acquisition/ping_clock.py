@@ -22,7 +22,7 @@ class PingClock:
         self._quick, self._sent, self._due_at = 0, 0, now
 
     def restart(self, now: float) -> None:
-        """A stream has begun, and with it new ticks."""
+        """A new stream with new ticks starts."""
         self._exchanges.clear()
         self._quick, self._sent, self._due_at = self._timing.quick_pings, 0, now
 

@@ -176,8 +176,8 @@ class Recording:
     def lost(self) -> dict[str, int]:
         """Samples lost during this recording, by cause.
 
-        Every missing tick counts once: as damaged or overrun where the link or the device said so, as `tick_gap` where
-        nothing explains it.
+        Every missing tick counts once: as damaged or overrun where the link or the device reported it, as `tick_gap`
+        where nothing explains it.
         """
         lost = {cause: now - self._lost_before.get(cause, 0) for cause, now in self._lost.items()}
         explained = sum(number for cause, number in lost.items() if cause != "tick_gap")
@@ -229,8 +229,8 @@ class Recording:
 
     def _torque_notes(self) -> tuple[str, ...]:
         lost = self.lost.get("torque", 0)
-        said = f"{lost} samples came without their torques and were left out: what drove the joints then is not known"
-        return (said,) if lost else ()
+        note = f"{lost} samples came without their torques and were left out: what drove the joints then is not known"
+        return (note,) if lost else ()
 
     def abort(self, reason: str) -> None:
         """Close the file as an incomplete run, saying why; a finished one stays finished."""

@@ -33,9 +33,10 @@ def conform(
             bar(None, one.what)
     ok = all(one.ok for one in found)
     if as_json:
-        emit({"link": link, "ok": ok, "checks": [asdict(one) for one in found]})
+        checks = [asdict(one) | {"said": one.message} for one in found]  # `said` is the key of earlier versions
+        emit({"link": link, "ok": ok, "checks": checks})
     else:
-        rows = [(one.what, "ok" if one.ok else "wrong", one.said) for one in found]
-        table(f"Conformity of {link}", ("what is asked", "", "found"), rows)
+        rows = [(one.what, "ok" if one.ok else "wrong", one.message) for one in found]
+        table(f"Conformity of {link}", ("check", "", "result"), rows)
     if not ok:
         raise typer.Exit(1)

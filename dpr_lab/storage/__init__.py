@@ -1,6 +1,6 @@
 """Runs on disk: one append-only MCAP file per release, its reader, checks, exports and the table importer.
 
-sidecar     the .sha256 beside a finished run
+sidecar     the .sha256 file of a finished run
 metadata    what a run says about itself
 layout      channels, schemas, records and limits of the file
 writer      RunWriter: samples to disk as they arrive

@@ -81,10 +81,10 @@ def write_rows(writer: Writer, channel: int, log_ns: NDArray[np.int64], records:
 
 
 def keep_on_disk(writer: Writer, folder: Path) -> ChunkIndices:
-    """Give a writer that has not begun an index on disk in place of its list, which takes 0.6 kB a chunk."""
+    """Give a writer that has not started an index on disk in place of its list, which takes 0.6 kB a chunk."""
     name = "_Writer__chunk_indices"
     if getattr(writer, name) != []:
-        raise ValueError("this writer has begun")
+        raise ValueError("this writer has started")
     indices = ChunkIndices(folder)
     setattr(writer, name, indices)
     return indices

@@ -45,7 +45,7 @@ def import_csv(
     Raises:
         RunError: not a table of numbers, a column that cannot be found, time that runs backwards (with its line),
             more than 10 % of rows without a value, nothing left after the slice, a joint that turns although no rod
-            is said to hang on it, or a table that holds no swing of the rig (`dpr_lab.storage.tables.questions`).
+            is given as mounted, or a table that holds no swing of the rig (`dpr_lab.storage.tables.questions`).
     """
     swing = understand(file, rig, options, on_progress or unwatched)
     path = Path(file)
@@ -63,7 +63,7 @@ def write_run(
     Raises:
         RunError: the file cannot be written, or the arm of the table cannot be prescribed.
     """
-    run_of(path, rig, swing)  # what it cannot be is refused before the file is begun
+    run_of(path, rig, swing)  # what it cannot be is refused before the file is created
     with whole_run(out, _metadata(path, rig, swing)) as writer:
         rows = len(swing.theta)
         for start in range(0, rows, block):

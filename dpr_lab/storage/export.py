@@ -45,16 +45,16 @@ def export(run: Run, path: Path | str) -> Path:
         raise RunError(f"{target}: no such format as {target.suffix!r}; there are: {', '.join(EXPORTERS)}")
     if target.exists():
         raise RunError(f"{target}: exists already; choose another name")
-    begun = target.with_name(f"{target.name}.part")
+    partial = target.with_name(f"{target.name}.part")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        write(run, begun)
-        begun.replace(target)
+        write(run, partial)
+        partial.replace(target)
     except OSError as error:
         raise RunError(f"{target}: cannot be written: {error.strerror or error}") from error
     finally:
         with suppress(OSError):
-            begun.unlink(missing_ok=True)
+            partial.unlink(missing_ok=True)
     return target
 
 
@@ -157,8 +157,8 @@ def write_joint_states(run: Run, path: Path) -> None:
         from mcap_ros2.writer import Writer
     with path.open("wb") as file, Writer(file) as writer:
         schema = writer.register_msgdef(JOINT_STATE, JOINT_STATE_DEFINITION)
-        said = about(run)
-        writer.add_metadata("dpr_lab", {key: str(value) for key, value in said.items()})
+        metadata = about(run)
+        writer.add_metadata("dpr_lab", {key: str(value) for key, value in metadata.items()})
         stamps = np.round((run.t - run.t[0] + 1.0) * NANOSECONDS).astype(np.int64) if len(run.t) else []
         for row, (stamp, theta) in enumerate(zip(stamps, run.theta, strict=True)):
             sec, nanosec = divmod(int(stamp), NANOSECONDS)

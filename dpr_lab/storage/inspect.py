@@ -57,7 +57,7 @@ class RunInfo:
     schema_hash: str
     versions: Mapping[str, str]
     created_utc: str
-    """When the file was begun; of an import not the recording."""
+    """Creation time of the file; for an import not that of the recording."""
     recorded_utc: str
     """When it was recorded, ISO 8601 date, or date and time; empty where an import does not know it."""
     note: str
@@ -213,7 +213,7 @@ def _faults(found: Scan) -> list[str]:
 def _hash_faults(found: Scan) -> list[str]:
     written, sidecar = read_sidecar(found.path), sidecar_of(found.path).name
     if written is None:
-        return [f"there is no {sidecar} beside it"]
+        return [f"there is no {sidecar} in its folder"]
     if written != found.sha256:
         return [f"its SHA-256 {found.sha256} is not the one in {sidecar}: it was changed after it was finished"]
     return []

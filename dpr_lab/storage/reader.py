@@ -34,7 +34,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     Args:
         path: the run file
         rig: the rig it should belong to; its name, encoders, L1 and g are compared, not its parameters
-        verify: compare the file with the hash written beside it when it was finished
+        verify: compare the file with the hash written when it was finished
 
     Raises:
         RunError: not a run, nothing readable, no release, changed since it was finished, or of another rig.
@@ -117,7 +117,7 @@ def released(run: Run) -> Run:
 
 
 def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
-    """The torques, and the commanded ones beside them where both are known; none where no drive gave any."""
+    """The torques, and the commanded ones where both are known; none where no drive gave any."""
     if not any(torques.any() for torques in samples.torques):
         return None, None
     first, *second = samples.torques
@@ -137,8 +137,8 @@ def _delay(found: Scan) -> float:
 
 def clock_of(found: Scan) -> dict[str, float]:
     """The clock fit of a run's end, or of its last minutes; empty without one."""
-    told = found.summary.clock if found.summary is not None and found.summary.clock else found.newest_clock
-    return numbers(told)
+    clock = found.summary.clock if found.summary is not None and found.summary.clock else found.newest_clock
+    return numbers(clock)
 
 
 def stored_rig(path: Path | str) -> Rig:
@@ -200,8 +200,8 @@ def _check_rig(found: Scan, rig: Rig) -> None:
 
 
 def _what_happened(found: Scan) -> list[str]:
-    said = [f"recording stopped early: {found.stopped}"] if found.stopped else []
-    return said + ([f"file {found.damage}"] if found.damage else [])
+    reasons = [f"recording stopped early: {found.stopped}"] if found.stopped else []
+    return reasons + ([f"file {found.damage}"] if found.damage else [])
 
 
 def _degraded(found: Scan) -> list[str]:
@@ -211,5 +211,5 @@ def _degraded(found: Scan) -> list[str]:
 
 
 def _because(found: Scan) -> str:
-    said = _what_happened(found)
-    return f" ({'; '.join(said)})" if said else ""
+    reasons = _what_happened(found)
+    return f" ({'; '.join(reasons)})" if reasons else ""

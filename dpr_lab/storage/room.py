@@ -11,7 +11,7 @@ def check_room(folder: Path, samples: float, bytes_a_sample: int = 128) -> None:
     """Make a folder if need be and see that a recording of so many samples fits into it.
 
     Args:
-        folder: of the run file, and of the spool beside it
+        folder: of the run file, and of the spool
         samples: how many are to be recorded
         bytes_a_sample: what one takes in both, with a reserve
 

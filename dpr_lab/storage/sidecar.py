@@ -1,4 +1,4 @@
-"""What lies beside a run, which itself never changes.
+"""Files that belong to a run: hash and note. The run itself never changes.
 
 `<file>.sha256` is its hash, in the format that `sha256sum -c` checks anywhere, `<file>.note` an operator's later note.
 """
@@ -19,7 +19,7 @@ def sidecar_of(path: Path) -> Path:
 
 
 def write_sidecar(path: Path, content: Path | None = None) -> None:
-    """Hash a finished run and write the hash beside it; `content` holds it where it has not got its name yet."""
+    """Hash a finished run and write the hash to its own file; `content` holds it where it has not got its name yet."""
     sidecar_of(path).write_text(f"{sha256_of(content or path)}  {path.name}\n", encoding="utf-8", newline="\n")
 
 
@@ -38,7 +38,7 @@ def note_of(path: Path) -> Path:
 
 
 def write_note(path: Path, note: str) -> None:
-    """Keep a note beside a run, in the place of the one that it was recorded with.
+    """Keep a note of a run that replaces the one it was recorded with.
 
     Raises:
         RunError: it cannot be written.
@@ -47,7 +47,7 @@ def write_note(path: Path, note: str) -> None:
 
 
 def read_note(path: Path, recorded: str) -> str:
-    """The note beside a run; the one that it was recorded with where there is none."""
+    """The note of a run; where there is none, the one that it was recorded with."""
     try:
         return printable(regular(note_of(path), RunError).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
     except OSError:

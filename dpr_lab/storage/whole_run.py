@@ -54,7 +54,7 @@ def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
 
 
 def _publish(part: Path, path: Path) -> None:
-    """Give a whole file its name, which must be free, and write its hash beside it."""
+    """Give a whole file its name, which must be free, and write its hash into the same folder."""
     try:
         write_sidecar(path, part)
         try:

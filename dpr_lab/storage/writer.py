@@ -193,7 +193,7 @@ class RunWriter:
                 self._sync()
 
     def finish(self, summary: RunSummary) -> None:
-        """Complete the file, and write `<file>.sha256` beside it."""
+        """Complete the file, and write `<file>.sha256`."""
         self._close(self._with_dropped(summary).to_record(self.samples_written))
 
     def abort(self, reason: str, summary: RunSummary | None = None) -> None:

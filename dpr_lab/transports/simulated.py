@@ -28,7 +28,7 @@ class Patience:
     first_start_s: float = 600.0
     """The first start on a computer compiles the dynamics, which takes long on a busy one."""
     told_s: float = 5.0
-    """After which a first start is said to be compiling; what the child refuses, it refuses sooner."""
+    """After which a first start is reported as compiling; what the child refuses, it refuses sooner."""
     stop_s: float = 2.0
     """For each way to end it, from closing its stdin to killing it."""
 
@@ -48,8 +48,8 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     `fault` (NAME=VALUE, several with commas between).
 
     Raises:
-        LinkUrlError: an option that is unknown, or that the device does not take; with what it said.
-        LinkError: the device did not start; with what it said.
+        LinkUrlError: an option that is unknown, or that the device does not take; with its message.
+        LinkError: the device did not start; with its message.
     """
     options = url.options(_OPTIONS)
     if url.host or url.path.strip("/"):
@@ -61,7 +61,7 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     telling.start()
     try:
         link = open_transport(_ready_url(url.text, child))
-        compiling_simulator()  # beside a device that answers
+        compiling_simulator()  # while a device answers already
         return SimulatedTransport(url.text, child, link)
     except BaseException:
         child.end(PATIENCE.stop_s)
@@ -72,13 +72,13 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
 
 def _arguments(options: dict[str, Any], rig_file: Path | None) -> list[str]:
     """The child's command line."""
-    said = dict(options)
-    arguments = ["--link", LINKS[said.pop("bus", DEFAULT_BUS)], "--rig", said.pop("rig", str(rig_file or "paper"))]
-    for fault in said.pop("fault", "").split(","):
+    words = dict(options)
+    arguments = ["--link", LINKS[words.pop("bus", DEFAULT_BUS)], "--rig", words.pop("rig", str(rig_file or "paper"))]
+    for fault in words.pop("fault", "").split(","):
         arguments += ["--fault", fault] if fault else []
-    if said.pop("draw", "false") == "true":
+    if words.pop("draw", "false") == "true":
         arguments.append("--draw")
-    return arguments + [word for name, value in said.items() for word in (f"--{name.replace('_', '-')}", str(value))]
+    return arguments + [word for name, value in words.items() for word in (f"--{name.replace('_', '-')}", str(value))]
 
 
 class SimulatedTransport:

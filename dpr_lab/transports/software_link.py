@@ -15,7 +15,7 @@ _PSEUDO_TERMINAL = re.compile(r"/dev/(pts/\d+|ttys\d+)")
 def leads_to_software(url: str) -> bool:
     """Whether the link of a URL stays inside this computer: simulated, pseudo-terminal, loopback or virtual bus.
 
-    A serial port, an adapter or another computer is none of these, whatever the device behind it says.
+    A serial port, an adapter or another computer is none of these, even if the device behind it says so.
     """
     try:
         link = parse_url(url)

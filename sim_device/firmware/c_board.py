@@ -86,9 +86,9 @@ class CBoard:
         ticks, in_time = np.arange(first, first + count), self._faults.taken(count)
         released_at = self._release_tick if self._firmware.state is State.RELEASED else None
         counts, missing = streamed(self._rods, self._ticks, released_at, first, count)
-        told = np.array(self._rods.torques(None if released_at is None else first - released_at, count))
+        torques = np.array(self._rods.torques(None if released_at is None else first - released_at, count))
         readings = np.column_stack([ticks, counts])[in_time]
-        frames = self._firmware.poll(self._millis(wall), readings, told[in_time])
+        frames = self._firmware.poll(self._millis(wall), readings, torques[in_time])
         self.streamed += count / self._ticks.rate_hz
         return _arrived(frames, missing[in_time].tolist())
 

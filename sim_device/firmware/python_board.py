@@ -180,13 +180,13 @@ class PythonBoard:
         released_at = self._release_tick if self._session.state is State.RELEASED else None
         streamed_counts, missing = streamed(self._rods, self._ticks, released_at, first, count)
         sent = in_time & ~missing
-        told = self._rods.torques(None if released_at is None else first - released_at, count)
+        torques = self._rods.torques(None if released_at is None else first - released_at, count)
         for tick, counts in enumerate(streamed_counts.tolist(), first):
             if self._reports_due(tick):
                 frames += self._report(tick, counts)
             if sent[tick - first]:
                 frames.append(self._session.sample(tick, counts))
-                by_kind = zip(self._info.torque_kinds, told[tick - first], strict=True)
+                by_kind = zip(self._info.torque_kinds, torques[tick - first], strict=True)
                 frames += [self._session.torque(kind, tick, torques) for kind, torques in by_kind]
             self._counters.count(bool(in_time[tick - first]))
         self.streamed += count / self._ticks.rate_hz
@@ -202,5 +202,7 @@ class PythonBoard:
         return tick % max(1, self._ticks.rate_hz // REPORTS_HZ) == 0
 
     def _report(self, tick: int, counts: list[int]) -> list[Frame]:
-        told = self._counters
-        return [*self._session.report(tick, counts, told.overruns, told.dropped, told.taken - told.dropped)]
+        counters = self._counters
+        return [
+            *self._session.report(tick, counts, counters.overruns, counters.dropped, counters.taken - counters.dropped)
+        ]

@@ -113,7 +113,7 @@ class ByteLink:
         self._port.wait(timeout, to_write=bool(self._queue))
 
     def bus_off(self) -> None:
-        """Nothing is said: a line of bytes just falls silent."""
+        """Send nothing: a line of bytes falls silent."""
 
     def close(self) -> None:
         """Cut the link."""

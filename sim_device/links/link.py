@@ -11,7 +11,7 @@ class LinkLimits:
     """What links and the simulated board carry."""
 
     rate_max_hz: int = 4000
-    """What the simulated board can sample, whatever the link carries."""
+    """What the simulated board can sample, on any link."""
     used_share: float = 0.8
     """Share of a link that samples may fill; the rest is for everything else."""
     serial_sample_bits: int = 14 * 10

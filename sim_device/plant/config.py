@@ -46,7 +46,7 @@ class EncoderConfig(_Table):
     jitter_ms: NotNegative = 0.0
     """Standard deviation of the instants at which the encoders are read."""
     repeated_share: Share = 0.0
-    """Share of the samples of a swing that say what the one before said."""
+    """Share of the samples of a swing that repeat the one before."""
     missing_share: Share = 0.0
     """Share of the samples of a swing that are never sent."""
 
@@ -68,15 +68,15 @@ class DriveConfig(_Table):
     noise_Nm: NotNegative = 0.0
     """Standard deviation of the measured torques."""
     gain: tuple[Finite, Finite] = (1.0, 1.0)
-    """Torque that acts at each joint over the one that is told: of a wrong torque constant."""
+    """Torque that acts at each joint over the reported one: a wrong torque constant."""
     offset_Nm: tuple[Finite, Finite] = (0.0, 0.0)
-    """Torque that acts at each joint from the release on and is not told, N m."""
+    """Torque that acts at each joint from the release on and is not reported, N m."""
     ripple: tuple[tuple[Finite, Finite], tuple[Finite, Finite]] = ((0.0, 0.0), (0.0, 0.0))
     """Of the torque that acts at each joint, what comes and goes with its angle: shares of cosine and sine of"""
     ripple_order: NotNegative = 6.0
     """so many times that angle."""
     unit_uNm: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
-    """Step in which torques are commanded and told."""
+    """Step in which torques are commanded and reported."""
 
 
 class PlantConfig(_Table):

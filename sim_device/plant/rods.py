@@ -94,8 +94,8 @@ class SimulatedRods:
         """(count, 3) counts of the swing; `first` is the tick of the first since the release."""
         before = min(first, LONGEST_REPEAT)
         again = sampling_faults.repeated(self._config, self._release, first - before, count + before)
-        said = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
-        counts = self._swung(first - before, count + before)[said][before:]
+        shown = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
+        counts = self._swung(first - before, count + before)[shown][before:]
         since = np.arange(first, first + count) / self._rate_hz
         return self._faults.counts(counts, self._at_release, since)
 

@@ -62,7 +62,7 @@ Fault = Callable[[float, np.random.Generator], dict[str, Any]]
 
 
 def _delay(size: float, rng: np.random.Generator) -> dict[str, Any]:
-    """It shows where the commanded torques are told; a board's ticks know whole milliseconds."""
+    """It shows where the commanded torques are reported; a board's ticks know whole milliseconds."""
     return {"delay_s": max(round(DRIVING.delay_s * abs(size), 3), 1e-3), "tells": ("commanded",)}
 
 

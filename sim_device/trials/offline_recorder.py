@@ -53,11 +53,11 @@ def _released(
     count = round(duration * rate_hz) + 1
     sent = ~rods.missing(0, count)
     counts = np.concatenate([rest, rods.swing_counts(0, count)[sent]])
-    told = rods.torques(0, count)
+    torque_rows = rods.torques(0, count)
     torques = {}
     for k, kind in enumerate(() if drives is None else drives.kinds):
         assert drives is not None
-        given = np.array([row[k] for row in told])[sent] * drives.unit_Nm
+        given = np.array([row[k] for row in torque_rows])[sent] * drives.unit_Nm
         torques[kind.name.lower()] = np.concatenate([np.zeros((len(rest), 2)), given])
     theta = _near(rig.theta(counts), rig.poses[pose].theta, len(rest))
     return Run(

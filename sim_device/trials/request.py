@@ -66,9 +66,9 @@ def parse_request(text: str) -> EffectRequest:
     Raises:
         ConfigError: no such kind, level or effect.
     """
-    said, _, rest = text.partition(":")
+    kind_name, _, rest = text.partition(":")
     size, _, names = rest.partition(":")
-    kind, level = _KIND_NAMED.get(said), _LEVEL_NAMED.get(size or "clear")
+    kind, level = _KIND_NAMED.get(kind_name), _LEVEL_NAMED.get(size or "clear")
     if kind is None or level is None:
         raise ConfigError(
             f"draw {text!r}: write KIND:LEVEL, with a kind of {', '.join(KINDS)} or {ANY}"

@@ -20,7 +20,7 @@ from sim_device.trials.seal import keep, salted, seal
 from sim_device.trials.toml import toml_text
 
 SEED_BITS = 128
-"""A seed that nobody gave has so many bits: too many to try, whatever is public of the trial."""
+"""A seed that nobody gave has so many bits: too many to try, even with all that is public of the trial."""
 
 
 @dataclass(frozen=True, slots=True)

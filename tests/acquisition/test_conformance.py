@@ -22,7 +22,7 @@ def test_the_reference_devices_conform(simulated, firmware: str) -> None:
         found = list(conformity(link, PATIENT))
     finally:
         link.close()
-    assert [(one.what, one.said) for one in found if not one.ok] == []
+    assert [(one.what, one.message) for one in found if not one.ok] == []
     assert len(found) >= 15
     assert found[-3].what == "the rate is right"
 
@@ -55,9 +55,9 @@ def test_what_a_device_does_otherwise_is_named(simulated) -> None:
         link.close()
     refused = found["what IDLE refuses"]
     assert not refused.ok
-    assert "step" in refused.said
+    assert "step" in refused.message
     assert not found["a whole run: hold, stream, release, stop"].ok
-    assert "latched True" in found["a whole run: hold, stream, release, stop"].said
+    assert "latched True" in found["a whole run: hold, stream, release, stop"].message
 
 
 def test_it_asks_for_the_rods_to_be_off() -> None:

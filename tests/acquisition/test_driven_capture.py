@@ -107,6 +107,6 @@ def test_a_device_with_drives_conforms(simulated, table: Path, firmware: str) ->
         found = list(conformity(link, patient))
     finally:
         link.close()
-    assert [(one.what, one.said) for one in found if not one.ok] == []
+    assert [(one.what, one.message) for one in found if not one.ok] == []
     assert {"every sample has its torques"} < {one.what for one in found}
     assert any("says so before all else" in one.what for one in found)

@@ -87,7 +87,7 @@ def table_of(
         kind: what kind of file it is
         arrays: of any shape and type; what is no table of numbers is left out
         take: names of arrays or groups; only these, and what is in them
-        notes: what is to be told
+        notes: notes for the operator
 
     Raises:
         RunError: no array of numbers, none of a name that is wanted, or too many numbers.

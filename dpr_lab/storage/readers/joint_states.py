@@ -167,8 +167,10 @@ def _mcap_messages(path: Path) -> Iterator[Stamped]:
 
 def _refuse_encoding(path: Path, channel: Channel) -> None:
     if channel.message_encoding != "cdr":
-        said = printable(channel.message_encoding[:20])
-        raise RunError(f"{path}: its JointState is written as {said!r}, not as ROS 2 does: convert the bag to ROS 2")
+        encoding = printable(channel.message_encoding[:20])
+        raise RunError(
+            f"{path}: its JointState is written as {encoding!r}, not as ROS 2 does: convert the bag to ROS 2"
+        )
 
 
 def _expanded(chunk: Chunk) -> Chunk:

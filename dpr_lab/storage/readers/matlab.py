@@ -93,6 +93,6 @@ def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[
 
 
 def _class_of(opaque: Any) -> str:
-    said = opaque.reshape(-1)[0]
-    names = [bytes(part).decode("latin-1") for part in said if isinstance(part, bytes | np.bytes_)]
+    header = opaque.reshape(-1)[0]
+    names = [bytes(part).decode("latin-1") for part in header if isinstance(part, bytes | np.bytes_)]
     return names[-1] if names else "unknown"

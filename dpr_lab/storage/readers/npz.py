@@ -36,8 +36,8 @@ def read_numpy(path: Path, take: Sequence[str]) -> Table:
             return table_of(path, KIND, {name: held[name] for name in held.files}, take)
     except ValueError as error:
         if "allow_pickle" in str(error):
-            said = "holds pickled objects, which could be code: save plain arrays of numbers"
-            raise RunError(f"{path}: {said}") from error
+            reason = "holds pickled objects, which could be code: save plain arrays of numbers"
+            raise RunError(f"{path}: {reason}") from error
         raise broken(path, KIND, error) from error
     except (*BROKEN, zipfile.BadZipFile, zlib.error) as error:
         raise broken(path, KIND, error) from error

@@ -84,11 +84,11 @@ def _groups(table: Table) -> list[str]:
     above = [row for row in table.heading if row != table.names and any(row)]
     row = (above[-1] if above else ()) + ("",) * len(table.names)
     groups, current, number = [], "", 0
-    for name, said in zip(table.names, row, strict=False):
+    for name, label in zip(table.names, row, strict=False):
         if name.lower() == "x":
             number += 1
-            current = said or (current if current and not said else f"point {number}")
-        current = said or current
+            current = label or (current if current and not label else f"point {number}")
+        current = label or current
         groups.append(current)
     return groups
 

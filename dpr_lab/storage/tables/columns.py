@@ -1,4 +1,4 @@
-"""Which column of a table is what: by the names that loggers use, by what was said, by place where none has a name."""
+"""Meaning of the columns of a table: by names that loggers use, by options, or by position where none has a name."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -66,7 +66,7 @@ def find_columns(
 
     Args:
         table: the table
-        given: column name of t, theta0, theta1, theta2, where it is said
+        given: column name of t, theta0, theta1, theta2, where it is stated
         unit: of the angles; None for what their names say, else rad
         time_unit: of the time; None for what its name says, else s
         rate_hz: rows a second of a table without time
@@ -103,12 +103,12 @@ def find_torques(names: Sequence[str], source: str | None, path: object) -> dict
         RunError: one joint's only, two columns of one torque, or none of the kind that is wanted.
     """
     matches = {name: match for name in names if (match := _TORQUE_NAME.fullmatch(_bare(name)))}
-    said = {name: _TORQUE_KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
-    others = [kind for kind in KINDS if kind not in said.values()]
+    stated = {name: _TORQUE_KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
+    others = [kind for kind in KINDS if kind not in stated.values()]
     unsaid = (source if len(others) == 2 else others[0] if others else None) or ""
     found: dict[str, dict[str, str]] = {kind: {} for kind in ("", *KINDS)}
     for name, match in matches.items() if source != "none" else ():
-        of_kind = found[said[name] or unsaid]
+        of_kind = found[stated[name] or unsaid]
         if match[2] in of_kind:
             raise RunError(f"{path}: {of_kind[match[2]]} and {name} are the same torque: leave one out of the table")
         of_kind[match[2]] = name
@@ -161,8 +161,8 @@ def _refuse(table: Table, found: Mapping[str, str], given: Mapping[str, str], ti
 
 def _said_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
     angles = guess_columns(names, "rad") | dict(given)
-    said = [_SAID_UNIT.search(angles[axis].lower()) for axis in AXES if axis in angles]
-    units = {match[1] or "deg" for match in said if match}
+    stated = [_SAID_UNIT.search(angles[axis].lower()) for axis in AXES if axis in angles]
+    units = {match[1] or "deg" for match in stated if match}
     if len(units) == 1:
         return units.pop()
     counted = guess_columns(names, "counts")
@@ -171,8 +171,8 @@ def _said_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
 
 def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
     if "t" in given:
-        said = _SAID_TIME_UNIT.search(given["t"].lower())
-        return said[1] if said else "s"
+        stated = _SAID_TIME_UNIT.search(given["t"].lower())
+        return stated[1] if stated else "s"
     return next((unit for unit in TO_SECONDS if "t" in guess_columns(names, time_unit=unit)), "s")
 
 
@@ -198,9 +198,9 @@ def _runs(column: NDArray[np.float64]) -> bool:
 def _check_units(table: Table, found: Mapping[str, str], unit: str, time_unit: str) -> None:
     for quantity, name in found.items():
         pattern, given = (_SAID_TIME_UNIT, time_unit) if quantity == "t" else (_SAID_UNIT, unit)
-        said = pattern.search(name.lower())
-        if said and (said[1] or "deg") != given:
-            raise RunError(f"{table.path}: column {name!r} says {said[0]}, but the unit given is {given}")
+        stated = pattern.search(name.lower())
+        if stated and (stated[1] or "deg") != given:
+            raise RunError(f"{table.path}: column {name!r} says {stated[0]}, but the unit given is {given}")
 
 
 def _bare(name: str) -> str:

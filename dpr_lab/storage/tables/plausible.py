@@ -106,7 +106,7 @@ def gap_notes(t: NDArray[np.float64]) -> list[str]:
 
 
 def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64], upright: bool) -> list[str]:
-    """Notes on (n, 3) angles, rad, that no rods turn by, or that point upwards most of the time if zero is said to."""
+    """Notes on (n, 3) angles, rad, that no rods can have, or that point upwards most of the time."""
     above = upright & (np.median(np.cos(theta[:, 1:]), axis=0) > 0)
     speed = float(np.quantile(np.abs(np.diff(theta[:, 1:], axis=0)).max(axis=1) / np.diff(t), 0.1))
     fast = [f"the rods turn at more than {speed:.3g} rad/s nearly always: are the units right (--unit, --time-unit)?"]

@@ -84,10 +84,10 @@ class Preview:
     def to_json(self) -> dict[str, object]:
         """Everything but the record, of which the first rows."""
         names = ("kind", "columns", "angles", "zero", "unit", "time_unit", "samples", "duration_s", "rate_hz", "gaps")
-        said = {name: getattr(self, name) for name in names}
+        stated = {name: getattr(self, name) for name in names}
         return {
             "file": str(self.file),
-            **said,
+            **stated,
             "steps_s": list(self.steps_s),
             "rest_s": self.rest_s,
             "recorded_at": self.recorded_at,

@@ -41,7 +41,7 @@ class Table:
     other_lengths: Mapping[str, int] = field(default_factory=dict)
     """Columns with another number of values, left out, and how many they have."""
     settled: bool = False
-    """Whether the angles are absolute, 0 = upright, rad, whatever is said of the table."""
+    """Whether the angles are absolute, 0 = upright, rad, regardless of the options."""
 
     def column(self, name: str) -> NDArray[np.float64]:
         """(n,) values of one column; NaN where the logger wrote none.
@@ -195,7 +195,7 @@ def _cells(path: Path, line: str, delimiter: str | None) -> list[str]:
 
 
 def _is_data(row: list[str]) -> bool:
-    """Whether a row holds numbers, rather than names or units; a column of words beside them does not matter."""
+    """Whether a row holds numbers, rather than names or units; a further column of words does not matter."""
     numbers = sum(map(_is_number, row))
     empty = sum(cell.strip().lower() in NOT_A_VALUE for cell in row)
     return numbers > 0 and 2 * (numbers + empty) >= len(row)

@@ -182,8 +182,8 @@ def _cut_notes(t: NDArray[np.float64], part: FreePart, quiet: bool) -> list[str]
 
 
 def _refuse_conventions(table: Table, options: ImportOptions) -> None:
-    said = (options.unit, options.angles, options.zero)
-    if table.settled and said != ("rad", "absolute", "upright"):
+    stated = (options.unit, options.angles, options.zero)
+    if table.settled and stated != ("rad", "absolute", "upright"):
         raise RunError(
             f"{table.path}: angles from points are absolute, upright is 0, in rad: leave out the options that say else"
         )

@@ -20,7 +20,7 @@ LONGEST_STEP = 0.02
 """So that no step jumps over a disturbance of short duration, s."""
 
 BEGUN = 1e-9
-"""Speed of a slide that has begun, rad/s."""
+"""Speed from which a joint slides, rad/s."""
 
 Slope = Callable[[float, NDArray[np.float64]], Sequence[float]]
 """Time since the release, s, and state (theta1, theta2, omega1, omega2, memory ...) -> its derivative."""
