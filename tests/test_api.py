@@ -83,7 +83,7 @@ def test_results_become_data_frames(results, found) -> None:
     assert dpr.to_dataframe(model).index.is_unique
     assert len(dpr.to_dataframe(comparison)) == len(comparison.t)
     assert set(dpr.to_dataframe(found).index) == {effect.name for effect in found.effects}
-    with pytest.raises(TypeError, match="no table of str"):
+    with pytest.raises(TypeError, match="cannot convert str"):
         dpr.to_dataframe("run")  # type: ignore[arg-type]
 
 

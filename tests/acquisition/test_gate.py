@@ -92,7 +92,7 @@ FAST = {"arrival_ppm": 50_000.0, "arrival_margin_ppm": 4_000.0}
         (ARRIVAL, WORD, ["clock_fit"], "although it calls its time simulated"),
         ({"rate_ppm": 0.0, "rate_ppm_std": 4e4} | ARRIVAL, WORD, ["clock_fit"], "known to 4 % only"),
         ({}, replace(WORD, real_time=False), [], "ok"),
-        (FIT, replace(WORD, latched=50), ["latch"], "50 of 50 STATUS messages said that the latch holds"),
+        (FIT, replace(WORD, latched=50), ["latch"], "50 of 50 STATUS messages reported that the latch holds"),
         (FIT, replace(WORD, latched=5), [], "ok"),
         (FIT, replace(WORD, latched=2, statuses=2), [], "ok"),
     ],

@@ -83,7 +83,7 @@ def test_a_right_clock_is_good_whatever_the_firmware(firmware: str, record: Reco
 def test_a_latch_that_is_reported_closed_throughout_the_swing_degrades_the_run(record: Record) -> None:
     captured = record(clock="fast", fault=("stuck_latch=1",))
     assert _failed(captured) == ["latch"]
-    assert "STATUS messages said that the latch holds" in captured.quality.sentence
+    assert "STATUS messages reported that the latch holds" in captured.quality.sentence
 
 
 @dataclass
