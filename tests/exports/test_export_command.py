@@ -145,7 +145,7 @@ def test_what_a_diagnosis_writes_says_what_it_costs(corrected: Model, runs, pape
     files = save_exports(corrected, runs, paper, tmp_path, said.append)
     assert [sentence.split(":")[0] for sentence in said] == ["urdf", "sdf"]
     assert "free-form friction curve, joint 1" in said[0]
-    assert "the bare model by" in said[0]
+    assert "bare model" in said[0]
     lost = json.loads(Path(f"{files['urdf']}.lost.json").read_text(encoding="utf-8"))
     assert 0 < lost["check"]["off_rad"] <= lost["check"]["bare_rad"]
     assert _yardstick(corrected, [], paper, said.append) is None
