@@ -47,5 +47,13 @@ _JOINT1, DETENT_JOINT2 = pair(
     source="Hanselman (2003), Brushless Permanent Magnet Motor Design, ch. 9 (cogging torque).",
 )
 
-DETENT_JOINT1 = replace(_JOINT1, twins=("com_offset_link1",))
-"""A cogging order of one, cos(theta1), is equivalent to a centroid offset of the inner rod."""
+DETENT_JOINT1 = replace(
+    _JOINT1,
+    twins=("com_offset_link1",),
+    parameters=tuple(
+        replace(parameter, scan=tuple(order for order in parameter.scan if order > 1))
+        for parameter in _JOINT1.parameters
+    ),
+)
+"""At order one its sine is gravity and its cosine a centroid offset of the inner rod. Those keep their names: the
+search starts at order two."""

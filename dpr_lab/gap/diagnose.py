@@ -132,12 +132,12 @@ def diagnose(
     request.begin("classes")
     posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
     request.begin("how far")
-    carried = transfer(recordings, fitted.held_out, problem, selection, np.random.default_rng(seed))
-    posteriors = carried.judged(posteriors)
-    described = description(runs, rig, selection, carried)
     everything = recordings.only([*recordings.records, *unseen.records])
     models = {"before": selection.base, "after": selection.chosen}
     freely = {name: free_runs(everything, model.fit.estimate) for name, model in models.items()}
+    carried = transfer(recordings, fitted.held_out, problem, selection, freely, np.random.default_rng(seed))
+    posteriors = carried.judged(posteriors)
+    described = description(runs, rig, selection, carried)
     size = gap(recordings, problem, selection, carried, freely)
     request.begin("advice")
     advice = tuple(advise(recordings, selection.chosen, posteriors))

@@ -12,7 +12,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.gap.transfer.out_of_sample import GapReduction
-from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.transfer.transfer import Transfer, worse_free_run
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -62,7 +62,7 @@ def test_an_effect_that_misleads_on_held_out_runs_is_left_out_of_the_model(dry: 
 
 
 def test_a_gap_that_grows_is_not_said_to_close() -> None:
-    grown = Transfer("held-out runs", GapReduction(-0.51, (-0.74, -0.22)), (), {}, {}, {}, (), ())
+    grown = Transfer("held-out runs", GapReduction(-0.51, (-0.74, -0.22)), (), {}, {}, {}, (), (), None)
     assert how_far(grown) == "On held-out runs the gap does not close (-51%, 90 % interval -74% to -22%)."
 
 
@@ -121,3 +121,19 @@ def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded
     assert large.effects[0].probability <= 0.5
     assert f"{name} (probability only {large.effects[0].probability:.0%})" in large.sentence
     assert "larger than on any rig: something else has that shape" in large.sentence
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "worse"),
+    [
+        ({"a": 0.048}, {"a": 0.168}, (0.048, 0.168)),
+        ({"a": 0.048}, {"a": 0.012}, None),
+        ({"a": 0.048}, {"a": 0.05}, None),
+        ({"a": 1.2}, {"a": 2.0}, None),
+        ({"a": 0.048}, {}, (0.048, np.pi)),
+    ],
+    ids=["worse", "better", "alike", "chaos decided it before", "cannot be followed any more"],
+)
+def test_effects_that_spoil_the_free_run_of_a_held_out_run_are_seen(before, after, worse):
+    assert worse_free_run(before, after, ["a"]) == (pytest.approx(worse) if worse else None)
+    assert worse_free_run(before, after, []) is None

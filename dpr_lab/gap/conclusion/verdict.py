@@ -82,6 +82,7 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carrie
     sure = max(item.probability for item in posteriors) >= RULES.sure
     tested = carried.basis != "one release"
     transfers = not tested or (not carried.withdrawn and carried.closed.estimate >= RULES.closes)
+    transfers = transfers and not carried.worse_free_run
     if chosen.residuals.z < RULES.noise and whole and sure and transfers and not carried.oversized:
         return "named"
     nothing = tested and (carried.closed.estimate <= 0 or len(carried.withdrawn) == len(chosen.effects))
@@ -190,6 +191,9 @@ def _restrictions(carried: Transfer) -> str:
     if carried.withdrawn:
         verb = "does" if len(carried.withdrawn) == 1 else "do"
         parts.append(f" {listed(carried.withdrawn)} {verb} not carry over to data that took no part in the fit.")
+    if carried.worse_free_run:
+        before, after = (1e3 * error for error in carried.worse_free_run)
+        parts.append(f" The free run of the held-out runs becomes worse: {before:.3g} to {after:.3g} mrad rms.")
     if carried.oversized:
         parts.append(f" {listed(carried.oversized)} would be larger than on any rig: something else has that shape.")
     return "".join(parts)

@@ -5,8 +5,9 @@ The chosen set is set against itself without the effect, both fitted to the same
     d_s = chi2_s(without) - chi2_s(with)
 
 for each segment s of it, neighbours taken together, an effect carries over where d is above zero beyond chance (its
-sum, or its signed ranks), and below zero beyond chance on no run, and where it closes no less than half of the share of
-the gap that it closes in the fitted recordings. An effect that does not carry over explains the fitted recordings only.
+sum, or its signed ranks), and below zero beyond chance on no run, and where it closes no less than half of the share
+of the gap that it closes in the fitted recordings. Effects that make the free run of held-out runs worse are not
+confirmed. An effect that does not carry over explains the fitted recordings only.
 
 The sum alone is blind to a fall of every segment that is largest in a few: its spread is then as large as itself. The
 signed ranks see that it falls everywhere.
@@ -14,7 +15,7 @@ signed ranks see that it falls everywhere.
 Source: Wilcoxon (1945), Individual comparisons by ranking methods, Biometrics Bulletin 1, 80-83.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -27,6 +28,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.out_of_sample import BOOTSTRAP, GapReduction, Unseen, left_out, reduction, share
 from dpr_lab.gap.which.selected import Selection
 
@@ -47,6 +49,10 @@ class TransferSettings:
     """Excess chi2 over that of the noise from which a share says more of the effect than of the noise."""
     unproven: float = 0.5
     """Factor of the probability of an effect that does not carry over or cannot be so large: at most one half."""
+    worse: float = 1.25
+    """Factor by which the error of free runs on held-out runs grows that the named effects must not exceed."""
+    followed_rad: float = 0.3
+    """Error of a free run before, up to which it is compared: beyond, chaos has decided it."""
     wildest: float = 1e12
     """chi2 that a segment counts at most: of one that cannot be followed."""
 
@@ -73,10 +79,15 @@ class Transfer:
     """Effects that do not carry over."""
     oversized: tuple[str, ...]
     """Effects of a size that no rig has."""
+    worse_free_run: tuple[float, float] | None
+    """Error of free runs on held-out runs without and with the effects, rms, rad, where the effects make it worse; else
+    None."""
 
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-        """The same effects, none above one half that does not carry over or is larger than it can be."""
+        """The same effects; at most one half where they do not carry over, are too large, or spoil free runs."""
         doubtful = {*self.withdrawn, *self.oversized}
+        if self.worse_free_run:
+            doubtful |= {item.name for item in posteriors}
         return tuple(
             replace(item, probability=TRANSFER.unproven * item.probability) if item.name in doubtful else item
             for item in posteriors
@@ -88,15 +99,17 @@ def transfer(
     unseen: Unseen | None,
     problem: Problem,
     selection: Selection,
+    freely: Mapping[str, FreeRuns],
     rng: np.random.Generator,
 ) -> Transfer:
-    """Set the chosen effects against recordings that took no part.
+    """Test the chosen effects on recordings that took no part in the fit.
 
     Args:
         recordings: the fitted runs
         unseen: runs held out; none: each fitted run is left out in turn
         problem: the segments of the fitted runs
         selection: the chosen set of effects
+        freely: all recordings as the models before and after run along them
         rng: of the bootstrap
     """
     basis: Basis = "held-out runs" if unseen else "releases left out"
@@ -124,7 +137,30 @@ def transfer(
         effects={name: shares[name] for name in selection.without},
         withdrawn=() if basis == "one release" else tuple(withdrawn),
         oversized=oversized(selection.chosen.fit.estimate.params),
+        worse_free_run=worse_free_run(freely["before"].errors_rad, freely["after"].errors_rad, unseen.names)
+        if unseen
+        else None,
     )
+
+
+def worse_free_run(
+    before: Mapping[str, float], after: Mapping[str, float], held_out: Collection[str]
+) -> tuple[float, float] | None:
+    """Error of free runs before and after, rms over the held-out runs, where the effects make it worse; else None.
+
+    Segments and free runs must agree: a name that closes the gap of segments and spoils the free run is not confirmed.
+
+    Args:
+        before: run -> rms error of the free run of the bare model, rad
+        after: the same with the effects; a run that cannot be followed is missing
+        held_out: names of the runs that took no part in the fit
+    """
+    names = [name for name in held_out if before.get(name, np.inf) < TRANSFER.followed_rad]
+    if not names:
+        return None
+    errors = [[runs.get(name, np.pi) for name in names] for runs in (before, after)]
+    rms = [float(np.sqrt(np.mean(np.square(values)))) for values in errors]
+    return (rms[0], rms[1]) if rms[1] > TRANSFER.worse * rms[0] else None
 
 
 def _closing(unseen: Unseen, selection: Selection, ends: Array, noise: Array) -> Iterator[tuple[str, float, float]]:
