@@ -16,7 +16,7 @@ from textual.style import Style
 from textual.visual import RenderOptions
 from textual.widgets import Digits, Static
 
-from dpr_lab.acquisition.capture import CaptureOptions, SwingReading
+from dpr_lab.acquisition.capture import CaptureOptions, Released, SwingReading
 from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.holding import RestReading
 from dpr_lab.report.angles import UNITS
@@ -263,6 +263,37 @@ def test_a_code_has_different_letters_none_of_them_a_release_key() -> None:
     codes = [new_code(random.Random(seed), frozenset({"r", "space"})) for seed in range(200)]
     assert all(len(set(each)) == 3 and "r" not in each for each in codes)
     assert len(set(codes)) > 150
+
+
+async def test_from_the_order_to_the_open_latch_nothing_says_closed(app: DprApp) -> None:
+    # For 0.24 s after the latch opened, headline and status row said CLOSED.
+    async with app.run_test(size=(80, 24)) as pilot:
+        device = app.device
+        device.connected = Connected(SIM, DeviceInfo("1.0.0", "1", (16384,) * 3, 4000, 1000), 1000, (), "")
+        await pilot.press("3")
+        step = app.query_one(CaptureStep)
+        step.attempt = Attempt(1, "X1", step._rig.poses["X1"])
+        status = app.query_one(StatusLine)
+
+        def shown(report: AttemptSeen) -> str:
+            device.note(report)
+            for each in app.steps:
+                each.hear(report)
+            texts = (headline(app), app.query_one("#readout", Static).render(), status.render())
+            return " | ".join(map(str, texts))
+
+        theta, now = (0.0, math.pi, 0.1), time.monotonic()
+        rest = RestReading(theta, (0.0, 0.0), 0.1, 0.0, 0.0, ok=True, restless="")
+        assert "CLOSED" in shown(AttemptSeen(1, rest, latched=True, at=now))
+        device.ordered = now
+        for seconds in (0.01, 0.1, 0.2, 0.3):
+            between = shown(AttemptSeen(1, rest, latched=True, at=now + seconds))
+            assert "CLOSED" not in between
+            assert "RELEASE" in between
+        opened = shown(AttemptSeen(1, Released(1000, Path("run.mcap")), latched=False, at=now + 0.4))
+        assert "CLOSED" not in opened
+        assert "OPEN" in opened
+        assert device.ordered is None
 
 
 async def test_a_release_whose_outcome_is_unknown_stays_in_sight(app: DprApp, said) -> None:
