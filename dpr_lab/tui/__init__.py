@@ -3,7 +3,7 @@
 app                  steps in their order, keys, errors as notices
 steps                one page each
 widgets              what pages are made of
-jobs, recorder       what runs beside the screen, each in a process of its own
+jobs, recorder       what runs in processes of their own
 services, workspace  what steps share
 """
 

@@ -217,7 +217,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
 
     @on(Step.Done)
     def save(self) -> None:
-        """Save the workspace and show what is new; that it cannot be saved is said once."""
+        """Save the workspace and show what is new; a failure to save is reported once."""
         try:
             if not self.read_only:
                 self.workspace.save(self.folder)
@@ -236,7 +236,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.notify(news, timeout=NOTICES.news_s, markup=False)
 
     def on_resize(self, event: events.Resize) -> None:
-        """More room shows more of the stepper; too little is said, and what is true of the rig stays in sight."""
+        """More room shows more of the stepper; too little room is reported, and the state of the rig stays in sight."""
         width, height = event.size
         main = self.screen_stack[0]
         small = width < LEAST[0] or height < LEAST[1]
@@ -339,7 +339,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         yield from Palette(self, self.steps, self.services.keys, self.action_go).commands()
 
     def save_picture(self, filename: str | None, path: str | None, time_format: str | None) -> str | None:
-        """Save a picture of the screen beside the work; say where, or why not."""
+        """Save a picture of the screen in the folder of the work; report where, or why not."""
         folder = Path(path) if path else self.workspace.out / "screenshots"
         try:
             folder.mkdir(parents=True, exist_ok=True)

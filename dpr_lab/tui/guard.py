@@ -1,4 +1,4 @@
-"""Errors inside a widget are told and kept; the widget lives on."""
+"""Errors inside a widget are shown and logged; the widget lives on."""
 
 import traceback
 from datetime import UTC, datetime
@@ -14,15 +14,21 @@ class Guarded(MessagePump):
     async def _dispatch_message(self, message: Message) -> None:
         try:
             await super()._dispatch_message(message)
-        except Exception as error:  # whatever it is: the app tells it, and keeps it with its traceback
+        except Exception as error:  # every error is shown by the app and logged with its traceback
             self.app._handle_exception(error)
 
 
+LARGEST_LOG = 1_000_000
+"""Bytes of `errors.log` from which it becomes `errors.log.1`, which replaces the one before."""
+
+
 def log(error: Exception, folder: Path) -> str:
-    """Keep an error with its traceback in `errors.log`; says where, or why not."""
+    """Append an error with its traceback to `errors.log`; returns where it is, or why it could not be written."""
     file = folder / "errors.log"
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        if file.exists() and file.stat().st_size > LARGEST_LOG:
+            file.replace(file.with_name("errors.log.1"))
         with file.open("a", encoding="utf-8") as lines:
             lines.write(f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}\n{''.join(traceback.format_exception(error))}\n")
     except OSError as why:

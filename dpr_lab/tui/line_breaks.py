@@ -22,7 +22,7 @@ NARROWEST = 16
 
 
 def keep_units_whole() -> None:
-    """From now on `0.80 mN m` is one word to whatever breaks lines: Rich, and Textual by Rich's rule."""
+    """From now on `0.80 mN m` is one word to all code that breaks lines: Rich, and Textual by Rich's rule."""
     _wrap.re_word = _WORD
 
 

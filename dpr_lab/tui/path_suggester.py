@@ -18,12 +18,12 @@ class PathSuggester(Suggester):
 
     async def get_suggestion(self, value: str) -> str | None:
         """What is written, completed."""
-        folder, _, begun = value.rpartition("/")
+        folder, _, prefix = value.rpartition("/")
         where = Path(f"{folder}/" if "/" in value else ".").expanduser()
         try:
-            names = sorted(path for path in where.iterdir() if path.name.startswith(begun))
+            names = sorted(path for path in where.iterdir() if path.name.startswith(prefix))
         except OSError:
             return None
         fit = (path for path in names if path.is_dir() or self._suffix in ("*", path.suffix or None))
         first = next((f"{path.name}/" if path.is_dir() else path.name for path in fit), None)
-        return None if first is None or not value else value[: len(value) - len(begun)] + first
+        return None if first is None or not value else value[: len(value) - len(prefix)] + first

@@ -67,7 +67,7 @@ _CHANGES = frozenset(
 
 
 def forbid_writing() -> None:
-    """Refuse from now on whatever in this process opens a file to write it, changes a folder or starts a program.
+    """Refuse from now on every call of this process that writes a file, changes a folder or starts a program.
 
     The tables above give the operator a reason; this holds where one of them forgets something. It cannot be undone.
     """

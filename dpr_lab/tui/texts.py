@@ -82,7 +82,7 @@ def named_runs(runs: Sequence[Path]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Bars:
-    """Horizontal bars of any width, for each a label, a value, its interval if it has one, and what to write beside."""
+    """Horizontal bars of any width, for each a label, a value, its interval if it has one, and a text after the bar."""
 
     rows: Sequence[tuple[str, float, tuple[float, float] | None, str]]
     top: float | None = None
@@ -91,8 +91,8 @@ class Bars:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """One line each."""
         label = max((len(row[0]) for row in self.rows), default=0)
-        beside = max((len(row[3]) for row in self.rows), default=0)
-        width = max(options.max_width - label - beside - 4, 8)
+        text_width = max((len(row[3]) for row in self.rows), default=0)
+        width = max(options.max_width - label - text_width - 4, 8)
         top = self.top or max((row[1] for row in self.rows), default=1.0) or 1.0
         for name, value, interval, text in self.rows:
             yield Text(f"{name:<{label}} {self._bar(value, interval, top, width)} {text}", no_wrap=True)

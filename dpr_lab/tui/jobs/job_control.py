@@ -75,13 +75,13 @@ def work(connection: Connection, function: Callable[..., Any], arguments: dict[s
             event: JobEvent = JobFinished(function(control, **arguments))
     except DprError as error:
         event = JobFailed(str(error))
-    except Exception as error:  # whatever it is, it must reach the screen and not end with the process
+    except Exception as error:  # every error must reach the screen and not end with the process
         event = JobFailed(f"{type(error).__name__}: {error}", traceback.format_exc())
     control.send(event)
 
 
 def _leave_the_terminal_alone() -> None:
-    """Keys and screen belong to whoever started this process; they, and a recording beside it, come first."""
+    """Keys and screen belong to whoever started this process; they, and a recording in another process, come first."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in (1, 2):

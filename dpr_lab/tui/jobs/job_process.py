@@ -81,13 +81,13 @@ class JobProcess:
             return JobCancelled()
         return JobFailed(
             f"the work's process ended unexpectedly (exit code {self._process.exit_code}); nothing was lost but its"
-            " result: start it again, with less beside it if memory was short"
+            " result: start it again; close other programs if memory was short"
         )
 
 
 @dataclass
 class JobHeard(Message, bubble=False):
-    """Something that a job told, for the widget that started it."""
+    """A message of a job, for the widget that started it."""
 
     job: JobProcess
     event: JobEvent

@@ -48,18 +48,18 @@ class KeptComparison:
             with np.load(self.file) as kept:
                 if str(kept["subject"]) != self.subject:
                     return []
-                told = [
+                rows = [
                     {field.name: kept[f"{number}.{field.name}"] for field in fields(Comparison)}
                     for number in range(int(kept["count"]))
                 ]
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return []
-        return [_comparison(item) for item in told]
+        return [_comparison(row) for row in rows]
 
 
-def _comparison(told: dict[str, Any]) -> "Comparison":
+def _comparison(values: dict[str, Any]) -> "Comparison":
     from dpr_lab.identification.compare import Comparison
 
-    plain: dict[str, Any] = {name: value.item() if value.ndim == 0 else value for name, value in told.items()}
+    plain: dict[str, Any] = {name: value.item() if value.ndim == 0 else value for name, value in values.items()}
     plain["pose"] = plain["pose"] or None
     return Comparison(**plain)

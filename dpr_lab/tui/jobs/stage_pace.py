@@ -8,7 +8,7 @@ class StagePace:
 
     Args:
         typical: stage -> how long it takes, s; in their order
-        steady: those that take as long whatever is found: they tell the pace
+        steady: those whose time does not depend on the result: they show the pace
         began: when the first began, s
     """
 

@@ -62,7 +62,7 @@ class Attempt:
         return self.phase.value
 
     def hear(self, report: AttemptSeen | GoAheadAsked | AttemptFinished) -> None:
-        """Take in what the recorder said of this attempt."""
+        """Update the attempt with a report of the recorder."""
         match report:
             case GoAheadAsked():
                 self._asked = True

@@ -1,4 +1,4 @@
-"""The device as the screen knows it: the process that owns it, what it said last, and how long ago."""
+"""The device as the screen knows it: the process that owns it, its last report, and its age."""
 
 import asyncio
 import time
@@ -44,7 +44,7 @@ class DeviceConnection:
     ordered: float | None = None
     """When a release was ordered whose outcome is not known, `time.monotonic()`, s."""
     read_only: bool = False
-    """Whether no device may be called, and none told anything."""
+    """Whether no device may be opened or ordered anything."""
     _recorder: Recorder | None = None
 
     async def open(self, url: str, rig: str, runs: Path) -> None:
@@ -79,7 +79,7 @@ class DeviceConnection:
             raise SafetyStop(READ_ONLY)
 
     def reports(self) -> Iterator[RecorderReport]:
-        """What the recorder said since the last call."""
+        """Messages of the recorder since the last call."""
         if self._recorder is None:
             return
         for report in self._recorder.reports():

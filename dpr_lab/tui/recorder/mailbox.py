@@ -55,7 +55,7 @@ class Inbox:
 
 
 class Outbox:
-    """What the screen is told; a screen that does not read must not stop a recording."""
+    """Messages to the screen; a screen that does not read must not stop a recording."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection

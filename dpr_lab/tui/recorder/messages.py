@@ -1,4 +1,4 @@
-"""What the screen and the process that records say to each other."""
+"""Messages between the screen and the process that records."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -93,7 +93,7 @@ class AttemptSeen:
     attempt: int
     progress: Progress
     latched: bool | None
-    """None before the device told."""
+    """None before the first report of the device."""
     at: float
     """When the device was heard, `time.monotonic()`, s."""
     lost: Mapping[str, int] = field(default_factory=dict)

@@ -56,7 +56,7 @@ def serve(connection: Connection, url: str, rig_name: str, runs: Path, log: Path
                 _obey(device, rig, runs, inbox, outbox)
     except (DprError, KeyboardInterrupt) as error:
         outbox.add(RecorderFailed(None, str(error) or "stopped", alive=False))
-    except Exception as error:  # whatever it is, it must reach the screen and not end with the process
+    except Exception as error:  # every error must reach the screen and not end with the process
         traceback.print_exc()
         message = f"unexpected: {type(error).__name__}: {error}; details are in {log}"
         outbox.add(RecorderFailed(None, message, alive=False))
@@ -146,7 +146,7 @@ class _IdleWatch:
         self._outbox.add_if_read(self._last)
 
     def _still(self) -> bool:
-        """Whether no encoder reads anything but noise around what was told."""
+        """Whether no encoder reads anything but noise around the last reported angle."""
         noise = 1 + SETTINGS.noises * self._rig.encoders.noise_counts
         return all(joint in self._told and abs(n - self._told[joint]) <= noise for joint, n in self._counts.items())
 

@@ -21,7 +21,7 @@ class Recorder:
 
     def __init__(self, url: str, rig: str, runs: Path, log: Path) -> None:
         self._process = ChildFunction(serve, url, rig, runs, log)
-        self._gone = f"the recorder ended; connect again (what it said last is in {log})"
+        self._gone = f"the recorder ended; connect again (its last messages are in {log})"
         self._over = False
 
     def tell(self, order: RecorderOrder) -> None:

@@ -12,9 +12,9 @@ class RecorderSettings:
     look_s: float = 0.1
     """How long one look at the device takes: the delay of an order, and of what is shown of idle rods."""
     idle_s: float = 0.5
-    """How often rods that rest are told of; a sighting is fact for three times as long."""
+    """Interval of reports on resting rods; a sighting is fact for three times as long."""
     noises: float = 3.0
-    """Standard deviations of an encoder, beside one count, within which a rod counts as resting."""
+    """Standard deviations of an encoder, plus one count, within which a rod counts as resting."""
     trace_hz: int = 100
     """Points of a swing that are sent a second; a screen has no room for more."""
     unread: int = 30

@@ -29,7 +29,7 @@ class Sighting:
     theta: tuple[float, float, float] | None = None
     """Absolute angles, rad."""
     latched: bool | None = None
-    """By the device's word; None before it told."""
+    """As the device reported; None before its first report."""
     at: float = -math.inf
     """`time.monotonic()`, s."""
 

@@ -1,4 +1,4 @@
-"""The model beside the measurement, from any release and from any instant of it."""
+"""Compare the model with the measurement, from any release and any instant of it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +21,8 @@ from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.tui.services import Services
-from dpr_lab.tui.steps.beside import Beside
 from dpr_lab.tui.steps.job_step import JobStep, torque_key
+from dpr_lab.tui.steps.second_curve import SecondCurve
 from dpr_lab.tui.texts import counted_runs
 from dpr_lab.tui.widgets.chart import Band, Chart, Mark, Series
 from dpr_lab.tui.widgets.slider import Slider
@@ -38,7 +38,7 @@ VIEWS = ("angle", "free-run error", "segment residual")
 
 @dataclass(frozen=True, slots=True)
 class CompareSettings:
-    """How runs are drawn beside the model."""
+    """How runs and model are drawn."""
 
     noise_sigmas: int = 2
     """Half the noise band; 95 % of what is only noise lies inside."""
@@ -79,7 +79,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         Binding("s", "start", "Start", id="compare.start", tooltip="compare runs with the model and write the report"),
         Binding("v", "cycle('view')", "View", id="compare.view", tooltip="angle, free-run error, segment residual"),
         Binding("o", "cycle('run')", "Other", id="compare.run", tooltip="the other run"),
-        Binding("O", "beside", "Beside", id="compare.beside", tooltip="another run or model in the same plot"),
+        Binding("O", "beside", "Second curve", id="compare.beside", tooltip="another run or model in the same plot"),
         Binding("i", "edit", "Type in", id="compare.edit", show=False),
         Binding("j", "cycle('axis')", "Joint", id="compare.axis", tooltip="the other joint"),
         Binding("left_square_bracket", "start_at(-1)", "Start earlier", id="compare.earlier", show=False),
@@ -107,7 +107,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
             yield Select[int]([], prompt="no run yet", id="run", compact=True)
             yield Select(list(zip(AXES, (0, 1), strict=True)), value=1, allow_blank=False, id="axis", compact=True)
             yield Select([(view, view) for view in VIEWS], value=VIEWS[0], allow_blank=False, id="view", compact=True)
-        yield Beside(self.services)
+        yield SecondCurve(self.services)
         keys = self.worded("free run from ({compare.earlier} {compare.later})")
         yield Slider(keys, "s", SETTINGS.start_step_s, id="from")
         yield Chart(id="angle")
@@ -157,7 +157,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Its job stays to answer, so it can always be started anew."""
+        """Its job stays to answer, so it can always be started again."""
         return action != "torque" or super().check_action(action, parameters)
 
     def start_work(self) -> None:
@@ -208,14 +208,14 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
 
     def action_edit(self) -> None:
         """Name another model."""
-        self.query_one(Beside).edit()
+        self.query_one(SecondCurve).edit()
 
     def action_beside(self) -> None:
-        """The next run or model beside this one."""
-        self.query_one(Beside).cycle()
+        """Show the next run or model as second curve."""
+        self.query_one(SecondCurve).cycle()
 
-    @on(Beside.Offered)
-    def _draw_beside(self, event: Beside.Offered) -> None:
+    @on(SecondCurve.Offered)
+    def _draw_second(self, event: SecondCurve.Offered) -> None:
         self._draw(event.news)
 
     def action_start_at(self, steps: int) -> None:
@@ -234,7 +234,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
             slider, step = self.query_one(Slider), SETTINGS.start_step_s
             slider.maximum = step * int(max(shown.t[-1] - step, 0.0) / step)
             slider.value = 0.0
-            self._offer_beside()
+            self._offer_second()
         self._draw()
 
     @on(Slider.Changed)
@@ -276,12 +276,12 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         picker.prompt = "choose a run"
         picker.set_options([(Content(_label(comparison)), i) for i, comparison in enumerate(self._comparisons)])
         picker.value = min(here, len(self._comparisons) - 1)
-        self._offer_beside()
+        self._offer_second()
 
-    def _offer_beside(self) -> None:
+    def _offer_second(self) -> None:
         number = self.query_one("#run", Select).value
         names = [_label(comparison) for comparison in self._comparisons]
-        self.query_one(Beside).offer(self._comparisons, names, number if isinstance(number, int) else 0)
+        self.query_one(SecondCurve).offer(self._comparisons, names, number if isinstance(number, int) else 0)
 
     def _arrange(self) -> None:
         view = self.query_one("#view", Select).value
@@ -301,10 +301,10 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         horizon = [Mark(freely.horizon_s, f"horizon {freely.horizon_s:.2f} s")] if _ends_before(freely, shown) else []
         self._draw_angle(shown, freely, axis, horizon)
         self._draw_error(shown, freely, axis, horizon)
-        said = _figures(shown, self.workspace.unit) + (f"  {news}" if news else "")
-        if (beside := self.query_one(Beside).chosen) is not None:
-            said += f"\nbeside: {_figures(beside, self.workspace.unit)}"
-        self.say(said)
+        text = _figures(shown, self.workspace.unit) + (f"  {news}" if news else "")
+        if (second := self.query_one(SecondCurve).chosen) is not None:
+            text += f"\nsecond: {_figures(second, self.workspace.unit)}"
+        self.say(text)
 
     def _free_run(self, shown: "Comparison") -> "FreeRun":
         """The free run from where the slider stands; the last one known while that is being simulated."""
@@ -319,10 +319,10 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         measured = Series("measured", shown.t, unit.per_rad * shown.measured[:, axis], on_top=True)
         simulated = Series("free run", freely.t, unit.per_rad * freely.theta[:, axis], "secondary")
         lines = [measured, simulated]
-        if (beside := self.query_one(Beside).chosen) is not None:
-            same_run = beside.run == shown.run
-            theta = beside.free_run if same_run else beside.measured
-            lines.append(Series(_name_beside(same_run), beside.t, unit.per_rad * theta[:, axis], "accent"))
+        if (second := self.query_one(SecondCurve).chosen) is not None:
+            same_run = second.run == shown.run
+            theta = second.free_run if same_run else second.measured
+            lines.append(Series(_second_name(same_run), second.t, unit.per_rad * theta[:, axis], "accent"))
         self.query_one("#angle", Chart).show(
             lines,
             x_label="time (s)",
@@ -342,7 +342,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         else:
             t, error, marks = shown.t, shown.segment_residual[:, axis], []
         self.query_one("#error", Chart).show(
-            [Series("residual", t, unit.small_per_rad * error), *self._error_beside(shown, axis, freely_seen)],
+            [Series("residual", t, unit.small_per_rad * error), *self._second_error(shown, axis, freely_seen)],
             x_label="time (s)",
             y_label=f"{AXES[axis]} ({unit.small})",
             marks=marks,
@@ -350,22 +350,22 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
             x_range=(float(shown.t[0]), float(shown.t[-1])),
         )
 
-    def _error_beside(self, shown: "Comparison", axis: int, freely: bool) -> list[Series]:
+    def _second_error(self, shown: "Comparison", axis: int, freely: bool) -> list[Series]:
         """What the second run or model leaves, from the release."""
-        beside = self.query_one(Beside).chosen
-        if beside is None:
+        second = self.query_one(SecondCurve).chosen
+        if second is None:
             return []
-        near = beside.t <= (beside.horizon_s if freely else beside.t[-1])
-        error = (beside.free_run_error if freely else beside.segment_residual)[near, axis]
-        name = _name_beside(beside.run == shown.run)
-        return [Series(name, beside.t[near], self.workspace.unit.small_per_rad * error, "accent")]
+        near = second.t <= (second.horizon_s if freely else second.t[-1])
+        error = (second.free_run_error if freely else second.segment_residual)[near, axis]
+        name = _second_name(second.run == shown.run)
+        return [Series(name, second.t[near], self.workspace.unit.small_per_rad * error, "accent")]
 
     def say(self, text: str) -> None:
         """Show a sentence in the place of the figures."""
         self.query_one("#figures", Static).update(text)
 
 
-def _name_beside(same_run: bool) -> str:
+def _second_name(same_run: bool) -> str:
     return "2nd model" if same_run else "other run"
 
 

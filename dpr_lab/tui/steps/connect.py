@@ -44,7 +44,7 @@ Choose where the device is: a link from the list, or a URL of your own (`{{conne
 
 {LINKS}
 - a simulated rig, to try everything without hardware: `{{connect.simulate}}`; a rig that is connected is let go only
-  after you said yes
+  after you confirmed
 
 `{{connect.exercise}}` lets the device stream for two seconds: what arrives, what is lost, and how well its clock
 follows this computer's. That closes the latch, and leaves it closed.

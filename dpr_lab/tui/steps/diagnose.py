@@ -48,7 +48,7 @@ STAGES_S: Mapping[str, float] = {
 """How long a stage takes for each release of 10 s where one effect or two are named, s, measured on two cores."""
 
 STEADY = ("bare model", "how far", "evidence")
-"""Stages that take as long whatever is found."""
+"""Stages whose time does not depend on the result."""
 
 NONE_LEFT = "every selected run is held out: hold out fewer ({diagnose.hold_out}), or select more ({app.browse})"
 
@@ -201,7 +201,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
 
     def report(self) -> Path | None:
-        """Beside the diagnosis that is shown."""
+        """The view next to the diagnosis."""
         return self._shown.with_name("diagnosis.html") if self._shown is not None else None
 
     def action_hold_out(self) -> None:
@@ -326,11 +326,11 @@ def _effect(row: Sequence[str]) -> Group:
     from dpr_lab.report.gap import tables as gap_tables
 
     name, twins, probability, share, parameters = row
-    told = f": probability {probability}, {share} of the excess comes back without it"
-    below = [f"cannot be told from: {twins}"] if twins != gap_tables.ALONE else []
+    figures = f": probability {probability}, unique contribution {share}"
+    below = [f"indistinguishable from: {twins}"] if twins != gap_tables.ALONE else []
     below.append(f"size, 90 % interval: {parameters}")
     indented = (Padding(Text(line), (0, 0, 0, 4)) for line in below)
-    return Group(Text(name, "bold").append(told, "not bold"), *indented, "")
+    return Group(Text(name, "bold").append(figures, "not bold"), *indented, "")
 
 
 def _far(found: "Diagnosis", unit: AngleUnit) -> Group:

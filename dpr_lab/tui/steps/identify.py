@@ -43,7 +43,7 @@ class IdentifyStep(JobStep):
 Finds the kinetic parameters from the selected runs: a global search inside the rig file's bounds, then a local fit that
 goes to the noise floor.
 
-- **objective** `segments` starts anew every quarter second, so that chaos cannot spoil the search; `paper` is the
+- **objective** `segments` restarts every quarter second, so that chaos cannot spoil the search; `paper` is the
   paper's E(Z), one free run over the whole record.
 - **search** is the algorithm, **seed** makes it repeatable.
 - **torques** (`{identify.torque}`): where runs hold measured and commanded ones, which of them drove the joints.

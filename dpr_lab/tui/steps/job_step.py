@@ -92,7 +92,7 @@ class JobStep(Step):
         return f"{text}, {pace}" if pace else text
 
     def pace(self, now: float) -> str:
-        """How long it will go on by what it told so far, where the last time says nothing; empty while that is open."""
+        """Remaining time estimated from its progress, where no earlier run shows it; empty while unknown."""
         return ""
 
     def made(self) -> None:
@@ -135,7 +135,7 @@ class JobStep(Step):
         """The job is done."""
 
     def ended(self, why: str) -> None:
-        """The job ended without a result; why has been told already where it is an error."""
+        """The job ended without a result; an error has been shown already."""
 
     def at_stake(self) -> str:
         """The work that runs."""

@@ -65,7 +65,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return ""
 
     def stale(self) -> str:
-        """What changed since the result was made, and the key that makes it anew; empty while it holds."""
+        """What changed since the result was made, and the key that repeats it; empty while it is current."""
         return ""
 
     @property

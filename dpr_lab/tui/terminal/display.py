@@ -66,7 +66,7 @@ class Display:
         self._send_soon()
 
     def confirmed(self, column: int, row: int) -> None:
-        """The terminal said where the cursor is, from 0."""
+        """The terminal reported where the cursor is, from 0."""
         now = time.monotonic()
         for number in [n for n in range(max(self._number - 64, 0), self._number + 1) if self._cell(n) == (column, row)]:
             round_trip = self._pace.confirmed(number, now)

@@ -13,7 +13,7 @@ class TerminalWriterSettings:
     """How it writes and ends."""
 
     at_once: int = 512
-    """Bytes handed to the terminal at a time; between two of them it can be told to give up."""
+    """Bytes handed to the terminal at a time; between two of them it can be stopped."""
     patience_s: float = 3.0
     """How long the end waits for a slow terminal to take what is left."""
     grace_s: float = 0.5

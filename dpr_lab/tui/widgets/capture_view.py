@@ -71,7 +71,7 @@ class CaptureState:
 
     @property
     def all_done(self) -> bool:
-        """Whether every pose is recorded as often as it is wanted, and none anew."""
+        """Whether every pose is recorded as often as it is wanted, and none is being repeated."""
         recorded = bool(self.done) and all(number >= self.repeats for number in self.done.values())
         return self.attempt is None and recorded
 

@@ -21,7 +21,7 @@ from textual_plot.plot_widget import Legend
 from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.widgets.canvas import PlainCanvas
 from dpr_lab.tui.widgets.chart_scale import Array, even_ticks, moved, pieces, range_of, visible, zoomed
-from dpr_lab.tui.widgets.cursors import Cursors, begun, readings
+from dpr_lab.tui.widgets.cursors import Cursors, first_cursors, readings
 
 Tone = Literal["primary", "secondary", "accent", "foreground", "success", "warning", "error"]
 
@@ -45,7 +45,7 @@ SETTINGS = ChartSettings()
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One line: told apart by its name at its end as well as by the theme's colour."""
+    """One line: distinguished by its name at its end as well as by the theme's colour."""
 
     label: str
     x: Array
@@ -239,7 +239,9 @@ class Chart(Vertical, can_focus=True):
     def action_cursors(self) -> None:
         """Two cursors, the first to be moved; then the second; then none."""
         cursors = self._cursors
-        self._cursors = begun(self.view[0]) if cursors is None else cursors.second() if cursors.moving == 0 else None
+        self._cursors = (
+            first_cursors(self.view[0]) if cursors is None else cursors.second() if cursors.moving == 0 else None
+        )
         self._draw_soon()
 
     def action_cursor(self, columns: int) -> None:

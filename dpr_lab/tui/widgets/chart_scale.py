@@ -37,7 +37,7 @@ def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
 
 
 def smallest(low: float, high: float) -> float:
-    """The narrowest view whose ticks can still be told apart in floating point."""
+    """The narrowest view whose ticks can still be distinguished in floating point."""
     return SETTINGS.narrowest * max(abs(low), abs(high), SETTINGS.narrowest)
 
 

@@ -9,7 +9,7 @@ from dpr_lab.acquisition.capture import in_file_name
 from dpr_lab.storage.sidecar import note_of, sidecar_of
 
 ASIDE = "aside"
-"""Folder beside the runs for recordings that the operator repeated; nothing is deleted."""
+"""Folder next to the runs for recordings that the operator repeated; nothing is deleted."""
 
 
 def kept(runs: Iterable[Path], poses: Iterable[str]) -> dict[str, int]:

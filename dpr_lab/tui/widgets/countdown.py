@@ -134,9 +134,9 @@ class Countdown(ModalScreen[bool]):
             await self._come_into_sight()
             for left in range(self.SECONDS, 0, -1):
                 self.query_one(Digits).update(str(left))
-                begun = time.monotonic()
+                started = time.monotonic()
                 await self._be_seen()
-                await asyncio.sleep(max(begun + self.SECOND_S - time.monotonic(), 0.0))
+                await asyncio.sleep(max(started + self.SECOND_S - time.monotonic(), 0.0))
             await self._be_seen()
             if self._sight.multiplexer != self._multiplexer:
                 raise SafetyStop(f"{self._sight.multiplexer} answered only now for the terminal: try again")

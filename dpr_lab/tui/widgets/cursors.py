@@ -30,7 +30,7 @@ class Cursors:
         return replace(self, moving=1)
 
 
-def begun(x_view: tuple[float, float]) -> Cursors:
+def first_cursors(x_view: tuple[float, float]) -> Cursors:
     """Both in view: at a third and two thirds of it."""
     low, high = x_view
     return Cursors((low + (high - low) / 3, high - (high - low) / 3))

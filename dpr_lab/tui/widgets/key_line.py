@@ -11,7 +11,7 @@ from textual.widget import Widget
 class KeyLine(Widget):
     """The active keys in one text, drawn in the same frame as what they belong to.
 
-    Textual's footer has a widget for each key and makes them anew some frames after the focus moved: until then it
+    Textual's footer has a widget for each key and makes them again some frames after the focus moved: until then it
     shows the keys of the step before.
     """
 

@@ -1,4 +1,4 @@
-"""What the operator reads while placing the rods: each angle beside the one wanted, rest, latch, losses."""
+"""What the operator reads while placing the rods: each angle and its target, rest, latch, losses."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -53,8 +53,8 @@ Choose runs: `{runs.choose}` takes the one under the cursor or leaves it, `{runs
 from before. `{runs.filter}` shows only those with the words you write.
 
 `{runs.verify}` checks the file under the cursor: hash, chunks, ticks, end. `{runs.export}` writes it in another format,
-to `exports/` beside the folder of the runs. `{runs.recover}` writes what a cut run still holds as a whole file.
-`{runs.note}` edits the note of the run under the cursor; it is kept beside the file, which never changes.
+to `exports/` next to the folder of the runs. `{runs.recover}` writes what a cut run still holds as a whole file.
+`{runs.note}` edits the note of the run under the cursor; it is kept in a file of its own; the run file never changes.
 
 `{runs.import}` ends with this choice and imports a table of another logger, which is then chosen too.
 
@@ -62,7 +62,7 @@ to `exports/` beside the folder of the runs. `{runs.recover}` writes what a cut 
 looked at before; what is chosen stays chosen.
 
 A run whose state is *cut* ends before it was finished and gives the samples up to there; one that is *unreadable* gives
-none. Why is said below the list.
+none. The reason stands below the list.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "accept", "Use", id="runs.accept", priority=True),
@@ -199,7 +199,7 @@ none. Why is said below the list.
             self.app.push_screen(FormatScreen(), partial(self._export, path))
 
     def action_recover(self) -> None:
-        """Write what a cut run still holds as a whole file beside it."""
+        """Write what a cut run still holds as a whole file in the same folder."""
         if (path := self._here) is not None:
             out = path.with_name(f"{path.stem}-recovered{path.suffix}")
             self._say(f"recovering {path.name}")

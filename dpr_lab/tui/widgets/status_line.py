@@ -53,7 +53,7 @@ class StatusLine(Static):
 
 
 def _rests(work: Sequence[str], folder: Path) -> Iterator[list[Content]]:
-    """Work and folder, from all that can be said of them to the least."""
+    """Work and folder, from the longest text to the shortest."""
     shorter = (work, work, [text.partition(",")[0] for text in work], [text.partition(" ")[0] for text in work])
     for k, texts in enumerate(shorter):
         shown = [Content.styled(f"▸ {', '.join(texts)}", "bold $primary")] if texts else []

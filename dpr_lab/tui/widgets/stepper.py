@@ -25,7 +25,7 @@ class StepStatus:
 
     @property
     def symbol(self) -> str:
-        """One character, beside the word."""
+        """One character, shown with the word."""
         if self.here:
             return HERE
         if self.outcome and self.stale:
@@ -51,9 +51,9 @@ class Stepper(Static):
             next_key: the key that leads on
             report_key: the key that opens the page that the step wrote; empty where there is none
         """
-        told = len(steps)
-        while (row := _row(steps, told)).cell_len > max(self.app.size.width - 2, 1) and told > 0:
-            told -= 1
+        shown = len(steps)
+        while (row := _row(steps, shown)).cell_len > max(self.app.size.width - 2, 1) and shown > 0:
+            shown -= 1
         self.update(Text("\n", no_wrap=True, overflow="ellipsis").join([row, _words(steps, next_key, report_key)]))
 
     def action_choose(self, number: int) -> None:
@@ -61,9 +61,9 @@ class Stepper(Static):
         self.post_message(self.Chosen(number))
 
 
-def _row(steps: Sequence[StepStatus], told: int) -> Text:
+def _row(steps: Sequence[StepStatus], shown: int) -> Text:
     """The steps side by side; the first of those with an outcome tell it."""
-    row, left = Text(no_wrap=True, overflow="ellipsis"), told
+    row, left = Text(no_wrap=True, overflow="ellipsis"), shown
     for number, step in enumerate(steps, 1):
         outcome = f" ({step.outcome})" if step.outcome and left > 0 else ""
         left -= bool(step.outcome)

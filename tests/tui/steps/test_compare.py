@@ -14,8 +14,8 @@ from dpr_lab.identification.model import Model, load_model
 from dpr_lab.rig import Rig
 from dpr_lab.storage.reader import load_run, stored_rig
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
-from dpr_lab.tui.steps.beside import Beside
 from dpr_lab.tui.steps.compare import CompareStep
+from dpr_lab.tui.steps.second_curve import SecondCurve
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.slider import Slider
 from dpr_lab.tui.widgets.stepper import Stepper
@@ -242,14 +242,14 @@ async def test_two_runs_stand_in_one_plot(lab) -> None:
         await pilot.pause()
         drawn = series(pilot.app, "#angle")
         assert np.allclose(drawn["other run"], np.degrees(second.measured[:, 1]))
-        assert "beside: held out" in figures(pilot.app)
+        assert "second: held out" in figures(pilot.app)
         await pilot.press("v")
         await pilot.pause()
         assert set(series(pilot.app, "#error")) == {"residual", "other run"}
         await pilot.press("O")
         await pilot.pause()
         assert set(series(pilot.app, "#error")) == {"residual"}
-        assert "beside" not in figures(pilot.app)
+        assert "second:" not in figures(pilot.app)
 
 
 @pytest.mark.slow
@@ -258,16 +258,16 @@ async def test_the_same_run_by_two_models_stands_in_one_plot(lab) -> None:
         shown, by_other = swing("first", 3.2), swing("first", 4.0)
         step(pilot.app).show([shown])
         await pilot.pause()
-        beside = pilot.app.query_one(Beside)
-        beside._model = {"first": by_other}
-        step(pilot.app)._offer_beside()
+        second = pilot.app.query_one(SecondCurve)
+        second._model = {"first": by_other}
+        step(pilot.app)._offer_second()
         await pilot.press("O")
         await pilot.pause()
         assert np.allclose(series(pilot.app, "#angle")["2nd model"], np.degrees(by_other.free_run[:, 1]))
 
 
 @pytest.mark.long
-async def test_another_models_file_is_simulated_beside(
+async def test_another_models_file_is_simulated_as_second_curve(
     lab, until, recorded: list[Path], modelled: Path, tmp_path: Path
 ) -> None:
     other = tmp_path / "other.json"

@@ -1,4 +1,4 @@
-"""What stands beside the run that Compare shows: another run, or the same run by another model."""
+"""Second curve of Compare: another run, or the same run by another model."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,7 +28,7 @@ NOTHING, OTHER_MODEL = -1, -2
 """What can be chosen besides the other runs, which are chosen by their numbers."""
 
 
-class Beside(Guarded, Horizontal):
+class SecondCurve(Guarded, Horizontal):
     """A list to choose from, and a field for another model's file.
 
     Args:
@@ -36,13 +36,13 @@ class Beside(Guarded, Horizontal):
     """
 
     DEFAULT_CSS = """
-    Beside { height: 1; }
-    Beside Select { width: 2fr; margin-right: 1; }
-    Beside Input { width: 1fr; }
+    SecondCurve { height: 1; }
+    SecondCurve Select { width: 2fr; margin-right: 1; }
+    SecondCurve Input { width: 1fr; }
     """
 
     class Offered(Message):
-        """Something else stands beside the run, or is being simulated."""
+        """The second curve changed, or is being simulated."""
 
         def __init__(self, news: str = "") -> None:
             super().__init__()
@@ -60,17 +60,17 @@ class Beside(Guarded, Horizontal):
 
     def compose(self) -> ComposeResult:
         """List and field."""
-        yield Select([("beside: nothing", NOTHING)], value=NOTHING, allow_blank=False, id="beside", compact=True)
+        yield Select([("second curve: none", NOTHING)], value=NOTHING, allow_blank=False, id="beside", compact=True)
         hint = self._services.keys.fill("another model ({compare.edit})")
         yield Input(placeholder=hint, id="other", suggester=PathSuggester(".json"), compact=True)
 
     def offer(self, runs: "Sequence[Comparison]", names: Sequence[str], shown: int) -> None:
         """Offer these runs but for the one that is shown."""
         self._runs, self._names, self._shown = runs, names, shown
-        options = [(Content("beside: nothing"), NOTHING)]
-        options += [(Content(f"beside: {name}"), i) for i, name in enumerate(names) if i != shown]
+        options = [(Content("second curve: none"), NOTHING)]
+        options += [(Content(f"second curve: {name}"), i) for i, name in enumerate(names) if i != shown]
         if self._model:
-            options.append((Content(f"beside: the model {Path(self._field.value).name}"), OTHER_MODEL))
+            options.append((Content(f"second curve: the model {Path(self._field.value).name}"), OTHER_MODEL))
         if options != self._offered:
             picker, self._offered = self.query_one(Select), options
             here = picker.value
