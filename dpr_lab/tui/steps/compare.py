@@ -382,7 +382,7 @@ def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
     until = "to the end of the record" if to_the_end(comparison) else f"up to {row['horizon (s)']} s"
     return (
         f"{row['role']}, {row['segments']} segments, θ1, θ2: rms {row['rms (mrad)']} {unit.small},"
-        f" {row['times noise']} times the noise; free run from the release {row['free run (mrad)']} {unit.small}"
+        f" {row['rms / noise']} times the noise; free run from the release {row['free run (mrad)']} {unit.small}"
         f" {until}"
     )
 

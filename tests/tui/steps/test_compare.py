@@ -66,7 +66,7 @@ async def test_runs_are_compared_as_the_command_does(lab, until, recorded: list[
         assert all(Path(figure).read_bytes().startswith(b"\x89PNG") for figure in saved["figures"].values())
         assert step(pilot.app).outcome() == "3 runs"
         assert step(pilot.app).at_stake() == ""
-        assert figures(pilot.app).startswith("used, 6 segments")
+        assert figures(pilot.app).startswith("fitted, 6 segments")
 
 
 @pytest.mark.slow
@@ -97,7 +97,7 @@ async def test_another_model_makes_a_comparison_stale_and_a_key_makes_it_anew(
         pilot.app.action_go(1)
         await pilot.pause()
         assert "STALE, model, runs or torques changed; s: run again" in str(pilot.app.query_one(Stepper).render())
-        assert "used" in figures(pilot.app)  # what was compared stays readable
+        assert "fitted" in figures(pilot.app)  # what was compared stays readable
         await pilot.press("s")
         await until(pilot, lambda: figures(pilot.app).startswith("held out"))
         await until(pilot, lambda: "STALE" not in str(pilot.app.query_one(Stepper).render()))
