@@ -115,7 +115,7 @@ def _hold(options: argparse.Namespace) -> int:
     from sim_device.trials.trial import drawn_trial
 
     trial = drawn_trial(_chosen(options), parse_rig(json.loads(sys.stdin.readline())))
-    print(json.dumps(trial.told(direct=True)), flush=True)
+    print(json.dumps(trial.report(direct=True)), flush=True)
     if sys.stdin.readline():
         print(json.dumps(trial.kept), flush=True)
     return 0

@@ -71,7 +71,7 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
         clock_rate=clock.rate,
         faults=faults,
         drives=drives,
-        ready=warm_up(plant, rig, beside=at_once and not clock.simulated),
+        ready=warm_up(plant, rig, in_background=at_once and not clock.simulated),
     )
     info = identity(rig, options.uid, link.address.rate_max_hz // frames, clock.simulated)
     return board(faults.identity(with_drives(info, drives)), rods, clock, faults), link, faults

@@ -1,4 +1,4 @@
-"""What moves a plant is compiled before the rods are let go: at once, or in a process beside a device that answers.
+"""What moves a plant is compiled before the rods are let go: at once, or in another process while the device answers.
 
 A computer that never ran these kernels takes long for them, and a host waits seconds for an answer at most. A thread
 would not do: while it compiles, the device says nothing for a second at a time.
@@ -21,19 +21,19 @@ from sim_device.plant.hidden import HiddenPlant, plant_of
 from sim_device.plant.plant import Plant
 
 
-def warm_up(plant: HiddenPlant, rig: Rig, *, beside: bool) -> Callable[[], bool]:
+def warm_up(plant: HiddenPlant, rig: Rig, *, in_background: bool) -> Callable[[], bool]:
     """Have everything compiled that a plant needs.
 
     Args:
         plant: whose kernels
         rig: the rig that it is of
-        beside: whether to leave that for later where it takes long
+        in_background: whether to leave that for later where it takes long
 
     Returns:
-        tells whether the rods can be let go; what was left is begun when this is first called
+        whether the rods can be let go; the compilation starts at the first call
     """
     plant.misread(np.zeros((1, JOINTS)), np.zeros(1), 0)  # a device looks at its rods from the beginning
-    if not beside or CACHE is None or simulator_compiled() or not isinstance(plant, Plant):
+    if not in_background or CACHE is None or simulator_compiled() or not isinstance(plant, Plant):
         _swing_once(plant)
         return lambda: True
     return _Compiling(plant, rig)

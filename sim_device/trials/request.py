@@ -4,7 +4,7 @@
     pair     two, the smaller a fifth as visible   outside   one that the library does not hold
     triple   three, 1 : 0.45 : 0.2                 clean     none
     dirty    one or none, and faulty encoders       any       one of these
-    driven   joints driven by torques that are told, their drives with a fault or none; only where asked for
+    driven   joints driven by torques that are reported, their drives with a fault or none; only where asked for
 
 Sizes are drawn as the gap they open (`sim_device.trials.gap_size`): at least twice the noise where they should be
 `clear`, half to one and a half times where they should be `subtle`.

@@ -48,12 +48,12 @@ def salted(plant: "HiddenPlant", drawn: dict[str, Any]) -> dict[str, Any]:
     return {"salt": secrets.token_hex(16), "truth": truth(plant) | {"drawn": drawn}}
 
 
-def keep(plant: "PlantConfig", told: dict[str, Any], folder: Path, drives: "JointDrives | None" = None) -> None:
+def keep(plant: "PlantConfig", truth: dict[str, Any], folder: Path, drives: "JointDrives | None" = None) -> None:
     """Keep a plant and its salted truth in a folder.
 
     Args:
         plant: what is sealed
-        told: of `salted`
+        truth: of `salted`
         folder: made here, for the device alone
         drives: on its joints, if any
 
@@ -68,7 +68,7 @@ def keep(plant: "PlantConfig", told: dict[str, Any], folder: Path, drives: "Join
         (folder / SEALED_FILE.name).write_text(toml_text(plant.model_dump(mode="json")), encoding="utf-8")
         if drives is not None:
             write_table(drives, folder / SEALED_TORQUES.name)
-        (folder / TRUTH).write_text(json.dumps(told), encoding="utf-8")
+        (folder / TRUTH).write_text(json.dumps(truth), encoding="utf-8")
     except FileExistsError as error:
         raise ConfigError(f"{folder}: is there already; a sealed plant is never replaced") from error
     except OSError as error:

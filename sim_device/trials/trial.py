@@ -35,7 +35,7 @@ class DrawnTrial:
     drives: JointDrives | None = None
     """On its joints; none: free swings."""
 
-    def told(self, direct: bool) -> dict[str, Any]:
+    def report(self, direct: bool) -> dict[str, Any]:
         """`seal`; `rig`, the rig file as TOML text; `runs` where asked for: pose, rate, lost, time, counts, torques."""
         public = {"seal": seal(self.kept["truth"], self.kept["salt"]), "rig": _rig_file(self.rig)}
         return public | ({"runs": _runs(self)} if direct else {})
@@ -69,14 +69,14 @@ def sealed_trial(options: Options, folder: Path, direct: bool = False) -> dict[s
         direct: whether to record the plant at once, without device and link
 
     Returns:
-        See `DrawnTrial.told`.
+        See `DrawnTrial.report`.
 
     Raises:
         ConfigError: nothing that could be drawn, or the folder is there already.
     """
     trial = drawn_trial(options, load_rig(options.rig))
     keep(trial.plant, trial.kept, folder, trial.drives)
-    return trial.told(direct)
+    return trial.report(direct)
 
 
 def _rig_file(rig: Rig) -> str:

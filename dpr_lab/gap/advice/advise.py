@@ -184,7 +184,7 @@ def told_bits(likely: Sequence[float], apart: float) -> float:
     """Bits by which a check is expected to lower the uncertainty between two causes, times how likely either is.
 
     A log likelihood ratio is normal with mean +-d^2/2 and variance d^2, where d standard deviations lie between what
-    the causes foretell.
+    the causes predict.
 
     Args:
         likely: (2,) probabilities, which need not add up to one

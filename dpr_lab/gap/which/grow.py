@@ -41,14 +41,14 @@ class Beam:
 BEAM = Beam()
 
 
-def grow(search: ModelSearch, begun: Hypothesis, max_effects: int, *, to_floor: bool = False) -> Hypothesis:
-    """The best set on the way from `begun` to `max_effects`, or as far as one effect more is worth it.
+def grow(search: ModelSearch, start: Hypothesis, max_effects: int, *, to_floor: bool = False) -> Hypothesis:
+    """The best set on the way from `start` to `max_effects`, or as far as one effect more is worth it.
 
     Far from the noise one effect that does not help alone is passed: causes of one size may only help together. With
     `to_floor` growth ends where nothing but noise is left: longer segments show what else there is.
     """
-    best, front, alone = begun, [begun], False
-    for _ in range(max_effects - len(search.unexpected(begun))):
+    best, front, alone = start, [start], False
+    for _ in range(max_effects - len(search.unexpected(start))):
         level: dict[frozenset[str], Hypothesis] = {}
         for at in front:
             for item in _one_more(search, at, level):

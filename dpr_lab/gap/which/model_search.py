@@ -1,6 +1,6 @@
 """The search's memory: sets of effects and their fits, each made once, with the ways out of local minima.
 
-A fit far from the noise may end where a few segments, or long ones, hold it. So an effect is begun from several shapes,
+A fit far from the noise may end where a few or long segments hold it. So an effect is started from several shapes,
 from short segments, from the set above and from the set below, and the best of these counts.
 """
 
@@ -84,7 +84,7 @@ class ModelSearch:
         """Effects of a set that nothing but the recordings speaks for."""
         return [name for name in at.effects if name not in self.expected]
 
-    def begun(self) -> Hypothesis:
+    def start(self) -> Hypothesis:
         """The bare model with what the rig is known to have and these recordings show, the most telling first."""
         at = self.bare
         while scores := [item for item in self.test(at).ranking if item.effect.name in self.expected and item.gain > 0]:
@@ -119,8 +119,8 @@ class ModelSearch:
         starts = test.shaped[item.effect.name][: EFFORT.starts if leading else 1]
         if item.effect.event or len(starts) == 1:
             return refit_with(self.problem, at, test, item, EFFORT.rough if far_from_noise(at) else EFFORT.fine)
-        begun = [begun_with(self.problem, at, test, start, EFFORT.glimpse) for start in starts]
-        best = min(begun, key=lambda one: one.chi2)
+        glimpses = [begun_with(self.problem, at, test, start, EFFORT.glimpse) for start in starts]
+        best = min(glimpses, key=lambda glimpse: glimpse.chi2)
         return refit_with(self.problem, at, test, item, EFFORT.thorough, best)
 
     def short(self) -> tuple[Problem, NDArray[np.float64]]:
@@ -145,8 +145,8 @@ class ModelSearch:
     def _lengthened(self, near: Fit, initial: NDArray[np.float64], iterations: int) -> Fit:
         """A fit in short segments carried on to these; they begin at `initial` where the short ones say nothing."""
         cut, _ = self.short()
-        begun = carried(cut.segments, near.estimate.initial, self.problem.segments, initial)
-        return fit(self.problem, near.estimate.changed(initial=begun), near.free, iterations=iterations)
+        initial_states = carried(cut.segments, near.estimate.initial, self.problem.segments, initial)
+        return fit(self.problem, near.estimate.changed(initial=initial_states), near.free, iterations=iterations)
 
     def escaped(self, at: Hypothesis) -> Hypothesis:
         """The same set, tried once more where a few segments, or long ones, may hold it at a local minimum."""
@@ -179,7 +179,7 @@ class ModelSearch:
         return self.fitted[key]
 
     def replaced(self, at: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-        """The set with another effect in the place of one, begun without either and with both; None if it has no score.
+        """The set with another effect replacing one, started without either and with both; None if it has no score.
 
         Of two related effects the one takes over what the other explains, where a fit from neither may get lost.
         """
@@ -189,9 +189,9 @@ class ModelSearch:
             return None
         found = self.with_one(less, item)
         if at_noise_floor(at) and not at_noise_floor(found):
-            beside = self.test(at).of(other)
-            if beside is not None:
-                both = refit_with(self.problem, at, self.test(at), beside, iterations=0)
+            score = self.test(at).of(other)
+            if score is not None:
+                both = refit_with(self.problem, at, self.test(at), score, iterations=0)
                 found = min(found, refit_without(self.problem, both, effect, self.bare), key=_chi2)
                 self.fitted[found.key] = found
         return found

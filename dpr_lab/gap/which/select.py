@@ -104,7 +104,7 @@ def _selected(
 ) -> Selection:
     known = frozenset(expected) & set(library)
     search = ModelSearch(recordings, problem, library, {base.key: base}, {}, on_progress, known, unseen_chi2)
-    begun = _begun_short(search, max_effects) if far_from_noise(base) else search.begun()
+    begun = _begun_short(search, max_effects) if far_from_noise(base) else search.start()
     grown = leanest(search, grow(search, begun, max_effects))
     chosen = _simplify(search, _enrich(search, _prune(search, grown)))
     chosen = _prune(search, _exchange(search, chosen))
@@ -126,7 +126,7 @@ def _selected(
 def _begun_short(search: ModelSearch, max_effects: int) -> Hypothesis:
     """The set that short segments ask for: a gap far above the noise bends longer ones beyond what a fit can follow."""
     near = search.on_short()
-    found = leanest(near, grow(near, near.begun(), max_effects, to_floor=True))
+    found = leanest(near, grow(near, near.start(), max_effects, to_floor=True))
     found = _simplify(near, _prune(near, found))
     carried = search.carried_over(found) if found.effects else search.bare
     return min(carried, search.bare, key=lambda item: item.cost)
