@@ -1,6 +1,7 @@
 """Errors inside a widget are shown and logged; the widget lives on."""
 
 import traceback
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,8 +19,15 @@ class Guarded(MessagePump):
             self.app._handle_exception(error)
 
 
-LARGEST_LOG = 1_000_000
-"""Bytes of `errors.log` from which it becomes `errors.log.1`, which replaces the one before."""
+@dataclass(frozen=True, slots=True)
+class ErrorLogSettings:
+    """Size of the log of errors."""
+
+    largest: int = 1_000_000
+    """Bytes of `errors.log` from which it becomes `errors.log.1`, which replaces the one before."""
+
+
+ERROR_LOG = ErrorLogSettings()
 
 
 def log(error: Exception, folder: Path) -> str:
@@ -27,7 +35,7 @@ def log(error: Exception, folder: Path) -> str:
     file = folder / "errors.log"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if file.exists() and file.stat().st_size > LARGEST_LOG:
+        if file.exists() and file.stat().st_size > ERROR_LOG.largest:
             file.replace(file.with_name("errors.log.1"))
         with file.open("a", encoding="utf-8") as lines:
             lines.write(f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}\n{''.join(traceback.format_exception(error))}\n")

@@ -103,6 +103,4 @@ def test_a_rate_the_link_cannot_carry_is_refused_with_the_arithmetic(
     assert said in done.said
     assert "choose at most" in done.said
     shown = {"pty": "serial", "slcan": "CAN"}[link]
-    matrix.show(
-        "a rate that the link cannot carry", shown, done.said, done.code, "no RELEASE was sent and no file created"
-    )
+    matrix.show("a rate that the link cannot carry", shown, done.said, done.code, "no RELEASE sent, no file created")

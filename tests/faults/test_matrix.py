@@ -26,7 +26,7 @@ FLAGGED = "every sample as the encoder gave it; the run is marked degraded"
 MARKED = "every sample; the run is marked degraded"
 UNTIL = "every sample until then, in a file marked as incomplete"
 NO_RELEASE = "the rest before the release, in a file marked as incomplete"
-HELD = "no RELEASE was sent and no file created"
+HELD = "no RELEASE sent, no file created"
 
 
 @dataclass(frozen=True)

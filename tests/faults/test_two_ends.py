@@ -54,7 +54,7 @@ def test_a_uid_that_is_nowhere_is_told_with_what_is_there(serve, operate, tmp_pa
     done = operate(f"serial://{tmp_path}/tty*?uid=dead")
     assert done.code == 4
     assert "device 0000beef00000041" in done.said
-    matrix.show("the UID on no port", "serial", done.said, done.code, "no RELEASE was sent and no file created")
+    matrix.show("the UID on no port", "serial", done.said, done.code, "no RELEASE sent, no file created")
 
 
 @pytest.mark.parametrize("uid", ["", "xyz", "12", "0" * 17])
@@ -71,11 +71,11 @@ def test_another_bit_rate(serve, operate, matrix, link: str, rate: int, wrong: s
     url = serve(link={"serial": "pty", "CAN": "slcan"}[link], baud=rate)
     done = operate(url.partition("?")[0] + "?" + wrong)
     assert (done.code, done.runs) == (4, [])
-    matrix.show("another bit rate set", link, done.said, done.code, "no RELEASE was sent and no file created")
+    matrix.show("another bit rate set", link, done.said, done.code, "no RELEASE sent, no file created")
 
 
 def test_two_devices_under_one_node(serve, operate, matrix) -> None:
     serve(link="virtual:two", uid=1)
     done = operate(serve(link="virtual:two", uid=2))
     assert (done.code, done.runs) == (4, [])
-    matrix.show("two devices on one bus", "CAN, virtual", done.said, done.code, "no RELEASE was sent and no file created")
+    matrix.show("two devices on one bus", "CAN, virtual", done.said, done.code, "no RELEASE sent, no file created")

@@ -9,7 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.base import whole_parameters
 from dpr_lab.errors import IdentificationError, RunError
+from dpr_lab.fitting.estimate import SCALE, unknown_ratios
 from dpr_lab.identification.misread.tried import SETTINGS, better_readings, fitted, impossible, residual, second_look
 from dpr_lab.identification.ratio_fit import RatioFit
 from dpr_lab.rig import Rig
@@ -57,7 +59,10 @@ def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError |
 
 
 def refuse_negative_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None:
-    """Make sure that ratios, and the inertia b that known torques or masses give, are positive.
+    """Make sure that ratios, and the inertia b that known torques or masses give, are positive and finite.
+
+    Torques that contradict the motion send b to infinity of either sign: far beyond the rig file's value it is as
+    impossible as a negative one.
 
     Args:
         unknown: (7,) ratios, b and p/b of a fit
@@ -68,9 +73,11 @@ def refuse_negative_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None
         IdentificationError: they are not; with the likely cause.
     """
     *ratios, b, _ = unknown.tolist()
-    if b > 0 and min(ratios[:3]) > 0:
+    nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
+    if 0 < b < SETTINGS.largest_inertia * nominal and min(ratios[:3]) > 0:
         return
-    wrong = f"the known torques or masses fit only a negative inertia (b = {b:.3g} kg m^2)"
+    kind = "a negative" if b < 0 else "an impossibly large"
+    wrong = f"the known torques or masses fit only {kind} inertia (b = {b:.3g} kg m^2, by the rig file {nominal:.3g})"
     wrong = wrong if min(ratios[:3]) > 0 else impossible(unknown[: len(ratios)], rig)
     hint = second_look(runs, rig).sentence or "Check the signs and units of angles and torques, and the unit of time."
     raise IdentificationError(f"{wrong}. {hint}")

@@ -46,6 +46,8 @@ class MisreadSettings:
     """Of each fit of another reading; the right one converges in ten."""
     thorough: int = 40
     """Of each fit of the recordings as they are read."""
+    largest_inertia: float = 1e4
+    """Times the rig file's inertia b, beyond which known torques contradict the motion."""
 
 
 SETTINGS = MisreadSettings()
