@@ -16,7 +16,7 @@ def conform(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Put the exchanges that every firmware must answer to a device, and watch its timing. Ends with 1 when one fails.
+    """Test a device against the protocol: run every mandatory exchange, measure its timing. Exits with 1 if one fails.
 
     Example: dpr-lab conform sim:// --rods-off
     """

@@ -26,7 +26,7 @@ def demo(
     realtime: Annotated[bool, typer.Option("--realtime", help="Let the device take its ten seconds a swing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is withheld.
+    """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is hidden.
 
     The simulated device is another process with a plant of its own; its true values are asked for only when
     everything else is done. The first demo on a computer compiles the kernels, which takes a minute or two.
@@ -93,7 +93,7 @@ def _show(done: "DemoResult") -> None:
     )
     line(f"report: {known.report}")
     line()
-    line("A plant with a withheld effect")
+    line("Blind trial: a plant with a hidden effect")
     line(f"bare model: residual {withheld.model.fit.chi2_per_dof:.3g} times what the noise allows (1 is noise alone)")
     line(f"diagnosis: {in_words(withheld.diagnosis.sentence)}")
     show_opened(withheld.opened, withheld.trial)

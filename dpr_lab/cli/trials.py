@@ -1,4 +1,4 @@
-"""`dpr-lab trials draw|run|open|campaign`: the diagnosis tried on plants whose effects are withheld."""
+"""`dpr-lab trials draw|run|open|campaign`: blind trials on plants whose effects are hidden."""
 
 import os
 from pathlib import Path
@@ -14,7 +14,7 @@ from dpr_lab.trials.sealing import DRAWN, Kind, Level
 if TYPE_CHECKING:
     from dpr_lab.trials.protocol import Opened, Trial
 
-HELP = """Try the diagnosis on plants whose effects are withheld.
+HELP = """Blind trials: diagnose simulated plants whose effects are hidden.
 
 The simulated device draws a plant and gives away a salted hash of it, the seal. The plant is recorded through the
 protocol and diagnosed; only then is it opened, held against the seal, and scored.
@@ -49,7 +49,7 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")
 @app.command()
 def draw(
     out: Annotated[Path, typer.Option(help="Folder of the trial, new.")],
-    kind: Annotated[Kind, typer.Option(help=f"What is hidden: {HIDDEN}. Any: that is withheld too.")] = Kind.ANY,
+    kind: Annotated[Kind, typer.Option(help=f"What is hidden: {HIDDEN}. Any: the kind is hidden too.")] = Kind.ANY,
     level: Size = Level.CLEAR,
     rig: RigName = "paper",
     plant: PlantName = "paper",
