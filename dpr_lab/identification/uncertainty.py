@@ -75,12 +75,17 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     for. White residuals make both agree, and the information is the exacter of the two, because a chaotic run holds
     most of it in few blocks; correlated residuals make the blocks scatter more. What a wrong model leaves changes
     slowly along a run, so there the 90 % interval is also no narrower than what first and second halves disagree by.
+
+    Raises:
+        LinAlgError: the recordings do not determine the unknowns.
     """
     A, e = ratio_fit.slopes, ratio_fit.fit.linear.e
     H = np.einsum("smi,smj->sij", A, A)
     scores = _block_scores(ratio_fit.problem, A * e[:, :, None])
     free = ratio_fit.unknowns > 0
     bread = np.linalg.inv(H.sum(axis=0)[np.ix_(free, free)])
+    if not (np.diag(bread) > 0.0).all():
+        raise np.linalg.LinAlgError("the information matrix is singular to rounding")
     white = bread * ratio_fit.chi2_per_dof
     own = scores[:, free]
     blocks = len(own) / max(len(own) - len(free), 1) * bread @ own.T @ own @ bread
