@@ -119,6 +119,21 @@ def mutated_tables(seed: int = 1, rig: Rig | None = None) -> list[MutatedTable]:
     return list(_mutated(seed, rig))
 
 
+def doubly_mutated(base: str, sheet: Sheet, seed: int) -> MutatedTable:
+    """A table with two mistakes that are drawn."""
+    rng = np.random.default_rng(seed)
+    while True:
+        first, second = rng.choice(list(MUTATIONS), 2, replace=False).tolist()
+        if not {*NEEDS.get(first, ()), *NEEDS.get(second, ())} <= set(sheet.columns):
+            continue
+        half = MUTATIONS[first](sheet, rng)
+        if isinstance(half, bytes) or not {*NEEDS.get(second, ())} <= set(half.columns) or len(_readings(half)) < 2:
+            continue
+        whole = MUTATIONS[second](half, rng)
+        content, options = (whole, half.options) if isinstance(whole, bytes) else (whole.text(), whole.options)
+        return MutatedTable(f"{base}/{first}+{second}", f"{first}+{second}", content, ImportOptions(**options))
+
+
 def _mutated(seed: int, rig: Rig | None) -> Iterator[MutatedTable]:
     for base, sheet in base_tables(seed, rig).items():
         for number, (name, mutation) in enumerate(MUTATIONS.items()):

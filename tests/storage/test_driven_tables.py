@@ -132,9 +132,23 @@ _PUSHED = np.array([[1.0, 0.0], [-1.0, 1.0]])
 """From torques of the joints to generalised ones."""
 
 
-def test_torques_of_one_joint_or_of_the_other_kind_are_refused(paper: Rig, tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="torques are needed of both joints; there are: tau1_Nm"):
-        import_csv(table(tmp_path, "tau1_Nm", TAU[:, :1]), paper)
+@pytest.mark.parametrize(("driven", "passive"), [(1, 2), (2, 1)])
+def test_a_joint_without_a_torque_column_is_passive(paper: Rig, tmp_path: Path, driven: int, passive: int) -> None:
+    expected = np.zeros_like(TAU)
+    expected[:, driven - 1] = TAU[:, 0]
+    for header, empty in ((f"tau{driven}_Nm", []), (f"tau{driven}_Nm,tau{passive}_Nm", [np.full(len(T), np.nan)])):
+        file = table(tmp_path, header, TAU[:, 0], *empty)
+        run = import_csv(file, paper)
+        assert run.torques == pytest.approx(expected)
+        assert f"joint {passive} has no torque column: taken as passive, with a torque of zero" in run.notes
+        assert "none" in preview(file, paper, ImportOptions()).facts()["torques"]
+
+
+def test_torques_of_the_other_kind_alone_are_refused(paper: Rig, tmp_path: Path) -> None:
+    with pytest.raises(
+        RunError, match=r"joint 2 has a torque \(tau_cmd2\), but none that is measured, as of tau_meas1"
+    ):
+        import_csv(table(tmp_path, "tau_meas1,tau_cmd1,tau_cmd2", TAU, TAU[:, :1]), paper)
     with pytest.raises(RunError, match="has no column of measured torques"):
         import_csv(table(tmp_path, "other", TAU[:, :1]), paper, ImportOptions(torque="measured"))
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.report.plain import as_json
 from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.preview import preview
@@ -39,4 +40,4 @@ def test_no_mistake_in_a_table_ends_in_another_error_than_a_sentence(
         else:
             assert np.isfinite(run.theta).all(), table.name
             assert (np.diff(run.t) > 0).all(), table.name
-            preview(file, paper, table.options).to_json()
+            as_json(preview(file, paper, table.options).to_json())

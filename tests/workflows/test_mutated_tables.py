@@ -20,11 +20,19 @@ from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
 from dpr_lab.workflows.drift import DriftRequest, watch_drift
 from dpr_lab.workflows.identifiability import IdentifiabilityRequest, identifiability
 from dpr_lab.workflows.identify import IdentifyRequest, identify
-from tests.storage.mutated_tables import MUTATIONS, MutatedTable, mutated_tables
+from tests.storage.mutated_tables import (
+    MUTATIONS,
+    MutatedTable,
+    Sheet,
+    base_tables,
+    doubly_mutated,
+    mutated_tables,
+)
 from tests.thinned import thinned
 
 BASES = ("free", "wild", "degrees", "counts", "driven")
 CASES = [f"{base}/{mutation}" for mutation in MUTATIONS for base in BASES]
+SEEDS = 60
 EACH = 37
 """Of some 400 tables, those that `make test` takes."""
 SURE = 0.9
@@ -34,6 +42,11 @@ QUICK = 'algorithm = "iga"\ngenerations = 2\n'
 @pytest.fixture(scope="module")
 def tables(paper: Rig) -> dict[str, MutatedTable]:
     return {table.name: table for table in mutated_tables(rig=paper)}
+
+
+@pytest.fixture(scope="module")
+def sheets(paper: Rig) -> dict[str, Sheet]:
+    return base_tables(rig=paper)
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +76,29 @@ def answer(analysis: Callable[[], Any]) -> Any:
         return None
 
 
+def analysed(table: MutatedTable, paper: Rig, clean: Path, tmp_path: Path) -> dict[str, Any] | None:
+    """The diagnosis of a table that is imported and diagnosed; all analyses answer in finite JSON or in a sentence."""
+    run = tmp_path / "run.mcap"
+    try:
+        import_csv(table.write(tmp_path), paper, table.options, run)
+    except (RunError, ConfigError):
+        return None
+    model = tmp_path / "model.json"
+    settings = str(clean / "quick.toml")
+    if answer(lambda: identify(IdentifyRequest((run,), "paper", model, settings=settings))):
+        assert finite(json.loads(model.read_text()))
+    if known := answer(lambda: identifiability(IdentifiabilityRequest("paper", (run,)))):
+        as_json(known.found.to_json())
+    if compared := answer(lambda: compare(CompareRequest((run,), clean / "model.json", tmp_path / "compared"))):
+        as_json(compared.saved)
+    if drifted := answer(lambda: watch_drift(DriftRequest((clean / "clean.mcap", run), "paper", "label"))):
+        as_json(drifted.to_json())
+    diagnosed = answer(lambda: diagnose(DiagnoseRequest((run,), "paper")))
+    result = diagnosed.to_json() if diagnosed else None
+    assert result is None or finite(json.loads(as_json(result)))
+    return result
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", thinned(CASES, EACH))
@@ -71,22 +107,15 @@ def test_no_mistake_in_a_table_ends_in_a_traceback_or_a_sure_wrong_cause(
 ) -> None:
     if name not in tables:
         pytest.skip("the mutation does not apply to this table")
-    table, run = tables[name], tmp_path / "run.mcap"
-    try:
-        import_csv(table.write(tmp_path), paper, table.options, run)
-    except (RunError, ConfigError):
-        return
-    model = tmp_path / "model.json"
-    settings = str(clean / "quick.toml")
-    if answer(lambda: identify(IdentifyRequest((run,), "paper", model, settings=settings))):
-        assert finite(json.loads(model.read_text()))
-    answer(lambda: identifiability(IdentifiabilityRequest("paper", (run,))))
-    if compared := answer(lambda: compare(CompareRequest((run,), clean / "model.json", tmp_path / "compared"))):
-        as_json(compared.saved)
-    if drifted := answer(lambda: watch_drift(DriftRequest((clean / "clean.mcap", run), "paper", "label"))):
-        as_json(drifted.to_json())
-    diagnosed = answer(lambda: diagnose(DiagnoseRequest((run,), "paper")))
-    if diagnosed:
-        result = diagnosed.to_json()
-        assert finite(json.loads(as_json(result)))
-        assert [effect for effect in result["effects"] if effect["probability"] > SURE] == []
+    result = analysed(tables[name], paper, clean, tmp_path)
+    assert result is None or [effect for effect in result["effects"] if effect["probability"] > SURE] == []
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("seed", thinned(range(SEEDS), SEEDS // 4))
+def test_two_mistakes_in_a_table_end_in_finite_numbers_or_a_sentence(
+    paper: Rig, sheets: dict[str, Sheet], clean: Path, tmp_path: Path, seed: int
+) -> None:
+    base = BASES[seed % len(BASES)]
+    analysed(doubly_mutated(base, sheets[base], seed), paper, clean, tmp_path)

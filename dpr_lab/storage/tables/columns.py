@@ -21,6 +21,8 @@ _TORQUE_NAME = re.compile(
 )
 NO_ROD = "joint 2, without a rod"
 """Name of a column that stands in."""
+PASSIVE = "none"
+"""Stands for the torque column of a joint without a drive."""
 
 _TIME_NAME = r"(t|time|timestamp|elapsed|tout)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
@@ -92,7 +94,8 @@ def find_columns(
 def find_torques(names: Sequence[str], source: str | None, path: object) -> dict[str, tuple[str, str]]:
     """Columns of the torques of joint 1 and 2 by their kind, `measured` first; none of a free swing.
 
-    The kind is empty where no column says one. Beside columns of one kind, those that say none are of the other.
+    The kind is empty where no column says one. Beside columns of one kind, those that say none are of the other. A
+    joint that no torque column is of is passive: the name of its column is `PASSIVE`.
 
     Args:
         names: of the table's columns
@@ -100,7 +103,8 @@ def find_torques(names: Sequence[str], source: str | None, path: object) -> dict
         path: of the table
 
     Raises:
-        RunError: one joint's only, two columns of one torque, or none of the kind that is wanted.
+        RunError: two columns of one torque, none of the kind that is wanted, or a joint whose torque is of another
+            kind only.
     """
     matches = {name: match for name in names if (match := _TORQUE_NAME.fullmatch(_bare(name)))}
     stated = {name: _TORQUE_KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
@@ -116,10 +120,15 @@ def find_torques(names: Sequence[str], source: str | None, path: object) -> dict
     chosen = {kind: found[kind] for kind in wanted if found[kind]}
     if source in KINDS and not chosen:
         raise RunError(f"{path}: has no column of {source} torques; it has: {', '.join(names)}")
-    for pair in chosen.values():
-        if len(pair) < 2:
-            raise RunError(f"{path}: torques are needed of both joints; there are: {', '.join(pair.values())}")
-    return {kind: (pair["1"], pair["2"]) for kind, pair in chosen.items()}
+    driven = {match[2]: name for name, match in matches.items()}
+    for kind, pair in chosen.items():
+        for joint in driven.keys() - pair.keys():
+            there = ", ".join(pair.values())
+            raise RunError(
+                f"{path}: joint {joint} has a torque ({driven[joint]}), but none that is {kind}, as of {there}: choose"
+                f" one kind for both joints with --torque, or leave {driven[joint]} out of the table"
+            )
+    return {kind: (pair.get("1", PASSIVE), pair.get("2", PASSIVE)) for kind, pair in chosen.items()}
 
 
 def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, dict[str, str]]:

@@ -18,7 +18,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.tables.clock_wrap import unwrapped_times, wrap_behind
-from dpr_lab.storage.tables.columns import AXES, TO_SECONDS, find_columns, find_torques, with_still_joint2
+from dpr_lab.storage.tables.columns import AXES, PASSIVE, TO_SECONDS, find_columns, find_torques, with_still_joint2
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at, recorded_by_stamps
 from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers
 from dpr_lab.storage.tables.questions import Asked, TableQuestion, questions, refuse_push
@@ -89,7 +89,8 @@ def understand(
     readings, unrecorded = _recorded(table, found)
     _check_forwards(table, t, options)
     outliers = _drop_outliers(readings, rig, options)
-    driving = find_torques([*table.names, *table.other_lengths], options.torque, path)
+    recorded = [name for name, column in zip(table.names, table.values, strict=True) if not np.isnan(column).all()]
+    driving = find_torques([*recorded, *table.other_lengths], options.torque, path)
     known = {name: _torque(table, name) for pair in driving.values() for name in pair}
     kept, notes = _rows_to_keep(path, t, {**readings, **known}, options)
     if driving and not any(column[kept].any() for column in known.values()):
@@ -97,6 +98,8 @@ def understand(
     torques = {kind: np.stack([known[name][kept] for name in pair], axis=1) for kind, pair in driving.items()}
     if torques:
         unrecorded.append(f"driven by {' and '.join(torques) or 'known'} torques, each held until the next row")
+        passive = {f"joint {k + 1}" for pair in driving.values() for k, name in enumerate(pair) if name == PASSIVE}
+        unrecorded += [f"{joint} has no torque column: taken as passive, with a torque of zero" for joint in passive]
     values = {axis: _scaled(column[kept], axis, options) for axis, column in readings.items()}
     notes = [*table.notes, *columns.notes, *notes, *outliers, *unrecorded]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
@@ -190,6 +193,8 @@ def _refuse_conventions(table: Table, options: ImportOptions) -> None:
 
 
 def _torque(table: Table, name: str) -> NDArray[np.float64]:
+    if name == PASSIVE:
+        return np.zeros(len(table.lines))
     if name in table.other_lengths:
         raise RunError(
             f"{table.path}: torques of another length: {table.other_lengths[name]:,} values of {name!r} for"
