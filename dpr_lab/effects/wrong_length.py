@@ -15,7 +15,7 @@ WRONG_LENGTH = Effect(
     name="wrong_length_L1",
     words="length error, inner rod",
     equation="e2 = d g / (L1 + x) instead of e2 = d g / L1",
-    parameters=(EffectParameter("added_m", "m", 2e-3),),
+    parameters=(EffectParameter("added_m", "m", 2e-3, most=0.1),),
     site="geometry",
     stage="torque",
     kernel=longer,

@@ -49,17 +49,19 @@ class CompareResult:
 
 
 def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResult:
-    """Hold runs against a model.
+    """Compare runs with a model.
 
-    Tells `RunCompared`, `RunLeftOut`.
+    Reports `RunCompared`, `RunLeftOut`.
 
     Raises:
         ConfigError: a file stands where the folder of the results is to be.
-        RunError: the model cannot be read; a run cannot be compared, or with `leave_out`, none can.
+        RunError: the model cannot be read; two runs hold the same recording; a run cannot be compared, or with
+            `leave_out`, none can.
     """
     from dpr_lab.identification.compare import compare_followed
     from dpr_lab.identification.model import load_model
     from dpr_lab.report.saving import save_comparison, write_json
+    from dpr_lab.run import refuse_repeated
 
     if request.out is not None:
         refuse_file(request.out)
@@ -78,6 +80,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
             continue
         comparisons.append(compare_followed(followed[-1]))
         on_event(RunCompared(comparisons[-1]))
+    refuse_repeated([one.preprocessed.run for one in followed])
     if not comparisons:
         without = f"left out: {', '.join(file.stem for file in left_out)}"
         raise RunError(f"no run can be compared ({without}): choose others")
@@ -88,7 +91,10 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
 
 
 def _follow(file: Path, model: "Model", torque: str | None) -> "Followed":
+    from dpr_lab.estimation.held_rods import refuse_held
     from dpr_lab.identification.compare import follow
     from dpr_lab.storage.reader import load_run, stored_rig
 
-    return follow(load_run(file).driven_by(torque), stored_rig(file), model)
+    run = load_run(file).driven_by(torque)
+    refuse_held([run])
+    return follow(run, stored_rig(file), model)

@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dpr_lab.effects import EFFECTS
+import numpy as np
+
+from dpr_lab.effects import EFFECTS, param_index
+from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.which.selected import Selection
@@ -21,6 +24,10 @@ class DescriptionRules:
     closed: float = 0.93
     """Share of the excess that effects explain from which energy that seems to enter is no hint: an encoder that reads
     wrongly makes it too."""
+    coarse_s: float = 0.01
+    """Interval of logged torques from which changes between two rows matter, s."""
+    held: tuple[float, float] = (0.25, 0.75)
+    """Share of that interval by which torques act too early, if they change between rows: a half on average."""
 
 
 RULES = DescriptionRules()
@@ -35,6 +42,8 @@ def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Tr
         selection: the chosen set of effects
         carried: how it does on recordings that took no part
     """
+    if hint := _coarse_torques(runs, selection):
+        return Description(hint, True)
     open_ = not at_noise_floor(selection.chosen) or carried.withdrawn or carried.oversized
     if not (far_from_noise(selection.base) and open_):
         return Description()
@@ -42,6 +51,21 @@ def description(runs: Sequence[Run], rig: Rig, selection: Selection, carried: Tr
     if not look.tried and selection.share_explained >= RULES.closed:
         return Description()
     return Description(look.sentence, bool(look.sentence) and _as_good(look, selection))
+
+
+def _coarse_torques(runs: Sequence[Run], selection: Selection) -> str:
+    """Whether an input delay is the half interval by which torques that change between rows act before their row."""
+    if INPUT_DELAY.name not in selection.chosen.effects:
+        return ""
+    early = -selection.chosen.fit.estimate.params[param_index(INPUT_DELAY.name, "delay_s")]
+    interval = max((float(np.median(np.diff(run.t))) for run in runs if run.torques is not None), default=0.0)
+    least, most = RULES.held
+    if interval < RULES.coarse_s or not least <= early / interval <= most:
+        return ""
+    return (
+        f"The torques act {1e3 * early:.3g} ms before their rows, which are {1e3 * interval:.3g} ms apart: torques that"
+        " change between rows do so. Log the torques at a higher rate, or write the mean over each row."
+    )
 
 
 def _as_good(look: SecondLook, selection: Selection) -> bool:

@@ -113,6 +113,12 @@ _TIMES = (
     Misreading("the times are in milliseconds (import with --time-unit ms)", _in_time(1e-3)),
     Misreading("the times are in microseconds (import with --time-unit us)", _in_time(1e-6)),
     Misreading("the times are in seconds (import with --time-unit s)", _in_time(1e3)),
+    Misreading(
+        "the swing is half as fast as its times say (import with half the --rate-hz, or check t)", _in_time(2.0)
+    ),
+    Misreading(
+        "the swing is twice as fast as its times say (import with twice the --rate-hz, or check t)", _in_time(0.5)
+    ),
 )
 
 

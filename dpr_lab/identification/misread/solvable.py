@@ -13,12 +13,17 @@ Result = TypeVar("Result")
 
 
 def solvable(analysis: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap an analysis so that it raises `IdentificationError` where its equations have no solution."""
+    """Wrap an analysis so that it raises `IdentificationError` where its equations have no solution.
+
+    Readings that an integration could not reach are infinite or NaN. What follows from them is compared, not printed,
+    so NumPy gives no warnings about them.
+    """
 
     @wraps(analysis)
     def solved(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
         try:
-            return analysis(*args, **kwargs)
+            with np.errstate(over="ignore", invalid="ignore"):
+                return analysis(*args, **kwargs)
         except np.linalg.LinAlgError as error:
             raise IdentificationError(
                 "these recordings do not determine the model: its equations have no finite solution. Check zero, unit,"

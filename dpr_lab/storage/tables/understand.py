@@ -95,7 +95,9 @@ def understand(
     kept, notes = _rows_to_keep(path, t, {**readings, **known}, options)
     if driving and not any(column[kept].any() for column in known.values()):
         driving, unrecorded = {}, [*unrecorded, "its torques are zero throughout: a free swing"]
-    torques = {kind: np.stack([known[name][kept] for name in pair], axis=1) for kind, pair in driving.items()}
+    torques = {
+        kind: np.stack([_held_torque(t, known[name], kept) for name in pair], axis=1) for kind, pair in driving.items()
+    }
     if torques:
         unrecorded.append(f"driven by {' and '.join(torques) or 'known'} torques, each held until the next row")
         passive = {f"joint {k + 1}" for pair in driving.values() for k, name in enumerate(pair) if name == PASSIVE}
@@ -201,6 +203,22 @@ def _torque(table: Table, name: str) -> NDArray[np.float64]:
             f" {len(table.lines):,} rows"
         )
     return table.column(name)
+
+
+def _held_torque(t: NDArray[np.float64], torque: NDArray[np.float64], kept: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Torque of the rows that are kept: before rows that are left out, the mean over them, which keeps its impulse.
+
+    Args:
+        t: (rows,) s
+        torque: (rows,) held until the next row, N m
+        kept: (k,) rows, ascending
+    """
+    known = np.flatnonzero(np.isfinite(t) & np.isfinite(torque))
+    impulse = np.concatenate([[0.0], np.cumsum(torque[known[:-1]] * np.diff(t[known]))])[np.searchsorted(known, kept)]
+    held, left_out = np.diff(t[kept]), np.diff(kept) > 1
+    mean = torque[kept].copy()
+    mean[:-1][left_out] = (np.diff(impulse) / np.where(held > 0, held, 1.0))[left_out]
+    return mean
 
 
 def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> NDArray[np.float64]:
