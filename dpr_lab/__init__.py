@@ -103,7 +103,10 @@ def __getattr__(name: str) -> Any:
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, there = _FROM[name]
-    return getattr(import_module(module), there)
+    value = getattr(import_module(module), there)
+    if hasattr(value, "model_rebuild"):
+        value.model_rebuild()  # built when first used, a model shows its signature in `help` only afterwards
+    return value
 
 
 def __dir__() -> list[str]:

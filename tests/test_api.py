@@ -26,6 +26,11 @@ def test_every_public_name_is_there_with_a_docstring() -> None:
         _ = dpr.nothing
 
 
+def test_help_shows_the_fields_of_every_result() -> None:
+    for shown in (dpr.Rig, dpr.Model, dpr.Diagnosis, dpr.Run, dpr.ImportOptions):
+        assert "**data" not in str(inspect.signature(shown)), shown
+
+
 def test_what_is_not_asked_for_is_not_imported() -> None:
     heavy = "import sys, dpr_lab; print([m for m in ('numpy', 'numba', 'matplotlib', 'scipy') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", heavy], capture_output=True, text=True).stdout.strip() == "[]"

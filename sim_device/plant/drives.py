@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.whole_file import regular
 from firmware_protocol.messages import TorqueKind
 from sim_device.plant.config import DriveConfig
 from sim_device.plant.encoders import standard_noise
@@ -80,9 +81,9 @@ def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives
     """Drives that replay a table (CSV): time since the release in s, and the torques of both joints in N m.
 
     Raises:
-        ConfigError: no such table, or a torque that the wire does not carry in the plant's unit.
+        ConfigError: no such table, a pipe, or a torque that the wire does not carry in the plant's unit.
     """
-    path = Path(file)
+    path = regular(Path(file), ConfigError)
     try:
         with path.open(encoding="utf-8-sig", newline="") as text:
             names, *rows = csv.reader(text)

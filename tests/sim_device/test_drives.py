@@ -1,5 +1,6 @@
 """Joint drives that replay a table: what acts, what is told of it, and what is refused."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,9 @@ def test_what_cannot_be_replayed_is_refused(tmp_path: Path, text: str, said: str
         load_drives(file, DriveConfig(), 1)
     with pytest.raises(ConfigError, match="cannot be read"):
         load_drives(tmp_path / "none.csv", DriveConfig(), 1)
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(ConfigError, match="is a named pipe"):
+        load_drives(tmp_path / "pipe.csv", DriveConfig(), 1)
 
 
 def test_a_driven_swing_is_that_of_the_equation_under_its_torques(paper: Rig) -> None:

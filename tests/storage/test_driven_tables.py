@@ -40,6 +40,22 @@ def test_torques_are_read_and_kept(paper: Rig, tmp_path: Path, header: str) -> N
     assert run.setup.torques is not None
 
 
+def test_rows_left_out_keep_the_impulse_of_their_torques(paper: Rig, tmp_path: Path) -> None:
+    file = table(tmp_path, "tau1_Nm,tau2_Nm", TAU)
+    lines = file.read_text().splitlines()
+    for row in (31, 41, 42, 43):
+        t, _, *rest = lines[row].split(",")
+        lines[row] = ",".join([t, "nan", *rest])
+    file.write_text("\n".join(lines) + "\n")
+    run = import_csv(file, paper)
+    assert run.torques is not None
+    held = np.diff(run.t, append=T[-1] + 0.01)
+    assert held @ run.torques == pytest.approx(0.01 * TAU.sum(axis=0))
+    assert run.torques[29] == pytest.approx(TAU[29:31].mean(axis=0))
+    assert run.torques[38] == pytest.approx(TAU[39:43].mean(axis=0))
+    assert run.torques[50] == pytest.approx(TAU[54])
+
+
 MEASURED, COMMANDED = ("tau1_measured_Nm", "tau2_measured_Nm"), ("tau1_commanded_Nm", "tau2_commanded_Nm")
 
 
