@@ -46,6 +46,9 @@ def diagnose(
     trust: Annotated[
         int, typer.Option(min=0, help="Blind trials on plants like this rig; each takes as long as the diagnosis.")
     ] = 0,
+    explain: Annotated[
+        bool, typer.Option(help="Print every trial of the model search, and why it was decided so.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Say where simulation and rig differ, which effect causes it, how sure that is and how much of it closes.
@@ -77,6 +80,8 @@ def diagnose(
         emit(done.to_json())
     else:
         show(done.diagnosis)
+        if explain:
+            show_search(done.diagnosis)
         for name, path in done.files.items():
             say(f"{name}: {path}")
     if failed := failures(done.diagnosis, names_in(fail_on) or ()):
@@ -122,3 +127,10 @@ def show(found: "Diagnosis") -> None:
     line("What to do next")
     for number, step in enumerate(tables.next_steps(found), 1):
         line(f"{number}. {step}")
+
+
+def show_search(diagnosis: "Diagnosis") -> None:
+    """The model search on stdout, trial by trial."""
+    from dpr_lab.report.gap import tables
+
+    table("Model search", tables.SEARCH_COLUMNS, tables.search_rows(diagnosis), note=tables.SEARCH_NOTE)

@@ -30,6 +30,7 @@ from dpr_lab.gap.result.diagnosis import (
     Interval,
     NamedEffect,
     RivalEffect,
+    SearchStep,
     SensorFinding,
     Where,
 )
@@ -38,7 +39,7 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import AXES
 from dpr_lab.gap.transfer.transfer import Transfer
 from dpr_lab.gap.where.locate import Place, where_sentence
-from dpr_lab.gap.which.selected import Selection
+from dpr_lab.gap.which.selected import Selection, TracedTrial
 from dpr_lab.identification.misread.tried import Description
 from dpr_lab.identification.scaling.prior_spread import scale_of
 from dpr_lab.identification.scaling.scale import Scale
@@ -136,10 +137,22 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         segments=len(found.problem.segments),
         scale_b=float(at.ratios[SCALE]),
         scale=found.scale,
+        search=[_search_step(step) for step in found.selection.trace],
         model_effects=named_params(at.params),
         assumptions=[*([found.cut] if found.cut else []), *_assumptions(found), *_unseen(least)],
         evidence=evidence,
         seconds=seconds,
+    )
+
+
+def _search_step(step: TracedTrial) -> SearchStep:
+    return SearchStep(
+        move=step.move,
+        before=list(step.before),
+        tried=list(step.tried),
+        change=step.change if np.isfinite(step.change) else None,
+        accepted=step.accepted,
+        reason=step.reason,
     )
 
 

@@ -102,7 +102,7 @@ def score_test(problem: Problem, found: Fit, library: Iterable[Effect], recorded
         first += len(own)
         tested.setdefault(effect.name, []).append(_score(test, effect, shape, columns))
     shaped = {name: tuple(sorted(items, key=lambda item: -item.gain)) for name, items in tested.items()}
-    ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda item: -item.gain))
+    ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda item: (-item.gain, item.effect.name)))
     return replace(test, ranking=ranking, shaped=shaped)
 
 

@@ -299,6 +299,24 @@ class CheckDone(_Record):
     """Of each of them against all others together: positive where the result speaks for it."""
 
 
+class SearchStep(_Record):
+    """One trial of the search for the set of effects."""
+
+    move: str
+    """Kind of change."""
+    before: list[str]
+    """Effects of the current set."""
+    tried: list[str]
+    """Effects of the proposed set."""
+    change: Number | None
+    """Change of the criterion (held-out chi-square and price of the parameters); negative is better. None where the
+    fit of one of the sets failed."""
+    accepted: bool
+    """Whether the proposed set became the current one."""
+    reason: str
+    """Why."""
+
+
 class Diagnosis(Shown, _Record):
     """Where the simulation differs from the rig, which effect causes it, how sure that is and how much closes."""
 
@@ -358,6 +376,8 @@ class Diagnosis(Shown, _Record):
     """The b that absolute sizes assume, its interval and what fixed it; None in a file of an older version."""
     p_over_b: Number | None = None
     """m2 L1^2 / b, which together with the ratios determines the swing of the inner rod alone."""
+    search: list[SearchStep] = []
+    """How the set of effects was found; empty in a file of an older version."""
     model_effects: dict[str, dict[str, Number]]
     """The corrected model's effects with all parameters, as `dpr_lab.effects.effect_params` takes them."""
     assumptions: list[str]

@@ -1,4 +1,4 @@
-"""The chosen set of effects, and what it was chosen from."""
+"""The chosen set of effects, what it was chosen from, and how."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,6 +7,21 @@ import numpy as np
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
+
+
+@dataclass(frozen=True, slots=True)
+class TracedTrial:
+    """One trial of the search."""
+
+    move: str
+    before: tuple[str, ...]
+    """Effects of the current set."""
+    tried: tuple[str, ...]
+    """Effects of the proposed set."""
+    change: float
+    """Of the criterion: held-out chi-square and price of the parameters; negative is better."""
+    accepted: bool
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,11 +39,13 @@ class Selection:
     around: Mapping[str, ScoreTest]
     """The score test on each of those sets."""
     path: tuple[tuple[str, Hypothesis], ...]
-    """From the bare model to the chosen set, one effect at a time, the most telling first."""
+    """From the bare model to the chosen set, one effect at a time, the largest first."""
     expected: frozenset[str] = frozenset()
     """Effects that the rig is known to have; they stay in the model at any size."""
     misleading: tuple[str, ...] = ()
     """Effects that make held-out runs harder to predict, and so are not in the chosen set."""
+    trace: tuple[TracedTrial, ...] = ()
+    """Every trial of the search, in order."""
 
     @property
     def share_explained(self) -> float:

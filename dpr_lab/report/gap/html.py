@@ -70,6 +70,7 @@ def write_gap_report(diagnosis: Diagnosis, title: str, out_dir: Path, figures: M
         Section("Sensor faults", [_faults(diagnosis)]),
         *evidence.values(),
         Section("Minimum detectable effects", [_detectable(diagnosis)]),
+        Section("Model search", [PageTable(tables.SEARCH_COLUMNS, tables.search_rows(diagnosis), tables.SEARCH_NOTE)]),
         Section("Assumptions", [Items([in_words(text) for text in diagnosis.assumptions])]),
     ]
     page = page_html(title, in_words(diagnosis.sentence), sections, lead=list(_lead(diagnosis)))

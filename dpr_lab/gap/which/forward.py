@@ -1,0 +1,153 @@
+"""Forward selection: the score test names candidates, the best are fitted, two sets go on to the next size."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
+from dpr_lab.gap.hypothesis.thresholds import (
+    THRESHOLDS,
+    accepted,
+    at_noise_floor,
+    excess,
+    far_from_noise,
+    significance,
+)
+from dpr_lab.gap.which.fitted_sets import FittedSets
+from dpr_lab.gap.which.search import Decision, Move, Proposal
+
+
+@dataclass(frozen=True, slots=True)
+class Beam:
+    """How wide the search is."""
+
+    fitted: int = 4
+    """Candidates of a score test that are fitted."""
+    fitted_when_far: int = 6
+    """The same far from the noise, where linear scores mislead."""
+    sets: int = 2
+    """Sets that go on from one size to the next."""
+    worse: float = 4.0
+    """Factor of the best set's excess up to which another goes on."""
+    exceeded: float = 2.0
+    """Times that a fit far from the noise may exceed what its linear score predicts; 1.7 was seen."""
+    as_promising: float = 0.5
+    """Share of what a set gained by reaching the noise that another effect's score must reach to be fitted too."""
+    same_gain: float = 1e-3
+    """Relative difference of gains within which effects that are hardly distinguishable are not fitted twice."""
+
+
+BEAM = Beam()
+
+
+def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
+    """The move that adds effects one at a time.
+
+    Args:
+        max_effects: largest number of effects
+        to_floor: whether to stop where only noise remains: longer segments show what else there is
+    """
+    return Move(
+        "add",
+        "forward selection: the candidates with the largest scores are fitted, the two best sets go on",
+        partial(_larger_sets, max_effects=max_effects, to_floor=to_floor),
+        _worth_its_price,
+        then="go on",
+    )
+
+
+def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor: bool) -> Iterator[Proposal]:
+    """The best set of each size.
+
+    Far from the noise one effect that does not help alone is passed: causes of one size may only help together.
+    """
+    best, front, passed = start, [start], False
+    for _ in range(max_effects - len(sets.unexpected(start))):
+        level: dict[frozenset[str], Hypothesis] = {}
+        for model in front:
+            for larger in _with_one_more(sets, model, level):
+                level[larger.key] = larger
+        if not level:
+            return
+        ranked = sorted(level.values(), key=lambda model: model.cost)
+        ranked = sorted([sets.escaped(ranked[0]), *ranked[1:]], key=lambda model: model.cost)
+        largest = ranked[0]
+        yield Proposal(largest)
+        if accepted(sets.bare, best, largest):
+            best, passed = largest, False
+        elif passed or not far_from_noise(best):
+            return
+        else:
+            passed = True
+        if to_floor and at_noise_floor(best):
+            return
+        front = [largest] if at_noise_floor(largest) else [largest, *_runners_up(sets, largest, ranked[1:])]
+
+
+def _worth_its_price(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    model = proposal.model
+    limit = significance(sets.bare, current, model)
+    if current.cost - model.cost < limit:
+        return Decision(False, f"the criterion falls by less than {limit:.3g}, which chance may do")
+    if accepted(sets.bare, current, model):
+        return Decision(True, "only noise remains" if at_noise_floor(model) else "explains more than chance")
+    return Decision(False, f"the excess shrinks by less than a factor of {THRESHOLDS.slow:g}")
+
+
+def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
+    """The next best sets that are no other form of the best, where they are near it."""
+    apart = [model for model in others if not _contains(sets, model, best)]
+    return [model for model in apart[: BEAM.sets - 1] if excess(model) < BEAM.worse * excess(best)]
+
+
+def _with_one_more(
+    sets: FittedSets, model: Hypothesis, level: Mapping[frozenset[str], Hypothesis]
+) -> Iterator[Hypothesis]:
+    """The set with each of the most promising effects; once only noise remains, only those as promising.
+
+    A candidate that would not come near the best of its `level` at twice its predicted gain is not fitted.
+    """
+    least = 0.0
+    for score in _candidates(model, sets.test(model)):
+        near = BEAM.worse * min(map(excess, level.values()), default=np.inf)
+        if score.gain > least and not (far_from_noise(model) and excess(model) - BEAM.exceeded * score.gain > near):
+            larger = sets.with_one(model, score)
+            if at_noise_floor(larger):
+                least = max(least, BEAM.as_promising * (model.fit.chi2 - larger.fit.chi2))
+            yield larger
+
+
+def _contains(sets: FittedSets, one: Hypothesis, other: Hypothesis) -> bool:
+    """Whether two sets differ only by an effect and a simpler form of it."""
+    more, less = one.key - other.key, other.key - one.key
+    if len(more) != 1 or len(less) != 1:
+        return False
+    (first,), (second,) = more, less
+    return first in sets.library[second].nested or second in sets.library[first].nested
+
+
+def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
+    """Effects with the largest predicted reduction, one of those hardly distinguishable, and simpler forms of each."""
+    inflation = min(model.residuals.inflation, max(1.0, model.residuals.chi2 / model.residuals.dof))
+    promising = [
+        score
+        for score in test.ranking
+        if score.gain > THRESHOLDS.chance * max(0.5 * inflation, 1.0) and not set(score.effect.nested) & model.key
+    ]
+    picked: list[Score] = []
+    for score in promising:
+        if len(picked) == (BEAM.fitted_when_far if far_from_noise(model) else BEAM.fitted):
+            break
+        if not any(_indistinguishable(score, other) for other in picked):
+            picked.append(score)
+    names = {score.effect.name for score in picked}
+    inner = {name for score in picked for name in score.effect.nested} - names
+    return picked + [score for score in promising if score.effect.name in inner]
+
+
+def _indistinguishable(one: Score, other: Score) -> bool:
+    same = abs(one.gain - other.gain) <= BEAM.same_gain * max(one.gain, other.gain)
+    return same and len(one.columns) == len(other.columns) and other.effect.name in one.effect.twins

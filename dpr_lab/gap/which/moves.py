@@ -1,0 +1,328 @@
+"""The moves of the search after forward selection: each drops, replaces or refits effects of the current set.
+
+The criterion is the held-out chi-square with the price of the parameters (`Hypothesis.cost`). What fall of it means
+nothing, and from which growth of the excess on an effect is needed, is in `dpr_lab.gap.hypothesis.thresholds`.
+"""
+
+from collections.abc import Iterator
+
+from dpr_lab.effects import plausibility
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_with, refit_without
+from dpr_lab.gap.hypothesis.score_test import ScoreTest
+from dpr_lab.gap.hypothesis.thresholds import (
+    THRESHOLDS,
+    at_noise_floor,
+    excess,
+    indifference,
+    need,
+    significance,
+)
+from dpr_lab.gap.which.fitted_sets import EFFORT, FittedSets
+from dpr_lab.gap.which.forms import own_share
+from dpr_lab.gap.which.search import Decision, Move, Proposal
+
+SWAPPED = 2
+"""Candidates that are tried in place of each effect."""
+
+
+def _always(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    return Decision(True, "by construction")
+
+
+def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
+    """The smallest set that was fitted and explains nearly as much: growth may have passed it on another branch."""
+    adequate = [
+        model
+        for model in sets.fits.values()
+        if 0 < len(model.effects) < len(grown.effects)
+        and grown.key & sets.expected <= model.key
+        and excess(model) < THRESHOLDS.keeps * excess(grown)
+        and excess(model) - excess(grown) < THRESHOLDS.large * excess(sets.bare)
+        and (not at_noise_floor(grown) or _as_likely(sets, model, grown))
+    ]
+    if adequate:
+        yield Proposal(min(adequate, key=lambda model: (len(model.effects), model.cost)))
+
+
+def _as_likely(sets: FittedSets, model: Hypothesis, grown: Hypothesis) -> bool:
+    return at_noise_floor(model) and model.cost - grown.cost < significance(sets.bare, model, grown)
+
+
+def _adequate(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    return Decision(True, "fewer effects explain nearly as much")
+
+
+def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """The set without the effect that is needed least; the last effect stays for its share of the whole."""
+    weighed = sets.unexpected(current)
+    if len(current.effects) > 1 and weighed:
+        fewer = [sets.without(current, name) for name in weighed]
+        needs = [need(sets.bare, current, less) for less in fewer]
+        least = needs.index(min(needs))
+        yield Proposal(fewer[least], needs[least])
+
+
+def _hardly_missed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    if proposal.value < 1:
+        return Decision(True, f"hardly needed: {proposal.value:.2g} of what keeps an effect")
+    chance = significance(sets.bare, proposal.model, current)
+    if proposal.model.cost - current.cost > chance:
+        return Decision(False, f"needed: {proposal.value:.3g} times what keeps an effect")
+    return Decision(True, f"the criterion grows by less than {chance:.3g}, which chance may do")
+
+
+def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """An effect replaced by a richer one that contains it, where the score test shows what the richer one adds."""
+    chance = THRESHOLDS.chance * current.residuals.inflation
+    test = sets.test(current)
+    for score in test.ranking:
+        inner = [name for name in score.effect.nested if name in current.effects]
+        if inner and score.gain > chance:
+            both = refit_with(sets.problem, current, test, score, iterations=EFFORT.fine)
+            richer = sets.keep(refit_without(sets.problem, both, inner[0], sets.bare))
+            yield Proposal(sets.escaped(richer) if current.cost - richer.cost > chance else richer)
+
+
+def _better_than_chance(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    chance = THRESHOLDS.chance * current.residuals.inflation
+    better = current.cost - proposal.model.cost > chance
+    return Decision(better, f"the criterion falls by {'more' if better else 'less'} than {chance:.3g}")
+
+
+def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """An effect replaced by a simpler one that it contains."""
+    for name in current.effects:
+        for simpler in sets.library[name].nested:
+            if simpler in sets.library and simpler not in current.effects:
+                replaced = sets.replaced(current, name, simpler)
+                if replaced is not None:
+                    yield Proposal(replaced)
+
+
+def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    """While something remains, a richer form may only be making up for that, and has to add more."""
+    model, closed = proposal.model, at_noise_floor(current)
+    margin = indifference(sets.bare, current, share=THRESHOLDS.integrator if closed else THRESHOLDS.contained)
+    alike = at_noise_floor(model) if closed else excess(model) < THRESHOLDS.slow * excess(current)
+    if alike and model.cost - current.cost < margin:
+        return Decision(True, f"the criterion grows by less than {margin:.3g}")
+    return Decision(False, "explains less")
+
+
+def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """While something remains: the best set with another effect in place of one, or one in another shape."""
+    if at_noise_floor(current) or not current.effects:
+        return
+    best = current
+    for name in sets.unexpected(current):
+        less = sets.without(current, name)
+        if sets.library[name].shapes:
+            best = min(best, sets.reshaped(current, name), key=_criterion)
+        for score in sets.test(less).ranking[:SWAPPED]:
+            if score.effect.name != name:
+                best = min(best, sets.with_one(less, score), key=_criterion)
+    if best is not current:
+        yield Proposal(best)
+
+
+def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    model = proposal.model
+    if excess(current) >= THRESHOLDS.slow * excess(model):
+        return Decision(True, f"the excess shrinks by more than a factor of {THRESHOLDS.slow:g}")
+    if model.key == current.key:
+        return Decision(True, "the same effects in a better shape")
+    return Decision(False, f"the excess shrinks by less than a factor of {THRESHOLDS.slow:g}")
+
+
+def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    for name in current.effects:
+        yield Proposal(sets.without(current, name))
+
+
+def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    """Cross-validation: an effect that makes one run harder to predict from the others is no cause."""
+    less, tolerance = proposal.model, THRESHOLDS.chance * current.residuals.inflation
+    if excess(less) > excess(sets.bare):  # its fit got lost, and predicts nothing
+        return Decision(False, "without it the fit does not converge")
+    if (current.predictive_loss - less.predictive_loss > tolerance).any():
+        return Decision(True, "without it a run is predicted better from the others")
+    return Decision(False, "each run is predicted as well with it")
+
+
+def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """While something remains: the set without the effect that adds least to what other forms of the rest explain.
+
+    An effect without which hardly anything of the explanation remains makes up for nothing else and is not proposed;
+    nor may all that are dropped leave so much more than the best set that was fitted.
+    """
+    if at_noise_floor(current) or len(current.effects) < 2:
+        return
+    closest = min(map(excess, sets.fits.values()))
+    most = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * excess(sets.bare))
+    shares: list[Proposal] = []
+    for name in sets.unexpected(current):
+        less = sets.without(current, name)
+        score = sets.test(less).of(name) if excess(less) <= most else None
+        if score is not None:
+            shares.append(Proposal(less, own_share(sets.problem, less, sets.test(less), score)))
+    yield from sorted(shares, key=lambda proposal: proposal.value)[:1]
+
+
+def _makes_up_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    share = f"{proposal.value:.0%} of what it explains is explained by no other form of the rest"
+    return Decision(proposal.value < THRESHOLDS.own_share, share)
+
+
+def _converged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    done = sets.converged(current)
+    if done is not current:
+        yield Proposal(done)
+
+
+def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """The best set, no larger, of all that were fitted while alternatives were compared and sets taken apart."""
+    compare_alternatives(sets, predictive(sets, current))
+    known = current.key & sets.expected
+    others = [
+        model
+        for model in sets.fits.values()
+        if model.effects and len(model.effects) <= len(current.effects) and known <= model.key
+    ]
+    best = min(others, key=_criterion, default=current)
+    if best.key != current.key:
+        yield Proposal(best)
+
+
+def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    best, chance = proposal.model, significance(sets.bare, current, proposal.model)
+    if at_noise_floor(best) < at_noise_floor(current):
+        return Decision(False, "leaves more than noise")
+    if current.cost - best.cost > chance:
+        return Decision(True, f"the criterion falls by more than {chance:.3g}")
+    return Decision(False, f"the criterion falls by less than {chance:.3g}, which chance may do")
+
+
+def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """The set with an indistinguishable effect, of a far more plausible size, in place of one."""
+    chosen = predictive(sets, current)
+    margin = indifference(sets.bare, chosen)
+    for name in sets.unexpected(chosen):
+        less = sets.without(chosen, name)
+        test, own = sets.test(less), plausibility(chosen.fit.estimate.params, name)
+        score = test.shaped[name][0]
+        for other in test.ranking:
+            model = sets.fits.get(less.key | {other.effect.name})
+            if model is None or model.key == chosen.key or abs(model.cost - chosen.cost) > margin:
+                continue
+            alike = min(test.cosine(score, other), test.cosine(other, score)) > THRESHOLDS.indistinguishable
+            if alike:
+                yield Proposal(model, plausibility(model.fit.estimate.params, other.effect.name) / own)
+
+
+def _likelier(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    return Decision(
+        proposal.value > THRESHOLDS.likelier, f"indistinguishable; the prior odds of the sizes are {proposal.value:.2g}"
+    )
+
+
+def predictive(sets: FittedSets, model: Hypothesis) -> Hypothesis:
+    """A set without effects, the worst first, that make held-out runs harder to predict."""
+    if sets.unseen_chi2 is None or len(model.effects) < 2:
+        return model
+    fewer = [sets.without(model, name) for name in model.effects]
+    remaining = [sets.unseen_chi2(less) for less in fewer]
+    least = remaining.index(min(remaining))
+    return predictive(sets, fewer[least]) if remaining[least] < sets.unseen_chi2(model) else model
+
+
+def compare_alternatives(sets: FittedSets, chosen: Hypothesis) -> None:
+    """Fit what the linear scores can hardly distinguish from each effect, or prefer, so that fits are compared."""
+    for name in chosen.effects:
+        less = sets.without(chosen, name)
+        test = sets.test(less)
+        _fit_alternatives(sets, less, test, name, chosen)
+
+
+def _fit_alternatives(sets: FittedSets, less: Hypothesis, test: ScoreTest, name: str, chosen: Hypothesis) -> None:
+    own = test.shaped[name][0]
+    related = {name, *own.effect.nested}
+    for score in test.ranking:
+        form = score.effect.name in related or name in score.effect.nested
+        if not form and score.gain > 0 and test.cosine(own, score) > THRESHOLDS.indistinguishable:
+            sets.escaped(sets.with_one(less, score))
+    for score in test.ranking[:SWAPPED]:
+        if score is not own and less.cost - score.gain < chosen.cost:
+            sets.with_one(less, score)
+
+
+def _criterion(model: Hypothesis) -> float:
+    return model.cost
+
+
+SMALLER = Move(
+    "smallest adequate set",
+    "a smaller set that was passed on the way and explains nearly as much is taken instead",
+    _smaller_adequate,
+    _adequate,
+)
+DROP = Move(
+    "drop",
+    "backward elimination: an effect without which the excess hardly grows is dropped",
+    _without_least_needed,
+    _hardly_missed,
+    then="repeat",
+)
+RICHER = Move("richer form", "an effect is replaced by a richer one that contains it", _richer, _better_than_chance)
+SIMPLER = Move(
+    "simpler form",
+    "an effect is replaced by a simpler one that it contains and that explains as much",
+    _simpler,
+    _as_good,
+    then="repeat",
+)
+EXCHANGE = Move(
+    "exchange",
+    "while more than noise remains, other effects and other shapes are tried in place of each",
+    _exchanged,
+    _closer,
+    then="repeat",
+)
+CROSS_VALIDATION = Move(
+    "cross-validation",
+    "an effect that makes one run harder to predict from the others is dropped",
+    _without_each,
+    _predicts_better,
+    then="repeat",
+)
+OWN_SHARE = Move(
+    "own share",
+    "while more than noise remains, an effect that only makes up for another form of the rest is dropped",
+    _without_least_own,
+    _makes_up_for_another_form,
+    then="repeat",
+)
+CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _always)
+OVERTAKE = Move(
+    "better alternative",
+    "alternatives of each effect are fitted; a set no larger that explains more is taken instead",
+    _better_alternative,
+    _explains_more,
+)
+PLAUSIBLE = Move(
+    "more plausible size",
+    "of two indistinguishable effects the one of the far more plausible size is named",
+    _more_plausible,
+    _likelier,
+)
+
+REFINE = (SMALLER, DROP, RICHER, SIMPLER, EXCHANGE, DROP, CROSS_VALIDATION, OWN_SHARE, CONVERGE)
+"""What follows forward selection, in order."""
+
+SHORT = (SMALLER, DROP, SIMPLER)
+"""What follows it in short segments."""
+
+REVISIONS = ((OVERTAKE, (DROP, OWN_SHARE, CONVERGE)), (PLAUSIBLE, (CONVERGE,)))
+"""Revisions of the choice, and what follows each where it changes the set."""
+
+MOVES = (SMALLER, DROP, RICHER, SIMPLER, EXCHANGE, CROSS_VALIDATION, OWN_SHARE, CONVERGE, OVERTAKE, PLAUSIBLE)
+"""All of them."""
