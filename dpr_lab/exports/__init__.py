@@ -13,6 +13,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.exports import mjcf, sdf, urdf
 from dpr_lab.exports.bodies import in_words, left_out
 from dpr_lab.exports.fmu import fmu
+from dpr_lab.exports.programs import Program, in_fmu, in_mujoco, in_python, in_sdf, in_urdf
 from dpr_lab.exports.python_module import python_module
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
@@ -28,6 +29,8 @@ class ExportFormat:
     """Name of the file that a program reads first."""
     files: Callable[[Model, Rig, Mapping[str, str]], Mapping[str, str | bytes]]
     """Of a model, its rig and what is lost: name of each file -> what it holds."""
+    runs_in: Program
+    """The program that replays recordings with what is written."""
     words: frozenset[str] = frozenset()
     """Words of effects that it has."""
     calls: tuple[str, ...] = ()
@@ -63,28 +66,35 @@ FORMATS: dict[str, ExportFormat] = {
         "Python",
         "corrected_model.py",
         lambda model, rig, _: {"corrected_model.py": python_module(model, rig)},
+        in_python,
         calls=_ALL,
     ),
     "mjcf": ExportFormat(
         "MuJoCo",
         mjcf.XML,
         lambda model, rig, _: {mjcf.XML: mjcf.mjcf(model, rig), mjcf.CALLBACK: mjcf.passive(model, rig)},
+        in_mujoco,
         mjcf.WORDS,
         tuple(stage for stage in _ALL if stage != "arm"),
     ),
     "urdf": ExportFormat(
-        "URDF", "corrected_model.urdf", lambda *model: {"corrected_model.urdf": urdf.urdf(*model)}, urdf.WORDS
+        "URDF", "corrected_model.urdf", lambda *model: {"corrected_model.urdf": urdf.urdf(*model)}, in_urdf, urdf.WORDS
     ),
     "sdf": ExportFormat(
-        "SDFormat", "corrected_model.sdf", lambda *model: {"corrected_model.sdf": sdf.sdf(*model)}, sdf.WORDS
+        "SDFormat", "corrected_model.sdf", lambda *model: {"corrected_model.sdf": sdf.sdf(*model)}, in_sdf, sdf.WORDS
     ),
     "fmu": ExportFormat(
-        "FMI 3", "corrected_model.fmu", lambda model, rig, _: {"corrected_model.fmu": fmu(model, rig)}, calls=_ALL
+        "FMI 3",
+        "corrected_model.fmu",
+        lambda model, rig, _: {"corrected_model.fmu": fmu(model, rig)},
+        in_fmu,
+        calls=_ALL,
     ),
     "fmu2": ExportFormat(
         "FMI 2",
         "corrected_model_fmi2.fmu",
         lambda model, rig, _: {"corrected_model_fmi2.fmu": fmu(model, rig, "2.0")},
+        in_fmu,
         calls=_ALL,
     ),
 }

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.errors import RunError
+from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.refit import bare_model
-from dpr_lab.exports.replay import Replay, release
+from dpr_lab.exports.replay import release
 from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.transfer.out_of_sample import share
 from dpr_lab.identification.model import Model

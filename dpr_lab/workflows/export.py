@@ -133,7 +133,9 @@ def _checked(
         on_event(StageBegan(number, stages, FORMATS[name].program))
         models[name], swings = reference.held_against(models[name])
         angles = replayed(name, models[name], rig, swings)
-        tried[name] = reference.replayed(swings, [item.off(theta) for item, theta in zip(swings, angles, strict=True)])
+        tried[name] = reference.replayed(
+            swings, [swing.error(theta) for swing, theta in zip(swings, angles, strict=True)]
+        )
         if not tried[name].off_rad <= REPLAY_RULE.worse * reference.bare_rad:
             refused[name] = (
                 f"{name} was not written: there the corrected model is off by {1e3 * tried[name].off_rad:.3g} mrad on"

@@ -1,0 +1,145 @@
+"""Programs that run an export: Python, MuJoCo, FMPy. Each simulates a recording from the start that the lab fitted."""
+
+import json
+import runpy
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.exports import sdf
+from dpr_lab.exports.bodies import in_words
+from dpr_lab.exports.mjcf import CALLBACK, XML, mjcf, passive
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ReplaySettings:
+    """How a recording is replayed."""
+
+    length_s: float = 10.0
+    """Longest replay; shorter where the swing cannot be predicted so far."""
+    rate_hz: float = 200.0
+    """Rate at which readings are compared."""
+    step_s: float = 1e-3
+    """Step of the programs, through which torques are held."""
+
+
+REPLAY = ReplaySettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """One recording and a model's start in it."""
+
+    run: str
+    t: Array
+    """(n,) since the release, s."""
+    measured: Array
+    """(n, 2) theta1, theta2, rad."""
+    simulated: Array
+    """(n, 2) by the lab, rad."""
+    start: float
+    """Start of the simulation, s since the release."""
+    x0: Array
+    """(4,) the state there."""
+    noise_rad: Array
+    """(2,) noise floor."""
+    torques: Array
+    """(m, 2) mean known torques of joints 1 and 2 through each step from the start on, N m; zero without drives."""
+
+    @property
+    def lab(self) -> float:
+        """Mean square error of the lab's simulation, rad^2."""
+        return float(np.mean((self.measured - self.simulated) ** 2))
+
+    def driven(self, t: float, state: object) -> list[float]:
+        """Torques of joints 1 and 2 through the step that begins then, N m."""
+        return self.torques[min(round((t - self.start) / REPLAY.step_s), len(self.torques) - 1)].tolist()
+
+    def error(self, theta: Array) -> float:
+        """Mean square error of another simulation, rad^2."""
+        return float(np.mean((self.measured - theta) ** 2))
+
+
+Program = Callable[[Path, Model, Rig], Callable[[Replay], Array]]
+"""Function of the file that the program reads first, the model in it and its rig: replays in that program."""
+
+
+def in_python(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+    """The generated module, called in this process."""
+    readings = runpy.run_path(str(file))["readings"]
+    return lambda replay: readings(replay.x0, replay.t, start=replay.start, torques=replay.driven)
+
+
+def in_mujoco(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+    """MuJoCo, with the generated callback of passive forces."""
+    return _engine(file, {})
+
+
+def in_urdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+    """MuJoCo, which reads URDF."""
+    file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
+    return _engine(file, {"passive": None, "GRAVITY": model.rig.g, "FIRST": 0})
+
+
+def in_sdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+    """What the file holds, in MuJoCo: Drake, which reads the file itself, leaves dry friction out."""
+    expressed = in_words(model, rig, sdf.WORDS)
+    held = model.model_copy(update={"effects": {name: model.effects[name] for name in expressed}})
+    file.with_name(XML).write_text(mjcf(held, rig), encoding="utf-8")
+    file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
+    return _engine(file.with_name(XML), {"passive": None, "FIRST": 0})
+
+
+def _engine(file: Path, other: Mapping[str, Any]) -> Callable[[Replay], Array]:
+    try:
+        names = runpy.run_path(str(file.with_name(CALLBACK)))
+    except ModuleNotFoundError as missing:
+        raise ConfigError("replaying in MuJoCo needs it installed: pip install dpr-lab[exports]") from missing
+    kind, readings = names["EngineSwing"], names["readings"]
+    kind.file = str(file)
+    readings.__globals__.update(other)
+    return lambda replay: readings(replay.x0, replay.t, start=replay.start, kind=kind, torques=replay.driven)
+
+
+_FMU = """
+import json, os, sys
+import fmpy, numpy as np
+swing = json.load(sys.stdin)
+drives = np.array(list(map(tuple, swing["drives"])), [(name, float) for name in ("time", "torque1", "torque2")])
+starts, encoders = ("theta1_start", "theta2_start", "omega1_start", "omega2_start"), ("encoder1", "encoder2")
+done = fmpy.simulate_fmu(
+    swing["file"], start_time=swing["start"], stop_time=swing["t"][-1] + 1e-3, step_size=1e-3, output_interval=1e-3,
+    output=encoders, input=drives, start_values=dict(zip(starts, swing["x0"])),
+)
+print(json.dumps([np.interp(swing["t"], done["time"], done[name]).tolist() for name in encoders]), flush=True)
+os._exit(0)  # a unit that embeds Python is not unloaded cleanly from a Python process
+"""
+
+
+def in_fmu(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
+    """FMPy, in a process of its own."""
+
+    def read(replay: Replay) -> Array:
+        steps = replay.start + REPLAY.step_s * np.arange(len(replay.torques))
+        swing = {"file": str(file), "start": replay.start, "t": replay.t.tolist(), "x0": replay.x0.tolist()}
+        swing["drives"] = np.column_stack([steps, replay.torques]).tolist()
+        done = subprocess.run(
+            [sys.executable, "-c", _FMU], input=json.dumps(swing), capture_output=True, text=True, cwd=file.parent
+        )
+        if done.returncode:
+            last = done.stderr.strip().splitlines()[-1:] or ["it printed nothing"]
+            raise DprError(f"the FMU did not run in FMPy (pip install dpr-lab[exports]): {last[0]}")
+        return np.array(json.loads(done.stdout.splitlines()[-1])).T
+
+    return read
