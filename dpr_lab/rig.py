@@ -201,6 +201,11 @@ class Rig(Shown, RigTable):
         """(3,) angle of one count, signed by the direction, rad."""
         return 2 * np.pi * np.array(self.encoders.direction) / np.array(self.encoders.counts_per_rev)
 
+    @property
+    def reading_std(self) -> NDArray[np.float64]:
+        """(3,) standard deviation of a reading, rad: noise and rounding, of variance noise_counts^2 + 1/12 counts^2."""
+        return np.abs(self.radians_per_count) * np.sqrt(self.encoders.noise_counts**2 + 1 / 12)
+
     def theta(self, counts: ArrayLike) -> NDArray[np.float64]:
         """Absolute angles from counts.
 

@@ -34,6 +34,7 @@ from dpr_lab.acquisition.holding import (
     look_at_hanging,
     raise_faults,
 )
+from dpr_lab.acquisition.live_speed import LiveSpeed
 from dpr_lab.acquisition.recording import Recording
 from dpr_lab.acquisition.rest import at_rest
 from dpr_lab.acquisition.settings import CAPTURE_SETTINGS, CaptureSettings
@@ -102,6 +103,8 @@ class SwingReading:
     """Time since the release, s."""
     theta: tuple[float, float, float]
     """Newest absolute angles, rad."""
+    omega: tuple[float, float]
+    """Newest speeds of the inner and outer rod by a Kalman filter, rad/s."""
     samples: int
     fresh: tuple[NDArray[np.float64], NDArray[np.float64]]
     """Time since the release (n,), s, and absolute angles (n, 3), rad, of what came since the last report."""
@@ -170,6 +173,7 @@ def capture(
     device.check_rate(rate_hz)
     check_room(out_dir, options.longest * rate_hz)
     metadata = _metadata(device, rig, pose_name, rate_hz, options.note)
+    speed = LiveSpeed(rig, rate_hz)
     try:
         device.stop()  # an earlier program may have left a stream running; the latch keeps its state
         device.poll(0)
@@ -181,7 +185,7 @@ def capture(
         held.await_rest(options.rest_timeout)
         held.await_go_ahead(confirm)
         path = new_path(out_dir, pose_name, device.info.uid)
-        return _record(device, path, metadata, held.window, hanging, options, on_progress, settings)
+        return _record(device, path, metadata, held.window, hanging, options, speed, on_progress, settings)
     except BaseException:
         with suppress(DprError):
             device.stop()
@@ -253,6 +257,7 @@ def _record(
     rest: RestWindow,
     hanging: tuple[float, float] | None,
     options: CaptureOptions,
+    speed: LiveSpeed,
     on_progress: OnProgress,
     settings: CaptureSettings,
 ) -> Captured:
@@ -266,7 +271,7 @@ def _record(
             _release(device)
             _await_release(device, recording, settings)
             on_progress(Released(recording.release_tick or 0, path))
-            _follow(device, recording, options.until_rest, on_progress, settings)
+            _follow(device, recording, options.until_rest, speed, on_progress, settings)
             _stop(device, recording, settings)
             report = recording.finish(device.clock(), _notes(recording, options, settings))
         except BaseException as error:
@@ -329,7 +334,12 @@ class _Pace:
 
 
 def _follow(
-    device: Device, recording: Recording, until_rest: bool, on_progress: OnProgress, settings: CaptureSettings
+    device: Device,
+    recording: Recording,
+    until_rest: bool,
+    speed: LiveSpeed,
+    on_progress: OnProgress,
+    settings: CaptureSettings,
 ) -> None:
     """Record for as long as asked, or until the rods have come to rest."""
     next_look = heard_at = time.monotonic()
@@ -352,7 +362,8 @@ def _follow(
         t, theta = recording.tail(still_s)
         theta0, theta1, theta2 = theta[-1].tolist()
         fresh = recording.since(reported)
-        on_progress(SwingReading(recording.t, (theta0, theta1, theta2), len(recording.samples), fresh))
+        omega = speed.after(*fresh)
+        on_progress(SwingReading(recording.t, (theta0, theta1, theta2), omega, len(recording.samples), fresh))
         reported = len(recording.samples)
         if until_rest and recording.t >= still_s and at_rest(t, theta, recording.rig, settings.limits.rest):
             recording.end_here()

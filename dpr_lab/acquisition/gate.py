@@ -189,15 +189,10 @@ def _release_speed(judged: JudgedRun) -> Check | None:
     A = np.stack([t, t * t / 2], axis=1)
     coefficients, *_ = np.linalg.lstsq(A, rods, rcond=None)
     speed = float(np.abs(coefficients[0]).max())
-    uncertain = float(_reading_std(judged.rig).max() * np.sqrt(np.linalg.pinv(A.T @ A)[0, 0]))
+    uncertain = float(judged.rig.reading_std[1:].max() * np.sqrt(np.linalg.pinv(A.T @ A)[0, 0]))
     limit = max(limits.release_speed, limits.sigmas * uncertain)
     sentence = f"the rods left at {speed:.2f} rad/s (limit {limit:.2g}): let go without a push"
     return Check("release_speed", speed <= limit, speed, limit, "rad/s", sentence)
-
-
-def _reading_std(rig: Rig) -> NDArray[np.float64]:
-    """(2,) standard deviation of a reading of either rod, noise and rounding, rad."""
-    return np.abs(rig.radians_per_count[1:]) * np.sqrt(rig.encoders.noise_counts**2 + 1 / 12)
 
 
 def _lost(judged: JudgedRun) -> Check | None:
@@ -287,7 +282,7 @@ def _jumps(judged: JudgedRun) -> Check | None:
     run, limits = judged.run, judged.limits
     if len(run.t) < 2:
         return None
-    turned = np.abs(np.diff(run.theta[:, 1:], axis=0)) - limits.sigmas * np.sqrt(2) * _reading_std(judged.rig)
+    turned = np.abs(np.diff(run.theta[:, 1:], axis=0)) - limits.sigmas * np.sqrt(2) * judged.rig.reading_std[1:]
     speed = np.maximum(turned, 0.0) / np.diff(run.t)[:, np.newaxis]
     share = (speed / (limits.speed_margin * fastest_possible(judged.rig))).max(axis=0)
     rod, worst = RODS[int(share.argmax())], float(share.max())

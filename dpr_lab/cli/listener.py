@@ -122,6 +122,7 @@ class Listener:
     def _capture(self, reading: "Progress") -> None:
         from dpr_lab.acquisition.capture import Released, SwingReading
         from dpr_lab.acquisition.holding import HangReading, PoseReading, RestReading
+        from dpr_lab.report.angles import RADIANS
 
         match reading:
             case HangReading(ok=False):
@@ -135,7 +136,7 @@ class Listener:
             case Released():
                 self._bar(0, "released")
             case SwingReading():
-                self._bar(reading.t, f"{reading.t:.1f} s, {reading.samples} samples")
+                self._bar(reading.t, f"{reading.t:.1f} s, {reading.samples} samples, {RADIANS.speeds(reading.omega)}")
             case _:
                 pass
 

@@ -5,10 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.estimation.live_velocity import CHAIN
 from dpr_lab.kernels import njit
-
-CHAIN = 4
-"""States of one rod: theta, omega, alpha, jerk."""
 
 SAME_INTERVAL = 1e-8
 """Relative difference of two intervals that is rounding: instants are sums of floating-point periods."""

@@ -1,4 +1,4 @@
-r"""Angular velocities by a Kalman filter: live while recording, and smoothed afterwards.
+r"""Angular velocities of a recorded swing by a Kalman smoother.
 
 Each rod is a chain of integrators driven by white noise in the fourth derivative of its angle,
 
@@ -17,27 +17,22 @@ which makes all states of similar size; in other units the backward pass loses i
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.chain import CHAIN, fill_chain
 from dpr_lab.estimation.likelihood import log_likelihood
+from dpr_lab.estimation.live_velocity import CHAIN, LIVE, FilterUnits
 from dpr_lab.estimation.noise import NoiseFloor
-from dpr_lab.estimation.smoother import STATES, smooth_chains
+from dpr_lab.estimation.smoother import smooth_chains
 from dpr_lab.run import Run
 
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """Motion model of the filters."""
+    """How the process noise of a swing is estimated."""
 
-    live_snap: float = 1e8
-    """Process noise of a live filter before anything was recorded, rad^2/s^7; right for rods of about 0.4 m."""
-    prior: tuple[float, ...] = (1.0, 1e7, 1e7, 1e7)
-    """Variance of the first state in filter units: the angle is as exact as the first reading, the rest unknown."""
     memories: tuple[float, float, float] = (-1.0, 2.0, 0.25)
     """Grid of memories, log10 of samples: first, last, step; for fast swings at 30 Hz to slow ones at 10 kHz."""
     stretch_s: float = 0.4
@@ -74,48 +69,6 @@ class Smoothed:
         return np.hstack([self.theta, self.omega])
 
 
-class VelocityFilter:
-    """Live Kalman filter for the speeds of both rods; `update` takes each sample as it arrives.
-
-    Args:
-        covariance: (2, 2) noise of (theta1, theta2), rad^2
-        rate_hz: sample rate; only sets the scale, the true instants go to `update`
-        snap: process noise of each rod, rad^2/s^7
-    """
-
-    def __init__(self, covariance: ArrayLike, rate_hz: float, snap: ArrayLike = SETTINGS.live_snap) -> None:
-        self._scale = _Scale.of(1.0 / rate_hz, np.asarray(covariance, dtype=np.float64), snap)
-        self._filter: Any = None
-        self._t = -math.inf
-        self._interval = math.nan
-        self._model = (np.empty(0), np.empty(0))
-
-    def update(self, t: float, theta: ArrayLike) -> NDArray[np.float64]:
-        """(2,) speeds after the sample theta (2,) at time t, rad/s.
-
-        Raises:
-            ValueError: t is not after the sample before.
-        """
-        if not t > self._t:
-            raise ValueError(f"samples must come in order: {t} s after {self._t} s")
-        scaled = np.asarray(theta, dtype=np.float64) / self._scale.angle
-        if self._filter is None:
-            self._filter = _kalman_filter(scaled, self._scale.noise)
-        else:
-            self._predict(t - self._t)
-        self._filter.update(scaled)
-        self._t = t
-        return self._filter.x[[1, CHAIN + 1]] * self._scale.angle / self._scale.time
-
-    def _predict(self, interval: float) -> None:
-        # Instants are sums of floating-point periods: equal but for rounding.
-        if not math.isclose(interval, self._interval, rel_tol=1e-6):
-            f, q = np.zeros((CHAIN, CHAIN)), np.empty((CHAIN, CHAIN))
-            fill_chain(interval / self._scale.time, f, q)
-            self._interval, self._model = interval, (np.kron(np.eye(2), f), np.kron(np.diag(self._scale.snap), q))
-        self._filter.predict(F=self._model[0], Q=self._model[1])
-
-
 def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smoothed:
     """Angles and velocities of the swing by a forward and a backward pass (Rauch-Tung-Striebel).
 
@@ -130,9 +83,9 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
     t, theta, period = _swing(run)
     strengths = tuned_snap(run, noise) if snap is None else np.asarray(snap, dtype=np.float64)
     strengths = np.array(np.broadcast_to(strengths, theta.shape))
-    scale = _Scale.of(period, noise.covariance, np.exp(np.log(strengths).mean(axis=0)))
+    scale = FilterUnits.of(period, noise.covariance, np.exp(np.log(strengths).mean(axis=0)))
     x, P, nis = smooth_chains(
-        t / scale.time, theta / scale.angle, scale.noise, scale.scaled(strengths), np.array(SETTINGS.prior)
+        t / scale.time, theta / scale.angle, scale.noise, scale.scaled(strengths), np.array(LIVE.prior)
     )
     units = np.concatenate([scale.angle, scale.angle / scale.time])
     chosen = [0, CHAIN, 1, CHAIN + 1]  # theta1, theta2, omega1, omega2
@@ -165,13 +118,13 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
     first, last, step = SETTINGS.memories
     grid = np.arange(first, last + step / 2, step)
     grid = grid[: max(3, np.searchsorted(grid, math.log10(longest)))]
-    prior = np.array(SETTINGS.prior)
+    prior = np.array(LIVE.prior)
 
     def snap(log_memory: ArrayLike) -> NDArray[np.float64]:
         return variance * period / (period * 10 ** np.asarray(log_memory, dtype=np.float64)) ** (2 * CHAIN)
 
     def likelihoods(log_memory: float) -> list[list[float]]:
-        scale = _Scale.of(period, np.diag(variance), snap(log_memory))
+        scale = FilterUnits.of(period, np.diag(variance), snap(log_memory))
         instants, rods = t / scale.time, np.ascontiguousarray((theta / scale.angle).T)
         return [[log_likelihood(instants[s], rods[i, s], scale.snap[i], prior) for i in (0, 1)] for s in stretches]
 
@@ -180,52 +133,12 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
     return snap(np.stack([np.interp(np.arange(len(t)), middles, best[:, i]) for i in (0, 1)], axis=1))
 
 
-@dataclass(frozen=True, slots=True)
-class _Scale:
-    """Units of the filter, and the noises in them."""
-
-    time: float
-    angle: NDArray[np.float64]
-    """(2,) of each rod."""
-    noise: NDArray[np.float64]
-    """(2, 2) covariance of a reading."""
-    snap: NDArray[np.float64]
-    """(2,) process noise of each rod."""
-
-    @classmethod
-    def of(cls, period: float, covariance: NDArray[np.float64], snap: ArrayLike) -> "_Scale":
-        strengths = np.broadcast_to(np.asarray(snap, dtype=np.float64), 2)
-        angle = np.sqrt(np.diag(covariance))
-        memory = (angle**2 * period / strengths) ** (1 / (2 * CHAIN))
-        time = max(period, float(np.sqrt(memory.prod())))
-        scaled = strengths * time ** (2 * CHAIN - 1) / angle**2
-        return cls(time, angle, covariance / np.outer(angle, angle), scaled)
-
-    def scaled(self, snap: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(..., 2) other process noises in these units."""
-        return snap * self.time ** (2 * CHAIN - 1) / self.angle**2
-
-
 def _swing(run: Run) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Instants, angles of the rods and median interval from the release on."""
     swing = run.swing
     if len(swing.t) < 2:
         raise RunError(f"{run.name}: {len(swing.t)} samples after the release; at least 2 are needed for a velocity")
     return swing.t, swing.theta[:, 1:], float(np.median(np.diff(swing.t)))
-
-
-def _kalman_filter(theta: NDArray[np.float64], noise: NDArray[np.float64]) -> Any:
-    """A live filter at rest at the first angles, ready to be updated with them."""
-    from filterpy.kalman import KalmanFilter  # 0.7 s to import, and only needed here
-
-    kalman = KalmanFilter(dim_x=STATES, dim_z=2)
-    kalman.x = np.zeros(STATES)
-    kalman.x[[0, CHAIN]] = theta
-    kalman.P = np.diag(np.tile(SETTINGS.prior, 2))
-    kalman.H = np.zeros((2, STATES))
-    kalman.H[[0, 1], [0, CHAIN]] = 1.0
-    kalman.R = noise
-    return kalman
 
 
 def _stretches(samples: int, period: float) -> list[slice]:

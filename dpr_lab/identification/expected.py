@@ -67,10 +67,10 @@ def expected_releases(
 ) -> tuple[Problem, Estimate]:
     """Releases simulated without noise, cut into segments, and the truth about them.
 
-    A count is off by the encoder's noise and by rounding, which is uniform: variance noise_counts^2 + 1/12.
+    A reading has the noise and the rounding of its encoder (`Rig.reading_std`).
     """
     joints, rate_hz = rig.encoders.joint_angles, rig.link.rate_hz
-    std = np.sqrt(rig.encoders.noise_counts**2 + 1 / 12) * np.abs(rig.radians_per_count[1:])
+    std = rig.reading_std[1:]
     t = np.arange(round(releases.duration_s * rate_hz)) / rate_hz
     starts = np.array([[*pose.theta[1:], 0.0, 0.0] for pose in poses])
     each = segments([t] * len(poses), run=range(len(poses)), step=MAX_STEP)

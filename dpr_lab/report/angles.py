@@ -30,6 +30,12 @@ class AngleUnit:
         """Format an angular velocity."""
         return f"{speed * self.per_rad:.{self.digits + 1}f}{self.symbol}/s"
 
+    def speeds(self, omega: Sequence[float]) -> str:
+        """Format the angular velocities of both rods in one line."""
+        return "  ".join(
+            f"ω{rod} {speed * self.per_rad:+.{self.digits}f}{self.symbol}/s" for rod, speed in enumerate(omega, 1)
+        )
+
     def all_of(self, theta: Sequence[float]) -> str:
         """Format the angles of all joints in one line."""
         return "  ".join(f"θ{joint} {self.text(angle)}" for joint, angle in enumerate(theta))

@@ -1,6 +1,7 @@
 """From the pose to a run file: over every link, again and again, and nothing that does not fit the rig."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from mcap.reader import make_reader
 from dpr_lab.acquisition.capture import Captured, CaptureOptions, Progress, Released, SwingReading, capture, new_path
 from dpr_lab.acquisition.holding import PoseReading, RestReading
 from dpr_lab.errors import ConfigError, LinkError
+from dpr_lab.estimation.noise import noise_floor
+from dpr_lab.estimation.velocity import smooth
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.inspect import verify
 from dpr_lab.storage.reader import load_run
@@ -42,6 +45,21 @@ def test_capture_leads_from_pose_to_a_judged_complete_run(
     assert captured.pose_measured == pytest.approx(paper.poses[pose].theta, abs=paper.poses[pose].tolerance)
     assert verify(captured.run_file).ok
     assert sum(captured.lost.values()) == sum(run.lost.values()) == 0
+
+
+def test_live_speeds_are_near_the_smoothed_ones(paper: Rig, tmp_path: Path, bench, agree) -> None:
+    seen: list[Progress] = []
+    with bench() as (device, _):
+        captured = capture(device, paper, "X1", replace(SHORT, duration=4.0), tmp_path, seen.append, agree)
+    readings = [reading for reading in seen if isinstance(reading, SwingReading) and reading.t > 0.1]
+    run = load_run(captured.run_file, paper)
+    swing = smooth(run, noise_floor(run, paper))
+    assert readings
+    for reading in readings:
+        # The filter lags by up to five samples: it takes every fifth.
+        near = (swing.t > reading.t - 0.006) & (swing.t <= reading.t)
+        low, high = swing.omega[near].min(axis=0) - 0.15, swing.omega[near].max(axis=0) + 0.15
+        assert np.clip(reading.omega, low, high) == pytest.approx(reading.omega), reading.t
 
 
 @pytest.mark.slow

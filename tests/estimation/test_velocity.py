@@ -11,8 +11,9 @@ from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.chain import CHAIN
 from dpr_lab.estimation.likelihood import log_likelihood
+from dpr_lab.estimation.live_velocity import LIVE, VelocityFilter
 from dpr_lab.estimation.noise import NoiseFloor, noise_floor
-from dpr_lab.estimation.velocity import SETTINGS, VelocityFilter, smooth, tuned_snap
+from dpr_lab.estimation.velocity import smooth, tuned_snap
 from dpr_lab.joint_angles import JointAngles
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
@@ -114,7 +115,7 @@ def test_uneven_instants_agree_with_the_joint_gaussian():
 
     angle = np.sqrt(np.diag(covariance))
     memory = np.sqrt(np.prod((angle**2 * np.median(np.diff(t)) / snap) ** (1 / 8)))
-    prior = np.concatenate([np.array(SETTINGS.prior) * (angle[i] / memory ** np.arange(CHAIN)) ** 2 for i in (0, 1)])
+    prior = np.concatenate([np.array(LIVE.prior) * (angle[i] / memory ** np.arange(CHAIN)) ** 2 for i in (0, 1)])
     joint, paths = np.diag(prior), [np.eye(8)]
     blocks = [joint]
     for interval in np.diff(t):

@@ -192,6 +192,8 @@ def _live(state: CaptureState) -> Iterator[Content]:
         yield readout.placement_text(placement, state.unit)
     elif state.seen.theta is not None:
         yield Content.styled(readout.angles_text(state.seen.theta, state.unit), "bold")
+    if attempt is not None and attempt.phase is Phase.RECORDING and attempt.recorded is not None:
+        yield Content(state.unit.speeds(attempt.recorded.omega))
     if attempt is not None and attempt.phase is not Phase.RECORDING:
         yield readout.rest_text(attempt.rest, state.rig, state.unit)
     if state.ordered is not None:

@@ -110,7 +110,7 @@ def test_points_of_a_swing_that_found_no_room_are_sent_with_the_next(monkeypatch
     guided = _GuidedCapture(order, device, inbox, SimpleNamespace(add_if_read=add))  # pyright: ignore[reportArgumentType]
     t = np.delete(np.arange(400) / 1000, [101])  # the second sample of a report was lost
     for piece in np.split(t, [100, 199, 299]):
-        guided.on_progress(SwingReading(piece[-1], (0, 0, 0), 0, (piece, np.zeros((len(piece), 3)))))
+        guided.on_progress(SwingReading(piece[-1], (0, 0, 0), (0, 0), 0, (piece, np.zeros((len(piece), 3)))))
     assert [len(each) for each, _ in sent] == [10, 10, 20, 30]
     last = sent[-1][0]
     assert last[0] == 0.1

@@ -441,7 +441,7 @@ async def test_a_swing_that_ended_early_is_named_so_and_angles_have_no_whole_tur
         attempt = Attempt(1, "X1", step._rig.poses["X1"])
         t = np.linspace(0.0, 1.0, 101)
         theta = np.stack([0 * t, np.pi - 8 * np.pi + 0 * t, 0.1 + 8 * np.pi * (t - 1)], axis=1)
-        attempt.hear(AttemptSeen(1, SwingReading(1.0, (0.0, 0.0, 0.0), 101, (t, theta)), False, 0.0))
+        attempt.hear(AttemptSeen(1, SwingReading(1.0, (0.0, 0.0, 0.0), (0.0, 0.0), 101, (t, theta)), False, 0.0))
         step._ended = attempt
         step.enter()
         chart = app.query_one("#swing", Chart)

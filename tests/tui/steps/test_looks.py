@@ -49,7 +49,7 @@ def recorded() -> SwingReading:
     theta = np.stack([0 * t, np.pi + 0.8 * swing * np.sin(6 * t), np.pi - 2.9 * swing * np.cos(4 * t)], axis=1)
     theta[t < 0, 2] = 0.12
     angles = (0.0, float(theta[-1, 1]), float(theta[-1, 2]))
-    return SwingReading(6.0, angles, 7001, (t, theta))
+    return SwingReading(6.0, angles, (1.25, -3.5), 7001, (t, theta))
 
 
 def judged(ok: bool) -> AttemptFinished:

@@ -1,0 +1,42 @@
+"""Speeds of the rods while a swing is recorded."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.estimation.live_velocity import LIVE, VelocityFilter
+from dpr_lab.rig import Rig
+
+
+class LiveSpeed:
+    """Kalman filter for the speeds of both rods, fed with what a recording has gained.
+
+    Making it imports the filter, which takes about a second: make it before the rods are released.
+
+    Args:
+        rig: its encoders
+        rate_hz: sample rate of the recording
+    """
+
+    def __init__(self, rig: Rig, rate_hz: float) -> None:
+        to_rods = rig.encoders.joint_angles.to_rods_matrix
+        self._every = math.ceil(rate_hz / LIVE.most_hz)
+        self._filter = VelocityFilter(to_rods @ np.diag(rig.reading_std[1:] ** 2) @ to_rods.T, rate_hz / self._every)
+        self._skipped = 0
+        self._omega = (0.0, 0.0)
+
+    def after(self, t: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[float, float]:
+        """Speeds of the inner and outer rod after new samples of the swing, rad/s; as before where none is new.
+
+        Args:
+            t: (n,) since the release, s; later than those of the call before; the rest before the release is left out
+            theta: (n, 3) absolute angles, rad
+        """
+        t, theta = t[t >= 0], theta[t >= 0]
+        first = -self._skipped % self._every
+        self._skipped = (self._skipped + len(t)) % self._every
+        for instant, rods in zip(t[first :: self._every].tolist(), theta[first :: self._every, 1:], strict=True):
+            omega1, omega2 = self._filter.update(instant, rods).tolist()
+            self._omega = (omega1, omega2)
+        return self._omega
