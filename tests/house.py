@@ -149,11 +149,6 @@ def folder_sizes() -> dict[str, int]:
     return found
 
 
-def lines_of(package: str) -> int:
-    """Lines of Python of a package."""
-    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in (ROOT / package).rglob("*.py"))
-
-
 def main() -> None:
     """Print every figure."""
     trees = {name: tree for package in PACKAGES for name, tree in modules(package).items()}
@@ -162,7 +157,6 @@ def main() -> None:
     constants = numeric_constants({name: tree for name, tree in trees.items() if name.startswith("dpr_lab")})
     gap = within(graph, "dpr_lab.gap")
     named = effects_named({name: tree for name, tree in trees.items() if not name.startswith(EFFECTS_ROOM)}, EFFECTS)
-    print(f"lines of dpr_lab                    {lines_of('dpr_lab')}")
     print(f"circles, imports in functions too   {len(circles(graph))}, {len(circles(deferred))}")
     if not circles(gap):
         print(f"longest chain in gap                {len(longest_chain(gap))}")

@@ -52,7 +52,8 @@ def export(
 
 
 def _show(done: "ExportResult") -> None:
-    from dpr_lab.report.words import in_words, scaled_unit
+    from dpr_lab.report.digits import scaled_unit
+    from dpr_lab.report.words import in_words
 
     if done.lab is not None and done.bare_rad is not None:
         rows = [["the lab's own simulation", f"{1e3 * done.lab.off_rad:.3g}", f"{100 * done.lab.closed:.0f} %"]]

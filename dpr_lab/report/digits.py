@@ -1,12 +1,15 @@
 """Number formatting: as many digits as the uncertainty supports."""
 
 import math
+import re
 from collections.abc import Iterable
 
 NONE = "–"
 
 NUMERIC = frozenset("0123456789 .,;:()+-\N{EN DASH}\N{MINUS SIGN}\N{PLUS-MINUS SIGN}<>≤≥~%e")
 """Characters of numbers, intervals and times: cells of these are aligned right, others left."""
+
+_POWER = re.compile(r"\^(\d)")
 
 
 def plus_minus(value: float, std: float | None) -> str:
@@ -43,6 +46,11 @@ def three(number: float) -> str:
 def pair(numbers: Iterable[float]) -> str:
     """Format the numbers of both rods, inner first."""
     return ", ".join(three(number) for number in numbers)
+
+
+def scaled_unit(text: str) -> str:
+    """Write powers as superscripts: `kg m²` for `kg m^2`."""
+    return _POWER.sub(lambda power: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(power[1])], text)
 
 
 def _scaled(form: str, numbers: tuple[float, ...], value: float, std: float) -> str:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.report.angles import RADIANS, AngleUnit
-from dpr_lab.report.digits import NONE, interval, pair, plus_minus, three
-from dpr_lab.report.words import scaled_unit
+from dpr_lab.report.digits import NONE, interval, pair, plus_minus, scaled_unit, three
 from dpr_lab.shown import FIXED_BY
 
 if TYPE_CHECKING:

@@ -23,7 +23,6 @@ _DISPLAYED = {
 
 _IDENTIFIER = re.compile(rf"(?<![\[\w])(?<!--without )({'|'.join(sorted(EFFECTS, key=len, reverse=True))})(?!\w)")
 _PLACE = re.compile(r"\b(joint|encoder)([12])\b")
-_POWER = re.compile(r"\^(\d)")
 _UNIT = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|Hz))+$")
 
 
@@ -43,11 +42,6 @@ def in_words(text: str) -> str:
         return label[0].upper() + label[1:] if text[: match.start()].endswith(". ") else label
 
     return _PLACE.sub(r"\1 \2", _IDENTIFIER.sub(words, text))
-
-
-def scaled_unit(text: str) -> str:
-    """Write powers as superscripts: `kg m²` for `kg m^2`."""
-    return _POWER.sub(lambda power: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(power[1])], text)
 
 
 def parameter_words(name: str) -> str:

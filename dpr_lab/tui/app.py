@@ -38,7 +38,6 @@ from dpr_lab.tui.steps.identify import IdentifyStep
 from dpr_lab.tui.steps.job_step import JobStep
 from dpr_lab.tui.steps.rig import RigStep, TableGiven
 from dpr_lab.tui.steps.step import Step
-from dpr_lab.tui.steps.table_import import TableImport
 from dpr_lab.tui.terminal.display import Display
 from dpr_lab.tui.terminal.drivers import our_driver
 from dpr_lab.tui.terminal.plain import Plain
@@ -299,6 +298,8 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
 
     def action_import_table(self, file: Path | None = None) -> None:
         """Import a recording of another logger, with the rig that is chosen."""
+        from dpr_lab.tui.steps.table_import import TableImport
+
         self.push_screen(TableImport(self.workspace.rig, self.workspace.out / "runs", file), self._imported)
 
     def _imported(self, run: Path | None) -> None:

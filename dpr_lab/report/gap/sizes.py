@@ -2,8 +2,8 @@
 
 from dpr_lab.gap.result.diagnosis import Diagnosis, EffectSize, NamedEffect
 from dpr_lab.report.angles import RADIANS, AngleUnit
-from dpr_lab.report.digits import with_interval
-from dpr_lab.report.words import negative_words, parameter_words, scaled_unit, size_words
+from dpr_lab.report.digits import scaled_unit, with_interval
+from dpr_lab.report.words import negative_words, parameter_words, size_words
 
 
 def only_ratios(diagnosis: Diagnosis) -> bool:

@@ -177,17 +177,10 @@ def test_time_left_follows_the_usual_pace(instants, generations, expected) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("theme", "views"),
-    [
-        ("dpr-dark", ("convergence", "ratios", "nine")),
-        pytest.param("dpr-light", ("convergence",), marks=pytest.mark.long),
-    ],
-)
-async def test_its_looks(lab, snapshot, theme: str, views: tuple[str, ...], fixed_model: Path) -> None:
-    async with lab(IdentifyStep, model=fixed_model, theme=theme) as pilot:
-        for view in views:
-            await snapshot(pilot, f"identify-{view}-{theme}")
+async def test_its_looks(lab, snapshot, fixed_model: Path) -> None:
+    async with lab(IdentifyStep, model=fixed_model) as pilot:
+        for view in ("convergence", "ratios", "nine"):
+            await snapshot(pilot, f"identify-{view}")
             await pilot.press("v")
 
 

@@ -1,4 +1,4 @@
-"""What steps 1 to 3 look like, in both themes, from fixed data."""
+"""What steps 1 to 3 look like, from fixed data; `tests/tui/test_themes.py` checks the colours of the other themes."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -102,41 +102,18 @@ async def show(app: DprApp, scene: str, pilot: Pilot[None], until) -> None:
 
 
 @pytest.fixture
-def looks(app: DprApp, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], DprApp]:
+def looks(app: DprApp, monkeypatch: pytest.MonkeyPatch) -> Callable[[], DprApp]:
     monkeypatch.setattr(Sighting, "fresh", lambda sighting, now: sighting.at == NOW)
     monkeypatch.setattr(connect, "discover", lambda: Links((PORT,), ("can0",), ()))
     Input.cursor_blink = False
 
-    def themed(theme: str) -> DprApp:
-        made = DprApp(app.workspace, app.folder, steps=(ConnectStep, RigStep, CaptureStep))
-        made.theme = theme
-        return made
-
-    return themed
+    return lambda: DprApp(app.workspace, app.folder, steps=(ConnectStep, RigStep, CaptureStep))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("theme", ["dpr-dark", pytest.param("dpr-light", marks=pytest.mark.long)])
 @pytest.mark.parametrize("scene", SCENES)
-async def test_scene(looks, until, snapshot, scene: str, theme: str) -> None:
-    app = looks(theme)
+async def test_scene(looks, until, snapshot, scene: str) -> None:
+    app = looks()
     async with app.run_test(size=(80, 24)) as pilot:
         await show(app, scene, pilot, until)
-        await snapshot(pilot, f"{scene}-{theme.removeprefix('dpr-')}")
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("scene", ["connect-done", "capture-ready", "capture-recording"])
-async def test_scene_on_a_large_terminal(looks, until, snapshot, scene: str) -> None:
-    app = looks("dpr-dark")
-    async with app.run_test(size=(160, 48)) as pilot:
-        await show(app, scene, pilot, until)
-        await snapshot(pilot, f"{scene}-large")
-
-
-@pytest.mark.slow
-async def test_high_contrast(looks, until, snapshot) -> None:
-    app = looks("dpr-contrast")
-    async with app.run_test(size=(80, 24)) as pilot:
-        await show(app, "capture-ready", pilot, until)
-        await snapshot(pilot, "capture-ready-contrast")
+        await snapshot(pilot, scene)
