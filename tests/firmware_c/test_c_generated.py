@@ -4,6 +4,7 @@ import importlib.util
 import re
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -13,13 +14,13 @@ from firmware_protocol.definition import SCHEMA_HASH
 SOURCES = Path(firmware_protocol.__file__).parent / "c"
 
 
-def freshly_generated() -> dict[str, str]:
+def generator() -> ModuleType:
     spec = importlib.util.spec_from_file_location("generate", SOURCES / "generate.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.generated()
+    return module
 
 
 @pytest.mark.parametrize("name", ["dpr.h", "dpr.c", "dpr_schema.h"])
@@ -30,7 +31,20 @@ def test_generated_files_are_current(name):
         pytest.skip(
             f"{name} is of cantools {made_by[1]}, {version('cantools')} is installed and may write it otherwise"
         )
-    assert committed == freshly_generated()[name], "run: make -C firmware_protocol/c generate"
+    assert committed == generator().generated()[name], "run: make -C firmware_protocol/c generate"
+
+
+def test_only_what_differs_is_written(tmp_path, monkeypatch, capsys):
+    module = generator()
+    monkeypatch.setattr(module, "GENERATED", tmp_path)
+    made = module.generated()
+    for name, text in made.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "dpr.c").write_text("of an earlier version", encoding="utf-8")
+    (tmp_path / "dpr.h").unlink()
+    module.main()
+    assert capsys.readouterr().out.split("\n") == ["dpr.h written", "dpr.c written", ""]
+    assert {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()} == made
 
 
 def test_the_schema_is_this_one():
