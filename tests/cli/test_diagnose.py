@@ -124,10 +124,13 @@ def without_times(diagnosis: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_the_readable_form_starts_with_the_verdict(worn: list[Path], cli) -> None:
-    done = cli("diagnose", *worn, "--rig", "paper", "--library", "coulomb_joint1, coulomb_joint2")
+    done = cli("diagnose", *worn, "--rig", "paper", "--library", "coulomb_joint1, coulomb_joint2", "--explain")
     assert done.code == 0, done.err
     assert done.out.startswith("The gap is explained by ")
     assert "90 % interval" in done.out
+    _, search = done.out.split("Model search")
+    assert "+ Coulomb friction, joint 1" in search
+    assert {"add", "drop", "accepted", "rejected"} <= set(search.split())
 
 
 def test_a_run_held_out_only_measures(worn: list[Path], cli) -> None:

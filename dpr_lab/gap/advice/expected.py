@@ -37,7 +37,7 @@ def _size(selection: Selection, check: AdvisedCheck, names: tuple[str, ...]) -> 
     fitted = selection.chosen if check.measures in selection.chosen.key else selection.fitted.get(own)
     if fitted is not None:
         return _of_fit(fitted, check.measures, names)
-    test = selection.around[check.about]
+    test = selection.tests_without[check.about]
     score = test.of(check.measures)
     return _of_score(test, score, selection.chosen, names) if score else None
 

@@ -97,7 +97,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
         name: the effect
         calibration: of the probabilities
     """
-    without, chosen, test = selection.without[name], selection.chosen, selection.around[name]
+    without, chosen, test = selection.without[name], selection.chosen, selection.tests_without[name]
     own = test.shaped[name][0]
     others = {item.effect.name: item for item in test.ranking if item is not own}
     alike = [other for other, item in others.items() if _indistinguishable(selection, without, test, own, item)]
@@ -154,10 +154,10 @@ def _hidden(selection: Selection, own: Effect) -> tuple[str, ...]:
     """Richer forms of an effect of which the recordings could not show what they add."""
     params = selection.chosen.fit.estimate.params
     size = max(abs(float(params[param_index(own.name, p.name)])) for p in own.amplitudes)
-    least = detectable(selection.chosen, selection.last)
+    least = detectable(selection.chosen, selection.final_test)
     return tuple(
         item.effect.name
-        for item in selection.last.ranking
+        for item in selection.final_test.ranking
         if own.name in item.effect.nested
         and all(seen is None or seen > HIDDEN * size for seen in least[item.effect.name].values())
     )

@@ -94,7 +94,7 @@ class Findings:
 
 def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
     """The diagnosis; `seconds` is what it took."""
-    chosen, least = found.selection.chosen, detectable(found.selection.chosen, found.selection.last)
+    chosen, least = found.selection.chosen, detectable(found.selection.chosen, found.selection.final_test)
     withheld = found.description.withholds
     kind = verdict(found.selection, found.posteriors, found.transfer, least, withheld=withheld)
     shown = found.posteriors if kind == "named" else listed_causes(found.posteriors)
@@ -150,6 +150,7 @@ def _search_step(step: TracedTrial) -> SearchStep:
         move=step.move,
         before=list(step.before),
         tried=list(step.tried),
+        criterion=step.criterion if np.isfinite(step.criterion) else None,
         change=step.change if np.isfinite(step.change) else None,
         accepted=step.accepted,
         reason=step.reason,

@@ -37,7 +37,7 @@ def evidence(
     """
     models = {"before": selection.base, "after": selection.chosen}
     budget, curves = validation(recordings, problem, models, freely)
-    least = detectable(selection.chosen, selection.last)
+    least = detectable(selection.chosen, selection.final_test)
     rig = recordings.rig
     return Evidence(
         version=__version__,
@@ -48,7 +48,7 @@ def evidence(
         coverage=coverage(recordings, unseen),
         closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in carried.closing],
         residuals=residual_look(problem, models),
-        exclusions=exclusions(selection.chosen, selection.last, least),
+        exclusions=exclusions(selection.chosen, selection.final_test, least),
         budget=budget,
         curves=curves,
     )

@@ -75,13 +75,13 @@ def free_parameters(at: Estimate, effects: Sequence[str], problem: Problem) -> t
     return (*ratio_parameters(at, visible), *of_effects)
 
 
-def begun_with(problem: Problem, before: Hypothesis, test: ScoreTest, item: Score, iterations: int = 0) -> Iteration:
-    """One effect more from where its score puts it, led on by some iterations for a glimpse of its fit."""
-    linear = test.linear.chosen([*test.held, *item.columns])
-    first = descend(problem, _shaped(before, item), item.free, iterations=1, first=linear)
+def started_with(problem: Problem, before: Hypothesis, test: ScoreTest, score: Score, iterations: int = 0) -> Iteration:
+    """One effect more at the linear solution of its score test, continued by some Gauss-Newton iterations."""
+    linear = test.linear.chosen([*test.held, *score.columns])
+    first = descend(problem, _shaped(before, score), score.free, iterations=1, first=linear)
     if not iterations:
         return first
-    free = free_parameters(first.estimate, (*before.effects, item.effect.name), problem)
+    free = free_parameters(first.estimate, (*before.effects, score.effect.name), problem)
     return descend(problem, first.estimate, free, iterations=iterations, predicted=first.predicted)
 
 
@@ -89,19 +89,19 @@ def refit_with(
     problem: Problem,
     before: Hypothesis,
     test: ScoreTest,
-    item: Score,
+    score: Score,
     iterations: int,
-    begun: Iteration | None = None,
+    start: Iteration | None = None,
 ) -> Hypothesis:
-    """Fit one effect more, from where its score puts it or from where a glimpse led."""
-    begun = begun or begun_with(problem, before, test, item)
-    at, effects = begun.estimate, (*before.effects, item.effect.name)
-    free = free_parameters(at, effects, problem)
-    return hypothesis(problem, effects, fit(problem, at, free, iterations=iterations, predicted=begun.predicted))
+    """Fit one effect more, from the linear solution of its score test or from `start`."""
+    start = start or started_with(problem, before, test, score)
+    estimate, effects = start.estimate, (*before.effects, score.effect.name)
+    free = free_parameters(estimate, effects, problem)
+    return hypothesis(problem, effects, fit(problem, estimate, free, iterations=iterations, predicted=start.predicted))
 
 
 def refit_with_from_short(
-    problem: Problem, short: tuple[Problem, Array], before: Hypothesis, item: Score, iterations: int
+    problem: Problem, short: tuple[Problem, Array], before: Hypothesis, score: Score, iterations: int
 ) -> Hypothesis:
     """Fit one effect more to short segments first: slower, but it converges where the effect bends the swings far.
 
@@ -109,20 +109,21 @@ def refit_with_from_short(
         problem: the segments
         short: shorter segments of the same runs, and initial states to begin with
         before: the fit without the effect
-        item: the effect in the shape to start from
+        score: the effect in the shape to start from
         iterations: at most, of each of the two fits
     """
     cut, initial = short
-    near = descend(cut, replace(_shaped(before, item), initial=initial), item.free, iterations=iterations)
-    begun = carried(cut.segments, near.estimate.initial, problem.segments, before.fit.estimate.initial)
-    at = near.estimate.changed(initial=begun)
-    effects = (*before.effects, item.effect.name)
-    return hypothesis(problem, effects, fit(problem, at, free_parameters(at, effects, problem), iterations=iterations))
+    near = descend(cut, replace(_shaped(before, score), initial=initial), score.free, iterations=iterations)
+    initial_states = carried(cut.segments, near.estimate.initial, problem.segments, before.fit.estimate.initial)
+    start, effects = near.estimate.changed(initial=initial_states), (*before.effects, score.effect.name)
+    long = fit(problem, start, free_parameters(start, effects, problem), iterations=iterations)
+    return hypothesis(problem, effects, long)
 
 
-def _shaped(before: Hypothesis, item: Score) -> Estimate:
+def _shaped(before: Hypothesis, score: Score) -> Estimate:
+    """The fit with the effect's shape parameters at those of its score."""
     params = before.fit.estimate.params.copy()
-    for index, value in item.shape:
+    for index, value in score.shape:
         params[index] = value
     return before.fit.estimate.changed(params=params)
 

@@ -53,19 +53,19 @@ class Thresholds:
 THRESHOLDS = Thresholds()
 
 
-def excess(item: Hypothesis) -> float:
+def excess(model: Hypothesis) -> float:
     """chi2 above the noise, not below what noise alone may leave."""
-    return max(item.residuals.excess, THRESHOLDS.noise_floor * item.residuals.uncertainty)
+    return max(model.residuals.excess, THRESHOLDS.noise_floor * model.residuals.uncertainty)
 
 
-def at_noise_floor(item: Hypothesis) -> bool:
+def at_noise_floor(model: Hypothesis) -> bool:
     """Whether nothing but noise is left."""
-    return item.residuals.z < THRESHOLDS.noise_floor
+    return model.residuals.z < THRESHOLDS.noise_floor
 
 
-def far_from_noise(item: Hypothesis) -> bool:
+def far_from_noise(model: Hypothesis) -> bool:
     """Whether so much is left that a linear score is only a hint."""
-    return item.residuals.chi2 > THRESHOLDS.far * item.residuals.dof
+    return model.residuals.chi2 > THRESHOLDS.far * model.residuals.dof
 
 
 def indifference(

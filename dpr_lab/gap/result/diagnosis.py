@@ -308,9 +308,10 @@ class SearchStep(_Record):
     """Effects of the current set."""
     tried: list[str]
     """Effects of the proposed set."""
+    criterion: Number | None = None
+    """Of the proposed set: held-out chi-square and price of the parameters. None where its fit failed."""
     change: Number | None
-    """Change of the criterion (held-out chi-square and price of the parameters); negative is better. None where the
-    fit of one of the sets failed."""
+    """Of the criterion, from the current set to the proposed one; negative is better. None where a fit failed."""
     accepted: bool
     """Whether the proposed set became the current one."""
     reason: str

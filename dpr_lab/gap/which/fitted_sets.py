@@ -2,11 +2,11 @@
 
 A fit far from the noise may end where a few or long segments hold it. So an effect is started from several shapes,
 from short segments, from the set above and from the set below, and the best of these counts. A set that is fitted
-again keeps the better fit, so that its fit only ever improves and it does not matter which move asked for it first.
+again keeps the better fit. Each move fits in a copy of its own, so that no fit reaches an earlier state of the search.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -20,12 +20,12 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import without_outstanding
 from dpr_lab.gap.hypothesis.hypothesis import (
     Hypothesis,
-    begun_with,
     free_parameters,
     hypothesis,
     refit_with,
     refit_with_from_short,
     refit_without,
+    started_with,
 )
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
@@ -44,13 +44,13 @@ class Effort:
     """Iterations of a fit far from the noise."""
     fine: int = 15
     """Iterations of one near it."""
-    glimpse: int = 3
+    preview: int = 3
     """Iterations from each of several shapes, of which the best goes on."""
     thorough: int = 30
     """Iterations from the best of several shapes."""
     short: int = 12
     """Iterations from short segments."""
-    kept_promise: float = 0.5
+    achieved: float = 0.5
     """Share of the predicted fall of chi2 below which a fit is tried again from shorter segments."""
     starts: int = 4
     """Shapes from which an effect with several of them is fitted."""
@@ -63,7 +63,7 @@ EFFORT = Effort()
 
 @dataclass(frozen=True, slots=True)
 class FittedSets:
-    """The sets of effects that were fitted to recordings, and the ways to fit more."""
+    """The sets of effects that one move has before it, and the ways to fit more."""
 
     recordings: Recordings
     problem: Problem
@@ -86,6 +86,17 @@ class FittedSets:
     def fits(self) -> Mapping[frozenset[str], Hypothesis]:
         """Every set that was fitted, with its best fit."""
         return MappingProxyType(self._fits)
+
+    @property
+    def tests(self) -> Mapping[frozenset[str], ScoreTest]:
+        """The score tests on them."""
+        return MappingProxyType(self._tests)
+
+    def resumed(
+        self, fits: Mapping[frozenset[str], Hypothesis], tests: Mapping[frozenset[str], ScoreTest]
+    ) -> "FittedSets":
+        """The same recordings and library with a copy of other fits and score tests."""
+        return replace(self, _fits=dict(fits), _tests=dict(tests))
 
     def keep(self, model: Hypothesis) -> Hypothesis:
         """Remember a fit where it is the best of its set; return the best."""
@@ -123,7 +134,7 @@ class FittedSets:
             return self._fits[key]
         self.on_progress(FitBegan(tuple(sorted(key))))
         larger = self._best_shape(model, score)
-        if far_from_noise(model) and model.fit.chi2 - larger.fit.chi2 < EFFORT.kept_promise * score.gain:
+        if far_from_noise(model) and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain:
             from_short = refit_with_from_short(self.problem, self.short(), model, score, EFFORT.short)
             larger = min(larger, from_short, key=_chi2)
         return self.keep(larger)
@@ -135,8 +146,8 @@ class FittedSets:
         starts = test.shaped[score.effect.name][: EFFORT.starts if leading else 1]
         if score.effect.event or len(starts) == 1:
             return refit_with(self.problem, model, test, score, EFFORT.rough if far_from_noise(model) else EFFORT.fine)
-        glimpses = [begun_with(self.problem, model, test, start, EFFORT.glimpse) for start in starts]
-        best = min(glimpses, key=lambda glimpse: glimpse.chi2)
+        previews = [started_with(self.problem, model, test, start, EFFORT.preview) for start in starts]
+        best = min(previews, key=lambda preview: preview.chi2)
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
     def short(self) -> tuple[Problem, NDArray[np.float64]]:

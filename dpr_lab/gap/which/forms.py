@@ -29,31 +29,32 @@ from dpr_lab.gap.where.coordinates import (
 Array = NDArray[np.float64]
 
 
-def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, item: Score) -> float:
+def own_share(problem: Problem, less: Hypothesis, test: ScoreTest, score: Score) -> float:
     """Share of what an effect explains in addition to a set, that no other form of the set's effects explains, 0 to 1.
 
     Args:
         problem: what was measured
         less: the set
         test: the score test on that set
-        item: the effect, from that
+        score: of the effect, from that test
     """
     along, linear = trajectory(problem, less.fit.estimate), test.linear
     forms = linear.projected(
         np.concatenate([_other_forms(problem, along, less, name) for name in less.effects], axis=2)
     )
-    held, own = linear.A[:, :, list(test.held)], linear.A[:, :, list(item.columns)]
+    held, own = linear.A[:, :, list(test.held)], linear.A[:, :, list(score.columns)]
     space = ColumnSpace.of(np.concatenate([held, own, forms], axis=2), linear.e)
-    places = np.split(np.arange(len(space)), np.cumsum([held.shape[2], own.shape[2]]))
+    of_held, of_own, of_forms = np.split(np.arange(len(space)), np.cumsum([held.shape[2], own.shape[2]]))
     before, alone, others, both = (
-        space.chosen(np.concatenate([places[i] for i in parts])).gain() for parts in ((0,), (0, 1), (0, 2), (0, 1, 2))
+        space.chosen(np.concatenate(columns)).gain()
+        for columns in ([of_held], [of_held, of_own], [of_held, of_forms], [of_held, of_own, of_forms])
     )
     return float(np.clip((both - others) / (alone - before), 0.0, 1.0)) if alone > before else 0.0
 
 
-def _other_forms(problem: Problem, along: Trajectory, at: Hypothesis, name: str) -> Array:
+def _other_forms(problem: Problem, along: Trajectory, model: Hypothesis, name: str) -> Array:
     """(segments, m, k) whitened readings under what an effect of a set would do in other forms."""
-    effect, estimate = EFFECTS[name], at.fit.estimate
+    effect, estimate = EFFECTS[name], model.fit.estimate
     if effect.stage == "load":
         (joint,) = effect.joints
         force = joint_force(problem, along, joint)
@@ -68,10 +69,10 @@ def _other_forms(problem: Problem, along: Trajectory, at: Hypothesis, name: str)
     alone[SLICES[name]] = estimate.params[SLICES[name]]
     torque = along.torques(effect.stage, problem.model.constants, alone[None])
     free = [_free(along.joint_angle[:, j], along.joint_speed[:, j], along.t) for j in effect.joints]
-    found = [along.answer(problem, torque * np.concatenate(free, axis=1)[:, None, :])]
+    columns = [along.answer(problem, torque * np.concatenate(free, axis=1)[:, None, :])]
     if effect.potential:
-        found += [under_torque(problem, along, j, angle_hats(along.joint_angle[:, j])[0]) for j in effect.joints]
-    return np.concatenate(found, axis=2)
+        columns += [under_torque(problem, along, j, angle_hats(along.joint_angle[:, j])[0]) for j in effect.joints]
+    return np.concatenate(columns, axis=2)
 
 
 def _free(angle: Array, speed: Array, t: Array) -> Array:

@@ -1,14 +1,16 @@
-"""The moves of the search after forward selection: each drops, replaces or refits effects of the current set.
+"""The moves of the search around forward selection: each adds, drops, replaces or refits effects of the current set.
+
+A move is a generator that proposes sets, and a rule that accepts or rejects them; `MOVES`, at the end, names them all.
 
 The criterion is the held-out chi-square with the price of the parameters (`Hypothesis.cost`). What fall of it means
 nothing, and from which growth of the excess on an effect is needed, is in `dpr_lab.gap.hypothesis.thresholds`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from dpr_lab.effects import plausibility
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_with, refit_without
-from dpr_lab.gap.hypothesis.score_test import ScoreTest
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     at_noise_floor,
@@ -21,12 +23,19 @@ from dpr_lab.gap.which.fitted_sets import EFFORT, FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
-SWAPPED = 2
+REPLACEMENTS = 2
 """Candidates that are tried in place of each effect."""
 
 
-def _always(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    return Decision(True, "by construction")
+def _with_what_is_known(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """The bare model with the effects that the rig is known to have and these recordings show."""
+    start = sets.start()
+    if start.effects:
+        yield Proposal(start)
+
+
+def _known(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    return Decision(True, "every rig of this kind has them")
 
 
 def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
@@ -54,15 +63,15 @@ def _adequate(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Deci
 
 def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """The set without the effect that is needed least; the last effect stays for its share of the whole."""
-    weighed = sets.unexpected(current)
-    if len(current.effects) > 1 and weighed:
-        fewer = [sets.without(current, name) for name in weighed]
+    removable = sets.unexpected(current)
+    if len(current.effects) > 1 and removable:
+        fewer = [sets.without(current, name) for name in removable]
         needs = [need(sets.bare, current, less) for less in fewer]
         least = needs.index(min(needs))
         yield Proposal(fewer[least], needs[least])
 
 
-def _hardly_missed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _not_needed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     if proposal.value < 1:
         return Decision(True, f"hardly needed: {proposal.value:.2g} of what keeps an effect")
     chance = significance(sets.bare, proposal.model, current)
@@ -118,7 +127,7 @@ def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         less = sets.without(current, name)
         if sets.library[name].shapes:
             best = min(best, sets.reshaped(current, name), key=_criterion)
-        for score in sets.test(less).ranking[:SWAPPED]:
+        for score in sets.test(less).ranking[:REPLACEMENTS]:
             if score.effect.name != name:
                 best = min(best, sets.with_one(less, score), key=_criterion)
     if best is not current:
@@ -135,6 +144,7 @@ def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decisi
 
 
 def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """The set without each of its effects in turn."""
     for name in current.effects:
         yield Proposal(sets.without(current, name))
 
@@ -158,11 +168,11 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     if at_noise_floor(current) or len(current.effects) < 2:
         return
     closest = min(map(excess, sets.fits.values()))
-    most = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * excess(sets.bare))
+    limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * excess(sets.bare))
     shares: list[Proposal] = []
     for name in sets.unexpected(current):
         less = sets.without(current, name)
-        score = sets.test(less).of(name) if excess(less) <= most else None
+        score = sets.test(less).of(name) if excess(less) <= limit else None
         if score is not None:
             shares.append(Proposal(less, own_share(sets.problem, less, sets.test(less), score)))
     yield from sorted(shares, key=lambda proposal: proposal.value)[:1]
@@ -174,18 +184,25 @@ def _makes_up_for_another_form(sets: FittedSets, current: Hypothesis, proposal: 
 
 
 def _converged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    done = sets.converged(current)
-    if done is not current:
-        yield Proposal(done)
+    converged = sets.converged(current)
+    if converged is not current:
+        yield Proposal(converged)
+
+
+def _fitted_to_the_end(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    fewer = len(proposal.model.effects) < len(current.effects)
+    return Decision(
+        True, "at the minimum, effects without size are left out" if fewer else "the minimum was not reached"
+    )
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """The best set, no larger, of all that were fitted while alternatives were compared and sets taken apart."""
-    compare_alternatives(sets, predictive(sets, current))
+    fits = with_alternatives(sets, predictive(sets, current))
     known = current.key & sets.expected
     others = [
         model
-        for model in sets.fits.values()
+        for model in fits.values()
         if model.effects and len(model.effects) <= len(current.effects) and known <= model.key
     ]
     best = min(others, key=_criterion, default=current)
@@ -219,10 +236,20 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
                 yield Proposal(model, plausibility(model.fit.estimate.params, other.effect.name) / own)
 
 
-def _likelier(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     return Decision(
         proposal.value > THRESHOLDS.likelier, f"indistinguishable; the prior odds of the sizes are {proposal.value:.2g}"
     )
+
+
+def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    less = predictive(sets, current)
+    if less is not current:
+        yield Proposal(less)
+
+
+def _predicts_held_out_runs(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    return Decision(True, "held-out runs are predicted better without it")
 
 
 def predictive(sets: FittedSets, model: Hypothesis) -> Hypothesis:
@@ -235,31 +262,42 @@ def predictive(sets: FittedSets, model: Hypothesis) -> Hypothesis:
     return predictive(sets, fewer[least]) if remaining[least] < sets.unseen_chi2(model) else model
 
 
-def compare_alternatives(sets: FittedSets, chosen: Hypothesis) -> None:
-    """Fit what the linear scores can hardly distinguish from each effect, or prefer, so that fits are compared."""
+def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
+    """All fitted sets, among them those with an alternative in place of each effect, so that fits are compared.
+
+    Alternatives are effects that the linear scores can hardly distinguish from the effect, or prefer to it.
+    """
     for name in chosen.effects:
         less = sets.without(chosen, name)
         test = sets.test(less)
-        _fit_alternatives(sets, less, test, name, chosen)
-
-
-def _fit_alternatives(sets: FittedSets, less: Hypothesis, test: ScoreTest, name: str, chosen: Hypothesis) -> None:
-    own = test.shaped[name][0]
-    related = {name, *own.effect.nested}
-    for score in test.ranking:
-        form = score.effect.name in related or name in score.effect.nested
-        if not form and score.gain > 0 and test.cosine(own, score) > THRESHOLDS.indistinguishable:
+        for score in _indistinguishable(test, name):
             sets.escaped(sets.with_one(less, score))
-    for score in test.ranking[:SWAPPED]:
-        if score is not own and less.cost - score.gain < chosen.cost:
-            sets.with_one(less, score)
+        for score in test.ranking[:REPLACEMENTS]:
+            if score.effect.name != name and less.cost - score.gain < chosen.cost:
+                sets.with_one(less, score)
+    return sets.fits
+
+
+def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
+    """Effects with the signature of another one that are no simpler or richer form of it."""
+    own = test.shaped[name][0]
+    for score in test.ranking:
+        form = score.effect.name in {name, *own.effect.nested} or name in score.effect.nested
+        if not form and score.gain > 0 and test.cosine(own, score) > THRESHOLDS.indistinguishable:
+            yield score
 
 
 def _criterion(model: Hypothesis) -> float:
     return model.cost
 
 
-SMALLER = Move(
+START = Move(
+    "known effects",
+    "effects that every rig of this kind has are put in first, as far as the recordings show them",
+    _with_what_is_known,
+    _known,
+)
+SMALLEST_ADEQUATE = Move(
     "smallest adequate set",
     "a smaller set that was passed on the way and explains nearly as much is taken instead",
     _smaller_adequate,
@@ -269,11 +307,13 @@ DROP = Move(
     "drop",
     "backward elimination: an effect without which the excess hardly grows is dropped",
     _without_least_needed,
-    _hardly_missed,
+    _not_needed,
     then="repeat",
 )
-RICHER = Move("richer form", "an effect is replaced by a richer one that contains it", _richer, _better_than_chance)
-SIMPLER = Move(
+RICHER_FORM = Move(
+    "richer form", "an effect is replaced by a richer one that contains it", _richer, _better_than_chance
+)
+SIMPLER_FORM = Move(
     "simpler form",
     "an effect is replaced by a simpler one that it contains and that explains as much",
     _simpler,
@@ -301,28 +341,47 @@ OWN_SHARE = Move(
     _makes_up_for_another_form,
     then="repeat",
 )
-CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _always)
-OVERTAKE = Move(
+CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _fitted_to_the_end)
+BETTER_ALTERNATIVE = Move(
     "better alternative",
     "alternatives of each effect are fitted; a set no larger that explains more is taken instead",
     _better_alternative,
     _explains_more,
 )
-PLAUSIBLE = Move(
+MORE_PLAUSIBLE = Move(
     "more plausible size",
     "of two indistinguishable effects the one of the far more plausible size is named",
     _more_plausible,
-    _likelier,
+    _far_more_plausible,
+)
+HELD_OUT = Move(
+    "held-out runs",
+    "at the end, effects that make held-out runs harder to predict are dropped",
+    _without_misleading,
+    _predicts_held_out_runs,
 )
 
-REFINE = (SMALLER, DROP, RICHER, SIMPLER, EXCHANGE, DROP, CROSS_VALIDATION, OWN_SHARE, CONVERGE)
+REFINE = (SMALLEST_ADEQUATE, DROP, RICHER_FORM, SIMPLER_FORM, EXCHANGE, DROP, CROSS_VALIDATION, OWN_SHARE, CONVERGE)
 """What follows forward selection, in order."""
 
-SHORT = (SMALLER, DROP, SIMPLER)
+SHORT = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM)
 """What follows it in short segments."""
 
-REVISIONS = ((OVERTAKE, (DROP, OWN_SHARE, CONVERGE)), (PLAUSIBLE, (CONVERGE,)))
+REVISIONS = ((BETTER_ALTERNATIVE, (DROP, OWN_SHARE, CONVERGE)), (MORE_PLAUSIBLE, (CONVERGE,)))
 """Revisions of the choice, and what follows each where it changes the set."""
 
-MOVES = (SMALLER, DROP, RICHER, SIMPLER, EXCHANGE, CROSS_VALIDATION, OWN_SHARE, CONVERGE, OVERTAKE, PLAUSIBLE)
-"""All of them."""
+MOVES = (
+    START,
+    SMALLEST_ADEQUATE,
+    DROP,
+    RICHER_FORM,
+    SIMPLER_FORM,
+    EXCHANGE,
+    CROSS_VALIDATION,
+    OWN_SHARE,
+    CONVERGE,
+    BETTER_ALTERNATIVE,
+    MORE_PLAUSIBLE,
+    HELD_OUT,
+)
+"""All of them, except `forward.forward_selection` and `select.short_segments`, which take the number of effects."""

@@ -1,10 +1,11 @@
 """The driver of the search: one move after the other, each proposes sets of effects and accepts or rejects them."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.selected import TracedTrial
 
@@ -15,6 +16,8 @@ class Proposal(NamedTuple):
     model: Hypothesis
     value: float = float("nan")
     """What the move measured to choose it, where the criterion alone does not decide."""
+    trials: tuple[TracedTrial, ...] = ()
+    """Those of a search that led to it."""
 
 
 class Decision(NamedTuple):
@@ -41,17 +44,36 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """Where the search stands."""
+    """Where the search stands. A move makes a new state and leaves the one before as it was."""
 
     current: Hypothesis
+    """The best set so far."""
+    fits: Mapping[frozenset[str], Hypothesis]
+    """Every set that was fitted so far, the bare model among them."""
+    tests: Mapping[frozenset[str], ScoreTest]
+    """The score tests on them."""
     trace: tuple[TracedTrial, ...] = ()
     """Every trial so far, in order."""
+
+    @classmethod
+    def bare(cls, sets: FittedSets) -> "SearchState":
+        """The model without effects, at the start of a search."""
+        return cls(sets.bare, sets.fits, sets.tests)
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
         """The state after a trial."""
         model = proposal.model
-        step = TracedTrial(move.name, self.current.effects, model.effects, model.cost - self.current.cost, *decision)
-        return SearchState(model if decision.accepted else self.current, (*self.trace, step))
+        trial = TracedTrial(
+            move=move.name,
+            before=self.current.effects,
+            tried=model.effects,
+            criterion=model.cost,
+            change=model.cost - self.current.cost,
+            accepted=decision.accepted,
+            reason=decision.reason,
+        )
+        trace = (*self.trace, *proposal.trials, trial)
+        return replace(self, current=model if decision.accepted else self.current, trace=trace)
 
 
 def run(moves: Sequence[Move], sets: FittedSets, state: SearchState) -> SearchState:
@@ -62,7 +84,14 @@ def run(moves: Sequence[Move], sets: FittedSets, state: SearchState) -> SearchSt
 
 
 def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
-    """Run one move."""
+    """Run one move.
+
+    Args:
+        move: the move
+        sets: the recordings and the library
+        state: where the search stands
+    """
+    sets = sets.resumed(state.fits, state.tests)
     while True:
         before = state.current
         for proposal in move.propose(sets, before):
@@ -71,10 +100,4 @@ def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
             if decision.accepted and move.then != "go on":
                 break
         if move.then != "repeat" or state.current is before:
-            return state
-
-
-def moved_to(state: SearchState, move: str, model: Hypothesis, reason: str) -> SearchState:
-    """The state after a set was taken over without alternatives."""
-    step = TracedTrial(move, state.current.effects, model.effects, model.cost - state.current.cost, True, reason)
-    return replace(state, current=model, trace=(*state.trace, step))
+            return replace(state, fits=sets.fits, tests=sets.tests)

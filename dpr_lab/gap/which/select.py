@@ -1,12 +1,13 @@
 """Which effects: sets of up to `max_effects`, grown by forward selection, then refined move by move.
 
 Forward selection alone is greedy and takes the first plausible effect. So two sets are carried forward, and the moves
-of `moves` drop, replace, exchange and validate effects before the set is believed; `search` runs them and records a
-trace. Where the gap is far above the noise, short segments are searched first, because effects bend those less. If the
-bare model turns out to have been held at a local minimum, all is repeated from a better one.
+of `moves` drop, replace, exchange and validate effects before the set is believed. `search` runs them: each makes a
+new state of what was fitted, what was chosen and what was tried. Where the gap is far above the noise, short segments
+are searched first, because effects bend those less. If the bare model turns out to have been held at a local minimum,
+all is repeated from a better one.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import reduce
 
 from dpr_lab.effects.effect import Effect
@@ -16,8 +17,8 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, far_fr
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.which.fitted_sets import FittedSets, Progress
 from dpr_lab.gap.which.forward import forward_selection
-from dpr_lab.gap.which.moves import REFINE, REVISIONS, SHORT, compare_alternatives, predictive
-from dpr_lab.gap.which.search import SearchState, apply, moved_to, run
+from dpr_lab.gap.which.moves import HELD_OUT, REFINE, REVISIONS, SHORT, START, with_alternatives
+from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
 from dpr_lab.gap.which.selected import Selection
 
 MOST_REVISIONS = 3
@@ -70,24 +71,44 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
 
 
 def _selected(sets: FittedSets, max_effects: int) -> Selection:
-    state = _from_short_segments(sets, max_effects) if far_from_noise(sets.bare) else SearchState(sets.start())
-    state = run((forward_selection(max_effects), *REFINE), sets, state)
+    """The whole search: start, forward selection, refinement, revisions, held-out runs."""
+    start = short_segments(max_effects) if far_from_noise(sets.bare) else START
+    state = run((start, forward_selection(max_effects), *REFINE), sets, SearchState.bare(sets))
     for _ in range(MOST_REVISIONS):
         before = state.current
         state = _revised(sets, state)
         if state.current is before:
             break
-    return _selection(sets, state)
+    final = apply(HELD_OUT, sets, state)
+    misleading = tuple(name for name in state.current.effects if name not in final.current.effects)
+    return _selection(sets, final, misleading)
 
 
-def _from_short_segments(sets: FittedSets, max_effects: int) -> SearchState:
-    """The set that short segments show, fitted to these: a gap far above the noise bends longer ones too far."""
-    short = sets.on_short()
-    state = run((forward_selection(max_effects, to_floor=True), *SHORT), short, SearchState(short.start()))
-    found = state.current
-    carried = sets.carried_over(found) if found.effects else sets.bare
-    best = min(carried, sets.bare, key=lambda model: model.cost)
-    return moved_to(SearchState(sets.bare, state.trace), "start", best, "from short segments")
+def short_segments(max_effects: int) -> Move:
+    """The move far from the noise: a search of its own in short segments, and what it chose fitted to the whole ones.
+
+    Args:
+        max_effects: largest number of effects
+    """
+    moves = (START, forward_selection(max_effects, to_floor=True), *SHORT)
+
+    def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+        short = sets.on_short()
+        state = run(moves, short, SearchState.bare(short))
+        model = sets.carried_over(state.current) if state.current.effects else sets.bare
+        yield Proposal(model, trials=state.trace)
+
+    return Move(
+        "short segments",
+        "far above the noise: the set that a search in short segments chose is fitted to the whole ones",
+        propose,
+        _predicts_whole_segments,
+    )
+
+
+def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    better = proposal.model.cost < current.cost
+    return Decision(better, f"the criterion {'falls' if better else 'does not fall'} in whole segments")
 
 
 def _revised(sets: FittedSets, state: SearchState) -> SearchState:
@@ -100,20 +121,22 @@ def _revised(sets: FittedSets, state: SearchState) -> SearchState:
     return state
 
 
-def _selection(sets: FittedSets, state: SearchState) -> Selection:
-    chosen = predictive(sets, state.current)
-    compare_alternatives(sets, chosen)
+def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]) -> Selection:
+    """The chosen set with what the later stages compare it with: each of its effects removed or replaced."""
+    sets = sets.resumed(state.fits, state.tests)
+    chosen = state.current
+    fits = with_alternatives(sets, chosen)
     without = {name: sets.without(chosen, name) for name in chosen.effects}
     return Selection(
         base=sets.bare,
         chosen=chosen,
-        fitted=sets.fits,
-        last=sets.test(chosen),
+        fitted=fits,
+        final_test=sets.test(chosen),
         without=without,
-        around={name: sets.test(less) for name, less in without.items()},
+        tests_without={name: sets.test(less) for name, less in without.items()},
         path=_path(sets, chosen),
         expected=sets.expected,
-        misleading=tuple(name for name in state.current.effects if name not in chosen.effects),
+        misleading=misleading,
         trace=state.trace,
     )
 

@@ -18,8 +18,10 @@ class TracedTrial:
     """Effects of the current set."""
     tried: tuple[str, ...]
     """Effects of the proposed set."""
+    criterion: float
+    """Of the proposed set: held-out chi-square and price of the parameters."""
     change: float
-    """Of the criterion: held-out chi-square and price of the parameters; negative is better."""
+    """Of the criterion, from the current set to the proposed one; negative is better."""
     accepted: bool
     reason: str
 
@@ -32,11 +34,11 @@ class Selection:
     chosen: Hypothesis
     fitted: Mapping[frozenset[str], Hypothesis]
     """Every set that was fitted."""
-    last: ScoreTest
+    final_test: ScoreTest
     """The score test of further effects on the chosen set."""
     without: Mapping[str, Hypothesis]
     """The chosen set without each of its effects."""
-    around: Mapping[str, ScoreTest]
+    tests_without: Mapping[str, ScoreTest]
     """The score test on each of those sets."""
     path: tuple[tuple[str, Hypothesis], ...]
     """From the bare model to the chosen set, one effect at a time, the largest first."""

@@ -49,10 +49,11 @@ HORIZON_COLUMNS = ("segment length (s)", "gap, bare model (mrad rms)", "gap, cor
 MAP_COLUMNS = ("place", "coordinate", "coordinate value", "quantity", "value", "90 % half width")
 FINDING_COLUMNS = ("fault", "run", "axis", "time (s)", "evidence")
 
-SEARCH_COLUMNS = ("move", "change of the set", "change of the criterion", "decision", "reason")
+SEARCH_COLUMNS = ("move", "change of the set", "criterion", "change", "decision", "reason")
 SEARCH_NOTE = (
-    "Every trial of the model search in order; each starts from the last accepted set. Criterion: held-out chi-square"
-    " with the price of the parameters; negative changes are better."
+    "Every trial of the model search in order; each starts from the last accepted set. Criterion of the set that was"
+    " tried: held-out chi-square with the price of the parameters; negative changes are better. Trials"
+    " above a row 'short segments' were made in short segments."
 )
 
 EFFECT_NOTE = (
@@ -161,6 +162,7 @@ def search_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
         (
             step.move,
             _changed(step.before, step.tried),
+            NONE if step.criterion is None else f"{step.criterion:.5g}",
             NONE if step.change is None else f"{step.change:+.4g}",
             "accepted" if step.accepted else "rejected",
             in_words(step.reason),
