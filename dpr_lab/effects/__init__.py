@@ -131,15 +131,6 @@ def named_params(params: NDArray[np.float64], among: Iterable[str] = EFFECTS) ->
     }
 
 
-def oversized(params: NDArray[np.float64]) -> tuple[str, ...]:
-    """Effects of an implausible size: their cause has the same shape and is another."""
-    return tuple(
-        name
-        for name, effect in EFFECTS.items()
-        if any(abs(params[at]) > p.most for at, p in zip(_AMPLITUDES[name], effect.amplitudes, strict=True))
-    )
-
-
 def plausibility(params: NDArray[np.float64], effect: str) -> float:
     """Prior of an effect's fitted size: one well below its scale, falling with the fourth power of the size above it.
 

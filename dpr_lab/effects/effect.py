@@ -64,7 +64,9 @@ class EffectParameter:
     negative: str = ""
     """Meaning of a negative value: `friction falls during the swing`."""
     most: float = math.inf
-    """Largest possible size of an amplitude on any rig, in `unit`: a larger estimate has another cause."""
+    """Largest possible size of an amplitude on any rig, in `unit`; inf: relative to the rig, by `limit`."""
+    limit: str = ""
+    """Key of `dpr_lab.effects.limits.LIMITS`; empty: the unit."""
     plausible: float | None = None
     """Scale of the prior of an amplitude, in `unit`: sizes beyond it are rare (`dpr_lab.effects.plausibility`). None:
     three times the typical size."""

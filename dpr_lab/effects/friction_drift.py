@@ -22,6 +22,7 @@ FRICTION_DRIFT = pair(
             "N m/rad",
             2e-5,
             one_way=True,
+            limit="damping per second",
             negative="viscous friction falls during the swing, as of grease that warms",
         ),
     ),

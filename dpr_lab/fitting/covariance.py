@@ -14,7 +14,9 @@ Array = NDArray[np.float64]
 def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Array:
     """Consider covariance of a fit's values.
 
-        f (A^T A)^-1 + sum over changes c of s_c s_c^T,    s_c = (A^T A)^-1 A^T c
+        f V + sum over changes c of s_c s_c^T,    V = (A^T A + f P)^-1,    s_c = V A^T c
+
+    with P the inverse covariance of the prior.
 
     Args:
         fit: the fit
@@ -25,7 +27,7 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
         (free, free); zero for what is held at its bound
     """
     A = fit.linear.A[:, :, fit.inside]
-    inner = ColumnSpace.of(A, fit.linear.e).covariance()
+    inner = _inner(fit, inflation)
     covariance = inner * inflation
     for change in changes:
         shift = _shift(inner, A, change)
@@ -38,8 +40,15 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
 def shifted(fit: Fit, change: Array) -> Array:
     """(free,) by how much the values of a fit change once the model reads otherwise by (segments, m) whitened."""
     A, whole = fit.linear.A[:, :, fit.inside], np.zeros(len(fit.free))
-    whole[fit.inside] = -_shift(ColumnSpace.of(A, fit.linear.e).covariance(), A, change)
+    whole[fit.inside] = -_shift(_inner(fit, 1.0), A, change)
     return whole
+
+
+def _inner(fit: Fit, inflation: float) -> Array:
+    """(inside, inside) covariance over the inflation."""
+    space = ColumnSpace.of(fit.linear.A[:, :, fit.inside], fit.linear.e)
+    rows = inflation**0.5 * fit.prior[:, fit.inside]
+    return space.with_prior(rows, np.zeros(len(rows))).covariance()
 
 
 def _shift(inner: Array, A: Array, change: Array) -> Array:

@@ -129,7 +129,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """One free entry of `Estimate.vector`: its place, its bound and its scale."""
+    """One free entry of `Estimate.vector`: its place, its bounds and its scale."""
 
     name: str
     block: Block
@@ -138,6 +138,7 @@ class FreeParameter:
     step: float
     """Forward step of the difference quotient."""
     lower: float = -np.inf
+    upper: float = np.inf
     size: float = 1.0
     """Expected order of magnitude."""
     effect: str = ""
@@ -199,7 +200,9 @@ def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATI
     sizes = np.maximum(np.abs(estimate.ratios), steps.least_ratio).tolist()
     lower = [0.0 if place in FRICTION else -np.inf for place in range(len(UNKNOWN_RATIOS))]
     return tuple(
-        FreeParameter(UNKNOWN_RATIOS[place], "ratios", place, steps.ratio * sizes[place], lower[place], sizes[place])
+        FreeParameter(
+            UNKNOWN_RATIOS[place], "ratios", place, steps.ratio * sizes[place], lower[place], size=sizes[place]
+        )
         for place in visible
     )
 
@@ -215,7 +218,11 @@ def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
 
 
 def effect_parameters(
-    effect: Effect, *, refined: bool = False, overrides: tuple[tuple[int, float], ...] = ()
+    effect: Effect,
+    *,
+    refined: bool = False,
+    overrides: tuple[tuple[int, float], ...] = (),
+    limits: Array | None = None,
 ) -> tuple[FreeParameter, ...]:
     """The amplitudes of an effect; with `refined` also its continuous shape parameters.
 
@@ -223,26 +230,30 @@ def effect_parameters(
         effect: the effect
         refined: whether continuous shape parameters are free
         overrides: shape values, as (index in `Estimate.params`, value), that hold for these derivatives only
+        limits: (SIZE,) largest sizes of amplitudes, `dpr_lab.effects.limits`; none without
     """
     parameters, steps = [], DIFFERENCE_STEPS
     places = tuple((EFFECTS_BEGIN + index, value) for index, value in overrides)
     for index, parameter in enumerate(effect.parameters, start=SLICES[effect.name].start):
         amplitude = parameter.role == "amplitude"
         if amplitude:
-            step, lower = steps.amplitude, 0.0 if parameter.sign == "positive" else -np.inf
+            upper = np.inf if limits is None else float(limits[index])
+            step, lower = steps.amplitude, 0.0 if parameter.sign == "positive" else -upper
         elif refined and parameter.continuous:
-            step, lower = steps.shape, steps.least_shape * parameter.scan[0]
+            step, lower, upper = steps.shape, steps.least_shape * parameter.scan[0], np.inf
         else:
             continue
         size, place = parameter.typical, EFFECTS_BEGIN + index
         parameters.append(
-            FreeParameter(parameter.name, "effects", place, step * size, lower, size, effect.name, places, amplitude)
+            FreeParameter(
+                parameter.name, "effects", place, step * size, lower, upper, size, effect.name, places, amplitude
+            )
         )
     return tuple(parameters)
 
 
 def moved(estimate: Estimate, free: Sequence[FreeParameter], step: Array, initial_step: Array) -> Estimate:
-    """The estimate after a step, with no parameter beyond its bound.
+    """The estimate after a step, with no parameter beyond its bounds.
 
     Args:
         estimate: before the step
@@ -252,5 +263,5 @@ def moved(estimate: Estimate, free: Sequence[FreeParameter], step: Array, initia
     """
     vector = estimate.vector.copy()
     for parameter, change in zip(free, step.tolist(), strict=True):
-        vector[parameter.place] = max(vector[parameter.place] + change, parameter.lower)
+        vector[parameter.place] = min(max(vector[parameter.place] + change, parameter.lower), parameter.upper)
     return Estimate(vector, estimate.initial + initial_step)

@@ -1,6 +1,9 @@
-"""Damped Gauss-Newton with lower bounds, for the free parameters and the initial states of all segments.
+"""Damped Gauss-Newton within bounds, for the free parameters and the initial states of all segments.
 
-    minimise  sum over segments s, samples k  | w_sk (y_sk - predicted(t_sk; p, x_s)) |^2
+    minimise  sum over segments s, samples k  | w_sk (y_sk - predicted(t_sk; p, x_s)) |^2  +  prior of p
+
+The prior is that of the rig file, `dpr_lab.fitting.prior`. An amplitude that the recordings cannot distinguish from the
+base parameters, the zeros, the initial states or the amplitudes before it is no free parameter of a step.
 
 An iteration (`iterate`) solves the projected normal equations of `dpr_lab.fitting.linearise` for the parameters; the
 initial states follow from them. A step that does not reduce the cost is shortened. A segment that alone gets worse
@@ -12,7 +15,7 @@ A fit without free parameters moves the initial states only, as for a held-out r
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -75,6 +78,10 @@ class Fit:
     linear: Linearisation
     stop: StopReason
     iterations: int = 0
+    prior: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """(n, free) rows of the prior by the free parameters; none without a prior."""
+    absorbed: tuple[int, ...] = ()
+    """Indices of amplitudes that are indistinguishable from the unknowns before them."""
 
     @property
     def converged(self) -> bool:
@@ -93,8 +100,12 @@ class Fit:
 
     @property
     def inside(self) -> list[int]:
-        """Indices of the free parameters that are not at their bounds."""
-        return [i for i, parameter in enumerate(self.free) if parameter.read(self.estimate) > parameter.lower]
+        """Indices of the free parameters that are neither at their bounds nor absorbed."""
+        return [
+            i
+            for i, parameter in enumerate(self.free)
+            if parameter.lower < parameter.read(self.estimate) < parameter.upper and i not in self.absorbed
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +160,45 @@ def fit(
     else:
         shifted = end.linear.carried(problem, end.predicted) if usable and end.predicted is not None else None
         linear = shifted or linearise(problem, end.estimate, free, end.predicted)
-    return Fit(end.estimate, free, linear, end.stop, end.number)
+    prior = RigPrior.at(problem, end.estimate, free, linear)
+    absorbed = tuple(np.flatnonzero(prior.absorbed(ColumnSpace.of(*linear.flat))).tolist())
+    return Fit(end.estimate, free, linear, end.stop, end.number, prior.A / prior.weight**0.5, absorbed)
+
+
+@dataclass(frozen=True, slots=True)
+class RigPrior:
+    """The prior's cost |e - A step|^2 of a step, in units of chi2."""
+
+    problem: Problem
+    estimate: Estimate
+    free: tuple[FreeParameter, ...]
+    A: Array
+    """(n, free)"""
+    e: Array
+    """(n,)"""
+    weight: float
+    """Chi2 units that one standard deviation of the prior costs."""
+
+    @classmethod
+    def at(
+        cls, problem: Problem, estimate: Estimate, free: tuple[FreeParameter, ...], linear: Linearisation
+    ) -> "RigPrior":
+        """The prior of steps from an estimate, weighted by what is left there."""
+        if problem.prior is None or not free:
+            return cls(problem, estimate, free, np.zeros((0, len(free))), np.zeros(0), 1.0)
+        A, e = problem.prior.rows(estimate, free)
+        weight = problem.prior_weight(linear.chi2_by_segment)
+        return cls(problem, estimate, free, weight**0.5 * A, weight**0.5 * e, weight)
+
+    def cost(self, step: Array) -> float:
+        """Cost after a step."""
+        return float(np.sum((self.e - self.A @ step) ** 2))
+
+    def absorbed(self, space: ColumnSpace) -> NDArray[np.bool_]:
+        """(free,) amplitudes indistinguishable from the unknowns before them."""
+        if self.problem.prior is None:
+            return np.zeros(len(self.free), dtype=np.bool_)
+        return self.problem.prior.absorbed(space, self.estimate, self.free, self.weight)
 
 
 def _amplitude_changed(end: Iteration, free: Sequence[FreeParameter], settings: GaussNewton) -> bool:
@@ -187,19 +236,21 @@ def iterate(
     if not np.isfinite(state.linear.chi2_by_segment).any():
         return replace(state, stop=StopReason.LOST)
     frozen = state.linearised_at is not state.estimate
-    step = _step(state, free)
-    predicted_reduction = state.chi2 - state.linear.left(step)
+    prior = RigPrior.at(problem, state.estimate, free, state.linear)
+    step = _step(state, free, prior)
+    at_start = prior.cost(np.zeros(len(free)))
+    predicted_reduction = state.chi2 + at_start - state.linear.left(step) - prior.cost(step)
     tolerance = (min(settings.converged_frozen, settings.converged) if frozen else settings.converged) * state.chi2
     worthwhile = not (np.isfinite(state.chi2) and predicted_reduction <= tolerance)
-    trial = _line_search(problem, free, state, step, settings, settings.tries if worthwhile else 1)
+    trial = _line_search(problem, free, state, step, prior, settings, settings.tries if worthwhile else 1)
     if trial is None and frozen and worthwhile:
         return _linearised(problem, free, replace(state, current=False, frozen_jacobian=False))
     if trial is None:
         damping = state.damping * settings.raise_damping
         stop = StopReason.NO_DESCENT if damping > settings.most_damping else None
         return replace(state, damping=damping, stop=stop if worthwhile else StopReason.CONVERGED)
-    estimate, predicted, chi2 = trial
-    reduction = state.chi2 - chi2
+    estimate, predicted, chi2, at_end = trial
+    reduction = state.chi2 + at_start - chi2 - at_end
     return replace(
         state,
         estimate=estimate,
@@ -224,12 +275,20 @@ def _linearised(problem: Problem, free: tuple[FreeParameter, ...], state: Iterat
     return replace(state, linear=linear, linearised_at=state.estimate, current=True)
 
 
-def _step(state: Iteration, free: tuple[FreeParameter, ...]) -> Array:
-    """(free,) the damped step within the bounds."""
+def _step(state: Iteration, free: tuple[FreeParameter, ...], prior: RigPrior) -> Array:
+    """(free,) the damped step within the bounds; zero for absorbed amplitudes."""
     if not free:
         return np.zeros(0)
-    lower = np.array([parameter.lower - parameter.read(state.estimate) for parameter in free])
-    return ColumnSpace.of(*state.linear.flat).solution(lower, state.damping)
+    space = ColumnSpace.of(*state.linear.flat)
+    room = bounds(state.estimate, free)
+    room[:, prior.absorbed(space)] = 0.0
+    return space.with_prior(prior.A, prior.e).solution(room, state.damping)
+
+
+def bounds(estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
+    """(2, free) lower and upper bounds of a step from an estimate."""
+    value = np.array([parameter.read(estimate) for parameter in free])
+    return np.array([[parameter.lower for parameter in free], [parameter.upper for parameter in free]]) - value
 
 
 def _line_search(
@@ -237,20 +296,26 @@ def _line_search(
     free: tuple[FreeParameter, ...],
     state: Iteration,
     step: Array,
+    prior: RigPrior,
     settings: GaussNewton,
     tries: int,
-) -> tuple[Estimate, Array, float] | None:
-    """The first estimate along the step that reduces the cost, with its readings and cost; None if no try does."""
+) -> tuple[Estimate, Array, float, float] | None:
+    """The first estimate along the step that reduces the cost, with its readings, chi2 and the cost of its prior.
+
+    None if no try does.
+    """
     before = state.linear.chi2_by_segment
     followed = np.isfinite(before)
     initial_steps = state.linear.initial_steps(step)
     length, segment_length = 1.0, np.ones(len(before))
+    at_start = prior.cost(np.zeros(len(free)))
     for attempt in range(tries):
         trial = moved(state.estimate, free, length * step, (length * segment_length)[:, None] * initial_steps)
         predicted = problem.predict(trial)
         after = problem.chi2_by_segment(predicted)
-        if after[followed].sum() <= before[followed].sum():
-            return trial, predicted, float(after.sum())
+        at_end = prior.cost(length * step)
+        if after[followed].sum() + at_end <= before[followed].sum() + at_start:
+            return trial, predicted, float(after.sum()), at_end
         worse = ~(after <= before)
         if attempt % 2 or worse.mean() > 0.5:
             length *= settings.shorten

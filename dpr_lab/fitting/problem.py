@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import ZEROS_BEGIN, Estimate, FreeParameter, zero_parameters
 from dpr_lab.fitting.whitening import Disturbance, innovations, padded
 from dpr_lab.joint_angles import JointAngles
+
+if TYPE_CHECKING:
+    from dpr_lab.fitting.prior import Prior
 
 Array = NDArray[np.float64]
 
@@ -59,6 +62,8 @@ class Problem:
     """Correlation of the noise of neighbouring readings, from a filter or a tracker."""
     rezeroed: bool = False
     """Whether the zeros of the encoders are set again before each run: every fit then frees them, run by run."""
+    prior: "Prior | None" = None
+    """What the rig file says of the unknowns; None for a fit by the readings alone."""
     disturbance: Disturbance | None = None
     """Process noise of known torques and arm motions in these segments; none in free swings."""
 
@@ -71,6 +76,11 @@ class Problem:
     def read(self) -> NDArray[np.bool_]:
         """(samples, 2) which readings count."""
         return self.weight > 0.0
+
+    @property
+    def limits(self) -> Array | None:
+        """(SIZE,) largest sizes of amplitudes of effects; None without a prior."""
+        return None if self.prior is None else self.prior.limits
 
     @property
     def evidence(self) -> int:
@@ -145,6 +155,10 @@ class Problem:
                 return np.nan_to_num(np.sum(self.whitened(self.measured - predicted) ** 2, axis=1), nan=np.inf)
             squares = np.sum(((self.measured - predicted) * self.weight) ** 2, axis=1)
         return np.nan_to_num(np.add.reduceat(squares, self.segments.offsets[:-1]), nan=np.inf)
+
+    def prior_weight(self, chi2_by_segment: Array) -> float:
+        """Weight of the prior: a residual above the noise counts as noise of its size."""
+        return max(1.0, float(chi2_by_segment[np.isfinite(chi2_by_segment)].sum()) / max(self.evidence, 1))
 
     def chi2(self, estimate: Estimate) -> float:
         """Sum over all segments."""

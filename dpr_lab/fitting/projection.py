@@ -18,6 +18,9 @@ Indices = Sequence[int] | slice | NDArray[np.int64]
 RIDGE = 1e-10
 """Ridge on the diagonal of normal matrices of unit columns: some hundred times their rounding error."""
 
+ROUNDING = 1e-9
+"""Share of a squared norm that rounding may leave of a column that others explain wholly."""
+
 TINY = 1e-140
 """Floor on the column norm; avoids overflow."""
 
@@ -48,6 +51,12 @@ class ColumnSpace:
         """Only some of the columns."""
         return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
 
+    def with_prior(self, A: Array, e: Array) -> "ColumnSpace":
+        """The same problem with prior rows (n, k) A and (n,) e; columns have unit norm with these rows."""
+        H = self.H / self.scale[:, None] / self.scale + A.T @ A
+        scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
+        return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)
+
     def given(self, held: Indices, columns: Indices) -> "ColumnSpace":
         """Columns and residual, projected orthogonally to others; their scale is kept."""
         across = self.H[held][:, columns]
@@ -77,20 +86,33 @@ class ColumnSpace:
             x = np.maximum(x, 0.0)
         return np.asarray(2 * np.einsum("si,si->s", x, left) - np.einsum("si,sij,sj->s", x, H, x))
 
-    def solution(self, lower: Array | None = None, damping: float = 0.0) -> Array:
-        """(k,) the least-squares x within its lower bounds (k,)."""
-        return self._unit_solution(lower, damping) * self.scale
-
-    def gain(self, lower: Array | None = None) -> float:
-        """Fall of |e|^2 by the solution."""
-        x = self._unit_solution(lower, 0.0)
-        return float(2 * x @ self.gradient - x @ _ridged(self.H) @ x)
-
-    def _unit_solution(self, lower: Array | None, damping: float) -> Array:
+    def solution(self, bounds: Array | None = None, damping: float = 0.0) -> Array:
+        """(k,) the least-squares x within its lower and upper bounds (2, k)."""
         H = _ridged(self.H, RIDGE + damping)
-        if lower is None:
-            return np.asarray(np.linalg.solve(H, self.gradient), dtype=np.float64)
-        return bounded_solution(H, self.gradient, lower / self.scale)
+        if bounds is None:
+            return np.asarray(np.linalg.solve(H, self.gradient), dtype=np.float64) * self.scale
+        return bounded_solution(H, self.gradient, *bounds / self.scale) * self.scale
+
+    def reduction(self, x: Array) -> float:
+        """Fall of |e|^2 by any x (k,)."""
+        unit = x / self.scale
+        return float(2 * unit @ self.gradient - unit @ _ridged(self.H) @ unit)
+
+    def gain(self) -> float:
+        """Fall of |e|^2 by the solution."""
+        return self.reduction(self.solution())
+
+    def unabsorbed(self, order: Sequence[int]) -> Array:
+        """(k,) share of each column's squared norm that the columns before it in the order leave.
+
+        A column of which next to nothing is left is not used to explain those after it.
+        """
+        H, left = self.H.copy(), np.zeros(len(self))
+        for i in order:
+            left[i] = max(H[i, i], 0.0)
+            if left[i] > ROUNDING:
+                H -= np.outer(H[:, i], H[i]) / H[i, i]
+        return left
 
     def covariance(self) -> Array:
         """(k, k) covariance of the solution under unit white noise."""
@@ -109,29 +131,32 @@ def _ridged(H: Array, ridge: float = RIDGE) -> Array:
     return H + ridge * np.eye(len(H))
 
 
-def bounded_solution(H: Array, gradient: Array, lower: Array) -> Array:
-    """Minimise x^T H x / 2 - gradient^T x over x >= lower.
+def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> Array:
+    """Minimise x^T H x / 2 - gradient^T x over lower <= x <= upper.
 
-    Active set: coordinates that would cross their bound are fixed there; then the fixed coordinate that would reduce
-    the cost most by leaving its bound is released, until none would (Karush-Kuhn-Tucker).
+    Active set: coordinates that would cross a bound are fixed there; then the fixed coordinate that would reduce the
+    cost most by leaving its bound is released, until none would (Karush-Kuhn-Tucker).
 
     Args:
         H: (k, k) symmetric positive definite
         gradient: (k,)
         lower: (k,) -inf where there is no bound
+        upper: (k,) inf where there is no bound
     """
-    free, x = np.ones(len(gradient), dtype=bool), np.zeros(len(gradient))
-    for _ in range(3 * len(gradient) + 1):
-        x = np.where(free, 0.0, lower)
+    free, x, fixed = np.ones(len(gradient), dtype=bool), np.zeros(len(gradient)), np.zeros(len(gradient))
+    for _ in range(4 * len(gradient) + 1):
+        x = np.where(free, 0.0, fixed)
         if free.any():
             x[free] = np.linalg.solve(H[np.ix_(free, free)], (gradient - H @ x)[free])
-        below = free & (x < lower)
-        if below.any():
-            free &= ~below
+        crossed = free & ((x < lower) | (x > upper))
+        if crossed.any():
+            fixed = np.where(crossed, np.clip(x, lower, upper), fixed)
+            free &= ~crossed
             continue
-        multipliers = np.where(free, 0.0, gradient - H @ x)
+        slope = gradient - H @ x
+        multipliers = np.where(free | (lower == upper), 0.0, np.where(fixed <= lower, slope, -slope))
         release = int(np.argmax(multipliers))
         if multipliers[release] <= RIDGE * float(np.abs(gradient).max()):
             break
         free[release] = True
-    return np.maximum(x, lower)
+    return np.clip(x, lower, upper)

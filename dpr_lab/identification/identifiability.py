@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import RATIOS, base_parameters, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, unknown_ratios
+from dpr_lab.fitting.prior import unknown_jacobian
 from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
 from dpr_lab.identification.expected import expected_releases, information_root
 from dpr_lab.identification.instruments import INSTRUMENTS, BenchReading, Instrument
 from dpr_lab.identification.model import ParameterValue
-from dpr_lab.identification.prior_update import unknown_jacobian
 from dpr_lab.identification.ratio_fit import fit_ratios
 from dpr_lab.identification.scaling.prior_spread import loose90
 from dpr_lab.rig import PARAMETERS, Rig

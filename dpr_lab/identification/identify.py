@@ -59,6 +59,8 @@ class IdentifySettings:
     """Reduced chi-square above which other readings of the runs are tried."""
     hardly_seen: float = 0.5
     """Relative standard deviation of a ratio above which the runs do not determine it."""
+    of_prior: float = 0.5
+    """Share of the prior's variance above which a ratio rests on the rig file's bounds rather than on the runs."""
 
 
 SETTINGS = IdentifySettings()
@@ -193,7 +195,7 @@ def identifiability_of(
     if not ratio_fit.fit.converged:
         tell("warning: the fit from the rig file's values did not converge; run `dpr-lab identify` for a global search")
     sure = _determined(uncertainty(ratio_fit))
-    nine, _ = update_prior(sure.values, sure.covariance, rig, ratio_fit.visible)
+    nine, _ = update_prior(sure.values, sure.of_runs, rig, ratio_fit.visible)
     Z = np.array([value.value for value in nine.values()])
     # A residual above the noise floor counts as noise of that size.
     return identifiability(sure.information / max(1.0, ratio_fit.chi2_per_dof), rig, Z, visible=ratio_fit.visible)
@@ -219,7 +221,7 @@ def _model(
     measured = np.concatenate([prepared.run.theta[:, 1:] for prepared in runs])
     rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
     ratios = {name: _ratio(ratio_fit, sure, rig, name, profile) for name in RATIOS}
-    parameters, base = update_prior(sure.values, sure.covariance, rig, ratio_fit.visible)
+    parameters, base = update_prior(sure.values, sure.of_runs, rig, ratio_fit.visible)
     scale, unknown = _scale(ratio_fit, sure, rig, base["b"]), ratio_fit.fit.estimate.ratios
     parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, ratio_fit.visible)
     return Model(
@@ -280,6 +282,7 @@ def _ratio(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, pro
         std=float(sure.std[i]),
         interval90=sure.interval90(i),
         profile90=_profile(ratio_fit, sure, i) if profile else None,
+        fixed_by="bound" if sure.of_prior[i] > SETTINGS.of_prior else "data",
     )
 
 
@@ -340,6 +343,12 @@ def _warnings(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
         for name, value, std in zip(sure.names, sure.values, sure.std, strict=True)
         if name in FRICTION_NAMES and value > 0 and std > SETTINGS.hardly_seen * value
     ]
+    hardly = [name for name, share in zip(sure.names, sure.of_prior, strict=True) if share > SETTINGS.of_prior]
+    if hardly:
+        warnings.append(
+            f"these runs hardly determine {', '.join(hardly)}: value and interval rest on the nominal values and bounds"
+            " of the rig file; record longer and larger swings, or both rods free"
+        )
     unseen = [name for name in RATIOS if name not in sure.names]
     if unseen:
         warnings.append(

@@ -56,7 +56,7 @@ class EstimatedValue(_Record):
     profile90: tuple[Number | None, Number | None] | None = None
     """90 % interval by profile likelihood, where it was asked for; None for an end without a bound."""
     fixed_by: Literal["data", "bound"] = "data"
-    """`bound`: no run shows it; it is the rig file's, and its std that of the rig file's bounds."""
+    """`bound`: runs show it hardly or not at all; value and std rest on the rig file's nominal values and bounds."""
 
 
 class ParameterValue(_Record):

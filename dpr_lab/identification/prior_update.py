@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import BASE, RATIOS, base_jacobian, base_parameters, ratio_jacobian, whole_parameters
 from dpr_lab.fitting.estimate import ON_ELBOW, unknown_ratios
+from dpr_lab.fitting.prior import parameter_std, unknown_jacobian
 from dpr_lab.identification.model import ParameterValue
 from dpr_lab.rig import PARAMETERS, Rig
 
 UNREACHED = 1e-6
 """Relative change along the null space from which data do not fix a parameter: far above rounding."""
 
-_B = BASE.index("b")
 _RELATIVE = (*range(len(RATIOS)), ON_ELBOW)
 
 
@@ -85,7 +85,7 @@ def _loose(Z: NDArray[np.float64], observed: list[int], rig: Rig) -> NDArray[np.
 def _update(
     estimated: NDArray[np.float64], covariance: NDArray[np.float64], rig: Rig, places: list[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    prior, P0 = rig.nominal, np.diag(_prior_std(rig) ** 2)
+    prior, P0 = rig.nominal, np.diag(parameter_std(rig) ** 2)
     given = [] if set(range(len(RATIOS))) <= set(places) else [i for i in _RELATIVE if i not in places]
     estimated = np.append(estimated, _unknowns(prior, rig)[given])
     covariance = np.pad(covariance, (0, len(given)))
@@ -107,21 +107,7 @@ def _unknowns(Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
     return unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
 
 
-def unknown_jacobian(Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
-    """(7, 9) derivative of the ratios, b and p/b with respect to the nine parameters."""
-    b = base_jacobian(Z, rig.L1, rig.g)[_B]
-    p = rig.L1**2 * np.eye(len(PARAMETERS))[PARAMETERS.index("m2")]
-    *_, scale, on_elbow = _unknowns(Z, rig)
-    return np.vstack([ratio_jacobian(Z, rig.L1, rig.g), b, (p - on_elbow * b) / scale])
-
-
-def _prior_std(rig: Rig) -> NDArray[np.float64]:
-    lower, upper = rig.bounds
-    measured = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS])
-    return np.where(rig.searched, (upper - lower) / np.sqrt(12), measured)
-
-
 def prior_ratio_std(rig: Rig) -> list[float]:
     """(5,) standard deviations of the ratios by the rig file alone."""
-    J = ratio_jacobian(rig.nominal, rig.L1, rig.g) * _prior_std(rig)
+    J = ratio_jacobian(rig.nominal, rig.L1, rig.g) * parameter_std(rig)
     return np.sqrt(np.sum(J**2, axis=1)).tolist()

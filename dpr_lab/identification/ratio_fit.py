@@ -27,6 +27,7 @@ from dpr_lab.fitting.estimate import (
 )
 from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, fit
 from dpr_lab.fitting.linearise import Linearisation, linearise
+from dpr_lab.fitting.prior import prior_of
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods import RodsAlone, by_start, followed
 from dpr_lab.fitting.whitening import Disturbance
@@ -104,6 +105,13 @@ class RatioFit:
         return _without_zeros(self.fit.linear, self.fit.free)
 
     @property
+    def prior_information(self) -> Array:
+        """(k, k) information that the rig file holds of the unknowns; zeros without a prior."""
+        of_ratios = [i for i, parameter in enumerate(self.fit.free) if parameter.block == "ratios"]
+        rows = self.fit.prior[:, of_ratios]
+        return rows.T @ rows
+
+    @property
     def chi2_per_dof(self) -> float:
         """Reduced chi-square; 1 = noise only."""
         return self.fit.chi2 / self.dof
@@ -142,7 +150,8 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
     )
     initial = np.array([runs[i].states[stretch.start] for i, stretch in cuts])
     model = RodsAlone(rig_constants(rig))
-    return Problem(laid_out, measured, weight, model, rezeroed=rig.encoders.rezeroed), initial
+    problem = Problem(laid_out, measured, weight, model, rezeroed=rig.encoders.rezeroed, prior=prior_of(rig))
+    return problem, initial
 
 
 def rods_estimate(unknown: Array, initial: Array) -> Estimate:

@@ -42,6 +42,8 @@ class RatioUncertainty:
     """How many there are."""
     names: tuple[str, ...] = UNKNOWN_RATIOS
     """Of the unknowns."""
+    prior: Array | None = None
+    """(n, n) information that the rig file holds of them; None: none."""
 
     @property
     def std(self) -> Array:
@@ -55,11 +57,33 @@ class RatioUncertainty:
 
     @property
     def cramer_rao_std(self) -> Array:
-        """(n,) Cramer-Rao bound of the standard deviation; zero for what is held at zero."""
+        """(n,) Cramer-Rao bound of the standard deviation, with the rig file's prior; zero for what is held at zero."""
         free = self.values > 0
         std = np.zeros(len(free))
-        std[free] = np.sqrt(np.diag(np.linalg.inv(self.information[np.ix_(free, free)])))
+        whole = self.information if self.prior is None else self.information + self.prior
+        std[free] = np.sqrt(np.diag(np.linalg.inv(whole[np.ix_(free, free)])))
         return std
+
+    @property
+    def of_prior(self) -> Array:
+        """(n,) share of each variance in that of the rig file's prior, 0 to 1; near 1 the runs add nothing."""
+        if self.prior is None:
+            return np.zeros(len(self.values))
+        return np.minimum(np.diag(self.covariance) / np.diag(np.linalg.inv(self.prior)), 1.0)
+
+    @property
+    def of_runs(self) -> Array:
+        """(n, n) covariance by the runs alone, without the rig file's prior; no wider than 1000 times the prior's.
+
+        In coordinates in which the prior is of unit covariance, a variance v by both is v / (1 - v) by the runs alone.
+        """
+        if self.prior is None:
+            return self.covariance
+        root = np.linalg.cholesky(self.prior)
+        share, directions = np.linalg.eigh(root.T @ self.covariance @ root)
+        alone = share / (1.0 - np.clip(share, 0.0, 1.0 - 1e-6))
+        back = np.linalg.solve(root.T, directions)
+        return np.asarray((back * alone) @ back.T, dtype=np.float64)
 
     def interval90(self, index: int) -> tuple[float, float]:
         """90 % interval of one unknown, Student-t with the blocks as units."""
@@ -82,8 +106,9 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     A, e = ratio_fit.slopes, ratio_fit.fit.linear.e
     H = np.einsum("smi,smj->sij", A, A)
     scores = _block_scores(ratio_fit.problem, A * e[:, :, None])
-    free = ratio_fit.unknowns > 0
-    bread = np.linalg.inv(H.sum(axis=0)[np.ix_(free, free)])
+    free, weight = ratio_fit.unknowns > 0, max(1.0, ratio_fit.chi2_per_dof)
+    prior = ratio_fit.prior_information
+    bread = np.linalg.inv((H.sum(axis=0) + weight * prior)[np.ix_(free, free)])
     if not (np.diag(bread) > 0.0).all():
         raise np.linalg.LinAlgError("the information matrix is singular to rounding")
     white = bread * ratio_fit.chi2_per_dof
@@ -93,11 +118,13 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     if ratio_fit.chi2_per_dof > SETTINGS.misfit:
         apart = SETTINGS.halves * _halves_apart(ratio_fit.problem, H, np.einsum("smi,sm->si", A, e))[free]
         variance = np.maximum(variance, (apart / 2 / ndtri(0.95)) ** 2)
+    before = np.diag(np.linalg.inv(prior))[free] if prior.any() else np.inf
+    variance = np.maximum(np.minimum(variance, before), np.diag(white))
     widen = np.sqrt(variance / np.diag(white))
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = white * np.outer(widen, widen)
     names = tuple(UNKNOWN_RATIOS[i] for i in ratio_fit.visible)
-    return RatioUncertainty(ratio_fit.unknowns, H.sum(axis=0), covariance, len(own), names)
+    return RatioUncertainty(ratio_fit.unknowns, H.sum(axis=0), covariance, len(own), names, prior)
 
 
 def _block_scores(problem: Problem, scores: Array) -> Array:

@@ -133,8 +133,8 @@ def _plausibility(selection: Selection, without: Hypothesis, item: Score) -> flo
     if fitted is not None:
         return plausibility(fitted.fit.estimate.params, item.effect.name)
     params = effect_params({})
-    for parameter, value in zip(item.effect.amplitudes, item.amplitudes.tolist(), strict=True):
-        params[param_index(item.effect.name, parameter.name)] = value
+    for name, value in item.named_amplitudes.items():
+        params[param_index(item.effect.name, name)] = value
     return plausibility(params, item.effect.name)
 
 

@@ -33,9 +33,12 @@ def detectable(at: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, flo
     for item in test.ranking:
         left = np.diag(test.beside(item.columns).H)
         scales = test.space.scale[list(item.columns)]
-        found[item.effect.name] = {
+        sizes = {
             test.free[column].name: _size(spread, scale, rest)
             for column, scale, rest in zip(item.columns, scales, left, strict=True)
+        }
+        found[item.effect.name] = {
+            p.name: None if p.name in item.absorbed else sizes[p.name] for p in item.effect.amplitudes
         }
     held = test.space.chosen(list(test.held))
     left = held.scale**2 / np.diag(held.covariance())

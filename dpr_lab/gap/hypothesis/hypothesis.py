@@ -71,7 +71,8 @@ def free_parameters(at: Estimate, effects: Sequence[str], problem: Problem) -> t
     """The ratios, b where it can be seen, what is hardly known of the rig, and all that is free of some effects."""
     names = dict.fromkeys((*problem.always, *effects))
     visible = visible_ratios(problem.segments.setups, scale_visible(effects, problem))
-    of_effects = (parameter for name in names for parameter in effect_parameters(EFFECTS[name], refined=True))
+    limits = problem.limits
+    of_effects = (p for name in names for p in effect_parameters(EFFECTS[name], refined=True, limits=limits))
     return (*ratio_parameters(at, visible), *of_effects)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.effects.effect import Effect, Recorded, Shape
 from dpr_lab.fitting.estimate import FreeParameter, effect_parameters
-from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.gauss_newton import Fit, RigPrior, bounds
 from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
@@ -35,11 +35,19 @@ class Score:
     gain: float
     """Fall of chi2."""
     columns: tuple[int, ...]
-    """Of its amplitudes, among the columns of the test."""
+    """Of its amplitudes, among the columns of the test; those that are absorbed are left out, unless all are."""
     free: tuple[FreeParameter, ...]
     """Those of the fit and the effect's amplitudes."""
     amplitudes: Array
     """(columns,) the linear solution's."""
+    absorbed: Mapping[str, str] = field(default_factory=dict)
+    """Amplitude -> what of the fit it is indistinguishable from."""
+
+    @property
+    def named_amplitudes(self) -> dict[str, float]:
+        """The linear solution by name."""
+        own = self.free[len(self.free) - len(self.columns) :]
+        return {p.name: float(value) for p, value in zip(own, self.amplitudes, strict=True)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +96,7 @@ def score_test(problem: Problem, found: Fit, library: Iterable[Effect], recorded
     """
     along = trajectory(problem, found.estimate, spacing=TRAJECTORY.coarse_s)
     candidates = [
-        (effect, shape, effect_parameters(effect, overrides=shape))
+        (effect, shape, effect_parameters(effect, overrides=shape, limits=problem.limits))
         for effect in library
         for shape in shapes(effect, problem, found, along, recorded)
     ]
@@ -100,16 +108,32 @@ def score_test(problem: Problem, found: Fit, library: Iterable[Effect], recorded
     for effect, shape, own in candidates:
         columns = tuple(range(first, first + len(own)))
         first += len(own)
-        tested.setdefault(effect.name, []).append(_score(test, effect, shape, columns))
+        tested.setdefault(effect.name, []).append(_score(problem, test, effect, shape, columns))
     shaped = {name: tuple(sorted(items, key=lambda item: -item.gain)) for name, items in tested.items()}
     ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda item: (-item.gain, item.effect.name)))
     return replace(test, ranking=ranking, shaped=shaped)
 
 
-def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
-    chosen = [*test.held, *columns]
-    free = tuple(test.free[i] for i in chosen)
-    space = test.space.chosen(chosen)
-    lower = np.array([parameter.lower - parameter.read(test.fit.estimate) for parameter in free])
-    amplitudes = space.solution(lower)[len(test.held) :]
-    return Score(effect, shape, space.gain(lower), columns, free, amplitudes)
+def _score(problem: Problem, test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
+    every = [*test.held, *columns]
+    free, linear, space = tuple(test.free[i] for i in every), test.linear.chosen(every), test.space.chosen(every)
+    prior = RigPrior.at(problem, test.fit.estimate, free, linear)
+    hidden = prior.absorbed(space)[len(test.held) :]
+    absorbed = {test.free[columns[i]].name: _absorbing(test, columns, i) for i in np.flatnonzero(hidden).tolist()}
+    if hidden.all():
+        return Score(effect, shape, 0.0, columns, free, np.zeros(len(columns)), absorbed)
+    rows = [*test.held, *(len(test.held) + np.flatnonzero(~hidden)).tolist()]
+    own, free = tuple(every[i] for i in rows[len(test.held) :]), tuple(free[i] for i in rows)
+    chosen = space.chosen(rows)
+    room = bounds(test.fit.estimate, free)
+    room[:, [i for i in range(len(test.held)) if i in test.fit.absorbed]] = 0.0
+    step = chosen.with_prior(prior.A[:, rows], prior.e).solution(room)
+    return Score(effect, shape, chosen.reduction(step), own, free, step[len(test.held) :], absorbed)
+
+
+def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
+    """Name of the unknown whose signature is nearest to that of an amplitude."""
+    before = [*test.held, *columns[:index]]
+    nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
+    seen = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0
+    return test.free[nearest].name if seen and nearest is not None else "initial states"

@@ -14,6 +14,7 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.cut import cut
 from dpr_lab.fitting.disturbance import disturbance
 from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.prior import Prior, prior_of
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.screen.record import Record
@@ -68,6 +69,11 @@ class Recordings:
         return rig_constants(self.rig)
 
     @property
+    def prior(self) -> Prior:
+        """What the rig file says of ratios and sizes."""
+        return prior_of(self.rig)
+
+    @property
     def masses_weighed(self) -> bool:
         """Whether all masses are measured, so that friction that follows the load shows the scale of all torques."""
         return all(self.rig.parameters[name].measured is not None for name in MASSES)
@@ -90,6 +96,7 @@ class Recordings:
             masses_weighed=self.masses_weighed,
             always=tuple(name for name, effect in EFFECTS.items() if effect.corrects in self.rig.unsure),
             rezeroed=self.rig.encoders.rezeroed,
+            prior=self.prior,
             noise_correlation=float(np.mean([item.noise_correlation for item in records])),
         )
         relative2 = self.rig.encoders.joint2 == "relative"

@@ -22,7 +22,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.effects import oversized
+from dpr_lab.effects.limits import at_limit
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import EffectPosterior
@@ -136,7 +136,7 @@ def transfer(
         held_out=shares[""] if unseen else {},
         effects={name: shares[name] for name in selection.without},
         withdrawn=() if basis == "one release" else tuple(withdrawn),
-        oversized=oversized(selection.chosen.fit.estimate.params),
+        oversized=at_limit(selection.chosen.fit.estimate.params, recordings.prior.limits),
         worse_free_run=worse_free_run(freely["before"].errors_rad, freely["after"].errors_rad, unseen.names)
         if unseen
         else None,

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import BASE, RATIOS, base_jacobian, base_parameters, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, unknown_ratios
+from dpr_lab.fitting.prior import unknown_jacobian
 from dpr_lab.identification.model import EstimatedValue, ParameterValue
-from dpr_lab.identification.prior_update import unknown_jacobian
 from dpr_lab.identification.scaling.scale import Interval90, Scale, lognormal90
 from dpr_lab.rig import PARAMETERS, Rig
 

@@ -1,0 +1,158 @@
+"""Prior information of the rig file: a normal prior of the ratios and b, and limits of the sizes of effects.
+
+The nine parameters have their best known values as means. The standard deviation of one is that of a value spread
+evenly between its bounds, or the standard uncertainty of a measured value, but never below a floor, so that the prior
+stays weak. With J the derivative of the ratios, b and p/b by the nine, their prior covariance is
+
+    P = J diag(std^2) J^T + F,
+
+where F widens the ratios of friction by a fixed damping ratio: bounds of friction are guesses. An amplitude of an
+effect is normal about zero with a third of its limit (`dpr_lab.effects.limits`) as standard deviation.
+
+A residual above the noise counts as noise of its own size. So the cost of a fit is
+
+    chi2 + w (v - mean)^T P^-1 (v - mean),    w = max(1, chi2 / readings),
+
+with only the free v among the unknowns: the prior of the others is integrated out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import BASE, base_jacobian, ratio_jacobian, whole_parameters
+from dpr_lab.dynamics.rig_constants import rig_constants
+from dpr_lab.effects.limits import PRIOR_SHARE, amplitude_limits
+from dpr_lab.effects.quantities import BaseParameters
+from dpr_lab.fitting.estimate import (
+    EFFECTS_BEGIN,
+    FRICTION,
+    ZERO_SIZE,
+    Estimate,
+    FreeParameter,
+    unknown_ratios,
+)
+from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.rig import PARAMETERS, Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class PriorStrength:
+    """How weak the prior is."""
+
+    floor: float = 0.05
+    """Least relative standard deviation of a parameter: a model that lacks effects needs other values than measured."""
+    damping: float = 0.3
+    """Standard deviation of the damping ratio of a small swing, in addition to the bounds of friction."""
+    absorbed: float = 2e-3
+    """Share of the norm of a column, initial states projected out, that the columns before it must leave."""
+    zeros: float = 10.0
+    """Standard deviation of an encoder's zero that is set before each run, in typical sizes."""
+
+
+STRENGTH = PriorStrength()
+
+_B = BASE.index("b")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """What the rig file says of the unknowns before any recording."""
+
+    mean: Array
+    """(7,) ratios, b and p/b by the rig file."""
+    covariance: Array
+    """(7, 7) prior covariance."""
+    limits: Array
+    """(SIZE,) largest sizes of amplitudes of effects."""
+
+    def rows(self, estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array]:
+        """(n, free) A and (n,) e of the prior's cost |e - A step|^2 of a step from an estimate."""
+        A, e = np.zeros((len(free), len(free))), np.zeros(len(free))
+        own = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
+        if own:
+            places = [free[i].place for i in own]
+            root = np.linalg.inv(np.linalg.cholesky(self.covariance[np.ix_(places, places)]))
+            A[np.ix_(own, own)] = root
+            e[own] = root @ (self.mean[places] - estimate.ratios[places])
+        for i, parameter in enumerate(free):
+            if parameter.block != "ratios" and parameter.amplitude:
+                std = self.std(parameter)
+                A[i, i], e[i] = 1.0 / std, -parameter.read(estimate) / std
+        return A, e
+
+    def absorbed(
+        self,
+        space: ColumnSpace,
+        estimate: Estimate,
+        free: Sequence[FreeParameter],
+        weight: float,
+    ) -> NDArray[np.bool_]:
+        """(free,) amplitudes that these recordings cannot distinguish from the unknowns before them.
+
+        Ratios and zeros of encoders come before amplitudes, and initial states before all. An amplitude is absorbed if
+        the recordings, with the prior of the unknowns before it, hold less information on it than its own prior. One
+        that is zero, so that its effect is not in the model yet, is absorbed too if the columns before it leave next to
+        nothing of its own. (Elsewhere a torque and the ratios may only share the unknown scale.)
+
+        Args:
+            space: products of the slopes by the free parameters, initial states projected out
+            estimate: where they were computed
+            free: the free parameters
+            weight: w, chi2 units that one reading costs
+        """
+        own = np.array([p.block == "effects" and p.amplitude for p in free], dtype=np.bool_)
+        if not own.any():
+            return own
+        order = sorted(range(len(free)), key=lambda i: free[i].block == "effects")
+        A, e = self.rows(estimate, free)
+        both = space.with_prior(weight**0.5 * A, weight**0.5 * e)
+        least = np.array([weight / self.std(p) ** 2 if mine else 0.0 for p, mine in zip(free, own, strict=True)])
+        unseen = both.unabsorbed(order) / both.scale**2 - least < least
+        new = np.array([p.read(estimate) == 0.0 for p in free], dtype=np.bool_)
+        unseen |= new & (space.unabsorbed(order) <= STRENGTH.absorbed**2)
+        return own & unseen
+
+    def std(self, parameter: FreeParameter) -> float:
+        """Prior standard deviation of one unknown."""
+        if parameter.block == "ratios":
+            return float(self.covariance[parameter.place, parameter.place] ** 0.5)
+        if parameter.block == "zeros":
+            return STRENGTH.zeros * ZERO_SIZE
+        return float(PRIOR_SHARE * self.limits[parameter.place - EFFECTS_BEGIN])
+
+
+def prior_of(rig: Rig) -> Prior:
+    """The prior of a rig file."""
+    Z = rig.nominal
+    whole = whole_parameters(Z, rig.L1, rig.g)
+    mean = unknown_ratios(whole)
+    std = np.maximum(parameter_std(rig), STRENGTH.floor * Z)
+    J = unknown_jacobian(Z, rig) * std
+    a, b, d, e1, c1, c2, _ = whole.tolist()
+    e2 = d * rig.g / rig.L1
+    covariance = J @ J.T
+    critical = 2.0 * np.sqrt(np.array([(a + b + 2.0 * d) * (e1 + e2), b * e2])) / b
+    covariance[FRICTION, FRICTION] += (STRENGTH.damping * critical) ** 2
+    covariance[np.diag_indices_from(covariance)] *= 1.0 + 1e-6  # nine parameters, some of them fixed: no exact relation
+    limits = amplitude_limits(BaseParameters(a, b, d, e1, e2, c1, c2), rig_constants(rig))
+    return Prior(mean, covariance, limits)
+
+
+def parameter_std(rig: Rig) -> Array:
+    """(9,) standard deviation of each parameter by the rig file: of its measurement, or of its bounds."""
+    lower, upper = rig.bounds
+    measured = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS])
+    return np.where(rig.searched, (upper - lower) / np.sqrt(12), measured)
+
+
+def unknown_jacobian(Z: Array, rig: Rig) -> Array:
+    """(7, 9) derivative of the ratios, b and p/b with respect to the nine parameters."""
+    b = base_jacobian(Z, rig.L1, rig.g)[_B]
+    p = rig.L1**2 * np.eye(len(PARAMETERS))[PARAMETERS.index("m2")]
+    *_, scale, on_elbow = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
+    return np.vstack([ratio_jacobian(Z, rig.L1, rig.g), b, (p - on_elbow * b) / scale])
