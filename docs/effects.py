@@ -5,6 +5,7 @@ from pathlib import Path
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect, EffectParameter
 from dpr_lab.effects.families import FAMILIES, Family
+from dpr_lab.effects.limits import limit_words
 
 PAGE = Path(__file__).with_suffix(".md")
 
@@ -13,6 +14,11 @@ HEAD = """# The effect library
 What `dpr-lab diagnose` can name. Each effect is one file in `dpr_lab/effects`; a parameter of zero switches it off.
 Twins look alike in a free swing; the bench check tells them apart. Numbers of equations are those
 of [theory.md](theory.md). This page is written by `docs/effects.py`.
+
+No fit gives an amplitude beyond its limit, which follows from the best known values of the rig file: gravity torques,
+inertias, lengths, counts per turn. A third of the limit is the standard deviation of a normal prior about zero. An
+amplitude that recordings cannot distinguish from the ratios, the zeros or the initial states is not fitted; the
+diagnosis lists it in `absorbed`. An effect with an amplitude at its limit has another cause and is not named.
 """
 
 
@@ -29,8 +35,8 @@ def section(effect: Effect) -> str:
         "",
         f"Site: {effect.site}. {'Only takes energy out. ' if effect.dissipative else ''}`{equation}`",
         "",
-        "| parameter | unit | typical | sign | role |",
-        "|---|---|---|---|---|",
+        "| parameter | unit | typical | limit | sign | role |",
+        "|---|---|---|---|---|---|",
         *map(row, effect.parameters),
         "",
         *(f"- {what}: {', '.join(f'`{name}`' for name in names)}" for what, names in related(effect) if names),
@@ -50,7 +56,9 @@ def together(family: Family) -> str:
 
 def row(parameter: EffectParameter) -> str:
     """One parameter of the table."""
-    return f"| `{parameter.name}` | {parameter.unit} | {parameter.typical:g} | {parameter.sign} | {parameter.role} |"
+    limit = limit_words(parameter) if parameter.role == "amplitude" else ""
+    cells = (f"`{parameter.name}`", parameter.unit, f"{parameter.typical:g}", limit, parameter.sign, parameter.role)
+    return f"| {' | '.join(cells)} |"
 
 
 def related(effect: Effect) -> tuple[tuple[str, tuple[str, ...]], ...]:

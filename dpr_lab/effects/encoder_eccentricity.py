@@ -38,8 +38,8 @@ def eccentric(
     return error
 
 
-LARGEST_RAD = 0.1
-"""Largest amplitudes, of a disc off centre by a tenth of its radius; smaller for higher orders."""
+LARGEST_RAD = 0.03
+"""Largest first amplitude, of a disc off centre by 3 % of its radius; the k-th is a k-th of it."""
 
 ENCODER_ECCENTRICITY = pair(
     "encoder_eccentricity",

@@ -275,7 +275,8 @@ def _ratio(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, pro
     if name not in sure.names:
         std = prior_ratio_std(rig)[RATIOS.index(name)]
         reach = NORMAL_Q90 * std
-        return EstimatedValue(value=value, std=std, interval90=(value - reach, value + reach), fixed_by="bound")
+        interval = (max(value - reach, 0.0), value + reach)
+        return EstimatedValue(value=value, std=std, interval90=interval, fixed_by="bound")
     i = sure.names.index(name)
     return EstimatedValue(
         value=value,

@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
-from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.fitting.estimate import ON_ELBOW, UNKNOWN_RATIOS, ratio_parameters
+from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.identification.ratio_fit import RatioFit
 
@@ -37,18 +39,21 @@ class RatioUncertainty:
     information: Array
     """(n, n) Fisher information, initial states eliminated."""
     covariance: Array
-    """(n, n) with blocks of residuals as units; zero for what is held at its bound."""
+    """(n, n) with blocks of residuals as units; zero for what is held at its bound. Ratios that runs do not show are
+    taken as known, as in a prediction of the same rods."""
     blocks: int
     """How many there are."""
     names: tuple[str, ...] = UNKNOWN_RATIOS
     """Of the unknowns."""
     prior: Array | None = None
     """(n, n) information that the rig file holds of them; None: none."""
+    assumed: Array | float = 0.0
+    """(n, n) additional covariance, because the ratios that the runs do not show are only known by the rig file."""
 
     @property
     def std(self) -> Array:
-        """(n,) standard deviations."""
-        return np.sqrt(np.diag(self.covariance))
+        """(n,) standard deviations, with those of the ratios that the runs do not show."""
+        return np.sqrt(np.diag(self.covariance + self.assumed))
 
     @property
     def at_zero(self) -> tuple[str, ...]:
@@ -86,10 +91,12 @@ class RatioUncertainty:
         return np.asarray((back * alone) @ back.T, dtype=np.float64)
 
     def interval90(self, index: int) -> tuple[float, float]:
-        """90 % interval of one unknown, Student-t with the blocks as units."""
+        """90 % interval of one unknown, Student-t with the blocks as units; not negative if the rig file widens it."""
         freedom = max(self.blocks - len(self.values), 1)
-        reach = float(stdtrit(freedom, 0.95)) * self.covariance[index, index] ** 0.5
-        return float(self.values[index] - reach), float(self.values[index] + reach)
+        reach = float(stdtrit(freedom, 0.95)) * float(self.std[index])
+        assumed = np.broadcast_to(self.assumed, self.covariance.shape)[index, index] > 0.0
+        low = float(self.values[index]) - reach
+        return max(low, 0.0) if assumed else low, float(self.values[index] + reach)
 
 
 def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
@@ -124,7 +131,26 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = white * np.outer(widen, widen)
     names = tuple(UNKNOWN_RATIOS[i] for i in ratio_fit.visible)
-    return RatioUncertainty(ratio_fit.unknowns, H.sum(axis=0), covariance, len(own), names, prior)
+    assumed = np.zeros_like(covariance)
+    assumed[np.ix_(free, free)] = _by_unseen(ratio_fit, A, bread, free)
+    return RatioUncertainty(ratio_fit.unknowns, H.sum(axis=0), covariance, len(own), names, prior, assumed)
+
+
+def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: NDArray[np.bool_]) -> Array:
+    """(free, free) covariance by one prior standard deviation of each ratio that the runs do not show.
+
+    Source: consider covariance, S. F. Schmidt (1966), as in `dpr_lab.fitting.covariance`.
+    """
+    problem, estimate = ratio_fit.problem, ratio_fit.fit.estimate
+    alone = any(setup.alone for setup in problem.segments.setups)
+    every = (*range(len(RATIOS)), *([ON_ELBOW] if alone else []))
+    unseen = [place for place in every if place not in ratio_fit.visible]
+    if problem.prior is None or not unseen:
+        return np.zeros_like(bread)
+    slopes = linearise(problem, estimate, ratio_parameters(estimate, unseen)).A
+    spread = slopes @ np.linalg.cholesky(problem.prior.covariance[np.ix_(unseen, unseen)])
+    shifts = bread @ np.einsum("smi,smj->ij", A[:, :, free], spread)
+    return np.asarray(shifts @ shifts.T, dtype=np.float64)
 
 
 def _block_scores(problem: Problem, scores: Array) -> Array:

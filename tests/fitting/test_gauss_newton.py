@@ -40,9 +40,11 @@ def test_bounded_solution_agrees_with_an_independent_solver(rng):
     for _ in range(20):
         A, b = rng.normal(size=(30, 6)), rng.normal(size=30)
         lower = np.where(rng.random(6) < 0.5, -np.inf, rng.normal(size=6) * 0.1)
-        reference = lsq_linear(A, b, (lower, np.full(6, np.inf)), method="bvls").x
-        found = bounded_solution(A.T @ A, A.T @ b, lower)
+        upper = np.where(rng.random(6) < 0.5, np.inf, np.maximum(lower, -0.1) + rng.random(6) * 0.1 + 1e-3)
+        reference = lsq_linear(A, b, (lower, upper), method="bvls").x
+        found = bounded_solution(A.T @ A, A.T @ b, lower, upper)
         assert (found >= lower - 1e-12).all()
+        assert (found <= upper + 1e-12).all()
         assert found == pytest.approx(reference, abs=1e-9)
 
 

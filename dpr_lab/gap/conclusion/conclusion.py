@@ -20,6 +20,7 @@ from dpr_lab.gap.bare_model import scale
 from dpr_lab.gap.classes.families import families, families_sentence
 from dpr_lab.gap.classes.posterior import EffectPosterior, probabilities
 from dpr_lab.gap.conclusion.remedies import remedies
+from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
 from dpr_lab.gap.conclusion.verdict import listed_causes, sentence, verdict
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.result.diagnosis import (
@@ -80,6 +81,13 @@ class Findings:
         return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}
 
     @property
+    def absorbed(self) -> dict[str, dict[str, str]]:
+        """Effect -> amplitude -> what it is indistinguishable from; of an effect in the model, without it there."""
+        around, last = self.selection.around, self.selection.last
+        scores = {name: around[name].of(name) if name in around else last.of(name) for name in EFFECTS}
+        return {name: dict(score.absorbed) for name, score in scores.items() if score is not None and score.absorbed}
+
+    @property
     def scale(self) -> Scale:
         """What absolute sizes assume of b: it was fitted, or is the rig file's."""
         unknown, intervals = self.selection.chosen.fit.estimate.ratios, self.intervals
@@ -117,6 +125,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         rivals=[] if withheld else _rivals(found.posteriors, closest=kind == "unexplained"),
         probabilities=dict(probabilities(found.selection, () if withheld else found.posteriors, kind)),
         detectable={name: dict(sizes) for name, sizes in least.items()},
+        absorbed=found.absorbed,
         sensor_findings=_sensor_findings(found),
         remedies=remedies(
             named,
@@ -126,10 +135,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         ),
         advice=[step.text for step in found.advice],
         checks=_checks(found, [item.name for item in named]),
-        ratios={
-            name: _interval(value, found.intervals.get(("", name), 0.0))
-            for name, value in zip(RATIOS, at.ratios[: len(RATIOS)].tolist(), strict=True)
-        },
+        ratios=_ratios(found),
         ratio_covariance=_ratio_covariance(found).tolist(),
         p_over_b=float(at.ratios[ON_ELBOW]) if any(setup.alone for setup in found.problem.segments.setups) else None,
         chi2_per_dof=residuals.chi2 / residuals.dof,
@@ -139,7 +145,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         scale=found.scale,
         search=[_search_step(step) for step in found.selection.trace],
         model_effects=named_params(at.params),
-        assumptions=[*([found.cut] if found.cut else []), *_assumptions(found), *_unseen(least)],
+        assumptions=[*([found.cut] if found.cut else []), *_assumptions(found), *_unseen(least, found.absorbed)],
         evidence=evidence,
         seconds=seconds,
     )
@@ -155,6 +161,19 @@ def _search_step(step: TracedTrial) -> SearchStep:
         accepted=step.accepted,
         reason=step.reason,
     )
+
+
+def _ratios(found: Findings) -> dict[str, Interval]:
+    """The ratios; those that rest on the rig file's bounds are not negative."""
+    values = found.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
+    reaches = np.array([found.intervals.get(("", name), 0.0) for name in RATIOS])
+    unseen = by_unseen_ratios(found.problem, found.selection.chosen, found.recordings.rig)
+    reaches = np.hypot(reaches, NORMAL_Q90 * np.sqrt(unseen)).tolist()
+    floors = np.where(unseen > 0.0, 0.0, -np.inf).tolist()
+    return {
+        name: Interval(value=value, interval90=(max(value - reach, floor), value + reach))
+        for name, value, reach, floor in zip(RATIOS, values, reaches, floors, strict=True)
+    }
 
 
 def _ratio_covariance(found: Findings) -> NDArray[np.float64]:
@@ -346,10 +365,16 @@ def _length(found: Findings) -> str:
     return text if abs(added) < SURELY * rig.rig.L1_std else f"{text} The file's uncertainty does not allow that."
 
 
-def _unseen(least: Mapping[str, Mapping[str, float | None]]) -> list[str]:
-    """A sentence on what these recordings would not show at any size."""
-    blind = [name for name, sizes in least.items() if sizes and not any(sizes.values())]
-    return [f"No size of {', '.join(blind)} would show in these recordings."] if blind else []
+def _unseen(least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """Sentences on what these recordings would not show at any size, and on what base parameters absorb."""
+    blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
+    twins = {name: listed(sorted(set(by.values()) & {*RATIOS, "p/b", "b"})) for name, by in blind.items()}
+    alike = [f"{name} is indistinguishable from {twin}" for name, twin in twins.items() if twin]
+    hidden = [name for name, twin in twins.items() if not twin]
+    return [
+        *([f"With these recordings {listed(alike)}, and so not fitted."] if alike else []),
+        *([f"No size of {', '.join(hidden)} would show in these recordings."] if hidden else []),
+    ]
 
 
 def _scale(found: Findings) -> str:

@@ -3,7 +3,8 @@
 With A the slopes of a fit, initial states projected out, noise leaves the covariance f (A^T A)^-1, f being what one
 piece of independent evidence costs. Whatever else changes the readings by dr, though the fit takes it for known, shifts
 the values by -(A^T A)^-1 A^T dr. These shifts count as standard deviations: that of half the integrator's step, and
-that of each weighed mass, by its standard uncertainty.
+that of each weighed mass, by its standard uncertainty. Ratios that the recordings do not show shift the others in the
+same way, by the bounds of the rig file. Sizes of effects assume these ratios, as they assume b.
 
 Source: consider covariance, S. F. Schmidt (1966), Application of state-space methods to navigation problems.
 """
@@ -14,12 +15,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.fitting.covariance import considered
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.fitting.covariance import considered, shifted
+from dpr_lab.fitting.estimate import ON_ELBOW, Estimate
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.identification.prior_update import prior_ratio_std
 from dpr_lab.rig import MASSES, Rig
 
 Array = NDArray[np.float64]
+
+SMALL = 1e-3
+"""Share of a standard deviation of a ratio by which it is changed for a derivative."""
 
 
 def covariance(problem: Problem, at: Hypothesis, rig: Rig) -> Array:
@@ -29,6 +36,34 @@ def covariance(problem: Problem, at: Hypothesis, rig: Rig) -> Array:
     # A segment that cannot be followed says nothing.
     changes = [problem.whitened(np.nan_to_num(shift)) for shift in shifts]
     return considered(at.fit, at.residuals.inflation, changes)
+
+
+def by_unseen_ratios(problem: Problem, at: Hypothesis, rig: Rig) -> Array:
+    """(5,) variance of the ratios because the recordings do not show all of them."""
+    before = problem.predict(at.fit.estimate)
+    variance = np.array(prior_ratio_std(rig)) ** 2
+    own = {p.place: i for i, p in enumerate(at.fit.free) if p.block == "ratios" and p.place < len(RATIOS)}
+    variance[list(own)] = 0.0
+    for other in _other_ratios(problem, at):
+        change = problem.whitened(np.nan_to_num((problem.predict(other) - before) / SMALL))
+        variance[list(own)] += shifted(at.fit, change)[list(own.values())] ** 2
+    return variance
+
+
+def _other_ratios(problem: Problem, at: Hypothesis) -> Iterator[Estimate]:
+    """The estimate with a small share of a prior standard deviation in each direction of the ratios that are not free.
+
+    Their prior is that without the free ones: what these are by the recordings is no hint at the others.
+    """
+    free = {parameter.place for parameter in at.fit.free if parameter.block == "ratios"}
+    alone = any(setup.alone for setup in problem.segments.setups)
+    fixed = [place for place in (*range(len(RATIOS)), *([ON_ELBOW] if alone else [])) if place not in free]
+    if problem.prior is None:
+        return
+    for step in np.linalg.cholesky(problem.prior.covariance[np.ix_(fixed, fixed)]).T:
+        ratios = at.fit.estimate.ratios.copy()
+        ratios[fixed] += SMALL * step
+        yield at.fit.estimate.changed(ratios=ratios)
 
 
 def _otherwise(problem: Problem, rig: Rig) -> Iterator[Problem]:

@@ -349,6 +349,9 @@ class Diagnosis(Shown, _Record):
     """Probability of `no_gap`, of `unexplained`, and of each effect in the place it would take."""
     detectable: dict[str, dict[str, Number | None]]
     """Effect -> parameter -> minimum detectable size at the assumed b, SI; None where no size shows."""
+    absorbed: dict[str, dict[str, str]] = {}
+    """Effect -> amplitude -> what it is indistinguishable from with these recordings: a ratio, the initial states, or
+    another amplitude. It is not fitted."""
     sensor_findings: list[SensorFinding]
     """Sensor faults found before any physics."""
     remedies: list[str] = []

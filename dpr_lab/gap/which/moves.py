@@ -118,6 +118,25 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
     return Decision(False, "explains less")
 
 
+def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """An effect replaced by a simpler one and another effect, which together have fewer parameters.
+
+    The spare parameters of a richer form may imitate a second cause, as unequal friction in the two directions does a
+    zero offset.
+    """
+    for simpler in (proposal.model for proposal in _simpler(sets, current)):
+        fewer = len(current.fit.free) - len(simpler.fit.free)
+        score = next((score for score in sets.test(simpler).ranking if len(score.columns) < fewer), None)
+        if score is not None and score.gain > THRESHOLDS.chance * current.residuals.inflation:
+            yield Proposal(sets.with_one(simpler, score))
+
+
+def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    model = proposal.model
+    better = model.cost < current.cost and at_noise_floor(model) >= at_noise_floor(current)
+    return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
+
+
 def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """While something remains: the best set with another effect in place of one, or one in another shape."""
     if at_noise_floor(current) or not current.effects:
@@ -320,6 +339,13 @@ SIMPLER_FORM = Move(
     _as_good,
     then="repeat",
 )
+SECOND_CAUSE = Move(
+    "second cause",
+    "an effect is replaced by a simpler one and a second effect that explain more with fewer parameters",
+    _second_cause,
+    _better_with_fewer_parameters,
+    then="repeat",
+)
 EXCHANGE = Move(
     "exchange",
     "while more than noise remains, other effects and other shapes are tried in place of each",
@@ -361,7 +387,19 @@ HELD_OUT = Move(
     _predicts_held_out_runs,
 )
 
-REFINE = (SMALLEST_ADEQUATE, DROP, RICHER_FORM, SIMPLER_FORM, EXCHANGE, DROP, CROSS_VALIDATION, OWN_SHARE, CONVERGE)
+REFINE = (
+    SMALLEST_ADEQUATE,
+    DROP,
+    RICHER_FORM,
+    SIMPLER_FORM,
+    SECOND_CAUSE,
+    EXCHANGE,
+    SECOND_CAUSE,
+    DROP,
+    CROSS_VALIDATION,
+    OWN_SHARE,
+    CONVERGE,
+)
 """What follows forward selection, in order."""
 
 SHORT = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM)
@@ -376,6 +414,7 @@ MOVES = (
     DROP,
     RICHER_FORM,
     SIMPLER_FORM,
+    SECOND_CAUSE,
     EXCHANGE,
     CROSS_VALIDATION,
     OWN_SHARE,

@@ -1,0 +1,106 @@
+"""The rig file as prior information: limits of effects on every rig, weak priors of ratios, absorbed amplitudes."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS, SLICES
+from dpr_lab.effects.detent import DETENT_JOINT1
+from dpr_lab.effects.effect import Recorded
+from dpr_lab.fitting.estimate import effect_parameters, ratio_parameters
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.prior import prior_of
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.hypothesis.score_test import score_test
+from dpr_lab.gap.screen.record import record as screened
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.rig import Rig, load_rig, parse_rig
+from dpr_lab.workflows.rig_file import Measure, RigMeasures, draft_rig
+from sim_device.plant.config import load_plant
+from sim_device.trials.offline_recorder import record
+
+RIGS = sorted(path.stem for path in (Path(__file__).parents[2] / "configs" / "rigs").glob("*.toml"))
+NOTHING = Recorded(arm_moves=(None,), steps=lambda: [(0, 0, 0.5)])
+
+
+def small_rig() -> Rig:
+    return parse_rig(draft_rig(RigMeasures("small", 0.05, 0.05, Measure(0.005), Measure(0.005))))
+
+
+@pytest.mark.parametrize("name", [*RIGS, "small"])
+def test_every_amplitude_has_a_limit_far_above_its_typical_size_relative_to_the_rig(name: str) -> None:
+    rig = small_rig() if name == "small" else load_rig(name)
+    limits = prior_of(rig).limits
+    paper = prior_of(load_rig("paper")).limits
+    for effect in EFFECTS.values():
+        for index, parameter in enumerate(effect.parameters, SLICES[effect.name].start):
+            assert np.isfinite(limits[index]) == (parameter.role == "amplitude"), (effect.name, parameter.name)
+            if parameter.role == "amplitude":
+                assert limits[index] > 0
+                assert paper[index] > 5 * parameter.typical, (effect.name, parameter.name)
+                assert parameter.unit != "N m" or name != "small" or limits[index] < 0.01 * paper[index]
+
+
+@pytest.fixture(scope="module")
+def wrong_rig() -> tuple:
+    """A recording of a rod a third shorter than in the rig file, which pulls every effect as far as it goes."""
+    rig = load_rig("paper")
+    plant = load_plant("paper")
+    other = plant.model_copy(update={"parameters": plant.parameters | {"l1": 0.3, "l2": 0.1, "c1": 0.02, "c2": 0.01}})
+    runs = record(other, rig, duration=2.0, rate_hz=200)[1:2]
+    recordings = Recordings(tuple(screened(run, rig) for run in runs), rig)
+    problem, initial = recordings.cut(0.5)
+    at = fit_bare_model(recordings, nominal_ratios(rig))[2].fit.estimate
+    return problem, at.changed(ratios=nominal_ratios(rig), initial=initial)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_no_fitted_size_exceeds_its_limit(wrong_rig: tuple, name: str) -> None:
+    problem, at = wrong_rig
+    own = effect_parameters(EFFECTS[name], refined=True, limits=problem.limits)
+    started = at.vector.copy()
+    for parameter in own:
+        if parameter.amplitude:
+            started[parameter.place] = min(30 * parameter.size, 0.9 * parameter.upper)
+    estimate = fit(problem, replace(at, vector=started), own, iterations=6).estimate
+    sizes = estimate.params[SLICES[name]]
+    assert np.isfinite(sizes).all()
+    assert (np.abs(sizes) <= problem.limits[SLICES[name]] * (1 + 1e-12)).all()
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_no_score_promises_a_size_beyond_the_limit(wrong_rig: tuple, name: str) -> None:
+    problem, at = wrong_rig
+    bare = fit(problem, at, ratio_parameters(at), iterations=2)
+    test = score_test(problem, bare, [EFFECTS[name]], NOTHING)
+    for score in test.shaped.get(name, ()):
+        limits = dict(zip((p.name for p in EFFECTS[name].parameters), problem.limits[SLICES[name]], strict=True))
+        assert all(abs(size) <= limits[p] * (1 + 1e-9) for p, size in score.named_amplitudes.items())
+
+
+def test_a_prior_holds_what_the_recordings_do_not_show(wrong_rig: tuple) -> None:
+    problem, at = wrong_rig
+    blind = replace(problem, weight=1e-9 * problem.weight)
+    free = ratio_parameters(at)
+    moved = at.changed(ratios=at.ratios * 1.5)
+    assert fit(blind, moved, free).values == pytest.approx(problem.prior.mean[:5], rel=1e-3)
+    free_of_prior = fit(replace(blind, prior=None), moved, free).values
+    assert not np.allclose(free_of_prior, problem.prior.mean[:5], rtol=0.1)
+
+
+def test_cogging_of_order_one_is_gravity_on_one_rod() -> None:
+    rig = load_rig("paper").with_rods("inner")
+    runs = record(load_plant("paper"), rig, duration=5.0, rate_hz=200)[1:2]
+    _, problem, bare = fit_bare_model(Recordings(tuple(screened(run, rig) for run in runs), rig), nominal_ratios(rig))
+    once = tuple(replace(p, scan=(1.0,)) if p.scan else p for p in DETENT_JOINT1.parameters)
+    first = replace(DETENT_JOINT1, parameters=once)
+    score = score_test(problem, bare.fit, [first], NOTHING).of("detent_joint1")
+    assert score is not None
+    assert score.absorbed["sin1_Nm"] == "e1/b"
+    assert "cos1_Nm" not in score.absorbed
+    rotor = score_test(problem, bare.fit, [EFFECTS["rotor_inertia_joint1"]], NOTHING).of("rotor_inertia_joint1")
+    assert rotor is not None
+    assert rotor.gain == 0.0
+    assert set(rotor.absorbed) == {"inertia_kgm2"}

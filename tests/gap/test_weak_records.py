@@ -1,0 +1,126 @@
+"""Recordings that determine little: the rig file's nominal values and bounds fill in, with intervals as wide."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.identification.identify import identify
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.run import Run
+from dpr_lab.search import load_search
+from sim_device.plant.config import load_plant
+from sim_device.trials.offline_recorder import record
+from tests.one_rod import Rod, recorded
+
+LIGHT = {"m2": 0.05, "J2": 0.000167}
+"""A light outer rod: a/b = 72."""
+
+
+def told_roughly(paper: Rig, true: np.ndarray, seed: int, rods: dict[str, str]) -> Rig:
+    """A rig file with nominal values up to 10 % off, and bounds 20 % about them."""
+    off = np.random.default_rng(seed).uniform(0.9, 1.1, len(PARAMETERS))
+    described = paper.model_dump(exclude_none=True)
+    for name, value in zip(PARAMETERS, (off * true).tolist(), strict=True):
+        described["parameters"][name].update(nominal=value, lower=0.8 * value, upper=1.2 * value)
+    return Rig.model_validate(described).with_rods(**rods)
+
+
+def gravity_torque(rig: Rig, diagnosis: Diagnosis) -> float:
+    """Of the inner rod alone by a diagnosis, N m."""
+    assert diagnosis.p_over_b is not None
+    carried = diagnosis.p_over_b * rig.g / rig.L1
+    return diagnosis.scale_b * (diagnosis.ratios["e1/b"].value - carried)
+
+
+def case(
+    paper: Rig, rods: dict[str, str], effects: dict | None = None, seed: int = 1
+) -> tuple[Rig, list[Run], np.ndarray]:
+    plant = load_plant("paper")
+    changes = {"parameters": plant.parameters | LIGHT, "effects": effects or {}, "seed": seed}
+    plant = plant.model_copy(update=changes)
+    rig = told_roughly(paper, plant.Z, seed, rods)
+    truth = ratios(base_parameters(plant.Z, paper.L1, paper.g))
+    return rig, record(plant, rig, duration=5.0, rate_hz=200), truth
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("drag", "size"), [("air_drag_outer", 0.02), ("air_drag_both", 0.01)])
+def test_drag_with_the_elbow_clamped_has_an_interval_that_holds_the_truth(
+    paper: Rig, drag: str, size: float, seed: int
+) -> None:
+    rig, runs, truth = case(paper, {"elbow": "clamped"}, {drag: {"coefficient_kg_per_m2": size}}, seed)
+    diagnosis = diagnose(runs, rig)
+    (effect,) = diagnosis.effects
+    assert drag in effect.members
+    (found,) = effect.parameters.values()
+    assert found.value == pytest.approx(size, rel=0.5)
+    assert diagnosis.scale is not None
+    low, high = found.interval90_with_scale
+    assert low < size < high
+    for name, true in zip(RATIOS, truth, strict=True):
+        low, high = diagnosis.ratios[name].interval90
+        assert low < true < high
+        assert high - low < 2.0 * true
+    assert f"b = {diagnosis.scale_b:.4g} kg m^2" in " ".join(diagnosis.assumptions)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rods", "poses"),
+    [({"mounted": "inner"}, ["X2"]), ({"mounted": "outer"}, ["X2"]), ({"elbow": "clamped"}, ["X1"])],
+    ids=["inner rod alone", "outer rod alone", "one elbow clamped"],
+)
+def test_one_release_gives_wide_and_finite_ratios(paper: Rig, rods: dict[str, str], poses: list[str]) -> None:
+    rig, runs, truth = case(paper, rods)
+    runs = [run for run in runs if run.name in poses]
+    nominal = ratios(base_parameters(rig.nominal, rig.L1, rig.g))
+    quick = load_search("segments").model_copy(update={"generations": 2})
+    model, diagnosis = identify(runs, rig, settings=quick), diagnose(runs, rig)
+    for i, name in enumerate(RATIOS):
+        estimate, (low, high) = model.ratios[name], diagnosis.ratios[name].interval90
+        assert np.isfinite([estimate.value, estimate.std, low, high]).all()
+        assert abs(estimate.value - truth[i]) < 4 * estimate.std or estimate.value == 0.0
+        assert low - 0.5 * (high - low) < truth[i] < high + 0.5 * (high - low)
+        if name not in model.covariance.order:
+            assert estimate.value == pytest.approx(nominal[i], rel=1e-9)
+            assert estimate.std > 0.02 * nominal[i]
+
+
+@pytest.mark.slow
+def test_several_clamped_elbows_are_identified_within_the_bounds(paper: Rig) -> None:
+    rig, runs, truth = case(paper, {"elbow": "clamped"})
+    quick = load_search("segments").model_copy(update={"generations": 2})
+    model = identify(runs, rig, settings=quick)
+    for name, true in zip(RATIOS, truth, strict=True):
+        assert abs(model.ratios[name].value - true) < 3 * model.ratios[name].std
+    assert 0.01 < model.ratios["a/b"].std / model.ratios["a/b"].value < 0.25
+
+
+def test_a_zero_offset_and_dry_friction_of_one_rod_are_not_called_cogging(tmp_path: Path) -> None:
+    rod = Rod()
+    rig, runs = recorded(rod, 0, tmp_path)
+    diagnosis = diagnose(runs, rig)
+    named = {effect.name: effect for effect in diagnosis.effects}
+    assert set(named) & {"encoder_offset_joint1", "base_tilt", "com_offset_link1"}
+    assert "coulomb_joint1" in named
+    assert len(named) == 2
+    # The recordings show the torque relative to the inertia of what swings, of which the rig file holds a guess.
+    of_gravity = named["coulomb_joint1"].parameters["torque_Nm"].value / gravity_torque(rig, diagnosis)
+    assert of_gravity == pytest.approx(rod.dry, rel=0.3)
+    assert diagnosis.absorbed["rotor_inertia_joint1"] == {"inertia_kgm2": "e1/b"}
+    assert "rotor_inertia_joint1 is indistinguishable from e1/b" in " ".join(diagnosis.assumptions)
+
+
+def test_friction_unequal_in_both_directions_does_not_stand_for_a_zero_offset(tmp_path: Path) -> None:
+    rod = replace(Rod(), dry=0.0103, damping=0.0029, length=0.256, mass=0.0655, noise=1.9e-3, duration=12.0)
+    rig, runs = recorded(rod, 1, tmp_path)
+    named = {effect.name for effect in diagnose(runs, rig).effects}
+    assert "coulomb_joint1" in named
+    assert named & {"encoder_offset_joint1", "base_tilt", "com_offset_link1"}
+    assert "friction_curve_joint1" not in named
