@@ -16,12 +16,6 @@ from dpr_lab.effects import EFFECTS, SIZE, param_index
 from dpr_lab.effects.effect import Effect, EffectParameter
 from dpr_lab.effects.quantities import BaseParameters, RigConstants
 
-PRIOR_SHARE = 1.0 / 3.0
-"""Standard deviation of the prior of an amplitude, as a share of its limit."""
-
-AT_LIMIT = 0.999
-"""Share of its limit from which a fitted amplitude counts as at the limit."""
-
 
 class RigScales(NamedTuple):
     """What sizes at one joint are compared with."""
@@ -102,9 +96,9 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> NDArray[n
     return limits
 
 
-def at_limit(params: NDArray[np.float64], limits: NDArray[np.float64]) -> tuple[str, ...]:
-    """Effects with an amplitude at its limit: their cause has the same shape and is another."""
-    reached = np.abs(params) >= AT_LIMIT * limits
+def at_limit(params: NDArray[np.float64], limits: NDArray[np.float64], *, share: float = 0.999) -> tuple[str, ...]:
+    """Effects with an amplitude at a share of its limit or more: their cause has the same shape and is another."""
+    reached = np.abs(params) >= share * limits
     return tuple(
         name
         for name, effect in EFFECTS.items()

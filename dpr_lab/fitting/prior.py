@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import BASE, base_jacobian, ratio_jacobian, whole_parameters
 from dpr_lab.dynamics.rig_constants import rig_constants
-from dpr_lab.effects.limits import PRIOR_SHARE, amplitude_limits
+from dpr_lab.effects.limits import amplitude_limits
 from dpr_lab.effects.quantities import BaseParameters
 from dpr_lab.fitting.estimate import (
     EFFECTS_BEGIN,
@@ -48,6 +48,8 @@ class PriorStrength:
     """Least relative standard deviation of a parameter: a model that lacks effects needs other values than measured."""
     damping: float = 0.3
     """Standard deviation of the damping ratio of a small swing, in addition to the bounds of friction."""
+    amplitude: float = 1.0 / 3.0
+    """Standard deviation of an amplitude, as a share of its limit."""
     absorbed: float = 2e-3
     """Share of the norm of a column, initial states projected out, that the columns before it must leave."""
     zeros: float = 10.0
@@ -123,7 +125,7 @@ class Prior:
             return float(self.covariance[parameter.place, parameter.place] ** 0.5)
         if parameter.block == "zeros":
             return STRENGTH.zeros * ZERO_SIZE
-        return float(PRIOR_SHARE * self.limits[parameter.place - EFFECTS_BEGIN])
+        return float(STRENGTH.amplitude * self.limits[parameter.place - EFFECTS_BEGIN])
 
 
 def prior_of(rig: Rig) -> Prior:

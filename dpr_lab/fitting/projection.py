@@ -18,9 +18,6 @@ Indices = Sequence[int] | slice | NDArray[np.int64]
 RIDGE = 1e-10
 """Ridge on the diagonal of normal matrices of unit columns: some hundred times their rounding error."""
 
-ROUNDING = 1e-9
-"""Share of a squared norm that rounding may leave of a column that others explain wholly."""
-
 TINY = 1e-140
 """Floor on the column norm; avoids overflow."""
 
@@ -102,15 +99,15 @@ class ColumnSpace:
         """Fall of |e|^2 by the solution."""
         return self.reduction(self.solution())
 
-    def unabsorbed(self, order: Sequence[int]) -> Array:
+    def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:
         """(k,) share of each column's squared norm that the columns before it in the order leave.
 
-        A column of which next to nothing is left is not used to explain those after it.
+        A column of which no more than rounding is left is not used to explain those after it.
         """
         H, left = self.H.copy(), np.zeros(len(self))
         for i in order:
             left[i] = max(H[i, i], 0.0)
-            if left[i] > ROUNDING:
+            if left[i] > rounding:
                 H -= np.outer(H[:, i], H[i]) / H[i, i]
         return left
 

@@ -25,9 +25,6 @@ from dpr_lab.rig import MASSES, Rig
 
 Array = NDArray[np.float64]
 
-SMALL = 1e-3
-"""Share of a standard deviation of a ratio by which it is changed for a derivative."""
-
 
 def covariance(problem: Problem, at: Hypothesis, rig: Rig) -> Array:
     """(free, free) covariance of a fit's values; zero for what is held at its bound."""
@@ -38,20 +35,27 @@ def covariance(problem: Problem, at: Hypothesis, rig: Rig) -> Array:
     return considered(at.fit, at.residuals.inflation, changes)
 
 
-def by_unseen_ratios(problem: Problem, at: Hypothesis, rig: Rig) -> Array:
-    """(5,) variance of the ratios because the recordings do not show all of them."""
+def by_unseen_ratios(problem: Problem, at: Hypothesis, rig: Rig, *, share: float = 1e-3) -> Array:
+    """(5,) variance of the ratios because the recordings do not show all of them.
+
+    Args:
+        problem: what was measured
+        at: a fitted set of effects
+        rig: nominal values and bounds
+        share: of a prior standard deviation by which an unseen ratio is changed for a derivative
+    """
     before = problem.predict(at.fit.estimate)
     variance = np.array(prior_ratio_std(rig)) ** 2
     own = {p.place: i for i, p in enumerate(at.fit.free) if p.block == "ratios" and p.place < len(RATIOS)}
     variance[list(own)] = 0.0
-    for other in _other_ratios(problem, at):
-        change = problem.whitened(np.nan_to_num((problem.predict(other) - before) / SMALL))
+    for other in _other_ratios(problem, at, share):
+        change = problem.whitened(np.nan_to_num((problem.predict(other) - before) / share))
         variance[list(own)] += shifted(at.fit, change)[list(own.values())] ** 2
     return variance
 
 
-def _other_ratios(problem: Problem, at: Hypothesis) -> Iterator[Estimate]:
-    """The estimate with a small share of a prior standard deviation in each direction of the ratios that are not free.
+def _other_ratios(problem: Problem, at: Hypothesis, share: float) -> Iterator[Estimate]:
+    """The estimate with a share of a prior standard deviation in each direction of the ratios that are not free.
 
     Their prior is that without the free ones: what these are by the recordings is no hint at the others.
     """
@@ -62,7 +66,7 @@ def _other_ratios(problem: Problem, at: Hypothesis) -> Iterator[Estimate]:
         return
     for step in np.linalg.cholesky(problem.prior.covariance[np.ix_(fixed, fixed)]).T:
         ratios = at.fit.estimate.ratios.copy()
-        ratios[fixed] += SMALL * step
+        ratios[fixed] += share * step
         yield at.fit.estimate.changed(ratios=ratios)
 
 
