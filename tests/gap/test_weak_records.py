@@ -61,6 +61,7 @@ def test_drag_with_the_elbow_clamped_has_an_interval_that_holds_the_truth(
     (found,) = effect.parameters.values()
     assert found.value == pytest.approx(size, rel=0.5)
     assert diagnosis.scale is not None
+    assert found.interval90_with_scale is not None
     low, high = found.interval90_with_scale
     assert low < size < high
     for name, true in zip(RATIOS, truth, strict=True):
