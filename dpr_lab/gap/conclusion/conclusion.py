@@ -83,7 +83,7 @@ class Findings:
     @property
     def absorbed(self) -> dict[str, dict[str, str]]:
         """Effect -> amplitude -> what it is indistinguishable from; of an effect in the model, without it there."""
-        around, last = self.selection.around, self.selection.last
+        around, last = self.selection.tests_without, self.selection.final_test
         scores = {name: around[name].of(name) if name in around else last.of(name) for name in EFFECTS}
         return {name: dict(score.absorbed) for name, score in scores.items() if score is not None and score.absorbed}
 
