@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,18 +185,24 @@ def _held_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> l
     ]
 
 
-def _still_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> list[tuple[int, int]]:
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+def _highest(values: NDArray[Any], width: int) -> NDArray[Any]:
+    """(n - width + 1, ...) maxima of windows of so many rows of (n, ...); those of half a width are combined."""
+    if width == 1:
+        return values
+    half = -(-width // 2)
+    of_halves = _highest(values, half)
+    return np.maximum(of_halves[: len(of_halves) - width + half], of_halves[width - half :])
 
+
+def _still_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> list[tuple[int, int]]:
     n = len(motion.t)
     half_width = round(settings.stretch_s / float(np.median(np.diff(motion.t))) / 2)
     width = 2 * half_width + 1
     if not settings.fewest <= width <= n:
         return []
-    highest, lowest = (extreme(motion.rods, width, axis=0) for extreme in (maximum_filter1d, minimum_filter1d))
-    still = np.zeros(n, dtype=np.bool_)
-    still[half_width : n - half_width] = ((highest - lowest).max(axis=1) <= band)[half_width : n - half_width]
-    inside = maximum_filter1d(still, width, mode="constant")
+    ranges = _highest(motion.rods, width) + _highest(-motion.rods, width)
+    still = np.pad(ranges.max(axis=1) <= band, 2 * half_width)
+    inside = _highest(still, width)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
 

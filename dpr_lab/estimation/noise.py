@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.fitting.robust import NORMAL_MAD
+from dpr_lab.fitting.spread import NORMAL_MAD
 from dpr_lab.joint_angles import JointAngles
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run

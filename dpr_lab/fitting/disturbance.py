@@ -16,7 +16,7 @@ from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import Trajectory, trajectory
-from dpr_lab.fitting.robust import NORMAL_MAD
+from dpr_lab.fitting.spread import NORMAL_MAD
 from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.setup import Setup, Torques
 

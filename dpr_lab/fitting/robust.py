@@ -5,11 +5,9 @@ from numpy.typing import NDArray
 
 from dpr_lab.fitting.gauss_newton import Fit, descend, fit
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.spread import NORMAL_MAD
 
 Array = NDArray[np.float64]
-
-NORMAL_MAD = 1.482602218505602
-"""Standard deviation of a normal variable over the median of its absolute value."""
 
 
 def without_outstanding(problem: Problem, first_fit: Fit, *, iterations: int = 12, outstanding: float = 9.0) -> Fit:

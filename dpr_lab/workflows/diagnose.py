@@ -81,7 +81,6 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     from dpr_lab.gap.diagnose import diagnose as diagnose_runs
     from dpr_lab.identification.misread.refuse import refuse_misread
     from dpr_lab.identification.model import load_model
-    from dpr_lab.report.saving import save_diagnosis
     from dpr_lab.rig import load_rig
 
     rig = load_rig(request.rig)
@@ -121,6 +120,8 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         found = found.model_copy(update={"trust": tried})
         result = _kept(DiagnoseResult(found, {}), request.out)
     if request.out:
+        from dpr_lab.report.saving import save_diagnosis
+
         on_event(StageBegan(stages, stages, "report"))
         files = save_diagnosis(found, runs, rig, request.out, lambda sentence: on_event(Warned(sentence)))
         result = _kept(DiagnoseResult(found, files), request.out)

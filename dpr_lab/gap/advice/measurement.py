@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import voigt_profile
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
@@ -98,6 +97,8 @@ class Predictions:
 
     def log_densities(self, value: float, std: float) -> dict[str, float]:
         """Logarithm of the predictive density under each candidate, and under none of them."""
+        from scipy.special import voigt_profile  # slow to import
+
         found = {name: prediction.log_density(value, std) for name, prediction in self.candidates.items()}
         broad = float(np.log(voigt_profile(value / self.scale, std / self.scale, 1.0) / self.scale))
         little = self.background.log_density(value, std)

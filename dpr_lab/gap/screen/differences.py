@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from dpr_lab.fitting.robust import NORMAL_MAD
+from dpr_lab.fitting.spread import NORMAL_MAD
 
 Array = NDArray[np.float64]
 

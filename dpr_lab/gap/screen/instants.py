@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from dpr_lab.estimation.noise import ORDER
-from dpr_lab.fitting.robust import NORMAL_MAD
+from dpr_lab.fitting.spread import NORMAL_MAD
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.fitting.projection import RIDGE, bounded_solution
 from dpr_lab.rig import Rig
 
 Array = NDArray[np.float64]
@@ -107,13 +108,12 @@ def energy_fit(
 
 def _bounded(columns: Array, target: Array, settings: EnergySettings) -> float:
     """Root mean square residual of a fit within the bounds, columns in units of the rig file's values."""
-    from scipy.optimize import lsq_linear
-
     driven = columns.shape[1] - 5
     least = [1 / settings.slack] * 3 + [0.0] * 2 + [1 / settings.slack] * driven
     most = [settings.slack] * 3 + [settings.friction] * 2 + [settings.slack] * driven
-    fit = lsq_linear(columns, target, (least, most))
-    return float(np.sqrt(np.mean((columns @ fit.x - target) ** 2)))
+    H = columns.T @ columns
+    x = bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), columns.T @ target, np.array(least), np.array(most))
+    return float(np.sqrt(np.mean((columns @ x - target) ** 2)))
 
 
 def _velocities(
