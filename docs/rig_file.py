@@ -115,6 +115,8 @@ def ranges(kind: Any, metadata: list[Any]) -> Iterator[str]:
         yield f"{len(parts)} times {inner}" if len(parts) == len(get_args(kind)) else f"list of {inner}"
     elif get_origin(kind) is Literal:
         yield " or ".join(f"`{shown(value)}`" for value in get_args(kind))
+    elif isinstance(kind, type) and issubclass(kind, BaseModel):
+        yield f"table of {', '.join(f'`{key}`' for key in kind.model_fields)}"
     elif kind is bool:
         yield "`true` or `false`"
     elif kind in (int, float):

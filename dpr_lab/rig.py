@@ -12,9 +12,12 @@ from pydantic import Field, PrivateAttr, model_validator
 from dpr_lab.configs import find_config, parse_config, read_config, sha256_of
 from dpr_lab.rig_tables import (
     AddedMass,
+    ArmMode,
+    ArmTable,
     Encoders,
     Joints,
     LinkSettings,
+    MotorTable,
     Name,
     Parameter,
     Pose,
@@ -54,12 +57,28 @@ NO_ENCODER = {"nominal": 1e-6, "measured": 1e-6, "std": 1e-7}
 """The encoder of joint 2, kg, of a rig that has no joint 2."""
 
 
+def refuse_impossible_arm(rig: "Rig", mode: ArmMode) -> None:
+    """Make sure that the arm of a rig can be in a mode.
+
+    Raises:
+        ValueError: the rig file lacks what the mode needs, or the rods cannot be modelled with it.
+    """
+    if mode not in ("free", "driven"):
+        return
+    if "L0" not in rig.rig.model_fields_set:
+        raise ValueError(f"an arm that is {mode} pushes the rods by its length: the rig file needs [rig] L0")
+    if rig.rods.mounting in ("outer", "clamped"):
+        raise ValueError(f"an arm that is {mode} is modelled with both rods, or with the inner rod alone")
+    if mode == "driven" and rig.motor is None:
+        raise ValueError("an arm that is driven needs [motor] in the rig file, with its input")
+
+
 class Rig(Shown, RigTable):
     """A rig file (`configs/rigs/*.toml`).
 
     Args of the file: `[rig]` lengths and gravity, `[parameters.*]` one table for each of `PARAMETERS`,
     `[encoders]`, `[poses.*]`, `[link]`; `[added_mass]` while a known mass is clamped on, `[rods]` while not both rods
-    hang on it, `[joints]` for geared motors.
+    hang on it, `[joints]` for geared motors; `[arm]` for an arm that is not clamped, `[motor]` for what drives it.
     """
 
     rig: RigGeometry
@@ -76,6 +95,10 @@ class Rig(Shown, RigTable):
     """Which rods hang on the rig."""
     joints: Joints = Joints()
     """Joints with geared motors."""
+    arm: ArmTable = ArmTable()
+    """What the arm does."""
+    motor: MotorTable | None = None
+    """What drives the arm; None without a drive."""
     link: LinkSettings = LinkSettings()
     """Where the device is, and its sample rate."""
     _path: Path | None = PrivateAttr(default=None)
@@ -120,6 +143,11 @@ class Rig(Shown, RigTable):
     @model_validator(mode="after")
     def _nine_parameters(self) -> "Rig":
         refuse_other_parameters(self.parameters)
+        return self
+
+    @model_validator(mode="after")
+    def _arm_can_move(self) -> "Rig":
+        refuse_impossible_arm(self, self.arm.mode)
         return self
 
     @property

@@ -155,6 +155,49 @@ class Joints(RigTable):
     """Joints that a geared motor stays on, driven or not: a diagnosis then expects its rotor and its friction."""
 
 
+ArmMode = Literal["clamped", "free", "prescribed", "driven"]
+"""What the arm does: it is held, moves by itself, moves as its encoder says, or a known input acts on it."""
+
+
+class ArmTable(RigTable):
+    """What the arm does while the rods swing. A run keeps it; `import table --arm` overrides it for one recording."""
+
+    mode: ArmMode = "clamped"
+    """`free` and `driven` need `L0` in `[rig]`; `driven` needs `[motor]`. `prescribed`: a hand or a stiff servo moves
+    the arm, and only its encoder is known."""
+    A: Parameter | None = None
+    """Total inertia about the arm's axis, J0 + (m1 + m2 + mb) L0^2, kg m^2; where the fit starts."""
+    c0: Parameter | None = None
+    """Viscous friction of the arm, N m s/rad."""
+    k0: Parameter | None = None
+    """Stiffness of a cable or spring at the arm, N m/rad; fitted only where it is given."""
+    f0: Parameter | None = None
+    """Dry friction of the arm, N m; fitted only where it is given."""
+
+
+class MotorTable(RigTable):
+    """What drives the arm, and the constants of its motor; none of them is needed to identify ratios."""
+
+    input: Literal["torque", "current", "voltage", "acceleration"]
+    """What the recording's input column holds: N m at the joint, A, V, or rad/s^2 of the arm."""
+    kt: Parameter | None = None
+    """Torque constant, N m/A: with a current it makes absolute sizes visible."""
+    ke: Parameter | None = None
+    """Back-EMF constant, V s/rad, of a voltage drive."""
+    R: Parameter | None = None
+    """Resistance, ohm, of a voltage drive."""
+    gear: Positive = 1.0
+    """Turns of the motor for one turn of the arm."""
+
+    @model_validator(mode="after")
+    def _constants_of_input(self) -> "MotorTable":
+        used = {"voltage": ("kt", "ke", "R"), "current": ("kt",)}.get(self.input, ())
+        unused = [name for name in ("kt", "ke", "R") if getattr(self, name) is not None and name not in used]
+        if unused:
+            raise ValueError(f"input is {self.input}, which {', '.join(unused)} does not act on: leave it out")
+        return self
+
+
 class LinkSettings(RigTable):
     """Where the device is and how fast it streams."""
 
@@ -175,6 +218,8 @@ class RigGeometry(RigTable):
     """Distance of the two joints along the inner rod, m."""
     L1_std: Length | None = None
     """Standard uncertainty of L1 where it is hardly known, as on video: a diagnosis then fits it."""
+    L0_std: Length | None = None
+    """Standard uncertainty of L0 where it is hardly known: the identification of a moving arm then fits it."""
     L2: Length | None = None
     """Length of the outer rod, m; for drawings and exports alone."""
     g: Annotated[float, Field(ge=0.1, le=100, strict=True)] = 9.81

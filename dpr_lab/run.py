@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig_tables import AddedMass, Mounting
+from dpr_lab.rig_tables import AddedMass, ArmMode, Mounting
 from dpr_lab.setup import ArmMotion, Setup, Torques
 from dpr_lab.shown import Shown
 
@@ -59,6 +59,10 @@ class Run(Shown):
     """How much later than they were logged the torques act, as far as it is known."""
     arm: ArmMotion | None = None
     """How the arm moved, where that is prescribed; None where it was clamped or moved by itself."""
+    arm_mode: ArmMode = "clamped"
+    """What the arm did."""
+    arm_input: NDArray[np.float64] | None = None
+    """(n,) input of a driven arm in the unit of the rig's `[motor]` input, each held until the next sample."""
     complete: bool = True
     """Whether the file was finished; a recovered or cut one is not."""
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -141,6 +145,8 @@ class Run(Shown):
         """Hash of everything that a fit reads of this run: equal after another import of the same table."""
         unread = ("name", "file", "sha256", "recorded_utc", "keep_rest", "arm_read", "notes")
         digest = hashlib.sha256()
+        if self.arm_mode not in ("free", "driven"):
+            unread += ("arm_mode", "arm_input")
         for each in fields(self):
             if each.name not in unread:
                 digest.update(f"{each.name}=".encode())
@@ -153,14 +159,35 @@ class Run(Shown):
         counts = None if self.counts is None else self.counts[keep]
         torques = None if self.torques is None else self.torques[keep]
         commanded = None if self.commanded is None else self.commanded[keep]
+        arm_input = None if self.arm_input is None else self.arm_input[keep]
         return replace(
-            self, t=self.t[keep], theta=self.theta[keep], counts=counts, torques=torques, commanded=commanded
+            self,
+            t=self.t[keep],
+            theta=self.theta[keep],
+            counts=counts,
+            torques=torques,
+            commanded=commanded,
+            arm_input=arm_input,
         )
 
 
 def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
     """Runs as a tuple; a single run counts as one."""
     return (runs,) if isinstance(runs, Run) else tuple(runs)
+
+
+def refuse_moving_arms(runs: Iterable[Run]) -> None:
+    """Make sure that the arm of no run moves by itself or by a drive.
+
+    Raises:
+        RunError: the arm of a run was free or driven.
+    """
+    for run in runs:
+        if run.arm_mode in ("free", "driven"):
+            raise RunError(
+                f"{run.file or run.name}: its arm was {run.arm_mode}. Only `identify` and `compare` take such a run"
+                " so far; import the table with --arm prescribed to use the arm's encoder instead"
+            )
 
 
 def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:

@@ -23,9 +23,21 @@ def compare(
     """
     json_mode(as_json)
     from dpr_lab.cli.listener import Listener
+    from dpr_lab.report.moving_arm import COMPARISON_COLUMNS as MOVING_ARM_COLUMNS
+    from dpr_lab.report.moving_arm import comparison_rows as moving_arm_rows
     from dpr_lab.report.tables import COMPARISON_COLUMNS, COMPARISON_NOTE, comparison_rows
     from dpr_lab.workflows.compare import CompareRequest
+    from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 
+    with Listener() as listener:
+        moving = compare_moving_arm(tuple(runs), model, out)
+    if moving is not None:
+        if as_json:
+            emit(moving)
+        else:
+            table("Measured against simulated, from segment to segment", MOVING_ARM_COLUMNS, moving_arm_rows(moving))
+            line(f"table: {moving['file']}")
+        return
     with Listener() as listener:
         compared = compare_runs(CompareRequest(tuple(runs), model, out, torque=torque), listener)
     if as_json:

@@ -11,6 +11,7 @@ from dpr_lab.errors import IdentificationError
 
 if TYPE_CHECKING:
     from dpr_lab.identification.model import Model
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
 
 
 def identify(
@@ -52,19 +53,39 @@ def identify(
     """
     json_mode(as_json)
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.identify import IdentifyRequest
-    from dpr_lab.workflows.identify import identify as identify_runs
+    from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult, identify_any_arm
 
     request = IdentifyRequest(tuple(runs), rig, out, objective, search, settings, seed, profile, any_clock, torque)
     with Listener() as listener:
-        model = identify_runs(request, listener).model
+        identified = identify_any_arm(request, listener)
+    model = identified.model
     if as_json:
         emit(model.model_dump() | {"model": str(out)})
     else:
-        show(model)
+        if isinstance(identified, IdentifyResult):
+            show(identified.model)
+        else:
+            show_moving_arm(identified.model)
         line(f"model: {out}")
     if model.failures:
         raise IdentificationError("; ".join(model.failures) + f" (the model is kept in {out}, not to be trusted)")
+
+
+def show_moving_arm(model: "MovingArmModel") -> None:
+    """The model of a rig with a moving arm as tables on stdout."""
+    from dpr_lab.report import moving_arm
+
+    line(moving_arm.summary(model))
+    what = "the inner rod's own inertia a" if model.scale == "a" else "the outer rod's inertia b"
+    table(f"Ratios to {what}", moving_arm.RATIO_COLUMNS, moving_arm.ratio_rows(model))
+    note = f"{model.scale_sentence} A is the total inertia about the arm's axis."
+    table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model), note=note)
+    for name, sentence in model.undetermined.items():
+        say(f"{name}: {sentence}")
+    for note in model.notes:
+        say(note)
+    for warning in model.warnings:
+        say(f"warning: {warning}")
 
 
 def show(model: "Model") -> None:

@@ -67,8 +67,11 @@ def import_table(
         float, typer.Option(min=-1, max=1, help="How much later than logged the torques act, if known.")
     ] = 0.0,
     arm: Annotated[
-        Literal["clamped", "prescribed"], typer.Option(help="The arm was held, or moved as its encoder says.")
-    ] = "clamped",
+        Literal["clamped", "free", "prescribed", "driven"] | None,
+        typer.Option(
+            help="The arm was held, was free, moved as its encoder says, or was driven; else as the rig says."
+        ),
+    ] = None,
     rods: Rods = None,
     elbow: Elbow = None,
     keep_rest: Annotated[
@@ -100,7 +103,7 @@ def import_table(
         zero=zero,
         unit=unit,
         time_unit=time_unit,
-        columns=_mapping(columns) if columns else {},
+        columns=_mapping(columns, ("t", *AXES, "input")) if columns else {},
         take=names_in(take) or (),
         rate_hz=rate_hz,
         wrap=wrap,
@@ -192,7 +195,7 @@ def _numbers(option: str, text: str | None) -> dict[str, float]:
     return numbers
 
 
-def _mapping(text: str, names: tuple[str, ...] = ("t", *AXES)) -> dict[str, str]:
+def _mapping(text: str, names: tuple[str, ...]) -> dict[str, str]:
     pairs = [[part.strip() for part in pair.split("=", 1)] for pair in text.split(",")]
     if any(len(pair) != 2 or not all(pair) for pair in pairs):
         raise typer.BadParameter(f"write name=column pairs, e.g. t=time,theta1=q1,theta2=q2, not {text!r}")

@@ -134,7 +134,7 @@ def free_part(motion: RodMotion, name: str, settings: HeldSettings = HELD) -> Fr
 
 def free_part_of(run: Run, settings: HeldSettings = HELD) -> FreePart:
     """The part of a run in which the rods swing by themselves; errors as of `free_part`."""
-    arm = run.theta[:, 0] if run.arm is not None else None
+    arm = run.theta[:, 0] if run.arm_mode != "clamped" else None
     return free_part(RodMotion(run.t, run.theta[:, 1:], run.torques, arm), str(run.file or run.name), settings)
 
 

@@ -92,7 +92,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
             "columns": json.dumps(dict(swing.columns)),
             "torque_kind": next(iter(swing.torques), ""),
             "input_delay_s": repr(swing.options.input_delay_s),
-            "arm": options.arm,
+            "arm": options.arm or rig.arm.mode,
             "options": json.dumps(asdict(options) | {name: dict(getattr(options, name)) for name in as_dicts}),
         },
     )
@@ -106,7 +106,10 @@ def table_name(path: Path) -> str:
 def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
     """The run that a table is understood as."""
     options, (kind, torques), (_, commanded) = swing.options, *[*swing.torques.items(), ("", None), ("", None)][:2]
-    t = swing.t
+    t, arm_input = swing.t, None
+    if options.arm == "driven":
+        assert torques is not None
+        torques, kind, commanded, arm_input = None, "", None, torques[:, 0]
     turns = full_turns(rig, options.pose, t, swing.theta)
     return Run(
         name=table_name(path),
@@ -119,6 +122,8 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
         commanded=commanded,
         input_delay_s=options.input_delay_s,
         arm=_arm(path, rig, swing) if options.arm == "prescribed" else None,
+        arm_mode=options.arm or rig.arm.mode,
+        arm_input=arm_input,
         pose=options.pose,
         rig_name=rig.name,
         rig_sha256=rig.sha256,

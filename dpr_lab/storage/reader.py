@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import prescribed_arm
 from dpr_lab.estimation.held_rods import free_part_of
 from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import ArmMode
 from dpr_lab.run import Run, as_mounted
 from dpr_lab.storage.metadata import RunMetadata, numbers
 from dpr_lab.storage.samples import STRANGE, Samples, json_object
@@ -52,6 +53,12 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     theta = samples.theta if samples.counts is None else own.theta(samples.counts)
     summary = found.summary
     torques, commanded = _torques(samples)
+    mode = _arm_mode(found)
+    arm_input = None
+    if mode == "driven":
+        if torques is None:
+            raise RunError(f"{path}: its arm is driven, but no input of it is stored: import the table again")
+        torques, arm_input = None, torques[:, 0]
     run = Run(
         name=found.path.stem,
         t=t,
@@ -62,7 +69,9 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         commanded=commanded,
         torque_kind="" if torques is None else found.metadata.extra.get("torque_kind", ""),
         input_delay_s=_delay(found),
-        arm=prescribed_arm(t, theta[:, 0], own, str(path)) if found.metadata.extra.get("arm") == "prescribed" else None,
+        arm=prescribed_arm(t, theta[:, 0], own, str(path)) if mode == "prescribed" else None,
+        arm_mode=mode,
+        arm_input=arm_input,
         pose=found.metadata.pose,
         rig_name=own.name,
         rig_sha256=found.rig_sha256,
@@ -122,6 +131,18 @@ def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.f
         return None, None
     first, *second = samples.torques
     return first, second[0] if second else None
+
+
+def _arm_mode(scanned: Scan) -> ArmMode:
+    """What the arm did: as the run says, or its rig does. A device sends no input of a driven arm, only its angle."""
+    of_rig = scanned.metadata.rig.arm.mode
+    stated = scanned.metadata.extra.get("arm", "prescribed" if of_rig == "driven" else of_rig)
+    for mode in get_args(ArmMode):
+        if mode == stated:
+            return mode
+    raise RunError(
+        f"{scanned.path}: its arm is {stated!r}, which this version of dpr-lab does not know: update dpr-lab"
+    )
 
 
 def _delay(found: Scan) -> float:

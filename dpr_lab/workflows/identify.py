@@ -10,6 +10,9 @@ from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.identification.model import Model
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
     from dpr_lab.search.problem import Generation
 
 
@@ -46,8 +49,16 @@ class IdentifyResult:
     file: Path
 
 
+@dataclass(frozen=True, slots=True)
+class MovingArmResult:
+    """What was identified of a rig whose arm was free or driven, and the file that holds it."""
+
+    model: "MovingArmModel"
+    file: Path
+
+
 def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proceed = always) -> IdentifyResult:
-    """Identify the kinetic parameters of a rig from its runs.
+    """Identify the kinetic parameters of a rig from its runs, whose arm was clamped or prescribed.
 
     Tells `RunRead`, `GenerationDone`, `LocalFitBegan`; asks `proceed` after each generation.
 
@@ -56,13 +67,43 @@ def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proc
         RunError: a run that cannot be used, or none.
         IdentificationError: not one candidate inside the bounds could be simulated.
     """
-    from dpr_lab.identification.identify import identify as identify_runs
+    rig, runs = _read(request, on_event, moving=False)
+    return _identified(runs, rig, request, on_event, proceed)
+
+
+def identify_any_arm(
+    request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proceed = always
+) -> IdentifyResult | MovingArmResult:
+    """As `identify`, of runs whose arm may also have been free or driven; objective and search do not apply to those.
+
+    Raises:
+        ConfigError, RunError, IdentificationError: as of `identify`.
+    """
+    from dpr_lab.identification.moving_arm.identify import identify_moving_arm, moves
+
+    rig, runs = _read(request, on_event, moving=True)
+    if not moves(runs):
+        return _identified(runs, rig, request, on_event, proceed)
+    on_event(LocalFitBegan())
+    model = identify_moving_arm(runs, rig)
+    model.save(request.out)
+    return MovingArmResult(model, request.out)
+
+
+def _read(request: IdentifyRequest, on_event: OnEvent, *, moving: bool) -> "tuple[Rig, list[Run]]":
     from dpr_lab.rig import load_rig
-    from dpr_lab.search import load_search
 
     refuse_folder(request.out)
     rig = load_rig(request.rig)
-    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
+    return rig, read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving)
+
+
+def _identified(
+    runs: "list[Run]", rig: "Rig", request: IdentifyRequest, on_event: OnEvent, proceed: Proceed
+) -> IdentifyResult:
+    from dpr_lab.identification.identify import identify as identify_runs
+    from dpr_lab.search import load_search
+
     settings = load_search(request.settings) if request.settings else None
     model = identify_runs(
         runs,

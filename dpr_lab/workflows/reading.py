@@ -12,7 +12,12 @@ if TYPE_CHECKING:
 
 
 def read_runs(
-    files: Sequence[Path], rig: "Rig", on_event: OnEvent, any_clock: bool = True, torque: str | None = None
+    files: Sequence[Path],
+    rig: "Rig",
+    on_event: OnEvent,
+    any_clock: bool = True,
+    torque: str | None = None,
+    moving: bool = False,
 ) -> "list[Run]":
     """The runs of a rig, in the order of their files.
 
@@ -22,6 +27,7 @@ def read_runs(
         on_event: called for each run
         any_clock: whether any clock is good enough
         torque: `measured` or `commanded`: which known torques drove the joints of runs that hold both
+        moving: whether the arm may have been free or driven
 
     Raises:
         RunError: a file that is no run, or of another rig; two that hold the same recording; a table
@@ -29,7 +35,7 @@ def read_runs(
             alone; or, unless `any_clock`, one of a device whose clock is further off than a crystal's.
     """
     from dpr_lab.estimation.held_rods import refuse_held
-    from dpr_lab.run import refuse_repeated, refuse_wrong_clocks
+    from dpr_lab.run import refuse_moving_arms, refuse_repeated, refuse_wrong_clocks
     from dpr_lab.storage.reader import load_run
 
     runs: list[Run] = []
@@ -39,6 +45,8 @@ def read_runs(
         runs.append(run)
         on_event(RunRead(file, run.name, (*run.notes, *([chosen] if chosen else []))))
     refuse_repeated(runs)
+    if not moving:
+        refuse_moving_arms(runs)
     refuse_held(runs)
     if not any_clock:
         refuse_wrong_clocks(runs)

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from dpr_lab.rig_tables import ArmMode
 from dpr_lab.storage.tables.columns import AXES
 from dpr_lab.storage.tables.plausible import PLAUSIBLE
 
@@ -15,7 +16,6 @@ Zero = Literal["upright", "hanging"]
 Unit = Literal["rad", "deg", "counts"]
 TimeUnit = Literal["s", "ms", "us"]
 TorqueChoice = Literal["measured", "commanded", "none"]
-ArmKind = Literal["clamped", "prescribed"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,8 @@ class ImportOptions:
     time_unit: TimeUnit | None = "s"
     """None: what the column's name says, s where it says nothing."""
     columns: Mapping[str, str] = field(default_factory=dict)
-    """Column name (or number, without a header) of t, theta0, theta1, theta2, where the guess by name fails."""
+    """Column name (or number, without a header) of t, theta0, theta1, theta2 and of the input of a driven arm, where
+    the guess by name fails."""
     take: tuple[str, ...] = ()
     """What of the file: the topic of a bag, arrays or groups of a .mat, .npz or .h5, the points pivot, elbow, tip."""
     rate_hz: float | None = None
@@ -63,11 +64,11 @@ class ImportOptions:
     all there are, of two kinds both."""
     input_delay_s: float = 0.0
     """How much later than they were logged they act, where that is known."""
-    arm: ArmKind = "clamped"
-    """Whether the arm was held, or moved as its encoder says."""
+    arm: ArmMode | None = None
+    """What the arm did; None: as the rig file says."""
 
     def __post_init__(self) -> None:
-        unknown = (set(self.columns) - {"t"} | set(self.scale) | set(self.offset)) - set(AXES)
+        unknown = (set(self.columns) - {"t", "input"} | set(self.scale) | set(self.offset)) - set(AXES)
         if unknown:
             raise ValueError(f"columns can be given for t, {', '.join(AXES)}, not for {', '.join(sorted(unknown))}")
         positive = [self.rate_hz, self.wrap, self.time_wrap]

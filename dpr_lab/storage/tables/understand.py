@@ -17,6 +17,7 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
+from dpr_lab.storage.tables.arm_input import find_input, refuse_silent, refuse_still_arm, stated_arm
 from dpr_lab.storage.tables.clock_wrap import unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import AXES, PASSIVE, TO_SECONDS, find_columns, find_torques, with_still_joint2
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at, recorded_by_stamps
@@ -81,8 +82,10 @@ def understand(
     table, given = read_any(path, options.take, on_progress), dict(options.columns)
     if rig.rods.mounted != "both":
         table, given = with_still_joint2(table, given)
+    given.pop("input", None)
     columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)
     options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
+    options = stated_arm(rig, options, path, columns.names)
     _refuse_conventions(table, options)
     t = _times(table, columns.names, options)
     found = {axis: table.column(columns.names[axis]) for axis in AXES if axis in columns.names}
@@ -91,14 +94,25 @@ def understand(
     outliers = _drop_outliers(readings, rig, options)
     recorded = [name for name, column in zip(table.names, table.values, strict=True) if not np.isnan(column).all()]
     driving = find_torques([*recorded, *table.other_lengths], options.torque, path)
-    known = {name: _torque(table, name) for pair in driving.values() for name in pair}
+    factor, drive = 1.0, None
+    if driving and options.arm in ("free", "driven"):
+        raise RunError(f"{path}: torques of the rods' joints cannot be used with an arm that moves: use --torque none")
+    if options.arm == "driven":
+        assert rig.motor is not None
+        drive, factor = find_input(recorded, rig.motor, options.columns.get("input"), path)
+        driving = {"": (drive, PASSIVE)}
+    known = {name: _torque(table, name) * factor for pair in driving.values() for name in pair}
     kept, notes = _rows_to_keep(path, t, {**readings, **known}, options)
+    if drive is not None:
+        refuse_silent(known[drive][kept], drive, path)
     if driving and not any(column[kept].any() for column in known.values()):
         driving, unrecorded = {}, [*unrecorded, "its torques are zero throughout: a free swing"]
     torques = {
         kind: np.stack([_held_torque(t, known[name], kept) for name in pair], axis=1) for kind, pair in driving.items()
     }
-    if torques:
+    if drive is not None and rig.motor is not None:
+        unrecorded.append(f"the arm is driven by the {rig.motor.input} {drive}, each value held until the next row")
+    elif torques:
         unrecorded.append(f"driven by {' and '.join(torques) or 'known'} torques, each held until the next row")
         passive = {f"joint {k + 1}" for pair in driving.values() for k, name in enumerate(pair) if name == PASSIVE}
         unrecorded += [f"{joint} has no torque column: taken as passive, with a torque of zero" for joint in passive]
@@ -130,9 +144,11 @@ def _understood(
     path, options, time = read.path, read.options, read.t[read.kept]
     check_spacing(path, time - time[0])
     theta, counts = angles(read.values, options, rig, path)
+    if options.arm in ("free", "driven"):
+        refuse_still_arm(theta[:, 0], options.arm, path)
     notes += wrap_notes(read.values, options) + gap_notes(time)
     origin = float(read.t[np.isfinite(read.t)][0])
-    driven, arm = next(iter(read.torques.values()), None), options.arm == "prescribed"
+    driven, arm = next(iter(read.torques.values()), None), options.arm != "clamped"
     rods = as_mounted(theta, rig.rods.mounting, str(path))[:, 1:]
     motion = RodMotion(time, rods, driven, theta[:, 0] if arm else None, origin)
     part = FreePart(0, 0, len(time)) if options.keep_rest else free_part(motion, str(path))

@@ -1,0 +1,1 @@
+"""Segments of swings with an arm that is clamped, free or driven."""

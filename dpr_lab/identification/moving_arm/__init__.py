@@ -1,0 +1,1 @@
+"""Identification of a rig whose arm is free or driven."""

@@ -1,0 +1,219 @@
+"""Gauss-Newton with Marquardt's damping on segments with free initial states, which are eliminated one by one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.errors import IdentificationError
+from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, arm_problem
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ArmFitSettings:
+    """How recordings with a moving arm are fitted."""
+
+    first_s: float = 0.25
+    """Length of the first segments, s."""
+    longest_s: float = 4.0
+    """Length of the longest, s."""
+    lengthen: float = 1.15
+    """Growth of the reduced chi-square up to which twice as long segments are kept."""
+    iterations: int = 60
+    """At most, of each fit."""
+    converged: float = 1e-5
+    """Predicted reduction of chi-square over the degrees of freedom, times the readings per unknown."""
+    damping: float = 1e-3
+    """At the start, relative to the diagonal of the normal equations."""
+    most_damping: float = 1e9
+    """From which no step can gain anything."""
+    misfit: float = 1.5
+    """Reduced chi-square from which the covariance is that of clustered residuals."""
+
+
+ARM_FIT = ArmFitSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class ArmFit:
+    """Result of a fit."""
+
+    problem: ArmProblem
+    """What was fitted."""
+    p: Array
+    """(12,) `SWING_PARAMETERS` in units of the scale."""
+    initial: Array
+    """(segments, 6) fitted initial states, rad and rad/s."""
+    converged: bool
+    """Whether the fit reached a minimum."""
+    information: Array
+    """(free, free) Fisher information of the unknowns, initial states eliminated, at the noise floor."""
+    scores: Array
+    """(segments, free) gradient of each segment's half chi-square, initial states eliminated."""
+    length_s: float
+    """Wanted length of a segment, s."""
+    misfit: float = 0.0
+    """Reduced chi-square at the noise of the readings, where the joints are weighed by their residuals; else 0."""
+
+    @property
+    def values(self) -> Array:
+        """(free,) estimates."""
+        return self.p[self.problem.unknowns.places]
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Reduced chi-square; 1 = noise only."""
+        residuals = self.problem.residuals(self.p, self.initial)
+        return float(np.sum(residuals**2)) / max(self.problem.dof, 1)
+
+    @property
+    def rms(self) -> Array:
+        """(3,) root mean square residual of the readings of each joint, rad; nan where it is not read."""
+        away = self.problem.measured - self.problem.predict(self.p, self.initial)
+        read = self.problem.weight > 0
+        squares = np.sum(np.where(read, away, 0.0) ** 2, axis=0)
+        return np.sqrt(squares / np.where(read.any(axis=0), np.maximum(read.sum(axis=0), 1), np.nan))
+
+
+def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings = ARM_FIT) -> ArmFit:
+    """Fit the unknowns to segments of a quarter of a second, then to ever longer ones as far as the model follows.
+
+    Raises:
+        IdentificationError: the rig file's values cannot be simulated.
+    """
+    problem, initial = arm_problem(recordings, rig, settings.first_s)
+    best = fit_segments(problem, problem.unknowns.start, initial, settings.first_s, settings)
+    length = 2 * settings.first_s
+    longest = min(settings.longest_s, max(one.run.duration for one in recordings))
+    while length <= longest:
+        problem, initial = arm_problem(recordings, rig, length)
+        # Initial states first, so that the start of longer segments is no worse than that of short ones.
+        start = fit_segments(problem, best.p, initial, length, settings, states_only=True)
+        longer = fit_segments(problem, best.p, start.initial, length, settings)
+        limit = settings.lengthen * max(1.0, best.chi2_per_dof)
+        if length > 2 * settings.first_s and not (longer.converged and longer.chi2_per_dof < limit):
+            break
+        best, length = longer, 2 * length
+    if best.chi2_per_dof > settings.misfit:
+        # What the model leaves counts as noise of that size: joints are weighed by their residuals.
+        std = np.fmax(best.rms, np.max([one.std for one in recordings], axis=0))
+        weighed = fit_segments(best.problem.with_std(std), best.p, best.initial, best.length_s, settings)
+        return replace(weighed, misfit=best.chi2_per_dof)
+    return best
+
+
+def fit_segments(
+    problem: ArmProblem,
+    p: Array,
+    initial: Array,
+    length: float,
+    settings: ArmFitSettings = ARM_FIT,
+    *,
+    states_only: bool = False,
+) -> ArmFit:
+    """Fit unknowns and initial states to segments as they are; arguments as of `ArmFit`.
+
+    Raises:
+        IdentificationError: the start cannot be simulated.
+    """
+    places = [] if states_only else problem.unknowns.places
+    positive = [SWING_PARAMETERS.index(name) for name in problem.unknowns.positive]
+    start, prior = problem.unknowns.start, problem.prior
+    p, initial, damping, converged = p.copy(), initial.copy(), settings.damping, False
+
+    def cost(trial: Array, residuals: Array) -> float:
+        away = prior * (trial - start)[problem.unknowns.places]
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = float(np.sum(residuals**2) + np.sum(away**2))
+        return total if np.isfinite(total) and (trial[positive] > 0).all() else np.inf
+
+    residuals = problem.residuals(p, initial)
+    now = cost(p, residuals)
+    if not np.isfinite(now):
+        raise IdentificationError(
+            "the arm and rods of the rig file cannot be simulated over a quarter of a second: check [arm], [motor] and"
+            " [parameters], and the units of the angles"
+        )
+    by_unknowns, by_states = problem.slopes(p, initial)
+    for _ in range(settings.iterations):
+        linear = _Eliminated(problem, residuals, by_unknowns, by_states, damping)
+        step = np.zeros(len(p))
+        if places:
+            H = linear.information + np.diag(prior**2)
+            gradient = linear.scores.sum(axis=0) - prior**2 * (p - start)[places]
+            step[places] = _solved(H + damping * np.diag(np.diag(H)), gradient)
+        trial, states = p + step, initial + linear.states(step[problem.unknowns.places])
+        new = problem.residuals(trial, states)
+        then = cost(trial, new)
+        if then < now:
+            gained = (now - then) / max(now, 1e-300)
+            p, initial, residuals, now = trial, states, new, then
+            by_unknowns, by_states = problem.slopes(p, initial)
+            damping = max(damping / 10, 1e-12)
+            if gained < settings.converged * len(step) / max(problem.dof, 1):
+                converged = True
+                break
+        else:
+            damping *= 10
+            if damping > settings.most_damping:
+                converged = True  # no step gains anything: the minimum, to rounding
+                break
+    linear = _Eliminated(problem, residuals, by_unknowns, by_states, 0.0)
+    return ArmFit(problem, p, initial, converged, linear.information + np.diag(prior**2), linear.scores, length)
+
+
+class _Eliminated:
+    """Normal equations of the unknowns, the initial state of each segment eliminated by a Schur complement."""
+
+    def __init__(
+        self, problem: ArmProblem, residuals: Array, by_unknowns: Array, by_states: Array, damping: float
+    ) -> None:
+        size = len(problem.unknowns.free)
+        self._parts: list[tuple[NDArray[np.intp], Array, Array]] = []
+        self._segments = len(problem.moves)
+        self.information = np.zeros((size, size))
+        self.scores = np.zeros((self._segments, size))
+        for s, rows in enumerate(problem.slices()):
+            free = np.flatnonzero(problem.moves[s])
+            B = by_states[rows].reshape(-1, 6)[:, free]
+            A, r = by_unknowns[rows].reshape(-1, size), residuals[rows].ravel()
+            damped = np.vstack([B, np.sqrt(damping) * np.diag(np.linalg.norm(B, axis=0) + 1e-12)])
+            Q, R = np.linalg.qr(damped)
+            Q = Q[: len(r)]
+            inward: Array = np.linalg.solve(R, np.column_stack([Q.T @ r, Q.T @ A])).astype(np.float64)
+            self._parts.append((free, inward[:, 0], inward[:, 1:]))
+            rest = A - Q @ (Q.T @ A)
+            self.information += A.T @ rest
+            self.scores[s] = rest.T @ r
+
+    def states(self, step: Array) -> Array:
+        """(segments, 6) change of the initial states that goes with a step (free,) of the unknowns."""
+        change = np.zeros((self._segments, 6))
+        for s, (free, own, by_step) in enumerate(self._parts):
+            change[s, free] = own - by_step @ step
+        return change
+
+
+def _solved(H: Array, gradient: Array) -> Array:
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+    return scale * np.linalg.lstsq(H * np.outer(scale, scale), scale * gradient, rcond=1e-13)[0]
+
+
+def covariance_of(fit: ArmFit) -> Array:
+    """(free, free) covariance, very large along what is not determined.
+
+    Where the model leaves more than noise, the covariance is that of residuals clustered by segment (White 1980).
+    """
+    scale = np.where(np.diag(fit.information) > 0, np.sqrt(np.diag(fit.information)), 1.0)
+    values, vectors = np.linalg.eigh(fit.information / np.outer(scale, scale))
+    inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
+    if not fit.misfit:
+        return inverse * max(1.0, fit.chi2_per_dof)
+    n = len(fit.scores)
+    spread = fit.scores.T @ fit.scores * n / max(n - len(fit.values), 1)
+    return inverse @ spread @ inverse

@@ -1,0 +1,209 @@
+"""Identification of a rig whose arm is free or driven, and comparison of runs with the result."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.errors import IdentificationError, RunError
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
+from dpr_lab.identification.moving_arm.fit import ArmFit, covariance_of, fit_moving_arm, fit_segments
+from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
+from dpr_lab.identification.moving_arm.problem import ArmRecording, arm_problem, recordings_of
+from dpr_lab.identification.moving_arm.scale import absolute_values, motor_notes, scale_of_arm
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.version import __version__
+
+Array = NDArray[np.float64]
+
+JOINTS_READ = ("joint 0", "joint 1", "joint 2")
+
+
+@dataclass(frozen=True, slots=True)
+class ArmWarnings:
+    """Limits of what is determined, and of a fit that is trusted."""
+
+    hardly_seen: float = 0.5
+    """Relative standard deviation above which an unknown is not determined."""
+    gap: float = 3.0
+    """Reduced chi-square above which the model is clearly incomplete."""
+    doubted: float = 20.0
+    """Reduced chi-square above which the other sign of the arm's angle is tried."""
+    better: float = 4.0
+    """Factor by which the other sign must fit better."""
+
+
+ARM_WARNINGS = ArmWarnings()
+
+
+def moves(runs: Sequence[Run]) -> bool:
+    """Whether the arm of a run was free or driven."""
+    return any(run.arm_mode in ("free", "driven") for run in runs)
+
+
+def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
+    """Identify rods, arm and drive from runs with an arm that is clamped, free or driven.
+
+    Args:
+        runs: at least one with a free or driven arm
+        rig: where to start from, and what was measured
+
+    Raises:
+        RunError: a run that cannot be used.
+        IdentificationError: the rig file's values cannot be simulated, or the fit determines nothing.
+    """
+    recordings = recordings_of(runs, rig)
+    fit = fit_moving_arm(recordings, rig)
+    covariance = covariance_of(fit)
+    if not (np.isfinite(covariance).all() and np.isfinite(fit.values).all()):
+        raise IdentificationError(
+            "these runs do not determine the arm and rods: no finite uncertainty. Record larger motions, and check"
+            " zero, unit, sign and order of the angles"
+        )
+    unknowns, std = fit.problem.unknowns, np.sqrt(np.diag(covariance))
+    names = [unknowns.name(parameter) for parameter in unknowns.free]
+    estimates = dict(zip(names, map(_estimated, fit.values.tolist(), std.tolist()), strict=True))
+    seen = {name: one.std <= ARM_WARNINGS.hardly_seen * abs(one.value) for name, one in estimates.items()}
+    scale = scale_of_arm(fit, covariance, rig)
+    noise = np.sqrt(np.mean([one.std**2 for one in recordings], axis=0))
+    read = [bool(np.any(fit.problem.weight[:, joint] > 0)) for joint in range(3)]
+    return MovingArmModel(
+        rig=RigFacts(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g),
+        mounted="both" if unknowns.scale == "b" else "inner",
+        input=unknowns.input if any(run.arm_mode == "driven" for run in runs) else "",
+        scale="b" if unknowns.scale == "b" else "a",
+        ratios={name: one for name, one in estimates.items() if seen[name]},
+        undetermined={name: _limit(name, one) for name, one in estimates.items() if not seen[name]},
+        covariance=covariance.tolist(),
+        unknowns=names,
+        absolute=absolute_values(fit, covariance, scale, [seen[name] for name in names]),
+        scale_sentence=scale.sentence,
+        swing=fit.p.tolist(),
+        fit=ArmFitSummary(
+            rms_rad={name: float(fit.rms[k]) for k, name in enumerate(JOINTS_READ) if read[k]},
+            noise_rad={name: float(noise[k]) for k, name in enumerate(JOINTS_READ) if read[k]},
+            segments=len(fit.problem.moves),
+            segment_s=fit.length_s,
+            chi2_per_dof=_misfit(fit),
+            converged=fit.converged,
+        ),
+        runs=[_used(run, fit, k) for k, run in enumerate(runs)],
+        notes=motor_notes(fit, scale, rig),
+        warnings=_warnings(fit),
+        failures=_failures(fit, recordings, rig),
+        version=__version__,
+    )
+
+
+def _misfit(fit: ArmFit) -> float:
+    return fit.misfit or fit.chi2_per_dof
+
+
+def _estimated(value: float, std: float) -> EstimatedValue:
+    reach = NORMAL_Q90 * std
+    return EstimatedValue(value=value, std=std, interval90=(value - reach, value + reach))
+
+
+def _limit(name: str, one: EstimatedValue) -> str:
+    if name[:2] in ("c0", "c1", "c2", "k0", "f0"):
+        return f"not distinguishable from zero: {one.interval90[0]:.3g} to {one.interval90[1]:.3g} (90 %)"
+    return "not determined by these recordings"
+
+
+def _used(run: Run, fit: ArmFit, index: int) -> RunUsed:
+    return RunUsed(
+        file=str(run.file or run.name),
+        sha256=run.sha256,
+        pose=run.pose,
+        samples=len(run.swing.t),
+        duration_s=run.duration,
+        segments=int(np.sum(fit.problem.recording == index)),
+    )
+
+
+def _warnings(fit: ArmFit) -> list[str]:
+    if _misfit(fit) <= ARM_WARNINGS.gap:
+        return []
+    return [
+        f"the residual is {_misfit(fit) ** 0.5:.1f} times the noise: the model misses something. The standard"
+        " deviations are those of residuals clustered by segment, and a systematic error may be larger"
+    ]
+
+
+def _failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> list[str]:
+    failures = [] if fit.converged else ["the fit did not converge: give [arm] A and c0 better nominal values"]
+    unknowns = fit.problem.unknowns
+    if "gain" in unknowns.free and fit.p[SWING_PARAMETERS.index("gain")] < 0:
+        failures.append(
+            f"the {unknowns.input} acts against its sign: import the table with the other sign of the input or of"
+            " theta0 (--scale theta0=-1)"
+        )
+    if _misfit(fit) > ARM_WARNINGS.doubted:
+        other = fit_moving_arm([_mirrored(one) for one in recordings], rig)
+        if ARM_WARNINGS.better * _misfit(other) < _misfit(fit):
+            failures.append(
+                f"theta0 turns the other way: with its sign reversed the reduced chi-square falls from"
+                f" {_misfit(fit):.3g} to {_misfit(other):.3g}: import the table with --scale theta0=-1"
+            )
+    return failures
+
+
+def _mirrored(recording: ArmRecording) -> ArmRecording:
+    run = recording.run
+    return replace(recording, run=replace(run, theta=run.theta * np.array([-1.0, 1.0, 1.0])), drive=-recording.drive)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmComparison:
+    """One run against one model, from segment to segment."""
+
+    run: str
+    """Name of the run."""
+    held_out: bool
+    """Whether the run took no part in the identification."""
+    t: Array
+    """(n,) s since the release"""
+    measured: Array
+    """(n, 3) readings of the joints, rad; joint 2 as its encoder reads it."""
+    simulated: Array
+    """(n, 3) the same by the model, with an initial state fitted for each segment."""
+    segment_s: float
+    """Length of a segment, s."""
+    rms_rad: dict[str, float]
+    """Root mean square residual by joint."""
+    noise_rad: dict[str, float]
+    """Noise of the readings by joint."""
+
+
+def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float = 0.5) -> ArmComparison:
+    """Simulate a run with a model from segment to segment; only initial states are fitted.
+
+    Raises:
+        RunError: the model is of another rig, or cannot follow the readings.
+    """
+    if (model.rig.name, model.rig.L1) != (rig.name, rig.L1) or model.mounted != rig.rods.mounted:
+        raise RunError(f"{run.file or run.name}: is a run of {rig.name}, and the model is of {model.rig.name}")
+    recordings = recordings_of([run], rig)
+    problem, initial = arm_problem(recordings, rig, segment_s)
+    if recordings[0].run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):
+        raise RunError(f"{run.file or run.name}: its arm is driven, and the model knows no such input")
+    p = np.array(model.swing)
+    try:
+        fit = fit_segments(problem, p, initial, segment_s, states_only=True)
+    except IdentificationError as error:
+        raise RunError(f"{run.file or run.name}: the model cannot follow these readings") from error
+    read = {name: k for k, name in enumerate(JOINTS_READ) if np.any(problem.weight[:, k] > 0)}
+    return ArmComparison(
+        run.name,
+        not model.used(run.sha256),
+        recordings[0].run.t,
+        problem.measured,
+        problem.predict(p, fit.initial),
+        segment_s,
+        {name: float(fit.rms[k]) for name, k in read.items()},
+        {name: float(recordings[0].std[k]) for name, k in read.items()},
+    )

@@ -1,0 +1,119 @@
+"""The result of an identification with a free or driven arm, as it is kept in `model.json`."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from dpr_lab.errors import RunError
+from dpr_lab.identification.model import EstimatedValue, Number, RigFacts, RunUsed
+from dpr_lab.shown import Row, Shown
+from dpr_lab.whole_file import regular, write_text
+
+KIND = "moving_arm"
+CONFIG = ConfigDict(extra="ignore", frozen=True, defer_build=True)
+
+
+class ArmFitSummary(BaseModel):
+    """How well the model follows the runs, over segments with free initial states."""
+
+    model_config = CONFIG
+
+    rms_rad: dict[str, Number]
+    """Root mean square residual by joint, as its encoder reads it."""
+    noise_rad: dict[str, Number]
+    """Noise of the readings by joint."""
+    segments: int
+    """Number of segments with free initial states."""
+    segment_s: Number
+    """Their length, s."""
+    chi2_per_dof: Number
+    """Squared residual over noise variance and degrees of freedom; 1 = noise only."""
+    converged: bool
+    """Whether the fit converged."""
+
+
+class MovingArmModel(Shown, BaseModel):
+    """An identified rig with a free or driven arm: what the recordings determine, and nothing else."""
+
+    model_config = CONFIG
+
+    kind: Literal["moving_arm"] = KIND
+    """Mark of this kind of model file."""
+    rig: RigFacts
+    """The rig that it is of."""
+    mounted: Literal["both", "inner"]
+    """Which rods hang on the arm."""
+    input: str
+    """Kind of the input; empty where no run was driven."""
+    scale: Literal["a", "b"]
+    """The inertia that ratios are of: a of the inner rod alone, b of both rods."""
+    ratios: dict[str, EstimatedValue]
+    """What the recordings determine, SI; `L0` in m."""
+    undetermined: dict[str, str]
+    """Unknowns that the recordings do not determine, each with a sentence."""
+    covariance: list[list[Number]]
+    """(n, n) covariance of all unknowns, in the order of `unknowns`."""
+    unknowns: list[str]
+    """Names of all unknowns that were fitted."""
+    absolute: dict[str, EstimatedValue]
+    """Absolute values, SI; `fixed_by` is `bound` where their scale is the rig file's and not measured."""
+    scale_sentence: str
+    """Where the scale of absolute values comes from."""
+    swing: Annotated[list[Number], Field(min_length=12, max_length=12)]
+    """Fitted parameters in the order of `dpr_lab.dynamics.moving_arm.swing.SWING_PARAMETERS`, over the scale."""
+    fit: ArmFitSummary
+    """Residuals, noise and segments of the fit."""
+    runs: list[RunUsed]
+    """The runs that it was identified from."""
+    notes: list[str] = []
+    """What the recordings cannot split, and what the rig file adds."""
+    warnings: list[str] = []
+    """Warnings on the interpretation of the values."""
+    failures: list[str] = []
+    """Checks that the identification did not pass; empty for a model to be trusted."""
+    version: str = ""
+    """Version of dpr-lab that wrote it."""
+
+    def _heading(self) -> str:
+        rms = ", ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
+        return f"Model of rig {self.rig.name} with a moving arm from {len(self.runs)} runs: {rms}"
+
+    def _rows(self) -> list[Row]:
+        rows = [(name, f"{one.value:.5g}", f"{one.std:.2g}") for name, one in self.ratios.items()]
+        return [("", "value", "std"), *rows]
+
+    def used(self, sha256: str) -> bool:
+        """Whether the run with this hash took part in the identification."""
+        return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
+
+    def save(self, path: Path) -> None:
+        """Write `model.json`, whole or not at all.
+
+        Raises:
+            RunError: it cannot be written.
+        """
+        write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
+
+
+def load_moving_arm_model(path: Path) -> MovingArmModel | None:
+    """Read `model.json`; None where it is a model of another kind, or no JSON.
+
+    Raises:
+        RunError: it cannot be read, or is damaged; the message names the key.
+    """
+    try:
+        content = json.loads(regular(path, RunError).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(content, dict) or content.get("kind") != KIND:
+        return None
+    try:
+        return MovingArmModel.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise RunError(f"{path}: is not a model that dpr-lab wrote: {key}: {first['msg']}") from error

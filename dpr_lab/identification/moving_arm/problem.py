@@ -1,0 +1,196 @@
+"""Recordings with a moving arm as segments with free initial states: readings, weights, predictions, derivatives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.arm import CLAMPED, DRIVEN
+from dpr_lab.dynamics.moving_arm.swing import ArmSegments, arm_segments, swing_segments
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.motion import refuse_without_motion
+from dpr_lab.estimation.noise import SETTINGS as NOISE
+from dpr_lab.estimation.noise import difference_std, noise_floor
+from dpr_lab.fitting.cut import partition
+from dpr_lab.identification.moving_arm.unknowns import Unknowns, mode_number, unknowns_of
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.setup import Torques
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class CentralDifferences:
+    """Steps of the central differences; their error is below 1e-7 of a derivative."""
+
+    relative: float = 1e-5
+    """Of an unknown."""
+    least: float = 1e-6
+    """Of an unknown near zero."""
+    state: float = 1e-5
+    """Of an angle or speed, rad and rad/s."""
+
+
+STEPS = CentralDifferences()
+
+
+@dataclass(frozen=True, slots=True)
+class ArmRecording:
+    """A run from its release on, with its noise."""
+
+    run: Run
+    """From the release on."""
+    mode: int
+    """CLAMPED, FREE or DRIVEN."""
+    std: Array
+    """(3,) noise of the readings of joint 0, 1 and 2, rad."""
+    drive: Array
+    """(n,) mean input from each sample to the next."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmProblem:
+    """Segments of all recordings."""
+
+    unknowns: Unknowns
+    """What is fitted."""
+    segments: ArmSegments
+    """Where segments begin, and what drives them."""
+    recording: NDArray[np.int64]
+    """(segments,) which recording each is of."""
+    measured: Array
+    """(samples, 3) readings of joints 0, 1, 2, rad; joint 2 as its encoder reads it."""
+    weight: Array
+    """(samples, 3) one over the noise, zero for a joint that does not count, 1/rad."""
+    moves: NDArray[np.bool_]
+    """(segments, 6) which entries of the initial state are free."""
+    frame: tuple[float, float]
+    """L1 (m), g (m/s^2)."""
+    relative: bool
+    """Whether joint 2 reads theta2 - theta1."""
+    prior: Array
+    """(free,) one over the standard deviation of a measured unknown; zero for the others."""
+
+    @property
+    def dof(self) -> int:
+        """Readings less all that is fitted."""
+        return int(np.count_nonzero(self.weight)) - int(self.moves.sum()) - len(self.unknowns.free)
+
+    def slices(self) -> list[slice]:
+        """Samples of each segment."""
+        return [slice(i, j) for i, j in pairwise(self.segments.offsets.tolist())]
+
+    def predict(self, p: Array, initial: Array) -> Array:
+        """(samples, 3) readings of the joints, rad."""
+        readings = swing_segments(p, self.frame, self.segments, initial)[:, :3]
+        if self.relative:
+            readings[:, 2] -= readings[:, 1]
+        return readings
+
+    def residuals(self, p: Array, initial: Array) -> Array:
+        """(samples, 3) measured less predicted, over the noise; not finite where the integration fails."""
+        return np.where(self.weight > 0, self.weight * (self.measured - self.predict(p, initial)), 0.0)
+
+    def slopes(self, p: Array, initial: Array) -> tuple[Array, Array]:
+        """(samples, 3, free) and (samples, 3, 6) derivatives of the whitened predictions, by central differences."""
+        columns = []
+        for place in self.unknowns.places:
+            h = max(STEPS.relative * abs(p[place]), STEPS.least)
+            shift = np.zeros(len(p))
+            shift[place] = h
+            columns.append((self.predict(p + shift, initial) - self.predict(p - shift, initial)) / (2 * h))
+        states = []
+        for k in range(6):
+            shift = np.zeros(6)
+            shift[k] = STEPS.state
+            ahead, behind = (self.predict(p, initial + sign * shift * self.moves) for sign in (1.0, -1.0))
+            states.append((ahead - behind) / (2 * STEPS.state))
+        weight = self.weight[:, :, None]
+        return np.stack(columns, axis=2) * weight, np.stack(states, axis=2) * weight
+
+    def with_std(self, std: Array) -> "ArmProblem":
+        """The same with (3,) other standard deviations of the joints, rad."""
+        return replace(self, weight=np.where(self.weight > 0, 1.0 / std, 0.0))
+
+
+def recordings_of(runs: Sequence[Run], rig: Rig) -> list[ArmRecording]:
+    """Runs with their noise and input.
+
+    Raises:
+        RunError: a run that such a fit cannot use.
+    """
+    return [_recording(run, rig) for run in runs]
+
+
+def _recording(run: Run, rig: Rig) -> ArmRecording:
+    name = run.file or run.name
+    if run.arm_mode == "prescribed":
+        raise RunError(f"{name}: its arm is prescribed: identify it without runs whose arm is free or driven")
+    if run.mounting != rig.rods.mounting or run.torques is not None or run.added_mass is not None:
+        raise RunError(
+            f"{name}: together with an arm that moves, all runs need the rods of the rig file, without torques at their"
+            " joints and without an added mass"
+        )
+    if run.arm_mode == "driven" and rig.motor is None:
+        raise RunError(f"{name}: its arm is driven: the rig file needs [motor] with the input")
+    if run.arm_mode == "clamped":
+        refuse_without_motion(run, rig)
+    swing, std = run.swing, np.full(3, np.nan)
+    std[1:] = noise_floor(run, rig).std_joint
+    count = abs(rig.radians_per_count[0]) / np.sqrt(12)
+    rest = run.rest[:, 0]
+    quiet = len(rest) >= NOISE.rest_samples
+    std[0] = float(np.std(rest) if quiet else difference_std(swing.t, swing.theta[:, :1])[0])
+    std[0] = max(std[0], count) if run.counts is not None or std[0] < NOISE.rounding_rad else std[0]
+    drive = np.zeros(len(swing.t))
+    if run.arm_input is not None:
+        held = Torques(run.t + run.input_delay_s, np.stack([run.arm_input, np.zeros(len(run.t))], axis=1))
+        drive[:-1] = held.mean_before(swing.t)[1:, 0]
+    return ArmRecording(swing, mode_number(run.arm_mode, rig.motor.input if rig.motor else ""), std, drive)
+
+
+def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> tuple[ArmProblem, Array]:
+    """Recordings cut into segments of about a length (s), and (segments, 6) rough initial states."""
+    both = rig.rods.mounted == "both"
+    cuts = [(i, part) for i, one in enumerate(recordings) for part in partition(one.run, length)]
+    modes = [recordings[i].mode for i, _ in cuts]
+    driven = any(one.run.arm_mode == "driven" and one.mode != DRIVEN for one in recordings)
+    unknowns = unknowns_of(modes, driven, rig)
+    segments = arm_segments(
+        [recordings[i].run.t[part] for i, part in cuts], modes, [recordings[i].drive[part] for i, part in cuts]
+    )
+    relative = both and rig.encoders.joint2 == "relative"
+    measured = np.concatenate([recordings[i].run.theta[part] for i, part in cuts])
+    if relative:
+        measured[:, 2] -= measured[:, 1]
+    axes = np.array([[mode != CLAMPED, True, both] for mode in modes])
+    std = np.array([recordings[i].std for i, _ in cuts])
+    weight = np.repeat(np.where(axes, 1.0 / std, 0.0), np.diff(segments.offsets), axis=0)
+    initial = np.array([_rough_state(recordings[i].run, part) for i, part in cuts])
+    initial *= np.tile(np.array([[True, True, both]]), 2)
+    initial[:, 3] *= axes[:, 0]
+    prior = np.zeros(len(unknowns.free))
+    if "L0" in unknowns.free:
+        prior[unknowns.free.index("L0")] = 1.0 / (rig.rig.L0_std or 1.0)
+    return ArmProblem(
+        unknowns,
+        segments,
+        np.array([i for i, _ in cuts], dtype=np.int64),
+        measured,
+        weight,
+        np.tile(axes, 2),
+        (rig.L1, rig.g),
+        relative,
+        prior,
+    ), initial
+
+
+def _rough_state(run: Run, part: slice, neighbours: int = 12) -> Array:
+    """(6,) state at the first sample of a segment, by a parabola through its neighbours."""
+    rows = slice(max(part.start - neighbours, 0), min(part.start + neighbours, len(run.t)))
+    t = run.t[rows] - run.t[part.start]
+    slope = np.polynomial.polynomial.polyfit(t, run.theta[rows], 2)[:2]
+    return np.asarray(slope, dtype=np.float64).reshape(6)

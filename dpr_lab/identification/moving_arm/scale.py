@@ -1,0 +1,136 @@
+"""Absolute sizes of rods, arm and motor: their scale from a known torque, or from measured values of the rig file."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.identification.model import EstimatedValue
+from dpr_lab.identification.moving_arm.fit import ArmFit
+from dpr_lab.identification.moving_arm.unknowns import best, rod_inertias
+from dpr_lab.rig import PARAMETERS, Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ArmScale:
+    """The inertia that ratios are multiplied by."""
+
+    value: float
+    """kg m^2"""
+    relative_std: float
+    """Of what it rests on besides the recordings; 0 where nothing is known of it."""
+    by_gain: bool
+    """Whether it is torque over fitted gain, so that its error goes with that of the ratios."""
+    known: bool
+    """Whether recordings or measured values fix it."""
+    sentence: str
+
+
+def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
+    """The scale of absolute values: of the drive where its torque is known, else of the rig file."""
+    unknowns, motor = fit.problem.unknowns, rig.motor
+    name = unknowns.scale
+    if "gain" in unknowns.free and motor is not None:
+        gain = abs(fit.p[SWING_PARAMETERS.index("gain")])
+        place = unknowns.free.index("gain")
+        clear = covariance[place, place] ** 0.5 < 0.5 * gain
+        if clear and motor.input == "torque":
+            return ArmScale(1.0 / gain, 0.0, True, True, f"The scale {name} is determined by the known torque.")
+        if clear and motor.input == "current" and motor.kt is not None:
+            kt, relative = best(motor.kt, 0.0), (motor.kt.std or 0.0) / best(motor.kt, 1.0)
+            measured = motor.kt.measured is not None
+            how = "the measured kt" if measured else "the nominal kt of the rig file"
+            return ArmScale(
+                kt * motor.gear / gain,
+                relative,
+                True,
+                measured,
+                f"The scale {name} follows from the current and {how}.",
+            )
+    Z = rig.nominal
+    value, relative = float(rod_inertias(Z, rig)[1]), _relative_std(rig)
+    if relative is None:
+        sentence = f"No recording shows the scale: absolute values assume {name} = {value:.4g} kg m^2 of the rig file."
+        return ArmScale(value, 0.0, False, False, sentence)
+    sentence = f"The scale {name} = {value:.4g} kg m^2 follows from measured values of the rig file."
+    return ArmScale(value, relative, False, True, sentence)
+
+
+def _relative_std(rig: Rig) -> float | None:
+    """Relative standard deviation of the scale by measured values; None where one of them is missing."""
+    names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
+    parameters = [rig.parameters[name] for name in names]
+    stds = [parameter.std for parameter in parameters]
+    if any(std is None for std in stds):
+        return None
+    Z, variance = rig.nominal, 0.0
+    value = rod_inertias(Z, rig)[1]
+    for name, std in zip(names, stds, strict=True):
+        shifted = Z.copy()
+        shifted[PARAMETERS.index(name)] += std or 0.0
+        variance += (rod_inertias(shifted, rig)[1] / value - 1.0) ** 2
+    return float(variance**0.5)
+
+
+def absolute_values(fit: ArmFit, covariance: Array, scale: ArmScale, seen: Sequence[bool]) -> dict[str, EstimatedValue]:
+    """Absolute values of the unknowns that are seen, and of the scale itself."""
+    unknowns, values = fit.problem.unknowns, fit.values
+    absolute = {}
+    at = unknowns.free.index("gain") if scale.by_gain else None
+    own = np.zeros(len(values))
+    if at is not None:
+        own[at] = -1.0 / values[at]
+    places = [(parameter, k) for k, parameter in enumerate(unknowns.free) if seen[k] and parameter != "L0" and k != at]
+    rows = [(unknowns.scale, 1.0, own)]
+    for parameter, k in places:
+        row = own.copy()
+        row[k] += 1.0 / values[k]
+        rows.append((_absolute_name(parameter, unknowns.input), float(values[k]), row))
+    for name, ratio, row in rows:
+        value = ratio * scale.value
+        std = abs(value) * float(np.sqrt(max(row @ covariance @ row, 0.0) + scale.relative_std**2))
+        reach = NORMAL_Q90 * std
+        absolute[name] = EstimatedValue(
+            value=value,
+            std=std,
+            interval90=(value - reach, value + reach),
+            fixed_by="data" if scale.known else "bound",
+        )
+    return absolute
+
+
+def _absolute_name(parameter: str, kind: str) -> str:
+    if parameter != "gain":
+        return parameter
+    return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")
+
+
+def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig) -> list[str]:
+    """What the drive's input cannot split, and what the rig file's constants make of it."""
+    unknowns, motor = fit.problem.unknowns, rig.motor
+    if motor is None or motor.input != "voltage" or "gain" not in unknowns.free:
+        return []
+    gain = fit.p[SWING_PARAMETERS.index("gain")] * scale.value
+    notes = [
+        "A voltage drive determines kt gear/R, and c0 together with the back-EMF, c0 + ke kt gear^2/R. No recording"
+        " splits kt from R, or friction from back-EMF: measure R with an ohmmeter, and ke by turning the motor."
+    ]
+    if motor.kt is not None and motor.R is not None:
+        expected = best(motor.kt, 0.0) / best(motor.R, 1.0)
+        notes.append(
+            f"kt/R is {gain / motor.gear:.4g} N m/V by the recordings and {expected:.4g} N m/V by the rig file"
+            f" ({gain / motor.gear / expected - 1:+.1%})."
+        )
+    if motor.ke is not None:
+        share = best(motor.ke, 0.0) * gain * motor.gear
+        total = fit.p[SWING_PARAMETERS.index("c0")] * scale.value
+        notes.append(
+            f"With ke of the rig file the back-EMF is {share:.3g} N m s/rad of c0, which leaves {total - share:.3g} for"
+            " friction."
+        )
+    return notes

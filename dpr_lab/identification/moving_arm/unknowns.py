@@ -1,0 +1,115 @@
+"""What recordings with a moving arm can determine: ratios to the inertia of one rod, and the scale of a known torque.
+
+Both rods: ratios to b. The inner rod alone (a Furuta pendulum): ratios to its own a = J1 + m1 l1^2. A torque input u
+enters as u/b, so that its gain is 1/b; that of a current is kt gear/b, that of a voltage kt gear/(R b). The back-EMF of
+a voltage drive, ke kt gear^2/R, adds to c0, and no recording splits that sum.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.rig import MASSES, PARAMETERS, Rig
+from dpr_lab.rig_tables import ArmMode, Parameter
+
+Array = NDArray[np.float64]
+
+GAINS = {"torque": "1/{}", "current": "kt/{}", "voltage": "kt/(R {})"}
+"""Name of the gain of each input, over the scale."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unknowns:
+    """The unknowns of a set of recordings."""
+
+    scale: str
+    """`a` or `b`: the inertia that ratios are of."""
+    free: tuple[str, ...]
+    """Those of `SWING_PARAMETERS` that are fitted."""
+    input: str
+    """Kind of the input; empty without one."""
+    start: Array
+    """(12,) `SWING_PARAMETERS` in units of the scale, from the rig file."""
+    positive: tuple[str, ...] = ("a", "e1", "A", "L0")
+    """Those that cannot be zero or less; a gain is negative where the input has the other sign."""
+
+    @property
+    def places(self) -> list[int]:
+        """Places of the free ones in the vector p."""
+        return [SWING_PARAMETERS.index(name) for name in self.free]
+
+    def name(self, parameter: str) -> str:
+        """Name of an unknown in results, such as `A/b`."""
+        if parameter == "L0":
+            return parameter
+        if parameter == "gain":
+            return GAINS[self.input].format(self.scale)
+        return f"{parameter}/{self.scale}"
+
+
+def mode_number(mode: ArmMode, kind: str) -> int:
+    """The arm's mode as the equation of motion has it."""
+    if mode == "driven" and kind == "acceleration":
+        return DRIVEN
+    return CLAMPED if mode == "clamped" else FREE
+
+
+def best(parameter: Parameter | None, otherwise: float) -> float:
+    """The measured value of a parameter, else its nominal one."""
+    return otherwise if parameter is None else parameter.measured or parameter.nominal
+
+
+def rod_inertias(Z: Array, rig: Rig) -> Array:
+    """(6,) a, b, d, e1, c1, c2 of what hangs on the arm, SI; of the inner rod alone b = a and nothing else."""
+    if rig.rods.mounted == "both":
+        return base_parameters(Z, rig.L1, rig.g)
+    l1, m1, c1, J1 = (Z[PARAMETERS.index(name)] for name in ("l1", "m1", "c1", "J1"))
+    a = J1 + m1 * l1**2
+    return np.array([a, a, 0.0, m1 * l1 * rig.g, c1, 0.0])
+
+
+def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
+    """The unknowns that recordings with these modes have.
+
+    Args:
+        modes: CLAMPED, FREE or DRIVEN of each
+        driven: whether a torque, current or voltage drives one of them
+        rig: where to start from
+    """
+    both, kind = rig.rods.mounted == "both", rig.motor.input if rig.motor else ""
+    rods = rod_inertias(rig.nominal, rig)
+    scale = float(rods[1])
+    masses = MASSES if both else ("m1",)
+    carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
+    total = best(rig.arm.A, 2.0 * carried)
+    start = np.array([
+        *rods, total, best(rig.arm.c0, total), best(rig.arm.k0, 0.0), best(rig.arm.f0, 0.0), _gain(rig), rig.L0 * scale
+    ]) / scale  # fmt: skip
+    free = ["a", "d", "e1", "c1", "c2"] if both else ["e1", "c1"]
+    if FREE in modes:
+        free += ["A", "c0"]
+        free += [name for name in ("k0", "f0") if getattr(rig.arm, name) is not None]
+    if driven:
+        free.append("gain")
+    else:
+        start[SWING_PARAMETERS.index("gain")] = 1.0  # of an acceleration; unused without an input
+    if rig.rig.L0_std is not None and set(modes) != {CLAMPED}:
+        free.append("L0")
+    return Unknowns("b" if both else "a", tuple(free), kind, start)
+
+
+def _gain(rig: Rig) -> float:
+    """Torque over input, from the rig file; zero where it does not say."""
+    motor = rig.motor
+    if motor is None:
+        return 0.0
+    if motor.input == "torque":
+        return 1.0
+    if motor.kt is None or motor.input == "acceleration" or (motor.input == "voltage" and motor.R is None):
+        return 0.0
+    return best(motor.kt, 0.0) * motor.gear / (best(motor.R, 1.0) if motor.input == "voltage" else 1.0)

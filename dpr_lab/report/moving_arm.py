@@ -1,0 +1,60 @@
+"""Tables of an identification and a comparison with a moving arm."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.report.digits import plus_minus
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+
+RATIO_COLUMNS = ("ratio", "value", "90 % interval")
+ABSOLUTE_COLUMNS = ("parameter", "value", "unit", "fixed by")
+COMPARISON_COLUMNS = ("run", "part", "joint", "residual (mrad rms)", "noise (mrad)")
+
+UNITS = dict.fromkeys("abdA", "kg m²") | dict.fromkeys(("c0", "c1", "c2"), "N m s/rad")
+UNITS |= {"e1": "N m", "k0": "N m/rad", "f0": "N m", "kt gear/R": "N m/V", "kt gear": "N m/A"}
+
+
+def summary(model: "MovingArmModel") -> str:
+    """Residuals and segments in one sentence."""
+    rms = ", ".join(
+        f"{name} {1e3 * value:.3g} mrad (noise {1e3 * model.fit.noise_rad[name]:.2g})"
+        for name, value in model.fit.rms_rad.items()
+    )
+    return (
+        f"{len(model.runs)} runs, {model.fit.segments} segments of {model.fit.segment_s:g} s; residual: {rms}; reduced"
+        f" chi-square {model.fit.chi2_per_dof:.3g}"
+    )
+
+
+def ratio_rows(model: "MovingArmModel") -> list[list[str]]:
+    """One row for each ratio that the recordings determine."""
+    return [
+        [name, plus_minus(one.value, one.std), " to ".join(f"{end:.5g}" for end in one.interval90)]
+        for name, one in model.ratios.items()
+    ]
+
+
+def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
+    """One row for each absolute value."""
+    fixed = {"data": "the recordings and measured values", "bound": "the rig file's scale"}
+    return [
+        [name, plus_minus(one.value, one.std), UNITS.get(name, ""), fixed[one.fixed_by]]
+        for name, one in model.absolute.items()
+    ]
+
+
+def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
+    """One row for each run and joint, of what `compare_moving_arm` returns."""
+    return [
+        [
+            run["run"],
+            "held out" if run["held_out"] else "used in the fit",
+            joint,
+            f"{1e3 * rms:.3g}",
+            f"{1e3 * run['noise_rad'][joint]:.2g}",
+        ]
+        for run in compared["runs"]
+        for joint, rms in run["rms_rad"].items()
+    ]

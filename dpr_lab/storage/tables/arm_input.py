@@ -1,0 +1,100 @@
+"""The column that holds the input of a driven arm."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig, refuse_impossible_arm
+from dpr_lab.rig_tables import MotorTable
+from dpr_lab.storage.tables.options import ImportOptions
+
+_NAMES = {
+    "torque": "tau|torque|trq|effort",
+    "current": "current|cur|i",
+    "voltage": "voltage|volt|v",
+    "acceleration": "acceleration|acc|alpha|u",
+}
+_UNITS = {
+    "torque": {"nm": 1.0, "mnm": 1e-3},
+    "current": {"a": 1.0, "amp": 1.0, "amps": 1.0, "ma": 1e-3},
+    "voltage": {"v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3},
+    "acceleration": {"rads2": 1.0},
+}
+_KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
+
+
+def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[str, str]) -> ImportOptions:
+    """The options with what the arm did.
+
+    Raises:
+        RunError: the arm of this rig cannot have done that, or its column is missing.
+    """
+    mode = options.arm or rig.arm.mode
+    try:
+        refuse_impossible_arm(rig, mode)
+    except ValueError as error:
+        raise RunError(f"{path}: {error}") from error
+    if mode in ("free", "driven") and "theta0" not in angles:
+        raise RunError(
+            f"{path}: an arm that is {mode} needs its angle: name its column, for example --columns theta0=q0"
+        )
+    if "input" in options.columns and mode != "driven":
+        raise RunError(
+            f"{path}: an input column is for an arm that is driven, and this one is {mode}: add --arm driven"
+        )
+    return replace(options, arm=mode)
+
+
+def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path: object) -> tuple[str, float]:
+    """The column of a driven arm's input, and the factor that makes it SI.
+
+    Args:
+        names: of the table's columns
+        motor: what kind of input drives it
+        given: the column's name, where it is stated
+        path: of the table
+
+    Raises:
+        RunError: not exactly one column can be it.
+    """
+    units = _UNITS[motor.input]
+    pattern = re.compile(f"{_KIND}(?:{_NAMES[motor.input]})0?{_KIND}({'|'.join(units)})?")
+    matches = {name: match for name in names if (match := pattern.fullmatch(re.sub(r"[\W_]+", "", name.lower())))}
+    if given is not None and given not in names:
+        raise RunError(f"{path}: no column is named {given!r} (input); the table has: {', '.join(names)}")
+    chosen = list(matches) if given is None else [given]
+    if len(chosen) != 1:
+        which = f"could be any of {', '.join(chosen)}" if chosen else "was not found"
+        raise RunError(
+            f"{path}: the {motor.input} that drives the arm {which}: name its column, for example --columns input=NAME."
+            f" The table has: {', '.join(names)}"
+        )
+    match = matches.get(chosen[0])
+    return chosen[0], units[match[1]] if match is not None and match[1] else 1.0
+
+
+def refuse_silent(values: NDArray[np.float64], name: str, path: object) -> None:
+    """Make sure that an input drives the arm at all.
+
+    Raises:
+        RunError: it is zero throughout.
+    """
+    if not np.any(values):
+        raise RunError(f"{path}: the input {name!r} is zero throughout: the arm was not driven; use --arm free")
+
+
+def refuse_still_arm(theta0: NDArray[np.float64], mode: str, path: object, least_rad: float = 0.005) -> None:
+    """Make sure that an arm that could move did.
+
+    Raises:
+        RunError: its angle does not change.
+    """
+    if np.ptp(theta0) < least_rad:
+        raise RunError(
+            f"{path}: the arm moves by {np.ptp(theta0):.2g} rad only although it is {mode}: check the column and the"
+            " unit of theta0, or use --arm clamped"
+        )

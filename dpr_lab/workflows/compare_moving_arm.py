@@ -1,0 +1,46 @@
+"""Compare runs with a model of a rig whose arm is free or driven."""
+
+from pathlib import Path
+from typing import Any
+
+from dpr_lab.workflows.checks import refuse_file
+
+
+def compare_moving_arm(runs: tuple[Path, ...], model: Path, out: Path) -> dict[str, Any] | None:
+    """Residuals of runs against a model, from segment to segment; None where the model has no moving arm.
+
+    Writes measured and simulated angles to `comparison.csv` in a folder.
+
+    Raises:
+        ConfigError: a file stands where the folder of the results is to be.
+        RunError: the model or a run cannot be read, or the model is of another rig.
+    """
+    from dpr_lab.errors import RunError
+    from dpr_lab.identification.moving_arm.model import load_moving_arm_model
+
+    loaded = load_moving_arm_model(model)
+    if loaded is None:
+        return None
+    import numpy as np
+
+    from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_run
+    from dpr_lab.run import refuse_repeated
+    from dpr_lab.storage.reader import load_run, stored_rig
+    from dpr_lab.whole_file import write_text
+
+    refuse_file(out)
+    recorded = [load_run(file) for file in runs]
+    refuse_repeated(recorded)
+    compared = [compare_run(run, stored_rig(file), loaded) for run, file in zip(recorded, runs, strict=True)]
+    rows = [
+        ",".join([one.run, *(f"{value:.9g}" for value in (t, *measured, *simulated))])
+        for one in compared
+        for t, measured, simulated in zip(one.t, one.measured, one.simulated, strict=True)
+        if np.isfinite(simulated).all()
+    ]
+    names = [f"{kind}_joint{joint}_rad" for kind in ("measured", "simulated") for joint in range(3)]
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "comparison.csv"
+    write_text(file, "\n".join([",".join(["run", "t_s", *names]), *rows]) + "\n", RunError)
+    keys = ("run", "held_out", "segment_s", "rms_rad", "noise_rad")
+    return {"file": str(file), "runs": [{key: getattr(one, key) for key in keys} for one in compared]}

@@ -1,0 +1,148 @@
+"""Rigs with a free or driven arm, simulated by MuJoCo, are identified: values, intervals, Cramer-Rao bound."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.arm import ArmParameters, mounted
+from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.identification.moving_arm.identify import compare_moving_arm, identify_moving_arm
+from dpr_lab.identification.preprocess import preprocess
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
+from tests.three_hinges import L0, three_hinges
+
+NOISE = 3e-4
+T = np.arange(0, 5, 0.005)
+PUSH = 0.6 * np.sin(4 * T) + 0.5 * np.sin(7.3 * T + 1)
+
+
+def rig_with(mode, kind=None, rods="both", **motor):
+    table = load_rig("paper").model_dump(exclude_none=True)
+    table["rig"]["L0"] = L0
+    table["rods"]["mounted"] = rods
+    table["arm"] = {"mode": mode, "A": {"nominal": 0.08, "lower": 0.01, "upper": 1.0}}
+    if kind:
+        table["motor"] = {"input": kind, **motor}
+    return Rig.model_validate(table)
+
+
+def recorded(rig, Z, arm, start, shown, torque, rng):
+    theta = three_hinges(mujoco, Z, arm, start, T, torque, (rig.L0, rig.L1, rig.g))
+    noise = rng.normal(0, NOISE, theta.shape)
+    noise[:, 2] += noise[:, 1]
+    return Run(
+        name="drawn", t=T, theta=theta + noise, counts=None, pose=None, rig_name=rig.name, rig_sha256="", rate_hz=200.0,
+        arm_mode=rig.arm.mode, arm_input=shown, mounting=rig.rods.mounted,
+    )  # fmt: skip
+
+
+def drawn(rng, rig):
+    Z = rig.nominal * rng.uniform(0.9, 1.1, 9)
+    arm = ArmParameters(J0=rng.uniform(0.01, 0.03), c0=rng.uniform(0.01, 0.05), mode="free")
+    start = np.array([0.0, np.pi + rng.uniform(0.4, 1.0), np.pi + rng.uniform(-1.0, 1.0), 0.0, 0.0, 0.0])
+    return Z, arm, start
+
+
+def truth_of(rig, Z, arm):
+    base, model = mounted(Z, (rig.L0, rig.L1, rig.g), arm)
+    values = base._asdict() | {"A": model.inertia, "c0": model.friction, "k0": model.stiffness}
+    return {f"{name}/b": value / base.b for name, value in values.items()} | {"1/b": 1 / base.b}, base, model
+
+
+def test_a_known_torque_determines_ratios_and_absolute_values():
+    rng, rig = np.random.default_rng(1), rig_with("driven", "torque")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    model = identify_moving_arm([run], rig)
+    truth, base, held = truth_of(rig, Z, arm)
+    assert set(model.ratios) == {"a/b", "d/b", "e1/b", "c1/b", "c2/b", "A/b", "c0/b", "1/b"}
+    for name, one in model.ratios.items():
+        assert abs(one.value - truth[name]) < 4 * one.std, name
+        assert one.std < 0.02 * abs(one.value), name
+    for name, true in (("b", base.b), ("A", held.inertia), ("c0", held.friction)):
+        assert abs(model.absolute[name].value / true - 1) < 0.01, name
+    assert model.fit.chi2_per_dof < 1.3
+    assert not model.failures
+    compared = compare_moving_arm(run, rig, model)
+    assert all(compared.rms_rad[name] < 1.3 * NOISE for name in compared.rms_rad)
+
+
+def test_a_voltage_drive_of_a_furuta_pendulum_shows_lumped_constants_only():
+    rng = np.random.default_rng(2)
+    nominal = {"lower": 1e-3, "upper": 10.0}
+    motor = {name: {"nominal": value, **nominal} for name, value in (("kt", 0.5), ("R", 2.0), ("ke", 0.1))}
+    rig = rig_with("driven", "voltage", "inner", **motor)
+    Z, arm, start = drawn(rng, rig)
+    Z[[3, 4]] = 1e-9  # no outer rod and no encoder of joint 2
+    Z[[6, 8]] = 0.0, 1e-12
+    start[2] = start[1]
+    a = Z[7] + Z[2] * Z[0] ** 2
+    back_emf = 0.04
+    volts = 3.0 * PUSH
+    lossy = arm._replace(c0=arm.c0 + back_emf)
+    run = recorded(rig, Z, lossy, start, volts, 0.25 * volts, rng)
+    model = identify_moving_arm([run], rig)
+    truth = {
+        "e1/a": Z[2] * Z[0] * rig.g / a,
+        "c1/a": Z[5] / a,
+        "A/a": (arm.J0 + Z[2] * rig.L0**2) / a,
+        "c0/a": lossy.c0 / a,
+        "kt/(R a)": 0.25 / a,
+    }
+    assert set(model.ratios) == set(truth)
+    for name, true in truth.items():
+        assert abs(model.ratios[name].value / true - 1) < 0.02, name
+    assert model.scale == "a"
+    assert model.absolute["kt gear/R"].fixed_by == "bound"
+    assert any("splits kt from R" in note for note in model.notes)
+
+
+def test_a_reversed_arm_encoder_is_named():
+    rng, rig = np.random.default_rng(3), rig_with("driven", "torque")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    run.theta[:, 0] *= -1
+    assert any("--scale theta0=-1" in failure for failure in identify_moving_arm([run], rig).failures)
+
+
+def test_other_commands_refuse_a_moving_arm():
+    rng, rig = np.random.default_rng(4), rig_with("free")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, None, 0 * T, rng)
+    with pytest.raises(RunError, match="its arm was free"):
+        preprocess(run, rig)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"arm": {"mode": "driven"}}, r"needs \[motor\]"),
+        ({"arm": {"mode": "free"}, "rods": {"elbow": "clamped"}}, "both rods, or with the inner rod alone"),
+        ({"motor": {"input": "torque", "R": {"nominal": 1.0, "lower": 0.1, "upper": 9.0}}}, "R does not act on"),
+    ],
+)
+def test_arms_that_cannot_be_are_refused(change, words):
+    table = load_rig("paper").model_dump(exclude_none=True)
+    table["rig"]["L0"] = L0
+    with pytest.raises((ValueError, ConfigError), match=words):
+        Rig.model_validate(table | change)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["free", "driven"])
+def test_intervals_cover_and_errors_keep_to_the_cramer_rao_bound(mode):
+    rng, rig = np.random.default_rng(5), rig_with(mode, "torque" if mode == "driven" else None)
+    scores, sizes = [], []
+    for _ in range(12):
+        Z, arm, start = drawn(rng, rig)
+        driven = mode == "driven"
+        run = recorded(rig, Z, arm, start, PUSH if driven else None, PUSH if driven else 0 * T, rng)
+        model = identify_moving_arm([run], rig)
+        truth, _, _ = truth_of(rig, Z, arm)
+        scores += [(one.value - truth[name]) / one.std for name, one in model.ratios.items()]
+        sizes.append(len(model.ratios))
+    scores = np.array(scores)
+    assert min(sizes) >= (8 if mode == "driven" else 7)
+    assert np.sqrt(np.mean(scores**2)) < 1.2
+    assert 0.80 < np.mean(abs(scores) < 1.645) <= 1.0
