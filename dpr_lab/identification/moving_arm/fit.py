@@ -20,8 +20,8 @@ class ArmFitSettings:
 
     first_s: float = 0.25
     """Length of the first segments, s."""
-    longest_s: float = 4.0
-    """Length of the longest, s."""
+    longest_s: float = 1.0
+    """Length of the longest, s: a driven rig is chaotic, and errors of the integration grow with it."""
     lengthen: float = 1.15
     """Growth of the reduced chi-square up to which twice as long segments are kept."""
     iterations: int = 60

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import CLAMPED, DRIVEN
 from dpr_lab.dynamics.moving_arm.swing import ArmSegments, arm_segments, swing_segments
+from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.estimation.noise import SETTINGS as NOISE
@@ -160,7 +161,10 @@ def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> 
     driven = any(one.run.arm_mode == "driven" and one.mode != DRIVEN for one in recordings)
     unknowns = unknowns_of(modes, driven, rig)
     segments = arm_segments(
-        [recordings[i].run.t[part] for i, part in cuts], modes, [recordings[i].drive[part] for i, part in cuts]
+        [recordings[i].run.t[part] for i, part in cuts],
+        modes,
+        [recordings[i].drive[part] for i, part in cuts],
+        MAX_STEP,
     )
     relative = both and rig.encoders.joint2 == "relative"
     measured = np.concatenate([recordings[i].run.theta[part] for i, part in cuts])
