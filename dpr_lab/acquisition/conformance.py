@@ -221,11 +221,10 @@ def _step(peer: _Peer, step: Step, where: str) -> str:
             return f"{where}, {asked}: answered {answer}, not with {fields}"
     if "then" in step:
         state, latched, fault = step["then"]
-        found = peer.status()
-        if (found.state, found.latched, found.fault) != (State[state], latched, Fault[fault]):
-            return (
-                f"{where}, after {asked}: reports {found.state.name}, latched {found.latched}, fault {found.fault.name}"
-            )
+        status = peer.status()
+        if (status.state, status.latched, status.fault) != (State[state], latched, Fault[fault]):
+            reported = f"{status.state.name}, latched {status.latched}, fault {status.fault.name}"
+            return f"{where}, after {asked}: reports {reported}"
     return ""
 
 

@@ -142,10 +142,10 @@ def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
     """Probability of each candidate and of none of them; they add up to one."""
     if (done := _done(diagnosis, about)) and NONE_OF_THEM in done[-1].after:
         return dict(done[-1].after)
-    found = candidates(diagnosis, about)
-    none = max(1.0 - sum(found.values()), SETTINGS.outside)
-    whole = sum(found.values()) + none
-    return {name: p / whole for name, p in (*found.items(), (NONE_OF_THEM, none))}
+    probabilities = candidates(diagnosis, about)
+    none = max(1.0 - sum(probabilities.values()), SETTINGS.outside)
+    whole = sum(probabilities.values()) + none
+    return {name: p / whole for name, p in (*probabilities.items(), (NONE_OF_THEM, none))}
 
 
 def _done(diagnosis: Diagnosis, about: str) -> list[CheckDone]:
@@ -260,8 +260,8 @@ def _standing(
     standing = named.model_copy(update={"members": kept, "probability": sum(after[name] for name in kept)})
     effects = [standing if effect.name == about else effect for effect in diagnosis.effects]
     rivals = [
-        item.model_copy(update={"probability": after[item.name]}) if item.instead_of == about else item
-        for item in diagnosis.rivals
+        rival.model_copy(update={"probability": after[rival.name]}) if rival.instead_of == about else rival
+        for rival in diagnosis.rivals
     ]
     rivals += [
         RivalEffect.model_validate(
@@ -269,4 +269,4 @@ def _standing(
         )
         for name in split
     ]
-    return effects, sorted(rivals, key=lambda item: -item.probability)
+    return effects, sorted(rivals, key=lambda rival: -rival.probability)

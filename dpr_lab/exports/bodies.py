@@ -99,7 +99,7 @@ def bodies(model: Model, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
 
     Their masses are those of the model at the scale of its base parameters; only what these fix is felt in a swing.
     """
-    z = {name: item.value for name, item in model.parameters.items()}
+    z = {name: parameter.value for name, parameter in model.parameters.items()}
     a, b, d, e1 = (model.base[name].value for name in ("a", "b", "d", "e1"))
     scale = b / (z["J2"] + z["m2"] * z["l2"] ** 2)
     m1, m2, mb = scale * z["m1"], scale * z["m2"], scale * z["mb"]
@@ -129,7 +129,7 @@ def arm_of(model: Model, rig: Rig) -> Arm | None:
     """The arm of an effect that lets it give; None where there is none, or one lighter than the rods at its tip."""
     params = effect_params(known_effects(model.effects))
     held = arm_model(rig_constants(rig), HELD_ARM, params.tolist(), active_effects(params))
-    z = {name: item.value for name, item in model.parameters.items()}
+    z = {name: parameter.value for name, parameter in model.parameters.items()}
     scale = model.base["b"].value / (z["J2"] + z["m2"] * z["l2"] ** 2)
     alone = held.inertia - scale * (z["m1"] + z["m2"] + z["mb"]) * rig.rig.L0**2
     if held is HELD_ARM or not 0.0 < alone < float("inf"):
@@ -139,8 +139,8 @@ def arm_of(model: Model, rig: Rig) -> Arm | None:
 
 def _of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:
     """The words of the effects of one joint, of which no two share one."""
-    found: dict[str, Any] = {}
+    words_of_joint: dict[str, Any] = {}
     for name, words in expressed.items():
         if EFFECTS[name].joints == (joint,):
-            found |= words
-    return found
+            words_of_joint |= words
+    return words_of_joint

@@ -29,7 +29,9 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Mode
     covariance = np.array(diagnosis.ratio_covariance)
     nine, base = update_prior(values, covariance, rig)
     factor = diagnosis.scale_b / base["b"].value
-    absolute = {name: item.model_copy(update={"value": item.value * factor}) for name, item in base.items()}
+    absolute = {
+        name: parameter.model_copy(update={"value": parameter.value * factor}) for name, parameter in base.items()
+    }
     std = np.sqrt(np.diag(covariance))
     scale = diagnosis.scale or scale_of(absolute["b"], diagnosis.unknowns, rig)
     ratios = {

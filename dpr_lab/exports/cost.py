@@ -57,7 +57,7 @@ class Yardstick:
     @property
     def bare_rad(self) -> float:
         """Root mean square of what the bare model is off, rad."""
-        return _rms([item.lab for item in self.before])
+        return _rms([swing.lab for swing in self.before])
 
     def held_against(self, model: Model) -> tuple[Model, tuple[Replay, ...]]:
         """The model to write, and its swings: the bare one in place of one that is worse over the whole swing.
@@ -69,7 +69,7 @@ class Yardstick:
         swings = tuple(
             release(run, self.rig, model, float(own.t[-1])) for run, own in zip(self.runs, self.own, strict=True)
         )
-        if _rms([item.lab for item in swings]) > self.bare_rad:
+        if _rms([swing.lab for swing in swings]) > self.bare_rad:
             return self.bare, self.before
         return model, swings
 
@@ -80,10 +80,10 @@ class Yardstick:
             swings: by the lab
             squares: mean square of what each is off in a program, rad^2; by the lab where left out
         """
-        squares = [item.lab for item in swings] if squares is None else squares
-        floor = np.array([float(np.mean(item.noise_rad**2)) for item in swings])
-        closed = share(np.array([[item.lab for item in self.before], squares]) - floor)
-        by_run = {item.run: square**0.5 for item, square in zip(swings, squares, strict=True)}
+        squares = [swing.lab for swing in swings] if squares is None else squares
+        floor = np.array([float(np.mean(swing.noise_rad**2)) for swing in swings])
+        closed = share(np.array([[swing.lab for swing in self.before], squares]) - floor)
+        by_run = {swing.run: square**0.5 for swing, square in zip(swings, squares, strict=True)}
         return Replayed(_rms(squares), closed, by_run)
 
 
@@ -104,7 +104,7 @@ def yardstick(model: Model, runs: Sequence[Run], rig: Rig) -> Yardstick:
     seen = tuple((held_out or pieces)[: REPLAY_RULE.most])
     own = tuple(release(run, rig, model) for run in seen)
     bare = bare_model(model, runs, rig)
-    before = tuple(release(run, rig, bare, float(item.t[-1])) for run, item in zip(seen, own, strict=True))
+    before = tuple(release(run, rig, bare, float(swing.t[-1])) for run, swing in zip(seen, own, strict=True))
     return Yardstick(rig, seen, model, bare, own, before)
 
 

@@ -165,15 +165,15 @@ def _rod(parent: Element, rod: Rod, joint: int, at: str, friction: float) -> Ele
 
 def _hinge(rod: Rod, joint: int, friction: float) -> dict[str, str]:
     hanging = math.pi if joint == 1 else 0.0
-    found = {"damping": repr(rod.damping)}
+    attributes = {"damping": repr(rod.damping)}
     if "stiffness" in rod.words:
-        found |= {"stiffness": repr(rod.words["stiffness"]), "springref": repr(hanging + rod.words["rest_angle"])}
+        attributes |= {"stiffness": repr(rod.words["stiffness"]), "springref": repr(hanging + rod.words["rest_angle"])}
     if "armature" in rod.words:
-        found |= {"armature": repr(rod.words["armature"])}
+        attributes |= {"armature": repr(rod.words["armature"])}
     if friction:
         hard = {"solreffriction": "0.001 1", "solimpfriction": "0.9999 0.9999 0.001 0.5 2"}
-        found |= {"frictionloss": repr(friction), **hard}
-    return found
+        attributes |= {"frictionloss": repr(friction), **hard}
+    return attributes
 
 
 def _motors(root: Element, made: Bodies) -> None:

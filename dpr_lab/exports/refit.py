@@ -48,12 +48,12 @@ def fitted_for(formats: Sequence[str], model: Model, runs: Sequence[Run], rig: R
     if not any(losses.values()):
         return dict.fromkeys(formats, model)
     problem, bare = _bare_fit(model, runs, rig)
-    found: dict[frozenset[str], Model] = {frozenset(): model}
+    refitted: dict[frozenset[str], Model] = {frozenset(): model}
     for name, lost in losses.items():
-        if lost not in found:
+        if lost not in refitted:
             effects = _without(model, lost, FORMATS[name].words)
-            found[lost] = _with(model, _best_fit(problem, effects, [bare.ratios, model.unknowns], bare.initial))
-    return {name: found[lost] for name, lost in losses.items()}
+            refitted[lost] = _with(model, _best_fit(problem, effects, [bare.ratios, model.unknowns], bare.initial))
+    return {name: refitted[lost] for name, lost in losses.items()}
 
 
 def _best_fit(problem: Problem, effects: Effects, ratios: Sequence[Array], initial: Array) -> Estimate:
@@ -63,7 +63,7 @@ def _best_fit(problem: Problem, effects: Effects, ratios: Sequence[Array], initi
         at = Estimate.of(start, params, initial)
         of_rods = [effect for effect in effects if EFFECTS[effect].stage in MOVING]
         fits.append(fit(problem, at, free_parameters(at, of_rods, problem), iterations=20))
-    return min(fits, key=lambda item: item.chi2).estimate
+    return min(fits, key=lambda candidate: candidate.chi2).estimate
 
 
 def bare_model(model: Model, runs: Sequence[Run], rig: Rig) -> Model:
@@ -97,24 +97,24 @@ def _without(model: Model, lost: frozenset[str], words: frozenset[str]) -> dict[
 
 def _simpler(effect: Effect, words: frozenset[str]) -> set[str]:
     """Simpler forms of an effect that can be expressed in these words."""
-    found: set[str] = set()
+    simpler: set[str] = set()
     for name in effect.nested:
         own_words = words_of({name: _typical(EFFECTS[name])}).get(name, {"": None})
-        found |= {name} if words.issuperset(own_words) else _simpler(EFFECTS[name], words)
-    return found
+        simpler |= {name} if words.issuperset(own_words) else _simpler(EFFECTS[name], words)
+    return simpler
 
 
 def _typical(effect: Effect) -> dict[str, float]:
     return {p.name: p.default if p.role == "shape" else p.typical for p in effect.parameters}
 
 
-def _with(model: Model, found: Estimate) -> Model:
+def _with(model: Model, estimate: Estimate) -> Model:
     """The model with other ratios and effects."""
-    base, ratios = found.base.tolist(), found.ratios.tolist()
+    base, ratios = estimate.base.tolist(), estimate.ratios.tolist()
     return model.model_copy(
         update={
             "ratios": {k: v.model_copy(update={"value": ratios[i]}) for i, (k, v) in enumerate(model.ratios.items())},
             "base": {k: v.model_copy(update={"value": base[i]}) for i, (k, v) in enumerate(model.base.items())},
-            "effects": named_params(found.params),
+            "effects": named_params(estimate.params),
         }
     )

@@ -80,12 +80,12 @@ class _Writer:
             return ast.Name(self.write(value), ast.Load())
         if isinstance(value, tuple) and _is_record(type(value)):
             if id(value) not in self.names:
-                called = ast.Call(self.expression(type(value)), [self.expression(item) for item in value], [])
+                called = ast.Call(self.expression(type(value)), [self.expression(element) for element in value], [])
                 self.names[id(value)] = name
                 self.written.append(f"{name} = {ast.unparse(called)}")
             return ast.Name(self.names[id(value)], ast.Load())
         if isinstance(value, tuple):
-            return ast.Tuple([self.expression(item) for item in value], ast.Load())
+            return ast.Tuple([self.expression(element) for element in value], ast.Load())
         if isinstance(value, types.BuiltinFunctionType) and value.__module__ == "math":
             return ast.Attribute(ast.Name("math", ast.Load()), value.__name__, ast.Load())
         if isinstance(value, bool | int | float):

@@ -75,10 +75,10 @@ class Found:
     def record(self, rig: Rig) -> dict[str, Any]:
         """Plain lists and numbers, for JSON."""
         case = {field.name: getattr(self.case, field.name) for field in fields(SearchCase)}
-        found = {field.name: getattr(self, field.name) for field in fields(Found) if field.name not in ("case", "E")}
+        values = {field.name: getattr(self, field.name) for field in fields(Found) if field.name not in ("case", "E")}
         return (
             case
-            | found
+            | values
             | {
                 "best": self.best.tolist(),
                 "E": {name: E.tolist() for name, E in self.E.items()},

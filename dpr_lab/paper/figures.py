@@ -16,9 +16,9 @@ from dpr_lab.rig import Rig
 from dpr_lab.whole_file import write_whole
 
 
-def response_figure(found: Found, rig: Rig) -> Figure:
+def response_figure(search: Found, rig: Rig) -> Figure:
     """Figure 2: angles with the true and with the found parameters, one row for each pose."""
-    true, ours = swings(TRUTHS[found.case.grid], rig), swings(found.best, rig)
+    true, ours = swings(TRUTHS[search.case.grid], rig), swings(search.best, rig)
 
     def draw(axes: Axes, pose: int, axis: int) -> None:
         axes.plot(INSTANTS, true[pose, :, axis], label="true parameters", **style.MEASURED)
@@ -27,9 +27,9 @@ def response_figure(found: Found, rig: Rig) -> Figure:
     return _by_pose("angle (rad)", draw)
 
 
-def error_figure(found: Found, rig: Rig) -> Figure:
+def error_figure(search: Found, rig: Rig) -> Figure:
     """Figure 3: difference of the angles of Figure 2."""
-    error = swings(TRUTHS[found.case.grid], rig) - swings(found.best, rig)
+    error = swings(TRUTHS[search.case.grid], rig) - swings(search.best, rig)
 
     def draw(axes: Axes, pose: int, axis: int) -> None:
         axes.plot(INSTANTS, error[pose, :, axis], label="true − found", **style.RESIDUAL)
@@ -37,24 +37,24 @@ def error_figure(found: Found, rig: Rig) -> Figure:
     return _by_pose("error (rad)", draw)
 
 
-def evolution_figure(found: Found) -> Figure:
+def evolution_figure(search: Found) -> Figure:
     """Figure 4: H and fitness of the best individual of each generation."""
     with style.house_style():
         figure = _new_figure(4.2)
         upper, lower = figure.subplots(2, 1, sharex=True)
-        generations = np.arange(found.generations + 1)
-        upper.plot(generations, found.history["best_cost"], drawstyle="steps-post", **style.EVOLUTION)
-        lower.plot(generations, found.history["best_fitness"], drawstyle="steps-post", **style.EVOLUTION)
+        generations = np.arange(search.generations + 1)
+        upper.plot(generations, search.history["best_cost"], drawstyle="steps-post", **style.EVOLUTION)
+        lower.plot(generations, search.history["best_fitness"], drawstyle="steps-post", **style.EVOLUTION)
         upper.set_yscale("log")
         upper.set_ylabel("H of the best")
         lower.set_ylabel("fitness of the best")
         lower.set_xlabel("generation")
-        case = found.case
+        case = search.case
         upper.set_title(f"H = {case.reading}, true values {case.grid} the grid, seed {case.seed}")
         return figure
 
 
-def save_figures(found: Found, rig: Rig, out_dir: Path) -> dict[str, Path]:
+def save_figures(search: Found, rig: Rig, out_dir: Path) -> dict[str, Path]:
     """Write `figure2.png`, `figure3.png` and `figure4.png`.
 
     Returns:
@@ -64,9 +64,9 @@ def save_figures(found: Found, rig: Rig, out_dir: Path) -> dict[str, Path]:
         DprError: the folder or a file cannot be written.
     """
     figures = {
-        "figure2": response_figure(found, rig),
-        "figure3": error_figure(found, rig),
-        "figure4": evolution_figure(found),
+        "figure2": response_figure(search, rig),
+        "figure3": error_figure(search, rig),
+        "figure4": evolution_figure(search),
     }
     paths = {name: out_dir / f"{name}.png" for name in figures}
     for name, figure in figures.items():

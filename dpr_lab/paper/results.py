@@ -25,7 +25,7 @@ class Reproduction:
     """Everything that was computed, ready to be written or shown."""
 
     settings: IgaSettings
-    found: tuple[Found, ...]
+    results: tuple[Found, ...]
     """In the order of `campaign.search_cases`."""
     ours: Recomputed
     tables: tuple[PaperTable, ...]
@@ -38,7 +38,7 @@ class Reproduction:
 
         The H of different readings cannot be compared with one another.
         """
-        return min((f for f in self.found if f.case.grid == "on"), key=lambda f: f.E["angles"][0])
+        return min((f for f in self.results if f.case.grid == "on"), key=lambda f: f.E["angles"][0])
 
 
 def reproduce(
@@ -71,14 +71,14 @@ def reproduce(
         done[search.case] = search
         if on_search:
             on_search(search)
-    found = [done[case] for case in wanted]
+    results = [done[case] for case in wanted]
     ours = recompute(rig)
     return Reproduction(
         settings=settings,
-        found=tuple(found),
+        results=tuple(results),
         ours=ours,
-        tables=tuple(all_tables(ours, found, rig)),
-        verdicts=tuple(verdicts(found, rig)),
+        tables=tuple(all_tables(ours, results, rig)),
+        verdicts=tuple(verdicts(results, rig)),
         contradictions=tuple(contradictions(ours, rig)),
     )
 
@@ -93,9 +93,9 @@ def record(result: Reproduction, rig: Rig) -> dict[str, Any]:
         "readings": {name: reading.why for name, reading in READINGS.items()},
         "table1_E": {term: E.tolist() for term, E in result.ours.table1.items()},
         "table3_E": {term: E.tolist() for term, E in result.ours.table3.items()},
-        "searches": [found.record(rig) for found in result.found],
+        "searches": [search.record(rig) for search in result.results],
         "verdicts": list(result.verdicts),
-        "contradictions": [asdict(item) for item in result.contradictions],
+        "contradictions": [asdict(element) for element in result.contradictions],
     }
 
 

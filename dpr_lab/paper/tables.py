@@ -39,9 +39,16 @@ def recompute(rig: Rig) -> Recomputed:
     return Recomputed(*(_by_term([errors(row[:9], truth, rig) for row in table]) for table in (TABLE_1, TABLE_3)))
 
 
-def all_tables(ours: Recomputed, found: Sequence[Found], rig: Rig) -> list[PaperTable]:
+def all_tables(ours: Recomputed, results: Sequence[Found], rig: Rig) -> list[PaperTable]:
     """Every table of the reproduction, in the order of the publication."""
-    return [table1(ours), table2(ours), table3(ours, rig), searches(found, rig), parameters(found), ratios(found, rig)]
+    return [
+        table1(ours),
+        table2(ours),
+        table3(ours, rig),
+        searches(results, rig),
+        parameters(results),
+        ratios(results, rig),
+    ]
 
 
 def table1(ours: Recomputed) -> PaperTable:
@@ -85,7 +92,7 @@ def table3(ours: Recomputed, rig: Rig) -> PaperTable:
     return PaperTable("table3", "Table 3: printed rows, H recomputed (angles unless stated)", columns, tuple(rows))
 
 
-def searches(found: Sequence[Found], rig: Rig) -> PaperTable:
+def searches(results: Sequence[Found], rig: Rig) -> PaperTable:
     """Our searches: what each reached, in H, in the nine and in the five ratios."""
     columns = ("H", "grid", "seed", "best H", "≤ printed", "worst of nine %", "worst ratio %", "step (4) from", "cpu s")
     rows = [
@@ -98,30 +105,30 @@ def searches(found: Sequence[Found], rig: Rig) -> PaperTable:
             "never" if f.gate_opened is None else str(f.gate_opened),
             f"{f.cpu_s:.1f}",
         )
-        for f in found
+        for f in results
     ]
     return PaperTable("searches", f"Our searches (the paper's best H is {BEST_H})", columns, tuple(rows))
 
 
-def parameters(found: Sequence[Found]) -> PaperTable:
+def parameters(results: Sequence[Found]) -> PaperTable:
     """Signed percent errors of the nine parameters of each search."""
-    rows = [(*_head(f), *_signed(f.percent)) for f in found]
+    rows = [(*_head(f), *_signed(f.percent)) for f in results]
     return PaperTable("parameters", "Errors of the nine parameters, %", ("H", "grid", "seed", *PARAMETERS), tuple(rows))
 
 
-def ratios(found: Sequence[Found], rig: Rig) -> PaperTable:
+def ratios(results: Sequence[Found], rig: Rig) -> PaperTable:
     """Signed percent errors of the five ratios of each search."""
-    rows = [(*_head(f), *_signed(f.ratio_percent(rig))) for f in found]
+    rows = [(*_head(f), *_signed(f.ratio_percent(rig))) for f in results]
     return PaperTable("ratios", "Errors of the five ratios, %", ("H", "grid", "seed", *RATIOS), tuple(rows))
 
 
-def verdicts(found: Sequence[Found], rig: Rig) -> list[str]:
+def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
     """What reproduces and what does not, one sentence for each reading of H and each grid."""
     return [
         _verdict(reading, grid, group, rig)
         for reading in READINGS
         for grid in TRUTHS
-        if (group := [f for f in found if (f.case.reading, f.case.grid) == (reading, grid)])
+        if (group := [f for f in results if (f.case.reading, f.case.grid) == (reading, grid)])
     ]
 
 
@@ -139,8 +146,8 @@ def _verdict(reading: str, grid: str, group: Sequence[Found], rig: Rig, within_p
     )
 
 
-def _head(found: Found) -> tuple[str, str, str]:
-    return found.case.reading, found.case.grid, str(found.case.seed)
+def _head(search: Found) -> tuple[str, str, str]:
+    return search.case.reading, search.case.grid, str(search.case.seed)
 
 
 def _signed(percent: Iterable[float]) -> tuple[str, ...]:

@@ -83,20 +83,20 @@ def info(path: Path | str) -> RunInfo:
     Raises:
         RunError: it is not a run, or damaged before its first sample.
     """
-    found = scan(Path(path))
-    samples, meta = found.samples(), found.metadata
-    summary = _summary(found, samples)
+    stored = scan(Path(path))
+    samples, meta = stored.samples(), stored.metadata
+    summary = _summary(stored, samples)
     steps = np.diff(samples.t)
     gaps = steps[steps > 1.5 / meta.rate_hz]
     return RunInfo(
-        file=str(found.path),
-        sha256=found.sha256,
-        size_bytes=found.size_bytes,
-        complete=found.complete,
-        damage=found.damage,
-        stopped=found.stopped,
+        file=str(stored.path),
+        sha256=stored.sha256,
+        size_bytes=stored.size_bytes,
+        complete=stored.complete,
+        damage=stored.damage,
+        stopped=stored.stopped,
         samples=len(samples.ticks),
-        duration_s=_duration(found, samples),
+        duration_s=_duration(stored, samples),
         rate_hz=meta.rate_hz,
         gaps=len(gaps),
         longest_gap_s=float(gaps.max(initial=0.0)),
@@ -111,7 +111,7 @@ def info(path: Path | str) -> RunInfo:
         mounted=meta.rig.rods.mounted,
         elbow=meta.rig.rods.elbow,
         rig=meta.rig.name,
-        rig_sha256=found.rig_sha256,
+        rig_sha256=stored.rig_sha256,
         source=meta.source,
         url=meta.url,
         firmware=meta.firmware,
@@ -121,7 +121,7 @@ def info(path: Path | str) -> RunInfo:
         versions=meta.versions,
         created_utc=meta.created_utc,
         recorded_utc=meta.recorded_utc,
-        note=read_note(found.path, meta.note),
+        note=read_note(stored.path, meta.note),
         notes=summary.notes,
         extra=meta.extra,
     )
@@ -166,54 +166,54 @@ def recover(path: Path | str, out: Path | str) -> int:
     Raises:
         RunError: no sample can be saved, or `out` cannot be written.
     """
-    found = scan(Path(path))
-    samples = found.samples()
+    stored = scan(Path(path))
+    samples = stored.samples()
     kept = len(samples.ticks)
     if not kept:
         raise RunError(f"{path}: no sample can be saved from it")
-    origin = {"recovered_from": found.path.name, "recovered_from_sha256": found.sha256}
-    summary = _summary(found, samples)
-    notes = (*summary.notes, f"recovered from {found.path.name}, {kept} samples kept")
-    with whole_run(out, replace(found.metadata, extra={**found.metadata.extra, **origin})) as writer:
-        writer.copy(stored_messages(found.path))
+    origin = {"recovered_from": stored.path.name, "recovered_from_sha256": stored.sha256}
+    summary = _summary(stored, samples)
+    notes = (*summary.notes, f"recovered from {stored.path.name}, {kept} samples kept")
+    with whole_run(out, replace(stored.metadata, extra={**stored.metadata.extra, **origin})) as writer:
+        writer.copy(stored_messages(stored.path))
         writer.finish(replace(summary, notes=notes))
     return kept
 
 
-def _summary(found: Scan, samples: Samples) -> RunSummary:
-    summary = found.summary or RunSummary(lost=lost_by_gaps(found, samples), clock=found.newest_clock)
-    return replace(summary, release_tick=found.release_tick)
+def _summary(stored: Scan, samples: Samples) -> RunSummary:
+    summary = stored.summary or RunSummary(lost=lost_by_gaps(stored, samples), clock=stored.newest_clock)
+    return replace(summary, release_tick=stored.release_tick)
 
 
-def _duration(found: Scan, samples: Samples) -> float:
+def _duration(stored: Scan, samples: Samples) -> float:
     if not len(samples.t):
         return 0.0
-    release = found.release_tick
-    if found.metadata.time_source == "table":
+    release = stored.release_tick
+    if stored.metadata.time_source == "table":
         start = samples.t[release_row(release, samples.ticks)]
     else:
-        start = samples.t[0] if release is None else release / found.metadata.rate_hz
+        start = samples.t[0] if release is None else release / stored.metadata.rate_hz
     return float(samples.t[-1] - start)
 
 
-def _faults(found: Scan) -> list[str]:
-    faults = _hash_faults(found)
-    if found.damage:
-        faults.append(f"the file is {found.damage}")
-    if found.stopped:
-        faults.append(f"the recording was not completed: {found.stopped}")
-    elif found.summary is None:
+def _faults(stored: Scan) -> list[str]:
+    faults = _hash_faults(stored)
+    if stored.damage:
+        faults.append(f"the file is {stored.damage}")
+    if stored.stopped:
+        faults.append(f"the recording was not completed: {stored.stopped}")
+    elif stored.summary is None:
         faults.append("the recording was not completed: the file has no end record")
-    kept = len(found.samples().ticks)
-    announced = {"end record": found.samples_announced, "MCAP statistics": found.samples_counted}
+    kept = len(stored.samples().ticks)
+    announced = {"end record": stored.samples_announced, "MCAP statistics": stored.samples_counted}
     faults += [f"{kept} samples, but the {name} says {n}" for name, n in announced.items() if n not in (None, kept)]
     return faults
 
 
-def _hash_faults(found: Scan) -> list[str]:
-    written, sidecar = read_sidecar(found.path), sidecar_of(found.path).name
+def _hash_faults(stored: Scan) -> list[str]:
+    written, sidecar = read_sidecar(stored.path), sidecar_of(stored.path).name
     if written is None:
         return [f"there is no {sidecar} in its folder"]
-    if written != found.sha256:
-        return [f"its SHA-256 {found.sha256} is not the one in {sidecar}: it was changed after it was finished"]
+    if written != stored.sha256:
+        return [f"its SHA-256 {stored.sha256} is not the one in {sidecar}: it was changed after it was finished"]
     return []

@@ -186,9 +186,9 @@ def numbers(values: Mapping[str, Any]) -> dict[str, float]:
 def plain(value: Any) -> Any:
     """A value as JSON knows it: numpy scalars as numbers, and null for what is not finite."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): plain(element) for key, element in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [plain(element) for element in value]
     number = value.item() if isinstance(value, np.generic) else value
     return None if isinstance(number, float) and not np.isfinite(number) else number
 

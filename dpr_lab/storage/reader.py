@@ -40,51 +40,51 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     Raises:
         RunError: not a run, nothing readable, no release, changed since it was finished, or of another rig.
     """
-    found = scan(Path(path))
+    stored = scan(Path(path))
     if verify:
-        _check_hash(found)
+        _check_hash(stored)
     if rig is not None:
-        _check_rig(found, rig)
-    samples = found.samples()
+        _check_rig(stored, rig)
+    samples = stored.samples()
     if not len(samples.ticks):
-        raise RunError(f"{path}: holds no samples{_because(found)}")
-    t = _time(found, samples)
-    own = found.metadata.rig
+        raise RunError(f"{path}: holds no samples{_because(stored)}")
+    t = _time(stored, samples)
+    own = stored.metadata.rig
     theta = samples.theta if samples.counts is None else own.theta(samples.counts)
-    summary = found.summary
+    summary = stored.summary
     torques, commanded = _torques(samples)
-    mode = _arm_mode(found)
+    mode = _arm_mode(stored)
     arm_input = None
     if mode == "driven":
         if torques is None:
             raise RunError(f"{path}: its arm is driven, but no input of it is stored: import the table again")
         torques, arm_input = None, torques[:, 0]
     run = Run(
-        name=found.path.stem,
+        name=stored.path.stem,
         t=t,
-        theta=as_mounted(theta - full_turns(own, found.metadata.pose, t, theta), own.rods.mounting, str(path)),
+        theta=as_mounted(theta - full_turns(own, stored.metadata.pose, t, theta), own.rods.mounting, str(path)),
         mounting=own.rods.mounting,
         counts=samples.counts,
         torques=torques,
         commanded=commanded,
-        torque_kind="" if torques is None else found.metadata.extra.get("torque_kind", ""),
-        input_delay_s=_delay(found),
+        torque_kind="" if torques is None else stored.metadata.extra.get("torque_kind", ""),
+        input_delay_s=_delay(stored),
         arm=prescribed_arm(t, theta[:, 0], own, str(path)) if mode == "prescribed" else None,
         arm_mode=mode,
         arm_input=arm_input,
-        pose=found.metadata.pose,
+        pose=stored.metadata.pose,
         rig_name=own.name,
-        rig_sha256=found.rig_sha256,
-        rate_hz=found.metadata.rate_hz,
+        rig_sha256=stored.rig_sha256,
+        rate_hz=stored.metadata.rate_hz,
         added_mass=own.added_mass,
-        complete=found.complete,
-        clock=clock_of(found),
-        lost=dict(summary.lost) if summary is not None else lost_by_gaps(found, samples),
-        file=found.path,
-        sha256=found.sha256,
-        recorded_utc=found.metadata.recorded_utc,
-        notes=(*(summary.notes if summary is not None else ()), *_what_happened(found), *_degraded(found)),
-        **of_a_table(found.metadata),
+        complete=stored.complete,
+        clock=clock_of(stored),
+        lost=dict(summary.lost) if summary is not None else lost_by_gaps(stored, samples),
+        file=stored.path,
+        sha256=stored.sha256,
+        recorded_utc=stored.metadata.recorded_utc,
+        notes=(*(summary.notes if summary is not None else ()), *_what_happened(stored), *_degraded(stored)),
+        **of_a_table(stored.metadata),
     )
     return released(run) if run.keep_rest is False and t[0] == 0 else run
 
@@ -133,32 +133,30 @@ def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.f
     return first, second[0] if second else None
 
 
-def _arm_mode(scanned: Scan) -> ArmMode:
+def _arm_mode(stored: Scan) -> ArmMode:
     """What the arm did: as the run says, or its rig does. A device sends no input of a driven arm, only its angle."""
-    of_rig = scanned.metadata.rig.arm.mode
-    stated = scanned.metadata.extra.get("arm", "prescribed" if of_rig == "driven" else of_rig)
+    of_rig = stored.metadata.rig.arm.mode
+    stated = stored.metadata.extra.get("arm", "prescribed" if of_rig == "driven" else of_rig)
     for mode in get_args(ArmMode):
         if mode == stated:
             return mode
-    raise RunError(
-        f"{scanned.path}: its arm is {stated!r}, which this version of dpr-lab does not know: update dpr-lab"
-    )
+    raise RunError(f"{stored.path}: its arm is {stated!r}, which this version of dpr-lab does not know: update dpr-lab")
 
 
-def _delay(found: Scan) -> float:
+def _delay(stored: Scan) -> float:
     """How much later than logged the torques act, as the file says, s; a file may say anything."""
     try:
-        delay = float(found.metadata.extra.get("input_delay_s", 0.0))
+        delay = float(stored.metadata.extra.get("input_delay_s", 0.0))
     except ValueError:
         delay = np.nan
     if not np.isfinite(delay):
-        raise RunError(f"{found.path}: its input_delay_s is no number: import the table again")
+        raise RunError(f"{stored.path}: its input_delay_s is no number: import the table again")
     return delay
 
 
-def clock_of(found: Scan) -> dict[str, float]:
+def clock_of(stored: Scan) -> dict[str, float]:
     """The clock fit of a run's end, or of its last minutes; empty without one."""
-    clock = found.summary.clock if found.summary is not None and found.summary.clock else found.newest_clock
+    clock = stored.summary.clock if stored.summary is not None and stored.summary.clock else stored.newest_clock
     return numbers(clock)
 
 
@@ -171,20 +169,22 @@ def stored_rig(path: Path | str) -> Rig:
     return scan(Path(path)).metadata.rig
 
 
-def lost_by_gaps(found: Scan, samples: Samples) -> dict[str, int]:
+def lost_by_gaps(stored: Scan, samples: Samples) -> dict[str, int]:
     """Losses as the ticks alone tell them, for a file that ends before saying so."""
-    return {"tick_gap": samples.missing} if found.metadata.time_source == "ticks" else {}
+    return {"tick_gap": samples.missing} if stored.metadata.time_source == "ticks" else {}
 
 
-def _time(found: Scan, samples: Samples) -> NDArray[np.float64]:
-    if found.metadata.time_source == "table":
-        return samples.t - samples.t[release_row(found.release_tick, samples.ticks)]
-    release = found.release_tick
+def _time(stored: Scan, samples: Samples) -> NDArray[np.float64]:
+    if stored.metadata.time_source == "table":
+        return samples.t - samples.t[release_row(stored.release_tick, samples.ticks)]
+    release = stored.release_tick
     if release is None:
-        raise RunError(f"{found.path}: has no release: the latch was not opened while it was recorded{_because(found)}")
+        raise RunError(
+            f"{stored.path}: has no release: the latch was not opened while it was recorded{_because(stored)}"
+        )
     if release > samples.ticks[-1]:
-        raise RunError(f"{found.path}: ends at tick {samples.ticks[-1]}, before the release at tick {release}")
-    return (samples.ticks - release) / found.metadata.rate_hz
+        raise RunError(f"{stored.path}: ends at tick {samples.ticks[-1]}, before the release at tick {release}")
+    return (samples.ticks - release) / stored.metadata.rate_hz
 
 
 def release_row(release: int | None, ticks: NDArray[np.int64]) -> int:
@@ -202,35 +202,35 @@ def full_turns(rig: Rig, pose: str | None, t: NDArray[np.float64], theta: NDArra
     return turns
 
 
-def _check_hash(found: Scan) -> None:
-    written = read_sidecar(found.path)
-    if written is not None and written != found.sha256:
+def _check_hash(stored: Scan) -> None:
+    written = read_sidecar(stored.path)
+    if written is not None and written != stored.sha256:
         raise RunError(
-            f"{found.path}: has changed since it was finished (its SHA-256 is not the one in the .sha256 file):"
+            f"{stored.path}: has changed since it was finished (its SHA-256 is not the one in the .sha256 file):"
             " restore it from a copy, or save what is sound with `dpr-lab run recover`"
         )
 
 
-def _check_rig(found: Scan, rig: Rig) -> None:
-    own = found.metadata.rig
+def _check_rig(stored: Scan, rig: Rig) -> None:
+    own = stored.metadata.rig
     pairs = [(f"rig.{key}", getattr(own.rig, key), getattr(rig.rig, key)) for key in _SAME_FRAME]
     pairs += [(f"encoders.{key}", getattr(own.encoders, key), getattr(rig.encoders, key)) for key in _SAME_ENCODERS]
     differing = [f"{key} is {stored} there, {given} here" for key, stored, given in pairs if stored != given]
     if differing:
-        raise RunError(f"{found.path}: run of another rig: {'; '.join(differing)}")
+        raise RunError(f"{stored.path}: run of another rig: {'; '.join(differing)}")
 
 
-def _what_happened(found: Scan) -> list[str]:
-    reasons = [f"recording stopped early: {found.stopped}"] if found.stopped else []
-    return reasons + ([f"file {found.damage}"] if found.damage else [])
+def _what_happened(stored: Scan) -> list[str]:
+    reasons = [f"recording stopped early: {stored.stopped}"] if stored.stopped else []
+    return reasons + ([f"file {stored.damage}"] if stored.damage else [])
 
 
-def _degraded(found: Scan) -> list[str]:
+def _degraded(stored: Scan) -> list[str]:
     """What the quality gate found wrong with a recording."""
-    gate = found.summary.gate if found.summary is not None else ""
+    gate = stored.summary.gate if stored.summary is not None else ""
     return [f"the quality gate marked this recording as {gate}"] if gate.startswith("degraded") else []
 
 
-def _because(found: Scan) -> str:
-    reasons = _what_happened(found)
+def _because(stored: Scan) -> str:
+    reasons = _what_happened(stored)
     return f" ({'; '.join(reasons)})" if reasons else ""

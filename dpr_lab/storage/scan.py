@@ -161,27 +161,27 @@ def scan(path: Path) -> Scan:
     Raises:
         RunError: not there, empty, not MCAP, an MCAP of another tool, or damaged before its first sample.
     """
-    found = _Collected()
+    collected = _Collected()
     with mapped(path) as file:
         if file[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
             raise RunError(
                 f"{path}: is not a run file: it does not start as MCAP does; tables are read by `import table`"
             )
         sha256, size = hashlib.sha256(file).hexdigest(), len(file)
-        damage = _collect(file, found)
-    metadata, rig_sha256 = _description(path, found, damage)
-    summary, stopped, samples = _ending(path, found)
+        damage = _collect(file, collected)
+    metadata, rig_sha256 = _description(path, collected, damage)
+    summary, stopped, samples = _ending(path, collected)
     return Scan(
         path=path,
         size_bytes=size,
         sha256=sha256,
         metadata=metadata,
         rig_sha256=rig_sha256,
-        read=found.read,
+        read=collected.read,
         summary=summary,
         stopped=stopped,
         samples_announced=samples,
-        samples_counted=_counted(found),
+        samples_counted=_counted(collected),
         damage=damage,
     )
 
@@ -200,9 +200,9 @@ def stored_messages(path: Path) -> Generator[Stored]:
             return
 
 
-def _ending(path: Path, found: _Collected) -> tuple[RunSummary | None, str, int | None]:
+def _ending(path: Path, collected: _Collected) -> tuple[RunSummary | None, str, int | None]:
     """How the run ended, why early if it did, and how many samples it announced."""
-    end = found.records.get(END)
+    end = collected.records.get(END)
     if end is None:
         return None, "", None
     try:
@@ -253,15 +253,15 @@ def _reader(file: mmap.mmap) -> StreamReader:
     return _Reader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LIMITS.record_bytes)  # pyright: ignore[reportArgumentType]
 
 
-def _collect(file: mmap.mmap, found: _Collected) -> str:
+def _collect(file: mmap.mmap, collected: _Collected) -> str:
     """Gather the records in file order; returns the damage that ended it, if any."""
     reader = _reader(file)
     try:
         for record in reader.records:
-            _take(record, found)
+            _take(record, collected)
     except DAMAGE as error:
         return f"cut off or damaged near byte {file.tell()} of {len(file)}{_reason(error)}"
-    return "" if found.finished else "cut off before its end"
+    return "" if collected.finished else "cut off before its end"
 
 
 def _reason(error: Exception) -> str:
@@ -273,23 +273,23 @@ def _reason(error: Exception) -> str:
     return ""
 
 
-def _take(record: McapRecord, found: _Collected) -> None:
+def _take(record: McapRecord, collected: _Collected) -> None:
     match record:
         case Chunk():
-            content = _expanded(record, found.room)
-            if not _take_rows(content, found):
-                found.read.take(_messages(record, content, found.topics))
+            content = _expanded(record, collected.room)
+            if not _take_rows(content, collected):
+                collected.read.take(_messages(record, content, collected.topics))
         case Metadata(name=name, metadata=content) if name in (PROVENANCE, END):
             read = unsealed(content)
             if read is None:
                 raise McapError(f"the {name} record does not fit its digest")
-            found.records[name] = read
+            collected.records[name] = read
         case Attachment(name=name, data=data):
-            found.attachments[name] = data
+            collected.attachments[name] = data
         case Statistics():
-            found.statistics = record
+            collected.statistics = record
         case Footer():
-            found.finished = True
+            collected.finished = True
         case _:
             pass
 
@@ -314,12 +314,12 @@ def _expanded(chunk: Chunk, room: _Room) -> bytes:
     return content
 
 
-def _take_rows(content: bytes, found: _Collected) -> bool:
+def _take_rows(content: bytes, collected: _Collected) -> bool:
     """Take the samples of a chunk that holds nothing but rows of one width; false for any other."""
     rows = message_texts(content)
-    if rows is None or found.topics.get(rows[0]) != SAMPLES:
+    if rows is None or collected.topics.get(rows[0]) != SAMPLES:
         return False
-    return found.read.take_rows(rows[1])
+    return collected.read.take_rows(rows[1])
 
 
 def _messages(chunk: Chunk, content: bytes, topics: dict[int, str]) -> list[Stored]:
@@ -332,22 +332,22 @@ def _messages(chunk: Chunk, content: bytes, topics: dict[int, str]) -> list[Stor
     return [Stored(topics[m.channel_id], m.log_time, m.publish_time, m.data) for m in messages]
 
 
-def _description(path: Path, found: _Collected, damage: str) -> tuple[RunMetadata, str]:
-    record = found.records.get(PROVENANCE)
+def _description(path: Path, collected: _Collected, damage: str) -> tuple[RunMetadata, str]:
+    record = collected.records.get(PROVENANCE)
     if record is None and not damage:
         raise RunError(f"{path}: is an MCAP file of another tool: it has no dpr-lab provenance record")
-    if record is None or RIG_ATTACHMENT not in found.attachments:
+    if record is None or RIG_ATTACHMENT not in collected.attachments:
         raise RunError(f"{path}: {damage}, before the rig it was recorded on: nothing can be read from it")
     try:
-        return RunMetadata.from_record(record, found.attachments[RIG_ATTACHMENT]), record["rig_sha256"]
+        return RunMetadata.from_record(record, collected.attachments[RIG_ATTACHMENT]), record["rig_sha256"]
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise RunError(f"{path}: its description is not in the layout of a run: it was changed") from error
     except RunError as error:
         raise RunError(f"{path}: {error}") from error
 
 
-def _counted(found: _Collected) -> int | None:
-    if found.statistics is None:
+def _counted(collected: _Collected) -> int | None:
+    if collected.statistics is None:
         return None
-    counts = found.statistics.channel_message_counts
-    return sum(counts.get(channel, 0) for channel, topic in found.topics.items() if topic == SAMPLES)
+    counts = collected.statistics.channel_message_counts
+    return sum(counts.get(channel, 0) for channel, topic in collected.topics.items() if topic == SAMPLES)

@@ -33,13 +33,13 @@ def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Tr
             met.append(f"{name} ({str(error).removeprefix(f'{url}: ')})")
             continue
         try:
-            found = uid_at(link)
+            uid_there = uid_at(link)
         except LinkError:
-            found = ""
-        if found.endswith(uid.lower()) and found:
+            uid_there = ""
+        if uid_there.endswith(uid.lower()) and uid_there:
             return link
         link.close()
-        met.append(f"{name} ({f'device {found}' if found else 'no DPR device'})")
+        met.append(f"{name} ({f'device {uid_there}' if uid_there else 'no DPR device'})")
     looked = f"looked at {', '.join(met)}" if met else "there is no port to look at"
     raise LinkError(f"{url}: no device whose UID ends in {uid}; {looked}: check cable and power")
 

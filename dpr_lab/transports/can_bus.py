@@ -109,10 +109,10 @@ def _matching_channels(url: LinkUrl, pattern: str) -> list[str]:
     if pattern and "*" not in pattern:
         return [pattern]
     try:
-        found = can.detect_available_configs(url.host)
+        configs = can.detect_available_configs(url.host)
     except _NO_BUS as error:
         raise LinkError(f"{url.text}: {url.host} cannot say which channels there are: {error}") from error
-    return fnmatch.filter(sorted(str(config["channel"]) for config in found), pattern or "*")
+    return fnmatch.filter(sorted(str(config["channel"]) for config in configs), pattern or "*")
 
 
 class CanBus:

@@ -30,18 +30,18 @@ class LinkUrl:
         Raises:
             LinkUrlError: an option that is unknown, repeated or unreadable.
         """
-        found: dict[str, Any] = {}
+        parameters: dict[str, Any] = {}
         for name, text in self.query:
             if name not in known:
                 names = ", ".join(known) or "none"
                 raise LinkUrlError(f"{self.text}: unknown option {name!r} (this kind of link knows: {names})")
-            if name in found:
+            if name in parameters:
                 raise LinkUrlError(f"{self.text}: option {name!r} is given twice")
             try:
-                found[name] = known[name](text)
+                parameters[name] = known[name](text)
             except ValueError as error:
                 raise LinkUrlError(f"{self.text}: {name} = {text!r}: {error}") from error
-        return found
+        return parameters
 
 
 def parse_url(text: str) -> LinkUrl:

@@ -166,14 +166,14 @@ def read_trials(folder: Path) -> dict[int, TrialOutcome]:
     if whole != content:
         with file.open("r+b") as trials:
             trials.truncate(len(whole))
-    found: dict[int, TrialOutcome] = {}
+    outcomes: dict[int, TrialOutcome] = {}
     for number, line in enumerate(whole.splitlines(), 1):
         try:
             kept = json.loads(line)
-            found[kept["number"]] = read_outcome(kept["outcome"])
+            outcomes[kept["number"]] = read_outcome(kept["outcome"])
         except (ValueError, KeyError, TypeError) as error:
             raise RunError(f"{file}: line {number} is not a trial: {error!r}; remove the line to repeat it") from error
-    return found
+    return outcomes
 
 
 def _append(file: Path, line: dict[str, Any]) -> None:

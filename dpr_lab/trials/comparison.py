@@ -19,11 +19,11 @@ def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
     sizes = truth.sizes(rig, diagnosis["scale_b"])
     rows: list[tuple[str, ...]] = []
     for number, right in enumerate(truth.answers):
-        found = next((effect for effect in left if cause_named(effect, truth) == number), None)
-        left = [effect for effect in left if effect is not found]
+        named_effect = next((effect for effect in left if cause_named(effect, truth) == number), None)
+        left = [effect for effect in left if effect is not named_effect]
         known = list(truth.effects)[number] if number < len(truth.effects) else None
         label = named(known) if known else f"{truth.foreign} (any of {', '.join(map(named, right))})"
-        rows.append((label, _true(known or "", sizes.get(known or "", {})), *_found(found)))
+        rows.append((label, _true(known or "", sizes.get(known or "", {})), *_found(named_effect)))
     if truth.outside:
         rows.append((f"{truth.foreign} (not in the library)", NONE, diagnosis["verdict"].replace("_", " "), NONE, NONE))
     return rows + [(NONE, NONE, *_found(effect)) for effect in left]
@@ -46,7 +46,6 @@ def _found(effect: Mapping[str, Any] | None) -> tuple[str, str, str]:
         return NONE, NONE, NONE
     twins = [name for name in effect["class"] if name != effect["name"]]
     sizes = (
-        _size(effect["name"], name, found["value"], *found["interval90"])
-        for name, found in effect["parameters"].items()
+        _size(effect["name"], name, size["value"], *size["interval90"]) for name, size in effect["parameters"].items()
     )
     return " or ".join(map(named, [effect["name"], *twins])), "; ".join(sizes), f"{effect['probability']:.0%}"

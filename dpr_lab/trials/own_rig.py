@@ -65,7 +65,7 @@ class _Original:
 
 
 def trust(
-    found: Diagnosis,
+    diagnosis: Diagnosis,
     runs: Sequence[Run],
     rig: Rig,
     count: int,
@@ -79,7 +79,7 @@ def trust(
     """Try a diagnosis on plants of which the truth is known.
 
     Args:
-        found: the diagnosis of the rig
+        diagnosis: the diagnosis of the rig
         runs: what was diagnosed, without what was held out
         rig: the rig
         count: how many trials
@@ -92,9 +92,9 @@ def trust(
     Raises:
         DprError: a process was killed.
     """
-    at = Estimate.of(found.unknowns, effect_params(found.model_effects), np.zeros((0, 4)))
+    at = Estimate.of(diagnosis.unknowns, effect_params(diagnosis.model_effects), np.zeros((0, 4)))
     originals = tuple(_original(run, rig, at) for run in runs)
-    plan = _Plan(found, originals, rig, tuple(library), max_effects, seed)
+    plan = _Plan(diagnosis, originals, rig, tuple(library), max_effects, seed)
     trials: dict[int, TrustTrial] = {}
     on_trial(0)
     for number, trial in _made(plan, count, min(processes, count)):
@@ -107,7 +107,7 @@ def trust(
 class _Plan:
     """What every trial is made from; called with its number, in whichever process."""
 
-    found: Diagnosis
+    diagnosis: Diagnosis
     originals: tuple[_Original, ...]
     rig: Rig
     library: tuple[str, ...]
@@ -116,15 +116,15 @@ class _Plan:
     seed: int
 
     def __call__(self, number: int) -> TrustTrial:
-        found, rig = self.found, self.rig
+        diagnosis, rig = self.diagnosis, self.rig
         rng, began = np.random.default_rng([self.seed, number]), time.perf_counter()
         library = {name: EFFECTS[name] for name in self.library}
         kind = OWN_RIG.kinds[number % len(OWN_RIG.kinds)]
-        truth = {"as found": _as_found(found), "clean": {}}.get(kind)
-        truth = _another(found, library, rng) if truth is None else truth
+        truth = {"as found": _as_found(diagnosis), "clean": {}}.get(kind)
+        truth = _another(diagnosis, library, rng) if truth is None else truth
         params = effect_params(truth)
-        again = [_recorded_again(item, rig, found.unknowns, params, rng) for item in self.originals]
-        whole = {"library": library, "max_effects": self.max_effects, "start": found.unknowns, "seed": self.seed}
+        again = [_recorded_again(original, rig, diagnosis.unknowns, params, rng) for original in self.originals]
+        whole = {"library": library, "max_effects": self.max_effects, "start": diagnosis.unknowns, "seed": self.seed}
         try:
             diagnosis = diagnose(again, rig, **whole)
         except DprError:  # of some plants nobody could say anything, and the other trials still count
@@ -146,21 +146,21 @@ def _made(trial: Callable[[int], TrustTrial], count: int, processes: int) -> Ite
         raise DprError("a process of --trust was killed (out of memory?); with --out the diagnosis is kept") from error
 
 
-def _as_found(found: Diagnosis) -> Effects:
-    named = {item.name for item in found.effects}
-    return {name: values for name, values in found.model_effects.items() if name in named}
+def _as_found(diagnosis: Diagnosis) -> Effects:
+    named = {effect.name for effect in diagnosis.effects}
+    return {name: values for name, values in diagnosis.model_effects.items() if name in named}
 
 
 def _original(run: Run, rig: Rig, at: Estimate) -> _Original:
-    item = record(run, rig)
-    freely = free_runs(Recordings((item,), rig), at)
-    return _Original(run, item.screened, freely.begun.initial, segment_start(float(freely.items[0].t[0])))
+    prepared = record(run, rig)
+    freely = free_runs(Recordings((prepared,), rig), at)
+    return _Original(run, prepared.screened, freely.begun.initial, segment_start(float(freely.items[0].t[0])))
 
 
-def _another(found: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
+def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
     """One effect that was not named and can be seen, at a size drawn; of several amplitudes one."""
-    named = {item.name for item in found.effects}
-    seen = {name: {k: v for k, v in sizes.items() if v} for name, sizes in found.detectable.items()}
+    named = {effect.name for effect in diagnosis.effects}
+    seen = {name: {k: v for k, v in sizes.items() if v} for name, sizes in diagnosis.detectable.items()}
     names = [n for n in seen if n in library and n not in named and seen[n] and not library[n].event]
     if not names:
         return {}
@@ -173,12 +173,12 @@ def _another(found: Diagnosis, library: Mapping[str, Effect], rng: np.random.Gen
     return {effect.name: {chosen.name: sign * size}}
 
 
-def _recorded_again(item: _Original, rig: Rig, ratios: Array, params: Array, rng: np.random.Generator) -> Run:
+def _recorded_again(original: _Original, rig: Rig, ratios: Array, params: Array, rng: np.random.Generator) -> Run:
     """The readings of a plant at the instants of a recording; the rest before the release stays as it was."""
-    run, seen = item.run, item.seen
-    swing = run.t > item.start_s
+    run, seen = original.run, original.seen
+    swing = run.t > original.start_s
     finer = segments([run.t[swing]], setups=[run.setup], step=STEP / OWN_RIG.finer)
-    joints = predict(whole_of(ratios), params, rig_constants(rig), finer, item.start)
+    joints = predict(whole_of(ratios), params, rig_constants(rig), finer, original.start)
     rounding = np.where(seen.count > 0, seen.count, 0.0) / np.sqrt(12)
     noise = np.sqrt(np.maximum(np.where(np.isfinite(seen.noise), seen.noise, 0.0) ** 2 - rounding**2, 0.0))
     joints += noise * rng.standard_normal(joints.shape)
@@ -199,13 +199,13 @@ def _recorded_again(item: _Original, rig: Rig, ratios: Array, params: Array, rng
 
 def _judged(kind: str, truth: Effects, diagnosis: Diagnosis | None, seconds: float) -> TrustTrial:
     effects = diagnosis.effects if diagnosis else []
-    right = [name for name in truth if any(name in (item.name, *item.members) for item in effects)]
-    wrong = [item.name for item in effects if not {item.name, *item.members} & set(truth)]
+    right = [name for name in truth if any(name in (effect.name, *effect.members) for effect in effects)]
+    wrong = [effect.name for effect in effects if not {effect.name, *effect.members} & set(truth)]
     return TrustTrial.model_validate(
         {
             "kind": kind,
             "truth": truth,
-            "named": [item.name for item in effects],
+            "named": [effect.name for effect in effects],
             "verdict": diagnosis.verdict if diagnosis else REFUSED,
             "right": right,
             "wrong": wrong,
@@ -215,28 +215,28 @@ def _judged(kind: str, truth: Effects, diagnosis: Diagnosis | None, seconds: flo
 
 
 def _summed(trials: Sequence[TrustTrial], seed: int) -> Trust:
-    hidden, clean = ([item for item in trials if bool(item.truth) is wanted] for wanted in (True, False))
-    cells = Counter(cell for item in trials for cell in _cells(item))
+    hidden, clean = ([trial for trial in trials if bool(trial.truth) is wanted] for wanted in (True, False))
+    cells = Counter(cell for trial in trials for cell in _cells(trial))
     return Trust(
         seed=seed,
-        seconds_each=float(np.median([item.seconds for item in trials])) if trials else 0.0,
+        seconds_each=float(np.median([trial.seconds for trial in trials])) if trials else 0.0,
         trials=list(trials),
         confusion=[ConfusionCell(true=true, named=named, trials=n) for (true, named), n in sorted(cells.items())],
-        right=_share([set(item.right) == set(item.truth) and not item.wrong for item in hidden]),
-        wrong=_share([bool(item.wrong) for item in hidden]),
-        false_alarms=_share([bool(item.named) for item in clean]),
+        right=_share([set(trial.right) == set(trial.truth) and not trial.wrong for trial in hidden]),
+        wrong=_share([bool(trial.wrong) for trial in hidden]),
+        false_alarms=_share([bool(trial.named) for trial in clean]),
     )
 
 
-def _cells(item: TrustTrial) -> list[tuple[str, str]]:
+def _cells(trial: TrustTrial) -> list[tuple[str, str]]:
     """(true, named) for each effect and each name; what was not named and what was not there stand for one another."""
-    missed = [name for name in item.truth if name not in item.right]
-    count = max(len(missed), len(item.wrong))
+    missed = [name for name in trial.truth if name not in trial.right]
+    count = max(len(missed), len(trial.wrong))
     pairs = zip(
-        missed + [NOTHING] * (count - len(missed)), item.wrong + [NOTHING] * (count - len(item.wrong)), strict=True
+        missed + [NOTHING] * (count - len(missed)), trial.wrong + [NOTHING] * (count - len(trial.wrong)), strict=True
     )
-    found = [*((name, name) for name in item.right), *pairs]
-    return found or [(NOTHING, NOTHING)]
+    cells = [*((name, name) for name in trial.right), *pairs]
+    return cells or [(NOTHING, NOTHING)]
 
 
 def _share(held: Sequence[bool]) -> TrustShare:

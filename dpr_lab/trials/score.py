@@ -119,9 +119,9 @@ def read_outcome(kept: Mapping[str, Any]) -> TrialOutcome:
     """The outcome that `to_json` gave."""
     lists = {name: tuple(kept[name]) for name in _LISTS}
     sizes, claims = (
-        tuple(make(**item) for item in kept[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
+        tuple(make(**record) for record in kept[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
     )
-    causes = tuple(Cause(**item) for item in kept["causes"])
+    causes = tuple(Cause(**record) for record in kept["causes"])
     number = {name: _number(kept[name]) for name in _NUMBERS}
     return TrialOutcome(**{**kept, **lists, **number, "sizes": sizes, "claims": claims, "causes": causes})
 
@@ -235,10 +235,10 @@ def _sizes(effects: Sequence[Json], true: Mapping[str, Mapping[str, float]]) -> 
         amplitudes = true.get(effect["name"], {})
         largest = max((abs(value) for value in amplitudes.values()), default=0.0)
         for name, value in amplitudes.items():
-            found = effect["parameters"].get(name)
-            if found is not None and largest > 0.0:
-                low, high = found["interval90"]
-                error = abs(found["value"] - value) / largest
+            fitted = effect["parameters"].get(name)
+            if fitted is not None and largest > 0.0:
+                low, high = fitted["interval90"]
+                error = abs(fitted["value"] - value) / largest
                 errors.append(SizeError(effect["name"], name, error, low <= value <= high, abs(value) == largest))
     return errors
 

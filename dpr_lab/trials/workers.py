@@ -31,8 +31,8 @@ START_WORKERS = "dask worker {scheduler} --host 127.0.0.1 --dashboard-address 12
 
 def exposure(scheduler: str) -> str | None:
     """What others could do at this address, a sentence; None on this machine's own interface, or under TLS."""
-    found = ADDRESS.fullmatch(scheduler)
-    if found is None or found["scheme"] == "tls" or _loopback(found["host"].strip("[]")):
+    address = ADDRESS.fullmatch(scheduler)
+    if address is None or address["scheme"] == "tls" or _loopback(address["host"].strip("[]")):
         return None
     return (
         f"warning: {scheduler}: whoever reaches this scheduler or its workers over the network can run any code there"

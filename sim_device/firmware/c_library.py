@@ -58,8 +58,8 @@ def compile_to(target: Path, *flags: str) -> None:
 
 def _compiler() -> str:
     for name in (os.environ.get("CC", ""), *COMPILERS):
-        if found := shutil.which(name):
-            return found
+        if compiler := shutil.which(name):
+            return compiler
     raise ConfigError(
         "the firmware in C needs a C compiler and none was found (cc, gcc, clang): install one (Debian: apt install"
         " gcc), or take the firmware in Python"

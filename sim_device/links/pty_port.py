@@ -75,8 +75,8 @@ class PtyPort:
     def _poll(self, events: int, timeout: float) -> int:
         poll = select.poll()
         poll.register(self._master, events)
-        found = poll.poll(1000 * timeout)
-        return found[0][1] if found else 0
+        events_ready = poll.poll(1000 * timeout)
+        return events_ready[0][1] if events_ready else 0
 
     def close(self) -> None:
         """Hang up: the host's end fails from now on, as when the cable is pulled."""

@@ -155,15 +155,15 @@ class Plant:
         """As `goes_on`, under torques (n - 1, 2) of joint 1 and 2 that hold from each instant to the next, N m."""
         changes = 1 + np.flatnonzero((np.diff(torques, axis=0) != 0).any(axis=1))
         (model, mode), ripple = self._driven, np.array(self.config.drives.ripple)
-        found = [np.array([[*state[:6], *state.internal]])]
+        states = [np.array([[*state[:6], *state.internal]])]
         for first, last in pairwise([0, *changes.tolist(), len(torques)]):
             params = model.params.copy()
             params[CONSTANT] += torques[first]
             params[RIPPLE] += torques[first][:, None] * ripple
             part = integrate(model._replace(params=params), mode, state, t[first : last + 1], MAX_STEP)
             state = as_state(part[-1])
-            found.append(part[1:])
-        return np.concatenate(found)
+            states.append(part[1:])
+        return np.concatenate(states)
 
     @cached_property
     def _driven(self) -> tuple[RigModel, int]:

@@ -134,15 +134,15 @@ def driven_runs(
 
 def done_by_drives(config: DriveConfig) -> dict[str, dict[str, float]]:
     """Effects of the library that drives have, and their sizes; those of a board that tells what acts have no delay."""
-    found: dict[str, dict[str, float]] = {}
+    effects: dict[str, dict[str, float]] = {}
     for joint in range(2):
         if config.gain[joint] != 1.0:
-            found[TORQUE_SCALE[joint].name] = {"excess": config.gain[joint] - 1.0}
+            effects[TORQUE_SCALE[joint].name] = {"excess": config.gain[joint] - 1.0}
         if config.offset_Nm[joint]:
-            found[TORQUE_OFFSET[joint].name] = {"offset_Nm": config.offset_Nm[joint]}
+            effects[TORQUE_OFFSET[joint].name] = {"offset_Nm": config.offset_Nm[joint]}
         if any(config.ripple[joint]):
             sizes = dict(zip(("cos_share", "sin_share"), config.ripple[joint], strict=True))
-            found[TORQUE_RIPPLE[joint].name] = {**sizes, "order": config.ripple_order}
+            effects[TORQUE_RIPPLE[joint].name] = {**sizes, "order": config.ripple_order}
     if config.delay_s and "measured" not in config.tells:
-        found[INPUT_DELAY.name] = {"delay_s": config.delay_s}
-    return found
+        effects[INPUT_DELAY.name] = {"delay_s": config.delay_s}
+    return effects

@@ -34,16 +34,16 @@ def test_off_the_grid_the_truth_is_inside_the_bounds_and_on_no_grid_point(paper:
 
 
 def test_every_reading_grid_and_seed_is_searched_once(paper: Rig, result: Reproduction):
-    assert [found.case for found in result.found] == search_cases(1, tuple(READINGS))
+    assert [found.case for found in result.results] == search_cases(1, tuple(READINGS))
     assert len(set(search_cases(5, tuple(READINGS)))) == 5 * len(READINGS) * len(TRUTHS)
-    for found in result.found:
+    for found in result.results:
         assert found.generations == SHORT.generations
         assert found.H == found.history["best_cost"][-1]
         assert ((paper.bounds[0] <= found.best) & (found.best <= paper.bounds[1])).all()
 
 
 def test_same_seed_same_answer_another_seed_another(paper: Rig, result: Reproduction):
-    first = result.found[0]
+    first = result.results[0]
     again = run_search(first.case, paper, SHORT)
     assert np.array_equal(again.best, first.best)
     assert again.history == first.history
@@ -55,7 +55,7 @@ def test_processes_change_nothing(paper: Rig, result: Reproduction):
     side_by_side = {
         found.case: found for found in run_searches(search_cases(1, tuple(READINGS)), paper, SHORT, workers=2)
     }
-    for found in result.found:
+    for found in result.results:
         assert side_by_side[found.case].history == found.history
 
 

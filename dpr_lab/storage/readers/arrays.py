@@ -93,16 +93,16 @@ def table_of(
         RunError: no array of numbers, none of a name that is wanted, or too many numbers.
     """
     wanted = _wanted(path, arrays, take)
-    found = dict(_columns(wanted))
-    if not found:
+    columns = dict(_columns(wanted))
+    if not columns:
         held = ", ".join(f"{printable(name)} {_shape(array)}" for name, array in arrays.items()) or "nothing"
         raise RunError(f"{path}: holds no columns of numbers; it holds: {held[:500]}")
-    refuse_large(path, sum(map(len, found.values())))
-    last = Counter(name.rsplit("/", 1)[-1] for name in found)
-    short = {name: name if last[name.rsplit("/", 1)[-1]] > 1 else name.rsplit("/", 1)[-1] for name in found}
-    times = [len(column) for name, column in found.items() if is_time(short[name])]
-    rows = times[0] if len(times) == 1 else Counter(map(len, found.values())).most_common(1)[0][0]
-    kept = {name: column for name, column in found.items() if len(column) == rows}
+    refuse_large(path, sum(map(len, columns.values())))
+    last = Counter(name.rsplit("/", 1)[-1] for name in columns)
+    short = {name: name if last[name.rsplit("/", 1)[-1]] > 1 else name.rsplit("/", 1)[-1] for name in columns}
+    times = [len(column) for name, column in columns.items() if is_time(short[name])]
+    rows = times[0] if len(times) == 1 else Counter(map(len, columns.values())).most_common(1)[0][0]
+    kept = {name: column for name, column in columns.items() if len(column) == rows}
     return Table(
         path,
         tuple(printable(short[name]) for name in kept),
@@ -111,7 +111,7 @@ def table_of(
         np.arange(1, rows + 1),
         tuple(notes),
         kind,
-        other_lengths={short[name]: len(column) for name, column in found.items() if name not in kept},
+        other_lengths={short[name]: len(column) for name, column in columns.items() if name not in kept},
     )
 
 

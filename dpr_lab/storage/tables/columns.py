@@ -57,8 +57,8 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
     patterns = {"t": re.compile(_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit]))}
     for axis, quantity in enumerate(AXES):
         patterns[quantity] = re.compile((_COUNT_NAME if unit == "counts" else _ANGLE_NAME).format(axis=axis))
-    found = {q: [n for n in names if p.fullmatch(_bare(n))] for q, p in patterns.items()}
-    return {quantity: matches[0] for quantity, matches in found.items() if len(matches) == 1}
+    named = {q: [n for n in names if p.fullmatch(_bare(n))] for q, p in patterns.items()}
+    return {quantity: matches[0] for quantity, matches in named.items() if len(matches) == 1}
 
 
 def find_columns(
@@ -79,16 +79,16 @@ def find_columns(
     names = [*table.names, *table.other_lengths]
     unit = unit or _said_unit(names, given)
     time_unit = time_unit or _said_time_unit(names, given)
-    found, notes = guess_columns(names, unit, time_unit) | dict(given), ()
-    if not {"theta1", "theta2"} & set(found):
-        by_place = _by_place(table, found.get("t"), rate_hz is not None)
+    named, notes = guess_columns(names, unit, time_unit) | dict(given), ()
+    if not {"theta1", "theta2"} & set(named):
+        by_place = _by_place(table, named.get("t"), rate_hz is not None)
         notes = (f"columns without names taken as {', '.join(by_place)}",) if by_place else ()
-        found |= by_place
+        named |= by_place
     if rate_hz is not None:
-        found.pop("t", None)
-    _refuse(table, found, given, rate_hz is None)
-    _check_units(table, found, unit, time_unit)
-    return Columns(found, unit, time_unit, notes)
+        named.pop("t", None)
+    _refuse(table, named, given, rate_hz is None)
+    _check_units(table, named, unit, time_unit)
+    return Columns(named, unit, time_unit, notes)
 
 
 def find_torques(names: Sequence[str], source: str | None, path: object) -> dict[str, tuple[str, str]]:
@@ -110,14 +110,14 @@ def find_torques(names: Sequence[str], source: str | None, path: object) -> dict
     stated = {name: _TORQUE_KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
     others = [kind for kind in KINDS if kind not in stated.values()]
     unsaid = (source if len(others) == 2 else others[0] if others else None) or ""
-    found: dict[str, dict[str, str]] = {kind: {} for kind in ("", *KINDS)}
+    by_kind: dict[str, dict[str, str]] = {kind: {} for kind in ("", *KINDS)}
     for name, match in matches.items() if source != "none" else ():
-        of_kind = found[stated[name] or unsaid]
+        of_kind = by_kind[stated[name] or unsaid]
         if match[2] in of_kind:
             raise RunError(f"{path}: {of_kind[match[2]]} and {name} are the same torque: leave one out of the table")
         of_kind[match[2]] = name
-    wanted = (source,) if source in KINDS else KINDS if found["measured"] or found["commanded"] else ("",)
-    chosen = {kind: found[kind] for kind in wanted if found[kind]}
+    wanted = (source,) if source in KINDS else KINDS if by_kind["measured"] or by_kind["commanded"] else ("",)
+    chosen = {kind: by_kind[kind] for kind in wanted if by_kind[kind]}
     if source in KINDS and not chosen:
         raise RunError(f"{path}: has no column of {source} torques; it has: {', '.join(names)}")
     driven = {match[2]: name for name, match in matches.items()}
@@ -147,20 +147,20 @@ def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, di
     return grown, {**given, "theta2": NO_ROD}
 
 
-def _refuse(table: Table, found: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
+def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
     names = [*table.names, *table.other_lengths]
     there = f"the table has: {', '.join(names)}"
     for quantity, name in given.items():
         if names.count(name) != 1:
             raise RunError(f"{table.path}: {names.count(name)} columns are named {name!r} ({quantity}); {there}")
-    missing = [q for q in (("t",) if timed else ()) + ("theta1", "theta2") if q not in found]
+    missing = [q for q in (("t",) if timed else ()) + ("theta1", "theta2") if q not in named]
     if missing:
         rate = "; of a table without time say --rate-hz" if "t" in missing else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {there}."
             f" Name it, for example --columns {missing[0]}=NAME; both rods are needed{rate}"
         )
-    other = [name for name in found.values() if name in table.other_lengths]
+    other = [name for name in named.values() if name in table.other_lengths]
     if other:
         lengths = ", ".join(f"{name} {table.other_lengths[name]:,}" for name in other)
         raise RunError(
@@ -190,12 +190,12 @@ def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, s
     if table.settled or not all(_NO_NAME.fullmatch(name) for name in table.names if name != time):
         return {}
     rest = [name for name in table.names if name != time]
-    found: dict[str, str] = {}
+    named: dict[str, str] = {}
     if time is None and not without_time and _runs(table.values[0]):
-        found["t"] = rest.pop(0)
-    if len(rest) not in (2, 3) or (time is None and not without_time and not found):
+        named["t"] = rest.pop(0)
+    if len(rest) not in (2, 3) or (time is None and not without_time and not named):
         return {}
-    return found | dict(zip(AXES[-len(rest) :], rest, strict=True))
+    return named | dict(zip(AXES[-len(rest) :], rest, strict=True))
 
 
 def _runs(column: NDArray[np.float64]) -> bool:
@@ -204,8 +204,8 @@ def _runs(column: NDArray[np.float64]) -> bool:
     return bool(len(steps) and (steps > 0).all() and np.median(steps) > 0.5 * np.mean(steps))
 
 
-def _check_units(table: Table, found: Mapping[str, str], unit: str, time_unit: str) -> None:
-    for quantity, name in found.items():
+def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: str) -> None:
+    for quantity, name in named.items():
         pattern, given = (_SAID_TIME_UNIT, time_unit) if quantity == "t" else (_SAID_UNIT, unit)
         stated = pattern.search(name.lower())
         if stated and (stated[1] or "deg") != given:

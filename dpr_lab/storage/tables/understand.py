@@ -88,8 +88,8 @@ def understand(
     options = stated_arm(rig, options, path, columns.names)
     _refuse_conventions(table, options)
     t = _times(table, columns.names, options)
-    found = {axis: table.column(columns.names[axis]) for axis in AXES if axis in columns.names}
-    readings, unrecorded = _recorded(table, found)
+    columns_read = {axis: table.column(columns.names[axis]) for axis in AXES if axis in columns.names}
+    readings, unrecorded = _recorded(table, columns_read)
     _check_forwards(table, t, options)
     outliers = _drop_outliers(readings, rig, options)
     recorded = [name for name, column in zip(table.names, table.values, strict=True) if not np.isnan(column).all()]
