@@ -73,9 +73,10 @@ def _multiarm(folder: Path) -> Case:
     Z |= {"c1": known["k1_Nms"], "c2": known["k2_Nms"], "J1": known["J1_kgm2"], "J2": known["J2_kgm2"]}
     return Case(
         "MultiArm pendulum, 80 s at 1 kHz",
-        "Kaheman et al. (2022), arXiv 2205.06231; data of dynamicslab/MultiArm-Pendulum, MIT. Arms on bearings, cart"
-        " fixed, an encoder on each joint; angles look interpolated. One record: the tool cuts it and holds out every"
-        " second piece.",
+        "Kaheman et al. (2022), arXiv 2205.06231; data of dynamicslab/MultiArm-Pendulum, MIT. Rods on ball bearings,"
+        " cart fixed, one encoder per joint; the angles seem to be interpolated. The single recording is cut"
+        " into parts,"
+        " of which every second one is held out.",
         rig,
         [import_csv(file, rig, HANGING)],
         [],
@@ -159,7 +160,7 @@ def _driven(folder: Path) -> Iterator[Case]:
 
 
 def section(case: Case) -> str:
-    """One diagnosis in words, beside the published model on the same held-out recordings."""
+    """One diagnosis in words, next to the published model on the same held-out recordings."""
     began = time.process_time()
     found = diagnose(case.runs, case.rig, held_out=case.held_out)
     seconds = time.process_time() - began
@@ -173,9 +174,9 @@ def section(case: Case) -> str:
             "",
             f"Verdict: **{found.verdict.replace('_', ' ')}**. {found.sentence}",
             "",
-            f"Explained {_percent(found.gap.explained_share)} of the excess where fitted; closes"
-            f" {_percent(found.gap.closed_held_out.estimate)} of the gap [{_percent(low)}, {_percent(high)}] on"
-            f" recordings that took no part; {seconds:.0f} s of one core.",
+            f"Explained excess chi-square of the fitted recordings: {_percent(found.gap.explained_share)}. Gap"
+            f" reduction on held-out data: {_percent(found.gap.closed_held_out.estimate)} (90 % interval {_percent(low)} to"
+            f" {_percent(high)}). Time: {seconds:.0f} s on one core.",
             "",
             *beside[0],
             *_table(["effect", "probability", "share", "size"], _effects(found)),
@@ -186,7 +187,7 @@ def section(case: Case) -> str:
 
 
 def _beside(case: Case, found: Diagnosis, published: Published) -> tuple[list[str], list[str]]:
-    """Ratios, and free runs on held-out recordings, beside those of the published model."""
+    """Ratios, and free runs on held-out recordings, next to those of the published model."""
     _, unseen, _ = in_pieces(case.runs, case.held_out)
     base = base_parameters([published.Z[name] for name in PARAMETERS], case.rig.L1, case.rig.g)
     at = Estimate.of(unknown_ratios(base), effect_params(published.effects), np.zeros((0, 4)))
@@ -195,9 +196,9 @@ def _beside(case: Case, found: Diagnosis, published: Published) -> tuple[list[st
     errors = np.array([[theirs[name], *found.gap.free_run_rad[name].values()] for name in tried])
     rows = [[name, *_four(row)] for name, row in zip(tried, errors, strict=True)]
     rows.append(["**median**", *_four(np.median(errors, axis=0))])
-    head = ["recording", f"published ({published.words})", "bare model, fitted", "with the effects"]
-    ratio_table = _table(["ratio", "found", "90 %", "published"], _ratios(found, ratios(base)))
-    told = "Free run from the first readings of held-out recordings, rms, rad:"
+    head = ["recording", f"published ({published.words})", "bare model", "corrected model"]
+    ratio_table = _table(["ratio", "estimate", "90 % interval", "published"], _ratios(found, ratios(base)))
+    told = "Rms error of the free run on held-out recordings (rad); the initial state is fitted to the first readings:"
     return [*ratio_table, ""], [told, "", *_table(head, rows), ""]
 
 

@@ -78,6 +78,10 @@ dpr-lab diagnose runs/*.mcap --rig my_rig.toml --out out/diagnosis
 dpr-lab rig show paper > my_rig.toml
 {DRY} runs
 """,
+    "docs/how-to/blind-trials.md": f"""
+dpr-lab rig show paper > my-rig.toml
+{DRY} runs
+""",
     "docs/how-to/check.md": """
 python - <<'END'
 from pathlib import Path
@@ -126,6 +130,7 @@ STAND_INS = (
     StandIn(r"^(dpr-lab conform 'sim://' .*)$", r"\1 || \1 || \1", "a busy machine may not keep the simulated rate"),
     StandIn(r"^dpr-lab tui ", "python -m tests.on_a_terminal dpr-lab tui ", "a terminal, and somebody who leaves"),
     StandIn(r"trials campaign( --n 500)?", "trials campaign --n 1", "one trial of hundreds"),
+    StandIn(r"--trust 40", "--trust 1", "one trial of forty"),
     StandIn(r"SCHEDULER:8786|127.0.0.1:8786", f"127.0.0.1:{PORT}", "a port that nobody else has"),
     StandIn(r"127.0.0.1:8787", "127.0.0.1:0", "a port that nobody else has"),
     StandIn(r"^(dask scheduler .*)$", rf"{END}\1 --port {PORT} & scheduler=$!; {LISTENS}", "beside what follows"),

@@ -23,25 +23,33 @@ def capture(
     rig: RigName,
     link: Annotated[
         str | None,
-        typer.Option(help="Where the device is, e.g. serial:///dev/ttyACM0?baud=921600; the rig file's when left out."),
+        typer.Option(
+            help="Link to the device, e.g. serial:///dev/ttyACM0?baud=921600; default: the link of the rig file."
+        ),
     ] = None,
-    pose: Annotated[list[str] | None, typer.Option(help="Pose to release from, repeatable; all when left out.")] = None,
-    duration: Annotated[float, typer.Option(callback=positive, help="How long to record after the release, s.")] = 10.0,
+    pose: Annotated[
+        list[str] | None, typer.Option(help="Pose to release from; may be repeated; default: all poses.")
+    ] = None,
+    duration: Annotated[
+        float, typer.Option(callback=positive, help="Duration of the recording after the release, s.")
+    ] = 10.0,
     until_rest: Annotated[
         bool, typer.Option("--until-rest", help="Record until both rods are at rest, at most 180 s.")
     ] = False,
-    repeat: Annotated[int, typer.Option(min=1, help="How often to go through the poses.")] = 1,
-    rate_hz: Annotated[int | None, typer.Option(min=1, help="Sample rate; the rig file's when left out.")] = None,
+    repeat: Annotated[int, typer.Option(min=1, help="Number of releases from each pose.")] = 1,
+    rate_hz: Annotated[
+        int | None, typer.Option(min=1, help="Sample rate, Hz; default: the rate of the rig file.")
+    ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Release as soon as the checks pass, without asking.")] = False,
     rods: Rods = None,
     elbow: Elbow = None,
-    note: Annotated[str, typer.Option(help="Words to keep with the runs.")] = "",
+    note: Annotated[str, typer.Option(help="Note stored with the runs.")] = "",
     out: Annotated[Path, typer.Option(help="Folder of the runs.")] = Path("runs"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Record free swings: one run file for each release.
 
-    The rods are let go only at the pose, at rest, and on the operator's order: Enter on a terminal; without a
+    The rods are released only at the pose, at rest, and on the order of the operator: Enter on a terminal; without a
     terminal, or with --yes, the poses named on the command line are that order.
 
     Example: dpr-lab capture --rig paper --link sim:// --pose X1 --pose X2 --pose X3 --out runs

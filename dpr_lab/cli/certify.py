@@ -22,7 +22,10 @@ def certify(
     library: Library = None,
     without: Without = None,
     max_effects: MaxEffects = 4,
-    seed: Annotated[int, typer.Option(min=0, max=(1 << 63) - 1, help="Same seed, same answer.")] = 0,
+    seed: Annotated[
+        int,
+        typer.Option(min=0, max=(1 << 63) - 1, help="Seed of the random numbers; the same seed gives the same answer."),
+    ] = 0,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
     sign: Annotated[
@@ -81,20 +84,22 @@ def _show_certified(made: "Certified") -> None:
 
 
 def verify(
-    certificate: Annotated[Path, typer.Argument(help="A certificate, its recordings where it says.")],
+    certificate: Annotated[
+        Path, typer.Argument(help="Certificate; its recordings must be at the paths that it names.")
+    ],
     signed_by: Annotated[
         Path | None,
         typer.Option(
             metavar="PUBKEY",
-            help="Fail unless this Ed25519 public key signed it (extra `signing`).",
+            help="Fail unless the certificate is signed with this Ed25519 public key (extra `signing`).",
         ),
     ] = None,
     same_code: Annotated[
-        bool, typer.Option("--same-code", help="Fail unless code and libraries are those of the certificate.")
+        bool, typer.Option("--same-code", help="Fail unless code and libraries match the certificate.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Repeat a certified diagnosis and compare every claim; ends with 1 where one does not hold.
+    """Repeat a certified diagnosis and compare every claim; exits with 1 if a claim does not hold.
 
     The claims and their tolerances are rules of this program, not of the file. What the certificate declares and no
     repetition can confirm (choices, code, origin) is shown first.

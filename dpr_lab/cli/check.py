@@ -23,9 +23,7 @@ def check(
     std: Annotated[
         str | None, typer.Option(help="Its standard uncertainty; without a unit it is in the unit of the value.")
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Take a value that none of the candidate causes predicts.")
-    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Accept a value that no candidate cause predicts.")] = False,
     rig: Annotated[
         str | None,
         typer.Option(help="Rig file; by default the one stored with the run.", autocompletion=complete_rig),

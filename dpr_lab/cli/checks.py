@@ -158,7 +158,8 @@ RigName = Annotated[str, typer.Option(help="Rig file, or the name of a built-in 
 Library = Annotated[
     str | None,
     typer.Option(
-        help="Effects to choose from, by comma, by name or words; all by default. Tab completes; docs/effects.md.",
+        help="Candidate effects, separated by commas, as identifiers or names; default: all (docs/effects.md)."
+        " Tab completes.",
         callback=EFFECT_NAMES.check,
         autocompletion=EFFECT_NAMES.complete,
     ),
@@ -166,27 +167,30 @@ Library = Annotated[
 Without = Annotated[
     list[str] | None,
     typer.Option(
-        help="Effect to leave out, by name or words; may be given again.",
+        help="Effect to exclude, as identifier or name; may be repeated.",
         callback=EFFECT_NAMES.check_each,
         autocompletion=EFFECT_NAMES.complete,
     ),
 ]
 MaxEffects = Annotated[int, typer.Option(min=1, max=8, help="Maximum number of effects at once.")]
 HeldOut = Annotated[
-    list[Path] | None, typer.Option(help="Run that names must carry over to, not fitted; may be given again.")
+    list[Path] | None, typer.Option(help="Held-out run: used to validate the diagnosis, not fitted; may be repeated.")
 ]
 AnyClock = Annotated[
-    bool, typer.Option("--any-clock", help="Take runs of a device whose clock is further off than a crystal's.")
+    bool,
+    typer.Option(
+        "--any-clock", help="Accept runs of a device whose clock rate error is larger than that of a crystal."
+    ),
 ]
 TorqueKind = Annotated[
     Literal["measured", "commanded"] | None,
-    typer.Option("--torque", help="Which known torques drove the joints of runs that hold both; else the measured."),
+    typer.Option("--torque", help="Torques to use for runs that contain both kinds; default: measured."),
 ]
 Rods = Annotated[
     Literal["both", "inner", "outer"] | None,
-    typer.Option(help="Which rods hang on the rig; one alone hangs on joint 1. As the rig file says when left out."),
+    typer.Option(help="Mounted rods; a single rod is mounted on joint 1. Default: the value in the rig file."),
 ]
 Elbow = Annotated[
     Literal["free", "clamped"] | None,
-    typer.Option(help="Whether joint 2 can turn. As the rig file says when left out."),
+    typer.Option(help="Whether joint 2 can turn. Default: the value in the rig file."),
 ]

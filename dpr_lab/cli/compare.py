@@ -11,8 +11,10 @@ from dpr_lab.workflows.compare import compare as compare_runs
 
 
 def compare(
-    runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap); those the model never saw are held out.")],
-    model: Annotated[Path, typer.Option(help="The model that `identify` wrote.")],
+    runs: Annotated[
+        list[Path], typer.Argument(help="Run files (.mcap); those that the model was not fitted to are held out.")
+    ],
+    model: Annotated[Path, typer.Option(help="Model that `identify` wrote.")],
     out: Annotated[Path, typer.Option(help="Folder of the figures and the report.")] = Path("report"),
     torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,

@@ -10,9 +10,9 @@ from dpr_lab.cli.console import emit, json_mode, progress, table
 
 
 def conform(
-    link: Annotated[str, typer.Argument(help="Where the device is, e.g. serial:///dev/ttyACM0?baud=921600.")],
+    link: Annotated[str, typer.Argument(help="Link to the device, e.g. serial:///dev/ttyACM0?baud=921600.")],
     rods_off: Annotated[
-        bool, typer.Option("--rods-off", help="There are no rods on it: the latch is opened again and again.")
+        bool, typer.Option("--rods-off", help="Confirm that no rods are mounted: the latch is opened repeatedly.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:

@@ -21,9 +21,11 @@ def demo(
     ] = False,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, help="Same seed, same demo; when left out, fresh chance draws the plant of the trial."),
+        typer.Option(
+            min=0, help="The same seed gives the same demo; by default, new random numbers draw the plant of the trial."
+        ),
     ] = None,
-    realtime: Annotated[bool, typer.Option("--realtime", help="Let the device take its ten seconds a swing.")] = False,
+    realtime: Annotated[bool, typer.Option("--realtime", help="Simulate in real time: ten seconds per swing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is hidden.
@@ -67,7 +69,7 @@ def _write_tables(out: Path, as_json: bool) -> None:
 def _record(done: "DemoResult") -> dict[str, Any]:
     from dpr_lab.cli.trials import opening
 
-    known, withheld = done.known, done.withheld
+    known, hidden = done.known, done.hidden
     return {
         "runs": [str(file) for file in known.runs],
         "model": str(known.model_file),
@@ -75,7 +77,7 @@ def _record(done: "DemoResult") -> dict[str, Any]:
         "ratios": {name: estimate.model_dump() for name, estimate in known.model.ratios.items()},
         "plant": known.ratios,
         "deviations_std": {name: row[-1] for name, row in known.comparison.items()},
-        "trial": opening(withheld.opened) | {"folder": str(withheld.trial.folder), "report": withheld.report},
+        "trial": opening(hidden.opened) | {"folder": str(hidden.trial.folder), "report": hidden.report},
     }
 
 
@@ -84,7 +86,7 @@ def _show(done: "DemoResult") -> None:
     from dpr_lab.cli.trials import show_opened
     from dpr_lab.report.words import in_words
 
-    known, withheld = done.known, done.withheld
+    known, hidden = done.known, done.hidden
     show_model(known.model)
     table(
         "Five ratios: identified, and the plant's own",
@@ -94,7 +96,7 @@ def _show(done: "DemoResult") -> None:
     line(f"report: {known.report}")
     line()
     line("Blind trial: a plant with a hidden effect")
-    line(f"bare model: residual {withheld.model.fit.chi2_per_dof:.3g} times what the noise allows (1 is noise alone)")
-    line(f"diagnosis: {in_words(withheld.diagnosis.sentence)}")
-    show_opened(withheld.opened, withheld.trial)
-    line(f"report: {withheld.report}")
+    line(f"bare model: residual {hidden.model.fit.chi2_per_dof:.3g} times what the noise allows (1 is noise alone)")
+    line(f"diagnosis: {in_words(hidden.diagnosis.sentence)}")
+    show_opened(hidden.opened, hidden.trial)
+    line(f"report: {hidden.report}")

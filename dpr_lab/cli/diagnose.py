@@ -23,35 +23,45 @@ if TYPE_CHECKING:
 
 
 def diagnose(
-    runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap); three releases or more tell effects apart.")],
+    runs: Annotated[
+        list[Path], typer.Argument(help="Run files (.mcap); three releases or more distinguish more effects.")
+    ],
     rig: RigName,
-    model: Annotated[Path | None, typer.Option(help="A model that `identify` wrote, to start from.")] = None,
+    model: Annotated[Path | None, typer.Option(help="Model that `identify` wrote; the start of the fit.")] = None,
     held_out: HeldOut = None,
     library: Library = None,
     without: Without = None,
     max_effects: MaxEffects = 4,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder of report, figures, corrected model and exports.")] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same answer.")
+    ] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the report, figures, corrected model and exports.")
+    ] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
     fail_on: Annotated[
         str | None,
         typer.Option(
-            help="End with 1 on any of these, by comma: gap, unexplained, unsure, sensor. Recordings that cannot show a"
-            " gap, or are probably described wrongly, always end with 1.",
+            help="Exit with 1 on any of these, separated by commas: gap, unexplained, unsure, sensor."
+            " Recordings that cannot show a"
+            " gap, or are probably described wrongly, always exit with 1.",
             callback=REASON_NAMES.check,
             autocompletion=REASON_NAMES.complete,
         ),
     ] = None,
     trust: Annotated[
-        int, typer.Option(min=0, help="Blind trials on plants like this rig; each takes as long as the diagnosis.")
+        int,
+        typer.Option(
+            min=0, help="Number of blind trials on simulated plants like this rig; each takes as long as the diagnosis."
+        ),
     ] = 0,
     explain: Annotated[
-        bool, typer.Option(help="Print every trial of the model search, and why it was decided so.")
+        bool, typer.Option(help="Print every trial of the model search and the reason for its decision.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Say where simulation and rig differ, which effect causes it, how sure that is and how much of it closes.
+    """Explain the gap between simulation and rig: location, causes, probabilities and gap reduction on held-out data.
 
     Example: dpr-lab diagnose runs/*.mcap --rig paper --out out/diagnosis
     """
@@ -95,36 +105,39 @@ def show(found: "Diagnosis") -> None:
     from dpr_lab.report.gap import tables
     from dpr_lab.report.gap.sections.trust import trust_words
     from dpr_lab.report.gap.sizes import scale_note
+    from dpr_lab.report.gap.summary import summary_note
     from dpr_lab.report.words import in_words
 
     line(tables.sentence(found))
+    if causes := tables.summary_rows(found):
+        note = f"{summary_note(found)} {scale_note(found)}".strip()
+        table("Causes", tables.SUMMARY_COLUMNS, causes, note=note)
     for remedy in found.remedies:
         line(in_words(remedy))
     line(in_words(found.where_sentence))
     if found.effects:
         table(
-            "Which effects",
-            tables.EFFECT_COLUMNS,
-            tables.effect_rows(found),
-            note=f"{tables.EFFECT_NOTE} {scale_note(found)}".strip(),
+            "Contributions of the effects",
+            tables.CONTRIBUTION_COLUMNS,
+            tables.contribution_rows(found),
+            note=tables.EFFECT_NOTE,
         )
     if len(found.effects) > 1:
-        table("One effect after the other", tables.STEP_COLUMNS, tables.step_rows(found), note=tables.STEP_NOTE)
+        table("Gap budget", tables.STEP_COLUMNS, tables.step_rows(found), note=tables.STEP_NOTE)
     if rows := tables.standing_rows(found):
-        table("How sure that is", tables.STANDING_COLUMNS, rows, note=tables.STANDING_NOTE)
+        table("Alternatives", tables.STANDING_COLUMNS, rows, note=tables.STANDING_NOTE)
     if found.effects:
-        closed = f"{tables.closed_sentence(found)} {tables.CLOSED_NOTE}"
-        table("How far the gap closes", tables.CLOSED_COLUMNS, tables.closed_rows(found), note=closed)
+        table("Gap reduction by run", tables.CLOSED_COLUMNS, tables.closed_rows(found), note=tables.CLOSED_NOTE)
     elif found.where:
-        table("Where the gap can lie", tables.PLACE_COLUMNS, tables.place_rows(found))
+        table("Residual maps", tables.PLACE_COLUMNS, tables.place_rows(found))
     if found.sensor_findings:
         table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(found))
     if found.checks:
-        table("Checks", tables.CHECK_COLUMNS, tables.check_rows(found), note=tables.CHECK_NOTE)
+        table("Recommended checks", tables.CHECK_COLUMNS, tables.check_rows(found), note=tables.CHECK_NOTE)
     if found.trust:
         for sentence in trust_words(found):
             line(sentence)
-    line("What to do next")
+    line("Next recordings and checks")
     for number, step in enumerate(tables.next_steps(found), 1):
         line(f"{number}. {step}")
 

@@ -30,12 +30,12 @@ class SystemCheck:
 
 def doctor(
     link: Annotated[
-        str | None, typer.Option(help="A link to greet the device on, e.g. serial:///dev/ttyACM0?baud=921600.")
+        str | None, typer.Option(help="Link to the device, e.g. serial:///dev/ttyACM0?baud=921600.")
     ] = None,
-    rig: Annotated[str | None, typer.Option(help="A rig file to check, and to check the device against.")] = None,
+    rig: Annotated[str | None, typer.Option(help="Rig file to check and to compare with the device.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Find ports and buses, check packages and permissions, greet the device, say what is wrong.
+    """Check ports, buses, packages, permissions and the handshake with the device, and report each problem.
 
     Example: dpr-lab doctor --link sim:// --rig paper
     """

@@ -11,26 +11,27 @@ from dpr_lab.cli.console import emit, json_mode, line, table
 
 def drift(
     runs: Annotated[
-        list[Path], typer.Argument(help="Run files (.mcap) of two groups or more, the same poses in each.")
+        list[Path], typer.Argument(help="Run files (.mcap) of at least two groups, with the same poses in each.")
     ],
     rig: RigName,
     by: Annotated[
         Literal["day", "session", "label"],
         typer.Option(
-            help="What makes a group: the day, a pause of an hour, or the run's note (its folder without one)."
+            help="Criterion of the groups: day, pause of one hour (session), or note of the run (label; without"
+            " a note, its folder)."
         ),
     ] = "day",
     diagnosis: Annotated[
-        Path | None, typer.Option(help="What diagnose --json printed: the sizes of its effects are watched too.")
+        Path | None, typer.Option(help="Output of `diagnose --json`: the sizes of its effects are compared too.")
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="The model that `identify` wrote, to start from.")] = None,
-    fail_on_drift: Annotated[bool, typer.Option("--fail-on-drift", help="End with 1 when something moved.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder of control charts and page.")] = None,
+    model: Annotated[Path | None, typer.Option(help="Model that `identify` wrote; the start of the fit.")] = None,
+    fail_on_drift: Annotated[bool, typer.Option("--fail-on-drift", help="Exit with 1 if a parameter changed.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder of the control charts and the report.")] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Say which parameters of a rig moved between groups of runs, by how much and between which groups.
+    """Find the parameters of a rig that changed between groups of runs, with the size of each change.
 
     Example: dpr-lab drift runs/*.mcap --rig paper --by day --fail-on-drift --out drift
     """

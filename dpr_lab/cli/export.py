@@ -25,13 +25,16 @@ def export(
     ] = "mjcf,python,urdf,sdf",
     check: Annotated[
         list[Path] | None,
-        typer.Option(help="Run to replay in each program, and to refit what a format cannot express; may be repeated."),
+        typer.Option(
+            help="Run to replay in each program; effects that a format cannot express are refitted to it. May"
+            " be repeated."
+        ),
     ] = None,
     torque: TorqueKind = None,
     out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("export"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Write a model for MuJoCo, Python, URDF, SDFormat or FMI, and say how well it does there.
+    """Export a model to MuJoCo, Python, URDF, SDFormat or FMI, and report its accuracy there.
 
     Example: dpr-lab export out/diagnosis --rig paper --to mjcf,python --check runs/x1.mcap --out export
     """

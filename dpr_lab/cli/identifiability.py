@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 def identifiability(
     rig: RigName,
     runs: Annotated[
-        list[Path] | None, typer.Argument(help="Run files (.mcap); none: releases simulated from the rig's poses.")
+        list[Path] | None,
+        typer.Argument(help="Run files (.mcap); default: releases simulated from the poses of the rig file."),
     ] = None,
     torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Say what free swings can and cannot tell about a rig, and which bench measurement tells the rest.
+    """Analyse which parameters of a rig free swings identify, and recommend bench measurements for the others.
 
     Example: dpr-lab identifiability runs/*.mcap --rig paper
     """

@@ -20,7 +20,8 @@ def identify(
     objective: Annotated[
         str,
         typer.Option(
-            help="short segments, chaos-safe [segments], or published E(Z), whole runs [paper].",
+            help="residuals of short segments, which tolerates chaos [segments], or the published E(Z) of whole"
+            " runs [paper].",
             callback=OBJECTIVE_NAMES.check,
             autocompletion=OBJECTIVE_NAMES.complete,
         ),
@@ -40,9 +41,11 @@ def identify(
     settings: Annotated[
         str | None, typer.Option(help="Search settings: a TOML file, or the name of a built-in one.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same answer.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same answer.")
+    ] = 0,
     profile: Annotated[bool, typer.Option("--profile", help="Add profile likelihood intervals of the ratios.")] = False,
-    out: Annotated[Path, typer.Option(help="Where the model is written.")] = Path("model.json"),
+    out: Annotated[Path, typer.Option(help="File of the model.")] = Path("model.json"),
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dpr_lab.storage.tables.preview import Preview
 
 import_app = typer.Typer(
-    help="Turn foreign recordings into runs.", cls=Listing, no_args_is_help=True, rich_markup_mode=None
+    help="Import recordings of other loggers.", cls=Listing, no_args_is_help=True, rich_markup_mode=None
 )
 
 AXES = ("theta0", "theta1", "theta2")
@@ -32,39 +32,46 @@ def import_table(
         Path, typer.Argument(help="A table, .csv.gz, .mat, .npz, .h5, .parquet, .mcap, or a bag's folder.")
     ],
     rig: RigName,
-    pose: Annotated[str | None, typer.Option(help="The rig's pose that the swing started from.")] = None,
+    pose: Annotated[str | None, typer.Option(help="Pose of the rig file from which the swing started.")] = None,
     angles: Annotated[
         Literal["absolute", "relative"], typer.Option(help="theta2 to the vertical, or to the inner rod.")
     ] = "absolute",
-    zero: Annotated[Literal["upright", "hanging"], typer.Option(help="Where the angles are zero.")] = "upright",
+    zero: Annotated[Literal["upright", "hanging"], typer.Option(help="Pose in which the angles are zero.")] = "upright",
     unit: Annotated[
-        Literal["rad", "deg", "counts"] | None, typer.Option(help="What the angles are in; else as the columns say.")
+        Literal["rad", "deg", "counts"] | None,
+        typer.Option(help="Unit of the angles; by default read from the column names."),
     ] = None,
     time_unit: Annotated[
-        Literal["s", "ms", "us"] | None, typer.Option(help="What the time is in; else as its column says.")
+        Literal["s", "ms", "us"] | None, typer.Option(help="Unit of the time; by default read from the column name.")
     ] = None,
     columns: Annotated[
-        str | None, typer.Option(help="Which column is which, e.g. t=time,theta1=q1,theta2=q2; guessed when left out.")
+        str | None, typer.Option(help="Names of the columns, e.g. t=time,theta1=q1,theta2=q2; recognised by default.")
     ] = None,
     take: Annotated[
-        str | None, typer.Option(help="What of the file: a bag's topic, arrays or groups, the points PIVOT,ELBOW,TIP.")
+        str | None,
+        typer.Option(help="Part of the file: topic of a bag, arrays or groups, or the points PIVOT,ELBOW,TIP."),
     ] = None,
-    rate_hz: Annotated[float | None, typer.Option(callback=positive, help="Rows a second, without times.")] = None,
+    rate_hz: Annotated[
+        float | None, typer.Option(callback=positive, help="Sample rate, for a table without times.")
+    ] = None,
     wrap: Annotated[
-        float | None, typer.Option(callback=positive, help="Where the logger wraps, in its unit, e.g. 360 or 4096.")
+        float | None,
+        typer.Option(callback=positive, help="Period at which the angles wrap, in their unit, e.g. 360 or 4096."),
     ] = None,
     time_wrap: Annotated[
         float | None,
-        typer.Option(callback=positive, help="Where the times wrap, in their unit: 4294967296 for a 32-bit counter."),
+        typer.Option(
+            callback=positive, help="Period at which the times wrap, in their unit: 4294967296 for a 32-bit counter."
+        ),
     ] = None,
     scale: Annotated[str | None, typer.Option(help="Multiply the angles: -1, or theta1=-1,theta2=0.5.")] = None,
     offset: Annotated[str | None, typer.Option(help="Then add, in their unit: 90, or theta1=90.")] = None,
     torque: Annotated[
         Literal["measured", "commanded", "none"] | None,
-        typer.Option(help="Keep only these torques, of a table that holds both; none: take it as a free swing."),
+        typer.Option(help="Torques to use if the table has both kinds; none: treat it as a free swing."),
     ] = None,
     input_delay_s: Annotated[
-        float, typer.Option(min=-1, max=1, help="How much later than logged the torques act, if known.")
+        float, typer.Option(min=-1, max=1, help="Delay between the logged and the acting torques, s, if known.")
     ] = 0.0,
     arm: Annotated[
         Literal["clamped", "free", "prescribed", "driven"] | None,
@@ -75,19 +82,21 @@ def import_table(
     rods: Rods = None,
     elbow: Elbow = None,
     keep_rest: Annotated[
-        bool, typer.Option("--keep-rest", help="Take all rows, even where the rods seem to be held.")
+        bool, typer.Option("--keep-rest", help="Keep all rows, also those in which the rods seem to be held.")
     ] = False,
     recorded_at: Annotated[
-        str, typer.Option(help="When it was recorded, e.g. 2026-03-01 or 2026-03-01T14:30; local time without a zone.")
+        str, typer.Option(help="Time of the recording, e.g. 2026-03-01 or 2026-03-01T14:30; local time without a zone.")
     ] = "",
-    note: Annotated[str, typer.Option(help="Your own words, kept with the run; drift --by label reads them.")] = "",
-    start_s: Annotated[float, typer.Option(min=0, help="Leave out so much of the beginning.")] = 0.0,
-    duration_s: Annotated[float | None, typer.Option(callback=positive, help="Keep only so much.")] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what was understood, write nothing.")] = False,
+    note: Annotated[str, typer.Option(help="A note stored with the run; `drift --by label` groups by it.")] = "",
+    start_s: Annotated[float, typer.Option(min=0, help="Duration to cut from the beginning, s.")] = 0.0,
+    duration_s: Annotated[float | None, typer.Option(callback=positive, help="Duration to keep, s.")] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show how the table is interpreted, without writing a run.")
+    ] = False,
     out: Annotated[Path, typer.Option(help="Folder of the run.")] = Path("runs"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Import a recording of any logger; gaps and uneven time stamps are kept, a doubled row is left out and counted.
+    """Import a table of any logger as a run; gaps and uneven time stamps are kept, repeated rows are dropped.
 
     Text in any form, .mat, .npz, Parquet, HDF5, JointState in MCAP or a ROS 2 bag, points of Tracker or DeepLabCut.
 

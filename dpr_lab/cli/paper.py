@@ -13,15 +13,22 @@ QUICK = {"seeds": 2, "generations": 60}
 
 def paper(
     out: Annotated[Path, typer.Option(help="Folder of paper.md, paper.json, tables and figures.")] = Path("out/paper"),
-    seeds: Annotated[int, typer.Option(min=1, help="Searches for each reading of H, on and off the grid.")] = 5,
-    generations: Annotated[int, typer.Option(min=1, help="The published search has 1000.")] = 1000,
+    seeds: Annotated[
+        int, typer.Option(min=1, help="Number of searches for each interpretation of H, on and off the grid.")
+    ] = 5,
+    generations: Annotated[
+        int, typer.Option(min=1, help="Number of generations; the published search has 1000.")
+    ] = 1000,
     quick: Annotated[
-        bool, typer.Option("--quick", help="At most 2 seeds and 60 generations: whether it runs, not how well.")
+        bool,
+        typer.Option(
+            "--quick", help="At most 2 seeds and 60 generations: tests that the searches run, not their accuracy."
+        ),
     ] = False,
-    workers: Annotated[int, typer.Option(min=0, help="Searches side by side; 0: one on each core.")] = 0,
+    workers: Annotated[int, typer.Option(min=0, help="Number of searches run in parallel; 0: one per core.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Repeat the published tables, searches and figures, and say what does not reproduce.
+    """Reproduce the published tables, searches and figures, and list what does not reproduce.
 
     Example: dpr-lab paper --out out/paper
     """

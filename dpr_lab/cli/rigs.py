@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dpr_lab.workflows.rig_file import Measure
 
 app = typer.Typer(
-    help="Rig files: built in, new, checked (docs/rig-file.md says every key).",
+    help="List, show, create and check rig files (docs/rig-file.md documents every key).",
     cls=Listing,
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -26,7 +26,7 @@ Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 
 @app.command("list")
 def list_(as_json: Json = False) -> None:
-    """Names of the built-in rigs, for --rig.
+    """List the built-in rigs, for --rig.
 
     Example: dpr-lab rig list
     """
@@ -47,7 +47,7 @@ def show(
     rig: Annotated[str, typer.Argument(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
     as_json: Json = False,
 ) -> None:
-    """The text of a rig file, after it has been checked.
+    """Print a rig file after checking it.
 
     Example: dpr-lab rig show paper > my_rig.toml
     """
@@ -94,7 +94,7 @@ def new(
     out: Annotated[Path | None, typer.Option(help="File to write; NAME.toml when left out.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a rig file with sensible bounds from lengths and masses. A terminal is asked for missing values.
+    """Write a rig file from lengths and masses, with plausible bounds. A terminal is asked for missing values.
 
     Example: dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12 --out my_rig.toml
     """
@@ -143,7 +143,7 @@ def check(
     rig: Annotated[str, typer.Argument(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
     as_json: Json = False,
 ) -> None:
-    """What is wrong, missing or odd in a rig file. Ends with 1 when it cannot be used.
+    """Check a rig file for errors, missing keys and implausible values. Ends with 1 when it cannot be used.
 
     Example: dpr-lab rig check my_rig.toml
     """

@@ -12,7 +12,7 @@ from dpr_lab.cli.listing import Listing
 from dpr_lab.errors import RunError
 
 app = typer.Typer(
-    help="Look at, check, repair and export run files.", cls=Listing, no_args_is_help=True, rich_markup_mode=None
+    help="Inspect, check, repair and export run files.", cls=Listing, no_args_is_help=True, rich_markup_mode=None
 )
 
 RunFile = Annotated[Path, typer.Argument(help="A run file (.mcap).")]
@@ -25,7 +25,9 @@ JsonEach = Annotated[
 
 @app.command()
 def info(files: RunFiles, as_json: JsonEach = False) -> None:
-    """What run files hold: samples, duration, losses by cause, pose, rig, firmware. Ends with 3 when one is no run.
+    """Show the contents of run files: samples, duration, losses by cause, pose, rig, firmware.
+
+    Exits with 3 if a file is not a run.
 
     Example: dpr-lab run info runs/20261121T101500Z_X1_1a2b3c4d.mcap
     """

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 HELP = """Blind trials: diagnose simulated plants whose effects are hidden.
 
-The simulated device draws a plant and gives away a salted hash of it, the seal. The plant is recorded through the
-protocol and diagnosed; only then is it opened, held against the seal, and scored.
+The simulated device draws a plant and publishes a salted hash of it, the seal. The plant is recorded through the
+protocol and diagnosed. Only then is the truth revealed, compared with the seal, and scored.
 
 \b
 Example:
@@ -37,19 +37,23 @@ HIDDEN = (
 RigName = Annotated[
     str,
     typer.Option(
-        help="Rig file, or the name of a built-in one, that the rig is drawn around.", autocompletion=complete_rig
+        help="Rig file or name of a built-in rig: the centre of the random rigs.", autocompletion=complete_rig
     ),
 ]
-PlantName = Annotated[str, typer.Option(help="Plant file that the plant is drawn around; never read here.")]
-Size = Annotated[Level, typer.Option(help="How visible: a gap of at least twice the noise, or of about it.")]
+PlantName = Annotated[
+    str, typer.Option(help="Plant file: the centre of the random plants; read by the simulated device only.")
+]
+Size = Annotated[
+    Level, typer.Option(help="Visibility: a gap of at least twice the noise (clear), or about equal to it (subtle).")
+]
 Folder = Annotated[Path, typer.Argument(help="Folder that `trials draw` wrote.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 
 
 @app.command()
 def draw(
-    out: Annotated[Path, typer.Option(help="Folder of the trial, new.")],
-    kind: Annotated[Kind, typer.Option(help=f"What is hidden: {HIDDEN}. Any: the kind is hidden too.")] = Kind.ANY,
+    out: Annotated[Path, typer.Option(help="New folder for the trial.")],
+    kind: Annotated[Kind, typer.Option(help=f"Hidden effect: {HIDDEN}. Any: the kind is hidden too.")] = Kind.ANY,
     level: Size = Level.CLEAR,
     rig: RigName = "paper",
     plant: PlantName = "paper",
@@ -57,12 +61,13 @@ def draw(
         int | None,
         typer.Option(
             min=0,
-            help="Draws the same plant again, for whoever tries seeds too; 128 bits of fresh chance when left out.",
+            help="Seed of the plant, for repeatable trials; default: 128 random bits, so that the plant cannot"
+            " be guessed.",
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Have a plant drawn, sealed and recorded.
+    """Draw, seal and record a plant.
 
     Example: dpr-lab trials draw --kind pair --out trial
     """
@@ -104,7 +109,7 @@ def run(folder: Folder, as_json: Json = False) -> None:
 
 @app.command("open")
 def open_(folder: Folder, as_json: Json = False) -> None:
-    """Open a diagnosed trial: check the seal, show truth and diagnosis side by side, score.
+    """Reveal the truth of a diagnosed trial, check its seal and score the diagnosis.
 
     Example: dpr-lab trials open trial
     """
@@ -150,23 +155,29 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
 
 @app.command()
 def campaign(
-    out: Annotated[Path, typer.Option(help="Folder of results; a campaign that it holds goes on where it was.")],
-    n: Annotated[int, typer.Option(min=1, help="How many trials.")] = 500,
+    out: Annotated[
+        Path, typer.Option(help="Folder of the results; a campaign that was interrupted there is continued.")
+    ],
+    n: Annotated[int, typer.Option(min=1, help="Number of trials.")] = 500,
     kind: Annotated[
         list[Kind] | None,
-        typer.Option(help=f"What is hidden, may be given again: {HIDDEN}. All these in turn when left out."),
+        typer.Option(help=f"Hidden effect, may be repeated: {HIDDEN}. All these in turn when left out."),
     ] = None,
     level: Size = Level.CLEAR,
     rig: RigName = "paper",
     plant: PlantName = "paper",
-    seed: Annotated[int, typer.Option(min=0, help="Of the first trial; the next takes the next number.")] = 1,
-    jobs: Annotated[int, typer.Option(min=0, help="Trials side by side on this machine; 0: one on each core.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the first trial; each further trial uses the next number.")
+    ] = 1,
+    jobs: Annotated[
+        int, typer.Option(min=0, help="Number of trials run in parallel on this machine; 0: one per core.")
+    ] = 0,
     scheduler: Annotated[
         str | None, typer.Option(help="Run on the workers of this dask scheduler instead, e.g. tcp://127.0.0.1:8786.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Many trials, recorded without link and waiting; scores, confusion, calibration, sizes and time on one page.
+    """Run many trials and report scores, confusion matrix, calibration, sizes and times.
 
     Example: dpr-lab trials campaign --n 500 --kind single --kind clean --out out/campaign
     """

@@ -41,7 +41,7 @@ def tui(
         ),
     ] = None,
 ) -> None:
-    """Work at the rig on one screen: connect, capture, identify, compare, diagnose.
+    """Open the screen: connect, capture, identify, compare and diagnose.
 
     The screen comes back as it was left; F1 explains each step.
 

@@ -38,7 +38,7 @@ class CampaignResult:
 def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> CampaignResult:
     """Run a campaign, score it, and write summary, figures and page.
 
-    Tells `TrialDone`, at the start and after each trial.
+    Events: `TrialDone`, at the start and after each trial.
 
     Raises:
         RunError: the folder holds another campaign, or one that is running.

@@ -61,7 +61,7 @@ class CaptureResult:
 def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ignore) -> CaptureResult:
     """Record free swings, one run file for each release.
 
-    Tells `DeviceGreeted`; for each pose `CaptureBegan`, `CaptureProgress`, `CaptureDone`.
+    Events: `DeviceGreeted`; for each pose `CaptureBegan`, `CaptureProgress`, `CaptureDone`.
 
     Args:
         request: what to record

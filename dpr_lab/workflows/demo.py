@@ -66,7 +66,7 @@ class KnownPlant:
 
 
 @dataclass(frozen=True, slots=True)
-class WithheldEffect:
+class HiddenEffect:
     """A plant with an effect that only the device knew: its trial, from seal to score."""
 
     trial: "Trial"
@@ -82,13 +82,13 @@ class DemoResult:
     """Both halves of the demo."""
 
     known: KnownPlant
-    withheld: WithheldEffect
+    hidden: HiddenEffect
 
 
 def demo(request: DemoRequest, on_event: OnEvent = ignore) -> DemoResult:
-    """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is withheld.
+    """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is hidden.
 
-    Tells `JobBegan`, and what the jobs tell that it is made of.
+    Events: `JobBegan`, and those of each job.
 
     Raises:
         DprError: one of them failed.
@@ -98,7 +98,7 @@ def demo(request: DemoRequest, on_event: OnEvent = ignore) -> DemoResult:
         on_event(JobBegan(number, len(JOBS), JOBS[number - 1]))
 
     known = _known_plant(request, begin, on_event)
-    return DemoResult(known, _withheld_effect(request, begin, on_event))
+    return DemoResult(known, _hidden_effect(request, begin, on_event))
 
 
 def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> KnownPlant:
@@ -118,7 +118,7 @@ def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event:
     return KnownPlant(recorded.files, found.model, found.file, compared.saved["report"], truth)
 
 
-def _withheld_effect(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> WithheldEffect:
+def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> HiddenEffect:
     """One blind trial: sealed and recorded, identified, diagnosed, opened and scored."""
     from dpr_lab.trials.protocol import RIG_FILE, open_trial
     from dpr_lab.trials.sealing import Kind, PlantRequest
@@ -132,7 +132,7 @@ def _withheld_effect(request: DemoRequest, begin: "Callable[[int], None]", on_ev
     begin(6)
     diagnosed = diagnose_trial(DiagnoseTrialRequest(folder, found.file), on_event)
     begin(7)
-    return WithheldEffect(trial, found.model, diagnosed.diagnosis, diagnosed.files["report"], open_trial(trial))
+    return HiddenEffect(trial, found.model, diagnosed.diagnosis, diagnosed.files["report"], open_trial(trial))
 
 
 def _unused(out: Path) -> Path:

@@ -69,7 +69,7 @@ class DiagnoseResult:
 def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseResult:
     """Say where simulation and rig differ, which effect causes it, how sure that is and how much of it closes.
 
-    Tells `RunRead`, `StageBegan`, `FitBegan`, `ScoreTestBegan`, `TrustTrialDone`, `Warned`.
+    Events: `RunRead`, `StageBegan`, `FitBegan`, `ScoreTestBegan`, `TrustTrialDone`, `Warned`.
 
     Raises:
         ConfigError: the rig is not valid, no such effect, or none left to choose from.

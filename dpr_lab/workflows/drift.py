@@ -81,7 +81,7 @@ class DriftResult:
 def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResult:
     """Say which parameters of a rig moved between groups of runs.
 
-    Tells `RunRead`, `StageBegan`.
+    Events: `RunRead`, `StageBegan`.
 
     Raises:
         ConfigError: the rig is not valid, or a file stands where the folder is to be.

@@ -63,7 +63,7 @@ class ExportResult:
 def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     """Write a model for other programs; with runs to check, replay them there and refuse what makes things worse.
 
-    Tells `RunRead`, `StageBegan`, `Warned`.
+    Events: `RunRead`, `StageBegan`, `Warned`.
 
     Raises:
         ConfigError: the rig is not valid, no such format, or what a format needs is not installed.

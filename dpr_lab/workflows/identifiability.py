@@ -37,7 +37,7 @@ class IdentifiabilityResult:
 def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore) -> IdentifiabilityResult:
     """Say what recordings of a rig can and cannot tell.
 
-    Tells `RunRead`, `Warned`.
+    Events: `RunRead`, `Warned`.
 
     Raises:
         ConfigError: the rig is not valid, or has no poses to simulate releases from.

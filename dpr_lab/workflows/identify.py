@@ -60,7 +60,7 @@ class MovingArmResult:
 def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proceed = always) -> IdentifyResult:
     """Identify the kinetic parameters of a rig from its runs, whose arm was clamped or prescribed.
 
-    Tells `RunRead`, `GenerationDone`, `LocalFitBegan`; asks `proceed` after each generation.
+    Events: `RunRead`, `GenerationDone`, `LocalFitBegan`; asks `proceed` after each generation.
 
     Raises:
         ConfigError: nothing can be written to the file, rig or settings are not valid, or no such objective or search.

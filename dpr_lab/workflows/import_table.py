@@ -47,7 +47,7 @@ class ImportResult:
 def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportResult:
     """Import a table of angles; it never overwrites a run.
 
-    Tells `ImportProgress`.
+    Events: `ImportProgress`.
 
     Raises:
         ConfigError: the rig is not valid.
@@ -68,7 +68,7 @@ def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportRe
 def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Preview":
     """What would be imported; nothing is written.
 
-    Tells `ImportProgress`.
+    Events: `ImportProgress`.
 
     Raises:
         ConfigError: the rig is not valid.

@@ -38,7 +38,7 @@ class PaperResult:
 def paper(request: PaperRequest, on_event: OnEvent = ignore) -> PaperResult:
     """Run the published experiment, and say what does not reproduce.
 
-    Tells `PaperSearchDone`.
+    Events: `PaperSearchDone`.
 
     Raises:
         DprError: the folder or a file cannot be written.

@@ -45,7 +45,7 @@ class DiagnoseTrialResult:
 def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
     """Have a plant drawn and sealed, and record it through the protocol, once from each of its poses.
 
-    Tells `TrialSealed`, then `CaptureDone` for each recording: nobody has to guide the rods of a simulated rig.
+    Events: `TrialSealed`, then `CaptureDone` for each recording.
 
     Raises:
         DprError: there is a trial already, no such draw, or a recording failed.
@@ -77,7 +77,7 @@ def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
 def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) -> DiagnoseTrialResult:
     """Diagnose a sealed trial, and write the diagnosis down.
 
-    Tells what `diagnose` tells.
+    Events: those of `diagnose`.
 
     Raises:
         RunError: no trial is there, or it was opened already.

@@ -81,7 +81,7 @@ def test_a_trial_that_fails_is_told_and_the_others_stand(tmp_path: Path, cli) ->
 
 @pytest.mark.slow
 @pytest.mark.timeout(400)
-def test_the_demo_ends_near_the_plant_and_with_a_withheld_effect_opened_and_scored(tmp_path: Path, cli) -> None:
+def test_the_demo_ends_near_the_plant_and_with_a_hidden_effect_opened_and_scored(tmp_path: Path, cli) -> None:
     done = cli("demo", "--seed", 5, "--out", tmp_path, "--json")
     assert done.code == 0, done.err
     assert max(abs(z) for z in done.json["deviations_std"].values()) < 3

@@ -11,7 +11,7 @@ from dpr_lab.report.words import in_words, named
 OUTSIDE, REMAINDER = 0.2, 0.1
 COULOMB, TILT = named("coulomb_joint1"), named("base_tilt")
 RELEASE = "To tell coulomb_joint1 from stribeck_joint1, record a release: they differ by 9 standard deviations there."
-BENCH = "Only the bench tells base_tilt from encoder_offset_joint1: Lay a level on the arm."
+BENCH = "Only a bench measurement distinguishes base_tilt from encoder_offset_joint1: Lay a level on the arm."
 
 
 def effect(name: str, probability: float, share: float, *indistinguishable: str) -> dict:
@@ -133,12 +133,15 @@ def test_without_a_named_effect_the_closest_one_is_listed(diagnosis):
     ]
 
 
-def test_without_a_named_effect_there_is_no_gap_reduction(diagnosis):
+def test_the_gap_of_every_step_is_that_of_a_reading(diagnosis):
     whole = diagnosis()
-    bare = whole.model_copy(update={"gap": whole.gap.model_copy(update={"waterfall": []})})
+    named = [{"effect": "coulomb_joint1", "gap_rad": 1e-3, "rms_rad": 2e-3}]
+    current = whole.model_copy(update={"gap": whole.gap.model_copy(update={"waterfall": named})})
 
-    assert gap_tables.closed_sentence(bare) == ""
-    assert "the gap falls by 70.0%" in gap_tables.closed_sentence(whole)
+    before = np.sqrt(np.mean(np.square(list(whole.gap.before_rad.values()))))
+    assert gap_tables.steps(whole)[0][1] == pytest.approx(before)
+    assert gap_tables.steps(whole)[1][1] == pytest.approx(2.5e-3 / np.sqrt(2))  # of an older file
+    assert gap_tables.steps(current)[1][1] == 1e-3
 
 
 @pytest.mark.parametrize("verdict", ["no_gap", "named", "partly_explained", "unexplained"])

@@ -5,7 +5,7 @@ which the alternative is least able to imitate the effect,
 
     discrimination = |s| sqrt(1 - cos^2),
 
-in standard deviations of the noise, is advised. What no recording tells apart has none: only the bench splits it.
+in standard deviations of the noise, is recommended. Effects that no recording distinguishes need a bench measurement.
 """
 
 from collections.abc import Callable, Sequence
@@ -115,7 +115,7 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
 
 
 def _for_class(expected: Sequence[ExpectedRecording], chosen: Hypothesis, item: EffectPosterior) -> list[NextStep]:
-    """Recordings that tell members of a class apart, if there are such, and what the bench tells."""
+    """Recordings and bench measurements that distinguish the members of a class."""
     if len(item.members) == 1:
         return []
     share = item.probability / len(item.members)
@@ -128,8 +128,12 @@ def _for_class(expected: Sequence[ExpectedRecording], chosen: Hypothesis, item: 
             steps.append(_recording(chosen, item.name, other, [share, share], strength, best))
     measured = [_measurement(item.name, name, item.members, [share] * len(item.members)) for name in item.members]
     checks = dict.fromkeys(check.text for check in measured[:2])
-    only = "The bench" if steps else "Only the bench"
-    steps.append(NextStep(f"{only} tells {' from '.join(item.members)}: {' '.join(checks)}", tuple(measured)))
+    only = "A" if steps else "Only a"
+    steps.append(
+        NextStep(
+            f"{only} bench measurement distinguishes {' from '.join(item.members)}: {' '.join(checks)}", tuple(measured)
+        )
+    )
     return steps
 
 
@@ -140,7 +144,7 @@ def _for_rival(
     strength, best = _most(expected, lambda there: there.apart(name, other))
     if strength < TOLD_APART:
         check = _measurement(name, name, (name, other), likely)
-        return NextStep(f"No recording of the menu tells {name} from {other}. {check.text}", (check,))
+        return NextStep(f"No available recording distinguishes {name} from {other}. {check.text}", (check,))
     return _recording(chosen, name, other, likely, strength, best)
 
 

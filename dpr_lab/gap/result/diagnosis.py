@@ -64,7 +64,7 @@ class ClosedShare(_Record):
 
 
 class Gap(_Record):
-    """How large the gap is, before and after."""
+    """Size of the gap before and after correction: rms of a reading above the noise, unless a field says otherwise."""
 
     floor_rad: dict[str, Number]
     """Joint -> noise floor, rad."""
@@ -83,7 +83,9 @@ class Gap(_Record):
     free_run_rad: dict[str, dict[str, Number]] = {}
     """Run -> before, after -> rms error of a free run from its release, rad."""
     waterfall: list[dict[str, Any]] = []
-    """Effects in the order in which they close the gap: name, rms above the noise after it, rad."""
+    """Effects in the order of their contribution: `effect`, and `gap_rad`, the gap with it and all effects before it
+    in the model: rms of a reading above the noise, over both joints, rad. `rms_rad`, sqrt(2) times that, stays for one
+    version."""
 
 
 class Where(_Record):
@@ -334,7 +336,7 @@ class Diagnosis(Shown, _Record):
     withdrawn: list[str] = []
     """Effects that explain these recordings and do not carry over to those that took no part."""
     gap: Gap
-    """How large the gap is, before and after."""
+    """Size of the gap before and after correction: rms of a reading above the noise, unless a field says otherwise."""
     where: list[Where]
     """Places in which the gap can lie, the most telling first."""
     where_sentence: str

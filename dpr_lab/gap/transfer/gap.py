@@ -51,7 +51,8 @@ def gap(
             if all(run in of_model for of_model in errors.values())
         },
         waterfall=[
-            {"effect": name, "rms_rad": float(np.linalg.norm(list(gap_rad(problem, item).values())))}
-            for name, item in selection.path
+            {"effect": name, "gap_rad": size / 2**0.5, "rms_rad": size}
+            for name, model in selection.path
+            for size in (float(np.linalg.norm(list(gap_rad(problem, model).values()))),)
         ],
     )

@@ -13,7 +13,7 @@ from dpr_lab.report import style
 from dpr_lab.report.envelope import signal_scale
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure, save_each
 from dpr_lab.report.gap.sections import SECTIONS
-from dpr_lab.report.gap.tables import coordinate, place_map, quantity, steps
+from dpr_lab.report.gap.tables import coordinate, per_reading, place_map, quantity, steps
 from dpr_lab.report.words import in_words
 
 
@@ -58,14 +58,14 @@ def waterfall_figure(diagnosis: Diagnosis) -> Figure:
     with style.house_style():
         names, gaps = zip(*((name.replace(" [", "\n["), gap) for name, gap in steps(diagnosis)), strict=True)
         heights = 1e3 * np.array(gaps)
-        floor = 1e3 * float(np.linalg.norm(list(diagnosis.gap.floor_rad.values())))
+        floor = 1e3 * per_reading(diagnosis.gap.floor_rad)
         figure = new_figure(1.1 + 0.4 * len(names))
         axes = figure.subplots()
         bars = axes.barh(names, heights, color=style.RESIDUAL["color"], height=0.6)
         axes.bar_label(bars, [f"{height:.3g}" for height in heights], padding=4)
         axes.axvline(floor, label="noise floor", **style.HORIZON)
         axes.invert_yaxis()
-        axes.set_xlabel("gap of both joints, segments of 0.5 s (mrad rms)")
+        axes.set_xlabel("gap per reading, segments of 0.5 s (mrad rms)")
         legend_above(figure)
         return figure
 
@@ -84,13 +84,13 @@ def horizon_figure(diagnosis: Diagnosis) -> Figure:
         ):
             rms = [1e3 * max(models[name], 1e-9) for models in diagnosis.gap.by_horizon.values()]
             axes.loglog(lengths, rms, label=label, marker="o", **line)
-        floor = 1e3 * float(np.sqrt(np.mean(np.square(list(diagnosis.gap.floor_rad.values())))))
+        floor = 1e3 * per_reading(diagnosis.gap.floor_rad)
         axes.axhline(floor, label="noise floor", **style.HORIZON)
         axes.set_ylim(bottom=floor / 30)
         axes.set_xticks(lengths, list(diagnosis.gap.by_horizon))
         axes.minorticks_off()
         axes.set_xlabel("segment length (s)")
-        axes.set_ylabel("gap (mrad rms)")
+        axes.set_ylabel("gap per reading (mrad rms)")
         legend_above(figure)
         return figure
 

@@ -1,7 +1,7 @@
 """Tables of a diagnosis as rows of text, with notes that explain their columns."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,10 +26,10 @@ from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import sizes_cell
 from dpr_lab.report.tables import run_name
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
-from dpr_lab.shown import listed
 
 SUMMARY_COLUMNS = ("effect", "size, 90 % interval", "probability")
 EFFECT_COLUMNS = ("effect", "indistinguishable effects", "probability", "unique contribution", "size, 90 % interval")
+CONTRIBUTION_COLUMNS = ("effect", "indistinguishable effects", "unique contribution")
 STEP_COLUMNS = ("model", "gap (mrad)", "excess explained")
 STANDING_COLUMNS = ("effect", "alternatives", "probability", "cosine similarity", "how to distinguish")
 PLACE_COLUMNS = ("place", "coordinate", "share of the excess", "shape")
@@ -62,8 +62,8 @@ EFFECT_NOTE = (
     " need not add up to 100 %. Indistinguishable effects share one probability."
 )
 STEP_NOTE = (
-    "Gap: rms above the noise of both joints (root of the sum of squares), in segments of 0.5 s. Effects are added one"
-    " at a time, the largest contribution first. The excess explained is cumulative."
+    "Gap: rms of a reading above the noise, over both joints, in segments of 0.5 s. Effects are added one at a time,"
+    " the largest contribution first. The excess explained is cumulative."
 )
 STANDING_NOTE = (
     "The first line of each effect is the effect itself, with those indistinguishable from it. The probabilities of its"
@@ -154,6 +154,11 @@ def effect_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple
         )
         for effect in diagnosis.effects
     ]
+
+
+def contribution_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """One row per effect of the corrected model, in the columns `CONTRIBUTION_COLUMNS`."""
+    return [(name, members, share) for name, members, _, share, _ in effect_rows(diagnosis)]
 
 
 def search_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
@@ -267,24 +272,19 @@ def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[s
 
 
 def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Label and gap (both joints, rad) of each model, from the bare one to that with all effects."""
-    before = float(np.linalg.norm(list(diagnosis.gap.before_rad.values())))
+    """Label and gap (rad) of each model, from the bare one to that with all effects."""
     return [
-        ("bare model", before),
-        *((f"+ {named(step['effect'])}", float(step["rms_rad"])) for step in diagnosis.gap.waterfall),
+        ("bare model", per_reading(diagnosis.gap.before_rad)),
+        *(
+            (f"+ {named(step['effect'])}", float(step.get("gap_rad", step["rms_rad"] / 2**0.5)))  # older: sum of joints
+            for step in diagnosis.gap.waterfall
+        ),
     ]
 
 
-def closed_sentence(diagnosis: Diagnosis) -> str:
-    """Gap reduction on data that were not fitted, with its interval; empty without named effects."""
-    share, names = diagnosis.gap.closed_held_out, [named(step["effect"]) for step in diagnosis.gap.waterfall]
-    if not names:
-        return ""
-    low, high = share.interval90
-    return (
-        f"With {listed(names)} the gap falls by {share.estimate:.1%} on data that were not fitted (90 % interval"
-        f" {low:.1%} to {high:.1%})."
-    )
+def per_reading(by_joint: Mapping[str, float]) -> float:
+    """Gap or noise floor of a reading: rms over both joints, rad."""
+    return float(np.sqrt(np.mean(np.square(list(by_joint.values())))))
 
 
 def run_words(name: str, held_out: bool = False) -> str:

@@ -35,7 +35,7 @@ class ImportOptions:
     """Column name (or number, without a header) of t, theta0, theta1, theta2 and of the input of a driven arm, where
     the guess by name fails."""
     take: tuple[str, ...] = ()
-    """What of the file: the topic of a bag, arrays or groups of a .mat, .npz or .h5, the points pivot, elbow, tip."""
+    """Part of the file: topic of a bag, arrays or groups of a .mat, .npz or .h5, or the points pivot, elbow, tip."""
     rate_hz: float | None = None
     """Rows a second of a table without time; a column of times is then not used."""
     wrap: float | None = None

@@ -313,7 +313,7 @@ def _which(found: "Diagnosis", unit: AngleUnit) -> Group:
     ]
     shown.append("  ".join(f"{name.replace('_', ' ')}: {p:.0%}" for name, p in others.items()))
     if rows := gap_tables.standing_rows(found):
-        shown += ["", table("How sure that is", gap_tables.STANDING_COLUMNS, rows)]
+        shown += ["", table("Alternatives", gap_tables.STANDING_COLUMNS, rows)]
         shown.append(Text(gap_tables.STANDING_NOTE, "dim"))
     if found.sensor_findings:
         rows = gap_tables.finding_rows(found)
@@ -340,7 +340,7 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
 
     words = gap_tables.run_words
     gap, closed, per_rad = found.gap, found.gap.closed_held_out, unit.small_per_rad
-    floor = per_rad * float(np.linalg.norm(list(gap.floor_rad.values())))
+    floor = per_rad * gap_tables.per_reading(gap.floor_rad)
     steps = [
         (name, max((per_rad * left) ** 2 - floor**2, 0.0) ** 0.5, None, f"{gap}, {explained}")
         for (name, left), (_, gap, explained) in zip(
@@ -361,9 +361,9 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
     if not gap.waterfall:
         closing = [f"\n{'There is no gap' if found.verdict == 'no_gap' else 'No effect is named'}: nothing closes"]
     return Group(
-        f"Gap left ({unit.small} rms, both joints, segments of 0.5 s) and share of the excess explained, one effect"
-        f" after the other. A bar is what stands above the noise floor of {three(floor)}: none where only noise is"
-        " left",
+        f"Gap per reading ({unit.small} rms, segments of 0.5 s) and share of the excess explained, as effects"
+        f" are added."
+        f" Each bar is the part above the noise floor of {three(floor)}",
         Bars(steps),
         *closing,
         "",
@@ -377,10 +377,10 @@ def _next(found: "Diagnosis", unit: AngleUnit) -> Group:
     from dpr_lab.report.words import in_words
 
     return Group(
-        sentences("What to do", [in_words(text) for text in found.remedies]),
-        sentences("What to do next", gap_tables.next_steps(found), numbered=True),
+        sentences("Recommended actions", [in_words(text) for text in found.remedies]),
+        sentences("Next recordings and checks", gap_tables.next_steps(found), numbered=True),
         table(
-            "What these recordings would show",
+            "Minimum detectable effects",
             gap_tables.DETECTABLE_COLUMNS,
             gap_tables.detectable_rows(found, unit),
         ),

@@ -10,6 +10,7 @@ from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.tables import per_reading
 from dpr_lab.report.words import named
 
 
@@ -32,7 +33,7 @@ def closing_figure(diagnosis: Diagnosis) -> Figure:
             axes.annotate(three(gap), (gap, row), (4, 0), textcoords="offset points", va="center")
         for row, (_, after) in enumerate(pairwise(gaps.tolist())):
             axes.plot([after, after], [row + 0.7, row + 2.3], color="#555555", linewidth=0.8)
-        floor = 1e3 * _floor(diagnosis)
+        floor = 1e3 * per_reading(diagnosis.gap.floor_rad)
         axes.axvline(floor, label="noise floor", **style.HORIZON)
         axes.set_yticks(rows, names)
         axes.invert_yaxis()
@@ -44,11 +45,6 @@ def closing_figure(diagnosis: Diagnosis) -> Figure:
 
 def _bar(line: dict) -> dict:
     return {"color": line["color"], "edgecolor": "#222222", "linewidth": 0.6}
-
-
-def _floor(diagnosis: Diagnosis) -> float:
-    """Noise floor, rms over both joints, rad."""
-    return float(np.sqrt(np.mean(np.square(list(diagnosis.gap.floor_rad.values())))))
 
 
 def closing_words(diagnosis: Diagnosis) -> list[str]:
