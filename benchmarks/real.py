@@ -175,8 +175,8 @@ def section(case: Case) -> str:
             f"Verdict: **{found.verdict.replace('_', ' ')}**. {found.sentence}",
             "",
             f"Explained excess chi-square of the fitted recordings: {_percent(found.gap.explained_share)}. Gap"
-            f" reduction on held-out data: {_percent(found.gap.closed_held_out.estimate)} (90 % interval {_percent(low)} to"
-            f" {_percent(high)}). Time: {seconds:.0f} s on one core.",
+            f" reduction on held-out data: {_percent(found.gap.closed_held_out.estimate)} (90 % interval"
+            f" {_percent(low)} to {_percent(high)}). Time: {seconds:.0f} s on one core.",
             "",
             *beside[0],
             *_table(["effect", "probability", "share", "size"], _effects(found)),

@@ -116,9 +116,9 @@ def test_an_effect_whose_name_is_a_prefix_of_another_does_not_match(diagnosis):
 
 def test_steps_end_at_the_explained_share(diagnosis):
     assert gap_tables.step_rows(diagnosis()) == [
-        ("bare model", "5.00", "0.0%"),
-        (f"+ {COULOMB}", "2.50", "75.0%"),
-        (f"+ {TILT}", "1.60", "90.0%"),
+        ("bare model", "3.54", "0.0%"),
+        (f"+ {COULOMB}", "1.77", "75.0%"),
+        (f"+ {TILT}", "1.13", "90.0%"),
     ]
 
 
@@ -192,8 +192,8 @@ def test_the_gap_budget_adds_up(diagnosis) -> None:
     bar = budget_bar(diagnosis())
     assert bar is not None
     assert [share for _, share in bar.parts] == pytest.approx([0.5, 0.18, 0.32])
-    assert bar.parts[0][0] == f"{COULOMB}: 2.50 mrad (50.0%)"
-    assert bar.parts[-1][0] == "remainder: 1.60 mrad (32.0%)"
+    assert bar.parts[0][0] == f"{COULOMB}: 1.77 mrad (50.0%)"
+    assert bar.parts[-1][0] == "remainder: 1.13 mrad (32.0%)"
 
 
 def test_an_improbable_effect_is_not_listed_as_a_cause(diagnosis, tmp_path) -> None:

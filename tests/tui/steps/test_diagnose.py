@@ -271,11 +271,11 @@ async def test_sizes_and_maps_follow_the_unit_of_angles(lab, settled, fixed_diag
         chart = pilot.app.query_one("#place-map", Chart)
         await settled(pilot)
         assert (chart._content.x_label, chart._content.y_label) == ("joint speed (°/s)", "encoder error (°)")
-        assert "Gap left (° rms" in text(pilot.app, "#far-text")
+        assert "Gap per reading (° rms" in text(pilot.app, "#far-text")
         await pilot.press("g")
         await settled(pilot)
         assert (chart._content.x_label, chart._content.y_label) == ("joint speed (rad/s)", "encoder error (mrad)")
-        assert "Gap left (mrad rms" in text(pilot.app, "#far-text")
+        assert "Gap per reading (mrad rms" in text(pilot.app, "#far-text")
 
 
 @pytest.mark.slow
