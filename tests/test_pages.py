@@ -84,10 +84,18 @@ def compiled(file: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def settings_read(file: Path) -> None:
+    """A rig file, or the keys of the screen."""
+    if "[rig]" in file.read_text(encoding="utf-8"):
+        load_rig(file)
+    else:
+        load_keymap(file, DprApp, STEPS)
+
+
 READERS: dict[str, Callable[[Path], object]] = {
     "c": compiled,
     "json": lambda file: json.loads(file.read_text(encoding="utf-8")),
-    "toml": lambda file: load_keymap(file, DprApp, STEPS),
+    "toml": settings_read,
 }
 
 
