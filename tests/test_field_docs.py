@@ -20,6 +20,7 @@ MODULES = (
     "identification.compare",
     "identification.identifiability",
     "gap.result.diagnosis",
+    "gap.result.gap_budget",
     "drift.changes",
     "drift.estimates",
     "drift.groups",

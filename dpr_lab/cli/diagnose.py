@@ -105,7 +105,7 @@ def show(found: "Diagnosis") -> None:
     from dpr_lab.report.gap import tables
     from dpr_lab.report.gap.sections.trust import trust_words
     from dpr_lab.report.gap.sizes import scale_note
-    from dpr_lab.report.gap.summary import summary_note
+    from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences, summary_note
     from dpr_lab.report.words import in_words
 
     line(tables.sentence(found))
@@ -130,6 +130,10 @@ def show(found: "Diagnosis") -> None:
         table("Gap reduction by run", tables.CLOSED_COLUMNS, tables.closed_rows(found), note=tables.CLOSED_NOTE)
     elif found.where:
         table("Residual maps", tables.PLACE_COLUMNS, tables.place_rows(found))
+    if parts := repeatability_parts(found):
+        rows = [(label, f"{share:.1%}") for label, share in parts]
+        note = " ".join(repeatability_sentences(found))
+        table("Repeatability", ("part", "share of the mean square"), rows, note=note)
     if found.sensor_findings:
         table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(found))
     if found.checks:

@@ -31,7 +31,9 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.gap.transfer.gap import gap
 from dpr_lab.gap.transfer.out_of_sample import Unseen, held_out_runs
+from dpr_lab.gap.transfer.repeatability import gap_budget
 from dpr_lab.gap.transfer.transfer import transfer
+from dpr_lab.gap.where.discrepancy import discrepancy
 from dpr_lab.gap.where.locate import locate
 from dpr_lab.gap.which.select import select
 from dpr_lab.gap.which.selected import Selection
@@ -138,12 +140,14 @@ def diagnose(
     carried = transfer(recordings, fitted.held_out, problem, selection, freely, np.random.default_rng(seed))
     posteriors = carried.judged(posteriors)
     described = description(runs, rig, selection, carried)
-    size = gap(recordings, problem, selection, carried, freely)
+    repeats = gap_budget(recordings, everything, problem, selection)
+    remainder = discrepancy(problem, selection.chosen)
+    size = gap(recordings, problem, selection, carried, freely, repeats, remainder)
     request.begin("advice")
     advice = tuple(advise(recordings, selection.chosen, posteriors))
-    spread = covariance(problem, selection.chosen, rig)
+    spread = covariance(problem, selection.chosen, rig, remainder)
     findings = Findings(
-        recordings, problem, selection, posteriors, carried, described, places, size, advice, spread, cut
+        recordings, problem, selection, posteriors, carried, described, places, size, advice, spread, remainder, cut
     )
     request.begin("evidence")
     unseen = replace(unseen, ratios=recordings.ratios)

@@ -21,7 +21,7 @@ from dpr_lab.gap.classes.families import families, families_sentence
 from dpr_lab.gap.classes.posterior import EffectPosterior, probabilities
 from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
-from dpr_lab.gap.conclusion.verdict import listed_causes, sentence, verdict
+from dpr_lab.gap.conclusion.verdict import Verdict, listed_causes, sentence, verdict
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.result.diagnosis import (
     AdvisedCheck,
@@ -39,6 +39,7 @@ from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import AXES
 from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.where.locate import Place, where_sentence
 from dpr_lab.gap.which.selected import Selection, TracedTrial
 from dpr_lab.identification.misread.tried import Description
@@ -70,6 +71,8 @@ class Findings:
     advice: tuple[NextStep, ...]
     covariance: Array
     """(free, free) of the chosen fit's values."""
+    remainder: Discrepancy | None
+    """The discrepancy term of the chosen set; None where only noise is left."""
     cut: str
     """How a long record was cut; nothing where it was not."""
 
@@ -112,7 +115,8 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
     return Diagnosis(
         verdict=kind,
         sentence=sentence(kind, found.selection, found.posteriors, found.transfer, least, found.description)
-        + families_sentence(whole),
+        + families_sentence(whole)
+        + _remainder(found, kind),
         hints=[found.description.hint] if found.description.hint else [],
         basis=found.transfer.basis,
         transfer=_transfer(found.transfer),
@@ -174,6 +178,12 @@ def _ratios(found: Findings) -> dict[str, Interval]:
         name: Interval(value=value, interval90=(max(value - reach, floor), value + reach))
         for name, value, reach, floor in zip(RATIOS, values, reaches, floors, strict=True)
     }
+
+
+def _remainder(findings: Findings, kind: Verdict) -> str:
+    """How large the unmodelled remainder is and where it acts, where the verdict leaves one."""
+    described = kind in ("partly_explained", "unexplained") and not findings.description.withholds
+    return f" {findings.remainder.sentence}" if findings.remainder and described else ""
 
 
 def _ratio_covariance(found: Findings) -> NDArray[np.float64]:

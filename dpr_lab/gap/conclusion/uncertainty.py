@@ -1,10 +1,11 @@
-"""How far the fitted values may be off: by noise, by the integrator, by what was weighed.
+"""How far the fitted values may be off: by noise, by the integrator, by what was weighed, by what is not in the model.
 
 With A the slopes of a fit, initial states projected out, noise leaves the covariance f (A^T A)^-1, f being what one
 piece of independent evidence costs. Whatever else changes the readings by dr, though the fit takes it for known, shifts
 the values by -(A^T A)^-1 A^T dr. These shifts count as standard deviations: that of half the integrator's step, and
-that of each weighed mass, by its standard uncertainty. Ratios that the recordings do not show shift the others in the
-same way, by the bounds of the rig file. Sizes of effects assume these ratios, as they assume b.
+that of each weighed mass, by its standard uncertainty, and that of each free torque or reading error of the discrepancy
+term, by its prior. Ratios that the recordings do not show shift the others in the same way, by the bounds of the rig
+file. Sizes of effects assume these ratios, as they assume b.
 
 Source: consider covariance, S. F. Schmidt (1966), Application of state-space methods to navigation problems.
 """
@@ -20,18 +21,28 @@ from dpr_lab.fitting.covariance import considered, shifted
 from dpr_lab.fitting.estimate import ON_ELBOW, Estimate
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.identification.prior_update import prior_ratio_std
 from dpr_lab.rig import MASSES, Rig
 
 Array = NDArray[np.float64]
 
 
-def covariance(problem: Problem, at: Hypothesis, rig: Rig) -> Array:
-    """(free, free) covariance of a fit's values; zero for what is held at its bound."""
+def covariance(problem: Problem, at: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
+    """(free, free) covariance of a fit's values; zero for what is held at its bound.
+
+    Args:
+        problem: what was measured
+        at: the fit
+        rig: what was weighed
+        remainder: its discrepancy term, which moves the values as well
+    """
     before = problem.predict(at.fit.estimate)
     shifts = [other.predict(at.fit.estimate) - before for other in _otherwise(problem, rig)]
     # A segment that cannot be followed says nothing.
     changes = [problem.whitened(np.nan_to_num(shift)) for shift in shifts]
+    if remainder is not None:
+        changes += list(np.moveaxis(remainder.columns, 2, 0))
     return considered(at.fit, at.residuals.inflation, changes)
 
 

@@ -12,6 +12,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result.evidence import Evidence
+from dpr_lab.gap.result.gap_budget import GapBudget
 from dpr_lab.gap.result.trust import Trust
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig_tables import AddedMass
@@ -86,6 +87,12 @@ class Gap(_Record):
     """Effects in the order of their contribution: `effect`, and `gap_rad`, the gap with it and all effects before it
     in the model: rms of a reading above the noise, over both joints, rad. `rms_rad`, sqrt(2) times that, stays for one
     version."""
+    remainder_Nm: dict[str, Number] = {}
+    """Joint -> rms torque of a discrepancy term fitted to what the model leaves, N m; empty where that is noise."""
+    remainder_rad: dict[str, Number] = {}
+    """Joint -> rms of its error of the encoder, rad."""
+    budget: GapBudget | None = None
+    """What of the gap is reproducible, and what of that is explained; None in a file of an older version."""
 
 
 class Where(_Record):

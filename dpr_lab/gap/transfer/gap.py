@@ -6,10 +6,13 @@ import numpy as np
 
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.result.diagnosis import ClosedShare, Gap
+from dpr_lab.gap.result.gap_budget import GapBudget
 from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.sensor_faults import AXES
 from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.gap_size import by_horizon, floor_rad, gap_rad, gap_torque
 from dpr_lab.gap.transfer.transfer import Transfer
+from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.which.selected import Selection
 
 
@@ -19,6 +22,8 @@ def gap(
     selection: Selection,
     carried: Transfer,
     freely: Mapping[str, FreeRuns],
+    budget: GapBudget,
+    remainder: Discrepancy | None,
 ) -> Gap:
     """Every size of the gap that a diagnosis tells.
 
@@ -28,6 +33,8 @@ def gap(
         selection: the chosen set of effects
         carried: how the chosen set does on recordings that took no part
         freely: all recordings, also those that took no part, as the models before and after run along them
+        budget: what of it is reproducible
+        remainder: the discrepancy term of the chosen set; None where only noise is left
     """
     base, chosen = selection.base, selection.chosen
     models = {"before": base, "after": chosen}
@@ -55,4 +62,7 @@ def gap(
             for name, model in selection.path
             for size in (float(np.linalg.norm(list(gap_rad(problem, model).values()))),)
         ],
+        budget=budget,
+        remainder_Nm=dict(zip(AXES, remainder.torque_Nm, strict=True)) if remainder else {},
+        remainder_rad=dict(zip(AXES, remainder.reading_rad, strict=True)) if remainder else {},
     )

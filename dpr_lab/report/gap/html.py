@@ -9,7 +9,7 @@ from dpr_lab.report.gap.section import evidence_blocks
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.sections.closing import CLOSING
 from dpr_lab.report.gap.sizes import scale_note
-from dpr_lab.report.gap.summary import budget_bar, summary_note
+from dpr_lab.report.gap.summary import budget_bar, repeatability_bar, repeatability_sentences, summary_note
 from dpr_lab.report.pages.page import Block, Heading, Items, PageTable, Section, page_html, pictures, write_page
 from dpr_lab.report.words import in_words
 
@@ -81,6 +81,9 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
     """The one-look summary below the verdict."""
     if bar := budget_bar(diagnosis):
         yield bar
+    if bar := repeatability_bar(diagnosis):
+        yield bar
+        yield " ".join(repeatability_sentences(diagnosis))
     yield PageTable(tables.SUMMARY_COLUMNS, tables.summary_rows(diagnosis), style="prose")
     if note := summary_note(diagnosis):
         yield note

@@ -1,12 +1,14 @@
-"""The one-look summary of a diagnosis: gap budget and causes."""
+"""The one-look summary of a diagnosis: gap budget, what of it is reproducible, and causes."""
 
 from itertools import pairwise
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.gap_budget import VaryingParameter
+from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.digits import three
 from dpr_lab.report.gap.tables import PROBABLE, causes, steps
 from dpr_lab.report.pages.page import ShareBar
-from dpr_lab.report.words import named
+from dpr_lab.report.words import named, parameter_words, size_words
 from dpr_lab.shown import listed
 
 BASIS = {
@@ -44,6 +46,55 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
         f"Gap budget: {three(1e3 * before)} mrad rms above the noise ({basis})",
         [(f"{label}: {three(1e3 * part)} mrad ({part / before:.1%})", max(part, 0.0) / total) for label, part in parts],
     )
+
+
+def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
+    """Label and share of each part of the mean squared residual; empty where there is no gap."""
+    budget = diagnosis.gap.budget
+    if budget is None or budget.of_gap is None:
+        return []
+    between = "pieces" if budget.basis == "pieces of one recording" else "recordings"
+    parts = {
+        "explained by the corrected model": budget.explained,
+        f"parameters that vary between {between}": budget.varying,
+        "reproducible, not in the model": budget.unmodelled,
+        "not reproducible": budget.not_reproducible,
+        "noise": budget.noise,
+    }
+    return list(parts.items())
+
+
+def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
+    """The mean squared residual of the bare model by what is reproducible; None where there is no gap."""
+    parts = [(f"{label}: {share:.1%}", share) for label, share in repeatability_parts(diagnosis)]
+    title = "Repeatability: mean squared residual of the bare model on recordings left out"
+    return ShareBar(title, parts) if parts else None
+
+
+def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
+    """How much of what is reproducible is explained, and which parameters vary; empty where there is no gap."""
+    budget = diagnosis.gap.budget
+    if budget is None or budget.of_gap is None:
+        return []
+    if budget.of_reproducible is None:
+        why = budget.undecided or "Nothing of the gap is known to be reproducible."
+        return [f"The corrected model explains {budget.of_gap:.0%} of the mean squared gap. {why}"]
+    sentences = [
+        f"The corrected model explains {budget.of_reproducible:.0%} of what is reproducible and {budget.of_gap:.0%} of"
+        " the whole mean squared gap."
+    ]
+    if budget.basis == "pieces of one recording":
+        sentences.append("There is one recording: its pieces do not show what differs from one release to the next.")
+    if budget.parameters:
+        varying = listed([_varying(parameter) for parameter in budget.parameters])
+        sentences.append(f"Between {'pieces' if len(sentences) > 1 else 'recordings'} {varying}.")
+    return sentences
+
+
+def _varying(parameter: VaryingParameter) -> str:
+    words = f"{parameter_words(parameter.name)} of {named(parameter.effect)}" if parameter.effect else parameter.name
+    spread = size_words(parameter.effect, parameter.name, RADIANS, parameter.spread)
+    return f"{words} varies by {spread} ({parameter.sigmas:.2g} standard deviations of one value)"
 
 
 def summary_note(diagnosis: Diagnosis) -> str:

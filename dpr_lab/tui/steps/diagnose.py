@@ -337,6 +337,7 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
     """The gap as effects are added, and the share that closes on data not used for the fit."""
     from dpr_lab.report.digits import three
     from dpr_lab.report.gap import tables as gap_tables
+    from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences
 
     words = gap_tables.run_words
     gap, closed, per_rad = found.gap, found.gap.closed_held_out, unit.small_per_rad
@@ -360,6 +361,11 @@ def _far(found: "Diagnosis", unit: AngleUnit) -> Group:
     ]
     if not gap.waterfall:
         closing = [f"\n{'There is no gap' if found.verdict == 'no_gap' else 'No effect is named'}: nothing closes"]
+    if parts := repeatability_parts(found):
+        closing += [
+            f"\nShares of the mean squared residual. {' '.join(repeatability_sentences(found))}",
+            Bars([(label, share, None, f"{share:.1%}") for label, share in parts], top=1.0),
+        ]
     return Group(
         f"Gap per reading ({unit.small} rms, segments of 0.5 s) and share of the excess explained, as effects"
         f" are added."

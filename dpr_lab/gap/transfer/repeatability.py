@@ -1,0 +1,289 @@
+"""How much of the gap is reproducible: each recording predicted by what the others share with it.
+
+The mean squared residual of the bare model on a recording left out is split by what removes it, one after the other:
+
+    explained           the corrected model, fitted to the other recordings
+    unmodelled          free torques over angle, speed and time and encoder errors over angle, fitted to the others too
+    varying             those of its parameters that differ between recordings, fitted to the recording itself
+    not reproducible    the rest above the noise
+    noise               of the readings
+
+All of it is linear algebra on the fits (`dpr_lab.gap.hypothesis.cross_validation`). The quarters of a single recording
+take the place of recordings: they show what changes within it, not what changes from one to the next.
+
+A parameter varies where its own values d in the recordings scatter more than their errors allow,
+
+    Q = d^T cov(d)^-1 d > R - 1 + 3 sqrt(2 (R - 1)) + 2 log k
+
+for R recordings and k parameters. Their errors come from the scatter of the scores of segments (a sandwich estimate),
+so that what disturbs one segment alone is not taken for a parameter.
+
+Source: P. J. Huber (1967), The behavior of maximum likelihood estimates under nonstandard conditions; W. G. Cochran
+(1954), The combination of estimates from different experiments, Biometrics 10, 101-129, for Q.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.fitting.cut import carried
+from dpr_lab.fitting.estimate import Estimate, FreeParameter
+from dpr_lab.fitting.gauss_newton import Fit, fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import TINY
+from dpr_lab.gap.hypothesis.cross_validation import PRIOR, folds, left_out_chi2
+from dpr_lab.gap.hypothesis.residuals import residual_statistics
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
+from dpr_lab.gap.result.gap_budget import GapBudget, VaryingParameter
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.transfer.out_of_sample import BOOTSTRAP
+from dpr_lab.gap.where.discrepancy import RULES as DISCREPANCY
+from dpr_lab.gap.where.discrepancy import discrepancy_columns
+from dpr_lab.gap.which.selected import Selection
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatabilityRules:
+    """What is needed to say so."""
+
+    segments: int = 3
+    """Of each recording at least: fewer show no scatter."""
+    varying: int = 3
+    """Parameters that may vary, at most: more would fit anything."""
+    gap_from: float = 3.0
+    """Standard deviations of the residual from which there is a gap to split."""
+    beyond_chance: float = 2.0
+    """Standard errors of a sum over segments by which free torques must improve the prediction."""
+    iterations: int = 8
+    """Of the fits to all recordings, the held-out ones among them."""
+    unfollowed: float = 1e300
+    """chi2 that counts for one that overflows."""
+    singular: float = 1e-9
+    """Relative size of a singular value that counts as zero."""
+
+
+RULES = RepeatabilityRules()
+
+
+def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem, selection: Selection) -> GapBudget:
+    """Split the gap by what is reproducible.
+
+    Args:
+        recordings: the fitted runs
+        everything: these and the held-out ones, which repeat them as well
+        problem: the segments of the fitted runs
+        selection: the chosen set of effects
+    """
+    before, after = selection.base.fit, selection.chosen.fit
+    if len(everything.records) > len(recordings.records):
+        problem, before, after = _fitted_to_all(everything, problem, before, after)
+    names = [one.run.name for one in everything.records]
+    followed = np.isfinite(before.linear.chi2_by_segment) & np.isfinite(after.linear.chi2_by_segment)
+    fold = np.unique(folds(problem), return_inverse=True)[1]
+    left = residual_statistics(problem, after)
+    dof = np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
+    noise, total = left.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
+    if residual_statistics(problem, before).z < RULES.gap_from or not followed.any() or total <= noise:
+        return split([total] * 4, noise, names, (), "There is no gap above the noise to split.")
+    parts = _Parts.of(after, fold, followed)
+    explained = parts.left_out()
+    if fold.max() == 0 or min(np.bincount(fold[followed], minlength=fold.max() + 1)) < RULES.segments:
+        why = f"Recordings of fewer than {RULES.segments} segments of {LENGTHS.working:g} s do not show what repeats."
+        return split([total, *[float(explained.sum())] * 3], noise, names, (), why)
+    if left.z > THRESHOLDS.noise_floor:
+        parts = parts.with_discrepancy(discrepancy_columns(problem, after))
+    unmodelled = parts.left_out()
+    varying = parts.varying()
+    freed = float(parts.left_out([one.column for one in varying]).sum()) + sum(one.chance for one in varying)
+    levels = [total, float(explained.sum()), float(unmodelled.sum()), freed]
+    shown = [one.shown(after.free[after.inside[one.column]], after.estimate, names) for one in varying]
+    return split(levels, noise, names, shown, "")
+
+
+def split(
+    levels: Sequence[float], noise: float, names: Sequence[str], varying: Sequence[VaryingParameter], undecided: str
+) -> GapBudget:
+    """Shares from what is left, step by step: of the bare model, explained, with free torques, with own parameters."""
+    finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=RULES.unfollowed)
+    falling = np.minimum.accumulate(np.maximum(finite, noise))
+    whole = max(float(falling[0]), np.finfo(np.float64).tiny)
+    explained, unmodelled, own = (np.abs(np.diff(falling[:4])) / whole).tolist()
+    rest = float(falling[3] - falling[4]) / whole
+    return GapBudget(
+        basis="pieces of one recording" if len(names) == 1 else "recordings",
+        explained=explained,
+        varying=own,
+        unmodelled=unmodelled,
+        not_reproducible=rest,
+        noise=max(1 - explained - own - unmodelled - rest, 0.0),
+        parameters=list(varying),
+        undecided=undecided,
+    )
+
+
+def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tuple[Problem, Fit, Fit]:
+    """The models fitted to all recordings, from where they are fitted to some, which come first."""
+    problem, initial = everything.cut(LENGTHS.working)
+    refitted = []
+    for model in models:
+        first = carried(known.segments, model.estimate.initial, problem.segments, initial)
+        at = model.estimate.changed(initial=first, zeros=np.zeros((0, 2)))
+        free = tuple(parameter for parameter in model.free if parameter.block != "zeros")
+        refitted.append(fit(problem, at, free, iterations=RULES.iterations))
+    before, after = refitted
+    return problem, before, after
+
+
+@dataclass(frozen=True, slots=True)
+class _Varying:
+    """A parameter that differs between recordings."""
+
+    column: int
+    own: Array
+    """(recordings,) its difference to the common value in each, in units of the column."""
+    std: Array
+    """(recordings,) their standard deviations."""
+    scatter: float
+    """Q: what its own values explain, in pieces of independent evidence."""
+    chance: float
+    """chi2 that fitting it to each recording takes of the noise."""
+
+    def shown(self, parameter: FreeParameter, at: Estimate, names: Sequence[str]) -> VaryingParameter:
+        """As the result has it; the quarters of a single recording are numbered."""
+        unit, common = PRIOR * parameter.size, parameter.read(at)
+        spread, error = np.std(self.own, ddof=1), np.sqrt(np.mean(self.std**2))
+        labels = names if len(names) > 1 else [f"{names[0]}, quarter {i + 1}" for i in range(len(self.own))]
+        return VaryingParameter(
+            effect=parameter.effect,
+            name=parameter.name,
+            values=dict(zip(labels, (common + unit * self.own).tolist(), strict=True)),
+            std=float(unit * error),
+            spread=float(unit * np.sqrt(max(spread**2 - error**2, 0.0))),
+            sigmas=float(np.sqrt(self.scatter / (len(self.own) - 1))),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """A fit by segments: residuals and columns, the model's first, then those of free torques and encoder errors."""
+
+    X: Array
+    """(segments, m, k)"""
+    e: Array
+    """(segments, m)"""
+    fold: NDArray[np.int64]
+    precision: Array
+    """(k,) inverse prior variance of each column."""
+    own: tuple[int, ...]
+    """Columns that every recording sets for itself, as its initial states: zeros of encoders."""
+    candidates: tuple[int, ...]
+    """Columns that may vary."""
+
+    @classmethod
+    def of(cls, at: Fit, fold: NDArray[np.int64], followed: NDArray[np.bool_]) -> Self:
+        """The model alone, where its segments can be followed."""
+        inside = [at.free[i] for i in at.inside]
+        A = at.linear.A[:, :, at.inside] * np.array([PRIOR * parameter.size for parameter in inside])
+        A, e = np.where(followed[:, None, None], A, 0.0), np.where(followed[:, None], at.linear.e, 0.0)
+        zeros = [i for i, parameter in enumerate(inside) if parameter.block == "zeros"]
+        own = tuple(i for i in zeros if len(np.unique(fold[_used(A[:, :, i])])) == 1)
+        others = tuple(i for i in range(len(inside)) if i not in own and _used(A[:, :, i]).any())
+        return cls(A, e, fold, np.ones(len(inside)), own, others)
+
+    @property
+    def by_fold(self) -> list[tuple[NDArray[np.bool_], Array, Array]]:
+        """Segments of each recording, and its normal matrix and gradient."""
+        parts = []
+        for r in range(int(self.fold.max()) + 1):
+            mine = self.fold == r
+            X, e = self.X[mine].reshape(-1, self.X.shape[2]), self.e[mine].ravel()
+            parts.append((mine, X.T @ X, X.T @ e))
+        return parts
+
+    def left_out(self, freed: Sequence[int] = ()) -> Array:
+        """(segments,) chi2 as predicted from the other recordings, some columns fitted to the recording itself."""
+        own = [*self.own, *freed]
+        parts, chi2 = [(mine, *_without(H, g, own)) for mine, H, g in self.by_fold], np.zeros(len(self.e))
+        H, gradient = sum((part[1] for part in parts), np.diag(self.precision)), sum(part[2] for part in parts)
+        for mine, H_own, of_own in parts:
+            left = self.e[mine] - self.X[mine] @ np.linalg.solve(H - H_own, gradient - of_own)
+            if own:
+                columns = self.X[mine][:, :, own]
+                left = (
+                    left
+                    - columns @ np.linalg.lstsq(columns.reshape(left.size, -1), left.ravel(), rcond=RULES.singular)[0]
+                )
+            chi2[mine] = np.sum(left**2, axis=1)
+        return chi2
+
+    def with_discrepancy(self, columns: Array) -> Self:
+        """The same with free torques and encoder errors of the size that predicts best, if they predict better."""
+        columns = np.where(_used(self.e)[:, None, None], columns, 0.0)
+        X, before, best = np.concatenate([self.X, columns], axis=2), self.left_out(), self
+        least = before
+        for ridge in DISCREPANCY.ridges:
+            precision = np.concatenate([self.precision, np.full(columns.shape[2], ridge)])
+            wider = replace(self, X=X, precision=precision)
+            chi2 = wider.left_out()
+            blocks = np.add.reduceat(before - chi2, np.arange(0, len(chi2), BOOTSTRAP.block))
+            chance = RULES.beyond_chance * float(np.std(blocks)) * len(blocks) ** 0.5
+            if chi2.sum() < least.sum() and blocks.sum() > chance:
+                best, least = wider, chi2
+        return best
+
+    def varying(self) -> list[_Varying]:
+        """Parameters that differ between recordings beyond chance, the one that differs most first."""
+        chosen: list[_Varying] = []
+        while len(chosen) < RULES.varying:
+            others = [i for i in self.candidates if i not in [one.column for one in chosen]]
+            common = np.concatenate([self.X, *(self._local(one.column) for one in chosen)], axis=2)
+            flat = common.reshape(self.e.size, -1)
+            normal = flat.T @ flat + np.diag(np.append(self.precision, np.ones(flat.shape[1] - len(self.precision))))
+            tried = [self._scatter(i, flat, normal) for i in others]
+            best, free = max(tried, key=lambda one: one.scatter, default=None), int(self.fold.max())
+            if best is None or best.scatter < free + 3 * (2 * free) ** 0.5 + 2 * np.log(len(tried)):
+                break
+            chosen.append(best)
+        return chosen
+
+    def _local(self, column: int) -> Array:
+        """(segments, m, recordings) a column for each recording alone."""
+        mine = self.fold[:, None, None] == np.arange(int(self.fold.max()) + 1)
+        return np.where(mine, self.X[:, :, [column]], 0.0)
+
+    def _scatter(self, column: int, common: Array, normal: Array) -> _Varying:
+        """The values of one parameter in each recording, given (rows, k) columns that all share."""
+        both = np.concatenate([self._local(column), self.e[:, :, None]], axis=2)
+        flat = both.reshape(len(common), -1)
+        left = (flat - common @ np.linalg.solve(normal, common.T @ flat)).reshape(both.shape)
+        L, e = left[:, :, :-1], left[:, :, -1]
+        runs = L.shape[2]
+        contrasts = np.linalg.svd(np.ones((1, runs)))[2][1:].T  # what is common to all is no difference
+        H, gradient = np.einsum("smi,smj->ij", L, L), np.einsum("smi,sm->i", L, e)
+        inner = (
+            contrasts @ np.linalg.pinv(contrasts.T @ H @ contrasts, rcond=RULES.singular, hermitian=True) @ contrasts.T
+        )
+        values = inner @ gradient
+        scores = np.einsum("smi,sm->si", L, e - L @ values)
+        meat = scores.T @ scores * len(scores) / (len(scores) - runs)
+        size = max(float(np.trace(inner @ meat)) / (runs - 1), 1.0)
+        std = np.sqrt(np.maximum(np.maximum(np.diag(inner @ meat @ inner), np.diag(inner)), TINY))
+        return _Varying(column, values, std, float(gradient @ values) / size, size * runs)
+
+
+def _without(H: Array, gradient: Array, own: Sequence[int]) -> tuple[Array, Array]:
+    """A recording's normal equations, some columns fitted to it alone."""
+    if not own:
+        return H, gradient
+    taken = H[:, own] @ np.linalg.pinv(H[np.ix_(own, own)], rcond=RULES.singular, hermitian=True)
+    return H - taken @ H[own], gradient - taken @ gradient[own]
+
+
+def _used(values: Array) -> NDArray[np.bool_]:
+    """(segments,) where (segments, m) values are not all zero."""
+    return np.asarray(np.abs(values).sum(axis=1) > 0)

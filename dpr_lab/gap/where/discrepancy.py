@@ -1,0 +1,172 @@
+"""What a fit leaves, as free torques and reading errors of limited size: a discrepancy term with a Gaussian prior.
+
+    e = A p + M m + noise,    m ~ N(0, s^2)
+
+M holds hats over angle, speed and time for each joint, projected free of the initial states as A is. A column counts by
+what it does to the readings: every group of hats has a mean squared norm of one, so that one size s serves all.
+
+The size is the one of largest restricted likelihood, A being free and the noise's variance profiled out; it is zero
+where none is likelier. With H the normal matrix of M given A, l = variance / s^2 and n independent readings,
+
+    -2 log L = n log(rss(l)) + log det(H + l) - q log l.
+
+The term moves the fitted values by (A^T A)^-1 A^T M m: what that does to them widens their intervals.
+
+Source: M. C. Kennedy & A. O'Hagan (2001), Bayesian calibration of computer models, J. R. Statist. Soc. B 63, 425-464;
+D. A. Harville (1977), Maximum likelihood approaches to variance component estimation, JASA 72, 320-338.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
+from dpr_lab.gap.where.coordinates import angle_hats, encoder_angle, speed_hats, time_hats, under_torque
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class DiscrepancyRules:
+    """How the term is sized and described."""
+
+    ridges: tuple[float, ...] = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+    """Variance of the noise over that of the prior: from hardly anything to nearly free."""
+    likelier: float = 10.0
+    """-2 log likelihood by which the term must be likelier than none."""
+    mostly: float = 2.0
+    """Factor between the mean squared torque of the slow and of the fast half from which one is named."""
+
+
+RULES = DiscrepancyRules()
+
+
+@dataclass(frozen=True, slots=True)
+class Discrepancy:
+    """A discrepancy term of the likeliest size."""
+
+    columns: Array
+    """(segments, m, q) whitened change of the readings, one standard deviation of the prior each."""
+    torque_Nm: tuple[float, float]
+    """Posterior mean torque of joint 1 and 2, rms over the recordings."""
+    reading_rad: tuple[float, float]
+    """Posterior mean reading error of encoder 1 and 2 by angle, rms."""
+    slow: tuple[float, float]
+    """Mean squared torque of each joint in the slower half of the readings, over that in the faster half."""
+
+    @property
+    def sentence(self) -> str:
+        """How large the remainder is and where, by the joint of the larger torque."""
+        joint = int(np.argmax(self.torque_Nm))
+        where = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {joint + 1}"
+        if self.slow[joint] > RULES.mostly:
+            where += ", mostly at low speed"
+        elif self.slow[joint] < 1 / RULES.mostly:
+            where += ", mostly at high speed"
+        return f"Unmodelled remainder: {where}."
+
+
+@dataclass(frozen=True, slots=True)
+class _Hats:
+    """Free functions of one kind for one joint, by their values along the recordings."""
+
+    joint: int
+    torque: bool
+    """Whether they are torques, (n, k) along the trajectory; else reading errors, (samples, k)."""
+    values: Array
+    columns: Array
+    """(segments, m, k) what they do to the readings."""
+
+
+def _hats(problem: Problem, at: Fit, along: Trajectory) -> Iterator[_Hats]:
+    for joint in np.flatnonzero(problem.read.any(axis=0)).tolist():
+        speed = along.joint_speed[:, joint]
+        torques = (
+            angle_hats(along.joint_angle[:, joint])[0],
+            speed_hats(speed)[0],
+            -time_hats(along.t)[0] * speed[:, None],
+        )
+        for torque in torques:
+            yield _Hats(joint, True, torque, under_torque(problem, along, joint, torque))
+        errors = angle_hats(encoder_angle(problem, joint))[0]
+        readings = np.zeros((len(errors), 2, errors.shape[1]))
+        readings[:, joint] = errors
+        yield _Hats(joint, False, errors, problem.whitened(readings))
+
+
+def _scaled(problem: Problem, at: Fit, along: Trajectory) -> list[_Hats]:
+    """Hats whose columns have a mean squared norm of one in each group."""
+    groups = []
+    for hats in _hats(problem, at, along):
+        columns = at.linear.projected(np.nan_to_num(hats.columns))
+        size = float(np.sqrt(np.sum(columns**2) / columns.shape[2]))
+        if size > 0:
+            groups.append(_Hats(hats.joint, hats.torque, hats.values / size, columns / size))
+    return groups
+
+
+def discrepancy_columns(problem: Problem, at: Fit) -> Array:
+    """(segments, m, q) whitened change of the readings by each hat, at a mean squared norm of one in each group."""
+    groups = _scaled(problem, at, trajectory(problem, at.estimate, spacing=TRAJECTORY.coarse_s))
+    return np.concatenate([np.zeros((*at.linear.e.shape, 0)), *(hats.columns for hats in groups)], axis=2)
+
+
+def discrepancy(problem: Problem, at: Hypothesis) -> Discrepancy | None:
+    """The discrepancy term of a fit; None where only noise is left, or where no size is likelier than none."""
+    linear = at.fit.linear
+    if at_noise_floor(at) or not np.isfinite(linear.residual).all():
+        return None
+    along = trajectory(problem, at.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    groups = _scaled(problem, at.fit, along)
+    if not groups:
+        return None
+    M = np.concatenate([hats.columns for hats in groups], axis=2)
+    held = len(at.fit.inside)
+    space = ColumnSpace.of(np.concatenate([linear.A[:, :, at.fit.inside], M], axis=2), linear.e)
+    space = space.given(slice(0, held), slice(held, None))
+    H = space.H / np.outer(space.scale, space.scale)
+    gradient = space.gradient / space.scale
+    eigen, vectors = np.linalg.eigh(H)
+    eigen, along_each = np.maximum(eigen, 0.0), (vectors.T @ gradient) ** 2
+    n = at.residuals.chi2 / at.residuals.inflation  # independent readings, at a variance of one
+    whole = float(np.sum(linear.e**2))
+
+    def cost(ridge: float) -> float:
+        left = max(whole - float(np.sum(along_each / (eigen + ridge))), 1e-3 * whole)
+        return n * np.log(left / whole) + float(np.sum(np.log1p(eigen / ridge)))
+
+    ridge = min(RULES.ridges, key=cost)
+    if cost(ridge) > -RULES.likelier:
+        return None
+    m = vectors @ ((vectors.T @ gradient) / (eigen + ridge))
+    variance = (whole - float(np.sum(along_each / (eigen + ridge)))) / at.residuals.dof
+    return _discrepancy(groups, M * np.sqrt(max(variance, 1.0) / ridge), m, along)
+
+
+def _discrepancy(groups: list[_Hats], columns: Array, m: Array, along: Trajectory) -> Discrepancy:
+    torque, reading, slow, first = [0.0, 0.0], [0.0, 0.0], [1.0, 1.0], 0
+    sums: dict[tuple[int, bool], Array] = {}
+    for hats in groups:
+        last = first + hats.values.shape[1]
+        own = hats.values @ m[first:last]
+        sums[hats.joint, hats.torque] = sums.get((hats.joint, hats.torque), 0.0) + own
+        first = last
+    for (joint, of_torque), values in sums.items():
+        rms = float(np.sqrt(np.mean(values**2)))
+        if of_torque:
+            speed = np.abs(along.joint_speed[:, joint])
+            slower = speed < np.median(speed)
+            torque[joint] = rms
+            if slower.any() and not slower.all():
+                fast = max(float(np.mean(values[~slower] ** 2)), np.finfo(np.float64).tiny)
+                slow[joint] = float(np.mean(values[slower] ** 2)) / fast
+        else:
+            reading[joint] = rms
+    return Discrepancy(columns, (torque[0], torque[1]), (reading[0], reading[1]), (slow[0], slow[1]))

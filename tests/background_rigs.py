@@ -1,0 +1,160 @@
+"""Rods with one dominant effect and several small ones, by scipy: shares no code with what it tests.
+
+The laws are torques of the joints or errors of the readings, each with a size and some shape that chance draws. Some of
+them are in no library: friction by a power of the speed, torque of the third harmonic of an angle, wandering torques.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.rig import MASSES, PARAMETERS, Rig, load_rig
+from dpr_lab.run import Run
+
+SMOOTH = 0.02
+"""Speed below which dry friction of these rods rises, rad/s."""
+TORQUES_NM = (1e-3, 1e-4)
+"""Torque of joint 1 and 2 that moves a reading by about the noise within half a second."""
+READING_RAD = 4e-4
+"""Reading error of about the noise."""
+DOMINANT, SMALL = (3.0, 10.0), (0.1, 0.6)
+"""Sizes of the dominant effect and of the others, in those units."""
+
+Torque = Callable[[float, float, float], float]
+"""Of a joint, by time, its angle from hanging and its speed, N m."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """One effect."""
+
+    name: str
+    joint: int
+    size: float
+    """N m, or rad."""
+    torque: Torque | None = None
+    reading: Callable[[Any, Any], Any] | None = None
+    """Error of an encoder by its angles and speeds, rad."""
+
+
+def _law(name: str, joint: int, size: float, rng: np.random.Generator) -> Law:
+    phase, label = float(rng.uniform(0, 2 * np.pi)), f"{name}_joint{joint + 1}"
+    n, top = size * TORQUES_NM[joint], 8.0
+    rates, phases = rng.uniform(1, 12, 6), rng.uniform(0, 2 * np.pi, 6)
+    torques: dict[str, Torque] = {
+        "coulomb": lambda t, q, u: -n * math.tanh(u / SMOOTH),
+        "spring": lambda t, q, u: -n * q,
+        "detent": lambda t, q, u: 2 * n * math.cos(12 * q + phase),
+        "power": lambda t, q, u: -2 * n * abs(u / top) ** 1.5 * math.copysign(1.0, u),
+        "third": lambda t, q, u: n * math.sin(3 * q + phase),
+        "one_sided": lambda t, q, u: -n * (math.tanh(u / SMOOTH) > 0) * (1 + math.cos(q)),
+        "wander": lambda t, q, u: n * sum(math.sin(w * t + p) for w, p in zip(rates, phases, strict=True)),
+    }
+    if name in torques:
+        return Law(label, joint, n, torques[name])
+    n = size * READING_RAD
+    readings = {
+        "encoder_eccentricity": lambda q, u: n * np.cos(q + phase),
+        "encoder_offset": lambda q, u: np.full_like(q, n),
+        "encoder_scale": lambda q, u: 0.3 * n * q,
+        "fifth": lambda q, u: n * np.cos(5 * q + phase),
+    }
+    return Law(label, joint, n, None, readings[name])
+
+
+NAMED = ("coulomb", "spring", "detent", "encoder_eccentricity", "encoder_offset", "encoder_scale")
+"""Laws of the library."""
+OTHERS = ("power", "third", "one_sided", "wander", "fifth")
+"""Laws that it lacks, or holds in another form."""
+
+
+def laws(rng: np.random.Generator, *, rods: int = 2, dominant: bool = True) -> list[Law]:
+    """The dominant effect, then three to six small ones."""
+    found = [_law(str(rng.choice(NAMED)), int(rng.integers(rods)), float(rng.uniform(*DOMINANT)), rng)] * dominant
+    for _ in range(int(rng.integers(3, 7))):
+        name = str(rng.choice(NAMED + OTHERS))
+        found.append(_law(name, int(rng.integers(rods)), float(rng.uniform(*SMALL)), rng))
+    return found
+
+
+def law(name: str, joint: int, size: float, seed: int = 0) -> Law:
+    """One law of a size, in multiples of the noise."""
+    return _law(name, joint, size, np.random.default_rng(seed))
+
+
+def rig_and_base(rng: np.random.Generator, rods: int = 2) -> tuple[Rig, np.ndarray]:
+    """A rig file with weighed masses, its other values off by up to 10 %, and the true base parameters."""
+    paper = load_rig("paper")
+    true = paper.nominal * rng.uniform(0.9, 1.1, len(PARAMETERS))
+    described = paper.model_dump(exclude_none=True)
+    for name, value in zip(PARAMETERS, true.tolist(), strict=True):
+        if name in MASSES:
+            described["parameters"][name].update(measured=value, std=1e-3 * value)
+    rig = Rig.model_validate(described)
+    return rig.with_rods("inner") if rods == 1 else rig, base_parameters(true, rig.L1, rig.g)
+
+
+def swing(base: Any, rig: Rig, acting: Sequence[Law], start: Any, t: Any, rods: int) -> np.ndarray:
+    """(n, 4) angles from upright and speeds."""
+    a, b, d, e1, c1, c2 = base
+    torques = [(one.joint, one.torque) for one in acting if one.torque]
+
+    def slope(now: float, x: Any) -> list[float]:
+        th1, th2, w1, w2 = x.tolist()
+        q, u, tau = (th1 - math.pi, th2 - th1), (w1, w2 - w1), [-c1 * w1, -c2 * (w2 - w1)]
+        for joint, torque in torques:
+            tau[joint] += torque(now, q[joint], u[joint])
+        if rods == 1:
+            acceleration = (e1 * math.sin(th1) + tau[0]) / a
+            return [w1, w1, acceleration, acceleration]
+        c, s = d * math.cos(th1 - th2), d * math.sin(th1 - th2)
+        f1 = -s * w2**2 + e1 * math.sin(th1) + tau[0] - tau[1]
+        f2 = s * w1**2 + d * rig.g / rig.L1 * math.sin(th2) + tau[1]
+        det = a * b - c * c
+        return [w1, w2, (b * f1 - c * f2) / det, (a * f2 - c * f1) / det]
+
+    solved = solve_ivp(slope, (0.0, float(t[-1])), np.asarray(start), "DOP853", rtol=1e-8, atol=1e-9, t_eval=t)
+    return solved.y.T
+
+
+def record(
+    rig: Rig, base: Any, acting: Sequence[Law], rng: np.random.Generator, pose: str, seconds: float = 6.0, rods: int = 2
+) -> Run:
+    """The counts of a release by hand at 200 Hz."""
+    t = np.arange(-200, round(200 * seconds) + 1) / 200
+    poses = rig.poses[pose].theta[1:]
+    start = np.append(poses, [0.0, 0.0]) + rng.normal(0, [0.01, 0.01, 0.002, 0.002])
+    if rods == 1:
+        start[1], start[3] = start[0], start[2]
+    x = np.tile(start, (len(t), 1))
+    x[t < 0, 2:] = 0.0
+    x[t >= 0] = swing(base, rig, acting, start, t[t >= 0], rods)
+    joints, speeds = np.stack([x[:, 0] - np.pi, x[:, 1] - x[:, 0]]), np.stack([x[:, 2], x[:, 3] - x[:, 2]])
+    for one in acting:
+        if one.reading:
+            joints[one.joint] = joints[one.joint] + one.reading(joints[one.joint], speeds[one.joint])
+    theta = np.zeros((len(t), 3))
+    theta[:, 1] = joints[0] + np.pi
+    theta[:, 2] = theta[:, 1] + (joints[1] if rods == 2 else 0.0)
+    counts = np.rint(rig.positions(theta) + rng.normal(0, 0.5, theta.shape)).astype(np.int64)
+    run = Run(pose, t, rig.theta(counts), counts, pose, rig.name, "", 200.0)
+    return replace(run, mounting="inner") if rods == 1 else run
+
+
+POSES = {2: ("X1", "X2", "X3"), 1: ("X2", "X2", "X2")}
+
+
+def recordings(
+    seed: int, acting: Sequence[Law] | None = None, *, rods: int = 2, seconds: float = 6.0
+) -> tuple[Rig, list[Run], list[Law]]:
+    """A rig, three recordings of it, and its laws."""
+    rng = np.random.default_rng(seed)
+    rig, base = rig_and_base(rng, rods)
+    acting = laws(rng, rods=rods) if acting is None else list(acting)
+    runs = [record(rig, base, acting, rng, pose, seconds, rods) for pose in POSES[rods]]
+    return rig, [replace(run, name=f"run{i}") for i, run in enumerate(runs)], acting

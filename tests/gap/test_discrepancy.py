@@ -1,0 +1,34 @@
+"""The discrepancy term: it has the size of what is left, and widens the intervals of what is named."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.diagnose import diagnose
+from tests.background_rigs import law, recordings, rig_and_base
+
+LIBRARY = {name: EFFECTS[name] for name in ("coulomb_joint1", "spring_joint2")}
+
+
+@pytest.mark.slow
+def test_the_remainder_is_the_torque_that_no_effect_of_the_library_makes() -> None:
+    small = 6e-4  # N m, sin(3 angle): 4.2e-4 rms over a turn
+    rig, runs, _ = recordings(7, [law("coulomb", 0, 6), law("third", 0, 0.6)])
+    found = diagnose(runs, rig, library=LIBRARY)
+    assert found.effects[0].name == "coulomb_joint1"
+    unit = found.scale_b / rig_and_base(np.random.default_rng(7))[1][1]
+    torque = found.gap.remainder_Nm
+    assert torque["joint1"] == pytest.approx(unit * small / 2**0.5, rel=0.4)
+    assert torque["joint2"] < 0.5 * torque["joint1"]
+    assert "Unmodelled remainder: " in found.sentence
+    assert "mN m rms in joint 1" in found.sentence
+    size = found.effects[0].parameters["torque_Nm"]
+    assert size.interval90[0] < unit * 6e-3 < size.interval90[1]
+
+
+@pytest.mark.slow
+def test_where_only_noise_is_left_there_is_no_remainder() -> None:
+    rig, runs, _ = recordings(2, [law("coulomb", 0, 4)])
+    found = diagnose(runs, rig, library=LIBRARY)
+    assert (found.gap.remainder_Nm, found.gap.remainder_rad) == ({}, {})
+    assert "remainder" not in found.sentence

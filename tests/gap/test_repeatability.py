@@ -1,0 +1,116 @@
+"""The share of the gap that is reproducible, on rigs where the truth is known: scipy simulates them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.gap_budget import GapBudget
+from dpr_lab.gap.transfer.repeatability import split
+from dpr_lab.report.gap.summary import repeatability_bar, repeatability_sentences
+from tests.background_rigs import Law, law, record, recordings, rig_and_base
+
+POSES = ("X1", "X2", "X3")
+FRICTION = ("coulomb", "stribeck", "friction", "hysteresis", "load")
+
+
+def each_its_own(laws: Sequence[Law], seed: int, **library: str) -> Diagnosis:
+    """Diagnose recordings of one rig, each with a law of its own."""
+    rng = np.random.default_rng(seed)
+    rig, base = rig_and_base(rng)
+    runs = [record(rig, base, [own], rng, pose) for pose, own in zip(POSES, laws, strict=True)]
+    names = {k: EFFECTS[k] for k in library} if library else EFFECTS
+    return diagnose([replace(run, name=run.pose or "") for run in runs], rig, library=names)
+
+
+def of(found: Diagnosis) -> GapBudget:
+    budget = found.gap.budget
+    assert budget is not None
+    shares = [budget.explained, budget.varying, budget.unmodelled, budget.not_reproducible, budget.noise]
+    assert sum(shares) == pytest.approx(1.0)
+    return budget
+
+
+def test_shares_sum_to_one_whatever_is_left() -> None:
+    for levels in ([5.0, 9.0, 1.0, -3.0], [np.inf, 2.0, np.nan, 1.0], [0.0, 0.0, 0.0, 0.0]):
+        budget = split(levels, 2.0, ["a", "b"], (), "")
+        shares = [budget.explained, budget.varying, budget.unmodelled, budget.not_reproducible, budget.noise]
+        assert sum(shares) == pytest.approx(1.0)
+        assert min(shares) >= 0
+
+
+@pytest.mark.slow
+def test_a_clean_rig_has_only_noise() -> None:
+    rig, runs, _ = recordings(1, [])
+    found = diagnose(runs, rig)
+    budget = of(found)
+    assert budget.noise > 0.98
+    assert budget.of_reproducible is None
+    assert (repeatability_bar(found), repeatability_sentences(found)) == (None, [])
+
+
+@pytest.mark.slow
+def test_a_named_effect_explains_all_that_is_reproducible() -> None:
+    rig, runs, _ = recordings(2, [law("coulomb", 0, 4)])
+    found = diagnose(runs, rig)
+    budget = of(found)
+    assert budget.explained > 0.8
+    assert budget.of_reproducible == pytest.approx(1.0, abs=0.02)
+    assert budget.parameters == []
+    bar = repeatability_bar(found)
+    assert bar is not None
+    assert sum(share for _, share in bar.parts) == pytest.approx(1.0)
+    assert "explains 100% of what is reproducible and 100% of the whole" in repeatability_sentences(found)[0]
+
+
+@pytest.mark.slow
+def test_pieces_of_a_single_recording_serve_and_say_so() -> None:
+    rig, runs, _ = recordings(2, [law("coulomb", 0, 4)])
+    found = diagnose(runs[:1], rig)
+    assert of(found).basis == "pieces of one recording"
+    assert of(found).of_reproducible == pytest.approx(1.0, abs=0.02)
+    assert "do not show what differs from one release to the next" in repeatability_sentences(found)[1]
+
+
+@pytest.mark.slow
+def test_a_parameter_drawn_anew_for_each_recording_varies() -> None:
+    found = each_its_own([law("coulomb", 0, size) for size in (4, 5, 6)], 3, coulomb_joint1="")
+    budget = of(found)
+    assert budget.varying > 0.1
+    assert budget.not_reproducible < 0.02
+    (parameter,) = budget.parameters
+    assert (parameter.effect, parameter.name) == ("coulomb_joint1", "torque_Nm")
+    assert parameter.spread == pytest.approx(1e-3, rel=0.1)
+    assert parameter.sigmas > 10
+    assert "torque of Coulomb friction, joint 1 [coulomb_joint1] varies by 1.0" in repeatability_sentences(found)[1]
+
+
+@pytest.mark.slow
+def test_a_law_outside_the_library_is_reproducible_and_unmodelled() -> None:
+    rig, runs, _ = recordings(4, [law("coulomb", 0, 4)])
+    library = {name: effect for name, effect in EFFECTS.items() if not name.startswith(FRICTION)}
+    budget = of(diagnose(runs, rig, library=library))
+    assert budget.unmodelled > 0.5
+    assert budget.not_reproducible < 0.1
+    assert budget.of_reproducible is not None
+    assert budget.of_reproducible < 0.5
+
+
+@pytest.mark.slow
+def test_a_disturbance_of_each_recording_alone_is_not_reproducible() -> None:
+    budget = of(each_its_own([law("wander", 0, 2, seed) for seed in range(3)], 5))
+    assert budget.not_reproducible > 0.5
+    assert budget.unmodelled < 0.05
+
+
+@pytest.mark.slow
+def test_too_few_segments_cannot_decide() -> None:
+    rig, runs, _ = recordings(2, [law("coulomb", 0, 8)], seconds=2.0)
+    found = diagnose(runs[:1], rig)
+    assert of(found).undecided.startswith("Recordings of fewer than 3 segments")
+    assert of(found).of_reproducible is None
+    assert "do not show what repeats" in repeatability_sentences(found)[0]
