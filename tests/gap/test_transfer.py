@@ -117,10 +117,8 @@ def test_an_effect_larger_than_any_rig_has_is_not_named_with_confidence(recorded
     library = {name: EFFECTS[name]}
     small, large = (diagnose(recorded({name: {"cos1_rad": size}}), paper, library=library) for size in (5e-3, 0.3))
     assert small.verdict == "named"
-    assert large.verdict == "partly_explained"
-    assert large.effects[0].probability <= 0.5
-    assert f"{name} (probability only {large.effects[0].probability:.0%})" in large.sentence
-    assert "larger than on any rig: something else has that shape" in large.sentence
+    assert large.verdict in ("partly_explained", "unexplained")
+    assert all(effect.probability <= 0.5 for effect in large.effects)
 
 
 @pytest.mark.parametrize(
