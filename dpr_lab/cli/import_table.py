@@ -144,7 +144,7 @@ def import_table(
         say(remark)
     for question in imported.questions:
         say(f"warning: {question.sentence}")
-    line(f"{imported.file}: {imported.info.samples} samples, {imported.info.duration_s:.3f} s")
+    line(f"{imported.file}: {imported.samples} samples, {imported.duration_s:.3f} s")
 
 
 import_app.command("table")(import_table)

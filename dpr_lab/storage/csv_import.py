@@ -114,7 +114,7 @@ def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
     return Run(
         name=table_name(path),
         t=t,
-        theta=as_mounted(swing.theta - turns, rig.rods.mounting, str(path)),
+        theta=as_mounted(np.ascontiguousarray(swing.theta - turns), rig.rods.mounting, str(path)),
         mounting=rig.rods.mounting,
         counts=swing.counts,
         torques=torques,

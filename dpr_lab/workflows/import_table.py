@@ -37,11 +37,21 @@ class ImportResult:
     """The run that was written."""
 
     file: Path
-    info: "RunInfo"
+    samples: int
+    """Those of the rest before the release included."""
+    duration_s: float
+    """From the release to the last sample."""
     notes: tuple[str, ...]
     """What was done with the table."""
     questions: "tuple[TableQuestion, ...]"
     """What is doubtful of it."""
+
+    @property
+    def info(self) -> "RunInfo":
+        """What the run file says; reads all of it."""
+        from dpr_lab.storage.inspect import info
+
+        return info(self.file)
 
 
 def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportResult:
@@ -55,14 +65,13 @@ def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportRe
     """
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.csv_import import table_name, write_run
-    from dpr_lab.storage.inspect import info
     from dpr_lab.storage.tables.understand import understand
 
     file = _unused(request.out, table_name(request.table))
     rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
     swing = understand(request.table, rig, request.options, on_event)
     write_run(request.table, rig, swing, file, on_event)
-    return ImportResult(file, info(file), swing.notes, swing.questions)
+    return ImportResult(file, len(swing.t), float(swing.t[-1]), swing.notes, swing.questions)
 
 
 def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Preview":

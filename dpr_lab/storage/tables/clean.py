@@ -49,10 +49,12 @@ def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimi
     if delimiter is None:
         begins = raw > _BLANK
         begins[1:] &= raw[:-1] <= _BLANK
-        counts, fields = np.cumsum(begins)[ends], width
-    else:
-        counts, fields = np.cumsum(raw == ord(delimiter))[ends], width - 1
-    return bool((np.diff(counts, prepend=0) == fields).all())
+        return bool((np.diff(np.cumsum(begins)[ends], prepend=0) == width).all())
+    between = np.flatnonzero(raw == ord(delimiter))
+    if len(between) != len(ends) * (width - 1):
+        return False
+    between = between.reshape(len(ends), -1)
+    return bool((between[:, -1] < ends).all() and (between[1:, 0] > ends[:-1]).all())
 
 
 def _numbers(fields: list[str]) -> NDArray[np.float64] | None:

@@ -37,6 +37,8 @@ class Plausible:
     """Steps longer than this many median steps are reported as gaps."""
     speed: float = 100.0
     """Of the faster rod, rad/s, exceeded in nine of ten rows: sixteen turns a second; degrees taken for radians are."""
+    typical_rows: int = 20_000
+    """Rows, evenly spaced, that show what holds most of the time; of more only these are looked at."""
 
 
 PLAUSIBLE = Plausible()
@@ -62,8 +64,11 @@ def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
 
 
 def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The angles of a logger that wraps, turns counted: all within one turn, with jumps of nearly that; others stay."""
-    if np.ptp(angles) > 2 * np.pi + PLAUSIBLE.window_slack:
+    """The angles of a logger that wraps, turns counted: all within one turn, with jumps of nearly that.
+
+    Others are returned as they are.
+    """
+    if np.ptp(angles) > 2 * np.pi + PLAUSIBLE.window_slack or not _jumps(angles):
         return angles
     return np.unwrap(angles, discont=PLAUSIBLE.jump)
 
@@ -71,12 +76,18 @@ def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
 def outliers(angles: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(n,) which angles lie beyond all turns, or leap away and back within a few rows without a wrap."""
     wild = np.abs(angles) > PLAUSIBLE.angle
+    if not wild.any() and not _jumps(angles):
+        return wild
     for rows in range(1, PLAUSIBLE.outlier_rows + 1):
         kept = np.flatnonzero(~wild)
         if len(kept) < rows + 2:
             return wild
         wild[kept[_leaps(angles[kept], rows)]] = True
     return wild
+
+
+def _jumps(angles: NDArray[np.float64]) -> bool:
+    return bool((np.abs(np.diff(angles)) >= PLAUSIBLE.jump).any())
 
 
 def _leaps(angles: NDArray[np.float64], rows: int) -> NDArray[np.bool_]:
@@ -107,8 +118,10 @@ def gap_notes(t: NDArray[np.float64]) -> list[str]:
 
 def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64], upright: bool) -> list[str]:
     """Notes on (n, 3) angles, rad, that no rods can have, or that point upwards most of the time."""
-    above = upright & (np.median(np.cos(theta[:, 1:]), axis=0) > 0)
-    speed = float(np.quantile(np.abs(np.diff(theta[:, 1:], axis=0)).max(axis=1) / np.diff(t), 0.1))
+    rows = np.linspace(0, len(t) - 2, min(len(t) - 1, PLAUSIBLE.typical_rows)).astype(np.intp)
+    steps, moved = t[rows + 1] - t[rows], np.abs(theta[rows + 1, 1:] - theta[rows, 1:])
+    above = upright & (np.median(np.cos(theta[rows, 1:]), axis=0) > 0)
+    speed = float(np.quantile(moved.max(axis=1) / steps, 0.1))
     fast = [f"the rods turn at more than {speed:.3g} rad/s nearly always: are the units right (--unit, --time-unit)?"]
     inverted = [
         "both rods point upwards most of the time: if the table's zero is hanging, import it with --zero hanging"

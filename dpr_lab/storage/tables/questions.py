@@ -16,7 +16,7 @@ from dpr_lab.storage.tables.energy import energy_fit, periods
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.readings import SETTINGS as READ
-from dpr_lab.storage.tables.readings import OtherReading, Values, better_reading
+from dpr_lab.storage.tables.readings import OtherReading, Values, better_readings
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,8 @@ class QuestionSettings:
     """Factor by which kinetic and potential energy disagree about the times, beyond which a question is asked."""
     other_unit: float = 30.0
     """The same, from which the unit of time is wrong."""
+    energy_rows: int = 200_000
+    """Rows of the swing whose energy is looked at, at most: a wrong reading is wrong from the start."""
     pose: tuple[float, float] = (3.0, 10.0)
     """Distance from the named pose, in its tolerances, from which a question is asked and a table is refused."""
     hanging_rad: float = 0.03
@@ -140,14 +142,17 @@ def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None
 
 def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[TableQuestion], list[OtherReading]]:
     """Doubts about units, zero, signs and order, by the energy of the swing; and the readings that mend them."""
-    t, theta = asked.t[asked.swing], asked.theta[asked.swing]
+    first = asked.part.start
+    looked_at = slice(first, min(asked.part.stop, first + settings.energy_rows))
+    t, theta = asked.t[looked_at], asked.theta[looked_at]
     both = asked.rig.rods.mounted == "both" and asked.rig.rods.elbow == "free"
-    torques = None if asked.torques is None else asked.torques[asked.swing]
+    torques = None if asked.torques is None else asked.torques[looked_at]
     fit = energy_fit(t, theta[:, 1:], torques, asked.rig) if both else None
     residual, others = math.nan, []
     if fit is not None and not asked.arm_moves:
-        values = {axis: column[asked.swing] for axis, column in asked.values.items()}
-        residual, others = better_reading(t, values, torques, asked.options, asked.rig, asked.columns, asked.path)
+        values = {axis: column[looked_at] for axis, column in asked.values.items()}
+        residual = fit.residual
+        others = better_readings(fit, t, values, torques, asked.options, asked.rig, asked.columns, asked.path)
     if fit is not None and not others:
         _refuse_unit_of_time(asked, fit.kinetic_scale, settings)
     for other in others:
@@ -176,7 +181,8 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
             )
         )
     upright = asked.options.zero == "upright" and asked.options.unit != "counts" and not residual <= READ.right
-    return doubts + [TableQuestion(note) for note in odd_notes(t, theta, upright)], []
+    odd = odd_notes(asked.t[asked.swing], asked.theta[asked.swing], upright)
+    return doubts + [TableQuestion(note) for note in odd], []
 
 
 def _free(asked: Asked) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import AXES, TO_SECONDS
-from dpr_lab.storage.tables.energy import energy_fit
+from dpr_lab.storage.tables.energy import EnergyFit, energy_fit
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import unwrapped
 
@@ -53,20 +53,20 @@ class OtherReading:
 
 
 def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, NDArray[np.int64] | None]:
-    """(n, 3) absolute angles, rad, and the counts that they were read from, if any.
+    """(n, 3) absolute angles, rad, each axis contiguous, and the counts that they were read from, if any.
 
     Raises:
         RunError: counts with fractions.
     """
     if options.unit == "counts":
         counts = _counts(path, values, rig)
-        return rig.theta(counts), counts
+        return np.asfortranarray(rig.theta(counts)), counts
     scaled = in_radians(values, options)
     smooth = scaled if options.wrap else {axis: unwrapped(column) for axis, column in scaled.items()}
     zero = np.pi if options.zero == "hanging" else 0.0
     theta1 = smooth["theta1"] + zero
     theta2 = smooth["theta2"] + (theta1 if options.angles == "relative" else zero)
-    return np.column_stack([smooth.get("theta0", np.zeros_like(theta1)), theta1, theta2]), None
+    return np.stack([smooth.get("theta0", np.zeros_like(theta1)), theta1, theta2]).T, None
 
 
 def wrap_notes(values: Values, options: ImportOptions) -> list[str]:
@@ -74,7 +74,7 @@ def wrap_notes(values: Values, options: ImportOptions) -> list[str]:
     if options.wrap or options.unit == "counts":
         return []
     scaled = in_radians(values, options)
-    return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in scaled.items() if np.any(unwrapped(x) != x)]
+    return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in scaled.items() if unwrapped(x) is not x]
 
 
 def in_radians(values: Values, options: ImportOptions) -> dict[str, Array]:
@@ -83,7 +83,8 @@ def in_radians(values: Values, options: ImportOptions) -> dict[str, Array]:
     return {axis: column * TO_RADIANS[options.unit] for axis, column in values.items()}
 
 
-def better_reading(
+def better_readings(
+    fit: EnergyFit,
     t: Array,
     values: Values,
     torques: Array | None,
@@ -91,15 +92,10 @@ def better_reading(
     rig: Rig,
     columns: Mapping[str, str],
     path: Path,
-) -> tuple[float, list[OtherReading]]:
-    """Residual of the energy of a swing as it is read, and other readings that are certainly better, best first.
-
-    The residual is nan where too little is seen of the swing.
-    """
-    theta, _ = angles(values, options, rig, path)
-    fit = energy_fit(t, theta[:, 1:], torques, rig)
-    if fit is None or fit.residual <= SETTINGS.right:
-        return (np.nan if fit is None else fit.residual), []
+) -> list[OtherReading]:
+    """Readings that keep the energy of a swing certainly better than `fit`, of it as it is read; best first."""
+    if fit.residual <= SETTINGS.right:
+        return []
     tried: list[tuple[float, OtherReading]] = []
     slower = [_slower(values, options, fit.time_scale)] if np.isfinite(fit.time_scale) else []
     for reading in (*_otherwise(values, options, columns), *slower):
@@ -110,7 +106,7 @@ def better_reading(
     best = min((residual for residual, _ in tried), default=np.inf)
     alike = [reading for residual, reading in tried if residual <= SETTINGS.alike * best]
     fewest = min((len(reading.causes) for reading in alike), default=0)
-    return fit.residual, [reading for reading in alike if len(reading.causes) == fewest]
+    return [reading for reading in alike if len(reading.causes) == fewest]
 
 
 def _otherwise(values: Values, options: ImportOptions, columns: Mapping[str, str]) -> Iterator[OtherReading]:

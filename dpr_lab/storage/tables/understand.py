@@ -300,7 +300,7 @@ def _rows_to_keep(
     # A row without a time belongs where the row before it does.
     at = np.maximum.accumulate(np.where(np.isfinite(t), t, known[0]))
     inside = np.flatnonzero((at >= start) & (at < stop))
-    whole = np.isfinite(np.column_stack([t, *readings.values()])[inside]).all(axis=1)
+    whole = np.logical_and.reduce([np.isfinite(column[inside]) for column in (t, *readings.values())])
     empty = int(np.count_nonzero(~whole))
     if empty > PLAUSIBLE.nan_share * len(inside):
         raise RunError(f"{path}: {empty} of {len(inside)} rows have no value (NaN): too many for a recording")
@@ -308,7 +308,7 @@ def _rows_to_keep(
     if len(rows) == 0:
         raise RunError(f"{path}: no rows between {start:g} s and {stop:g} s; the table ends at {known[-1]:g} s")
     doubled = np.diff(t[rows], prepend=-np.inf) == 0
-    _refuse_coarse_times(path, t[rows], np.column_stack(list(readings.values()))[rows], doubled)
+    _refuse_coarse_times(path, readings, rows, doubled)
     kept = rows[~doubled]
     if len(kept) < 2:
         raise RunError(f"{path}: only {len(kept)} row is left: a run needs at least two instants")
@@ -316,13 +316,14 @@ def _rows_to_keep(
 
 
 def _refuse_coarse_times(
-    path: Path, t: NDArray[np.float64], readings: NDArray[np.float64], doubled: NDArray[np.bool_]
+    path: Path, readings: Mapping[str, NDArray[np.float64]], rows: NDArray[np.intp], doubled: NDArray[np.bool_]
 ) -> None:
     """Refuse many rows of the same time with other readings: the time column has too few digits."""
-    again = doubled[1:] & (np.diff(readings, axis=0) != 0).any(axis=1)
-    if again.sum() > PLAUSIBLE.doubled_share * len(t):
+    later, before = rows[doubled], rows[np.flatnonzero(doubled) - 1]
+    again = np.logical_or.reduce([column[later] != column[before] for column in readings.values()])
+    if again.sum() > PLAUSIBLE.doubled_share * len(rows):
         raise RunError(
-            f"{path}: {again.sum()} of {len(t)} rows have the time of the row before and other readings: the time"
+            f"{path}: {again.sum()} of {len(rows)} rows have the time of the row before and other readings: the time"
             f" column has too few digits. Export it with more, or give the rate (--rate-hz)"
         )
 
