@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.rig import MASSES, PARAMETERS, Rig, load_rig
 from dpr_lab.run import Run
+from tests.faulty_loggers import log
 
 SMOOTH = 0.02
 """Speed below which dry friction of these rods rises, rad/s."""
@@ -123,10 +124,22 @@ def swing(base: Any, rig: Rig, acting: Sequence[Law], start: Any, t: Any, rods: 
 
 
 def record(
-    rig: Rig, base: Any, acting: Sequence[Law], rng: np.random.Generator, pose: str, seconds: float = 6.0, rods: int = 2
+    rig: Rig,
+    base: Any,
+    acting: Sequence[Law],
+    rng: np.random.Generator,
+    pose: str,
+    seconds: float = 6.0,
+    rods: int = 2,
+    *,
+    rate_hz: float = 200.0,
+    logger: str = "",
 ) -> Run:
-    """The counts of a release by hand at 200 Hz."""
-    t = np.arange(-200, round(200 * seconds) + 1) / 200
+    """The counts of a release by hand, by a logger with a fault of `tests.faulty_loggers`, or none."""
+    even = np.arange(-round(rate_hz), round(rate_hz * seconds) + 1) / rate_hz
+    logged = log(logger, even, 1 / rate_hz, rng)
+    order = np.argsort(logged.taken, kind="stable")
+    t = logged.taken[order]
     poses = rig.poses[pose].theta[1:]
     start = np.append(poses, [0.0, 0.0]) + rng.normal(0, [0.01, 0.01, 0.002, 0.002])
     if rods == 1:
@@ -141,8 +154,9 @@ def record(
     theta = np.zeros((len(t), 3))
     theta[:, 1] = joints[0] + np.pi
     theta[:, 2] = theta[:, 1] + (joints[1] if rods == 2 else 0.0)
-    counts = np.rint(rig.positions(theta) + rng.normal(0, 0.5, theta.shape)).astype(np.int64)
-    run = Run(pose, t, rig.theta(counts), counts, pose, rig.name, "", 200.0)
+    theta[order] = theta.copy()
+    counts = np.rint(rig.positions(theta) + rng.normal(0, 0.5, theta.shape)).astype(np.int64)[logged.sent]
+    run = Run(pose, logged.stamps, rig.theta(counts), counts, pose, rig.name, "", rate_hz)
     return replace(run, mounting="inner") if rods == 1 else run
 
 
@@ -150,11 +164,19 @@ POSES = {2: ("X1", "X2", "X3"), 1: ("X2", "X2", "X2")}
 
 
 def recordings(
-    seed: int, acting: Sequence[Law] | None = None, *, rods: int = 2, seconds: float = 6.0
+    seed: int,
+    acting: Sequence[Law] | None = None,
+    *,
+    rods: int = 2,
+    seconds: float = 6.0,
+    rate_hz: float = 200.0,
+    logger: str = "",
 ) -> tuple[Rig, list[Run], list[Law]]:
     """A rig, three recordings of it, and its laws."""
     rng = np.random.default_rng(seed)
     rig, base = rig_and_base(rng, rods)
     acting = laws(rng, rods=rods) if acting is None else list(acting)
-    runs = [record(rig, base, acting, rng, pose, seconds, rods) for pose in POSES[rods]]
+    runs = [
+        record(rig, base, acting, rng, pose, seconds, rods, rate_hz=rate_hz, logger=logger) for pose in POSES[rods]
+    ]
     return rig, [replace(run, name=f"run{i}") for i, run in enumerate(runs)], acting

@@ -32,8 +32,12 @@ class InstantSettings:
     """Distance of a stamp from the even clock, in periods, beyond which a sample may be missing."""
     drift: int = 50
     """Samples on either side over which the clock's offset is a median."""
+    wander: float = 0.5
+    """Standard deviation of that median about a straight line, over the jitter, below which the clock is steady."""
     block: int = 32
     """Samples whose stamps are right, or not, together."""
+    contrary: float = 1.5
+    """Standard errors by which a block must prefer its stamps to keep them, the recording preferring even instants."""
     preferred: float = 4.0
     """Standard errors by which the windows that even instants suit better must outnumber the others."""
     fast: float = 0.4
@@ -44,6 +48,8 @@ class InstantSettings:
     """Standard errors by which a periodic delay must differ from zero."""
     contrast: float = 2.0
     """Times the largest delay elsewhere in the cycle that the late reading must show."""
+    likely: float = 0.3
+    """Share of the most significant cycle's standard errors from which another one is fitted as well."""
     unshared: float = 0.15
     """Quantile of the spreads over places of all cycles that is free of the late readings'."""
     least: float = 0.1
@@ -91,26 +97,46 @@ def even_instants(t: Array, joints: Array, settings: InstantSettings = INSTANTS)
     """
     if len(t) < 4 * settings.drift:
         return None
-    index, period = np.arange(len(t)), float(np.median(np.diff(t)))
-    offset = t - index * period
-    even = index * period + _median_of_neighbours(offset, settings.drift)
-    near = np.abs(t - even) < settings.widest * period
+    period, even, continuous = _even_clock(t, settings)
+    near = continuous | (np.abs(t - even) < settings.widest * period)
     if not near.any() or np.std((t - even)[near]) < settings.uneven * period:
         return None
     windows = sliding_window_view(t, ORDER + 1)
     angles = sliding_window_view(joints, ORDER + 1, axis=0)
     on_stamps = np.abs(np.einsum("wmj,wj->wm", angles, _weights(windows, period)))
     on_even = np.abs(angles @ _weights(np.arange(ORDER + 1.0)[None], 1.0)[0])
-    speed = np.abs(joints[ORDER:] - joints[:-ORDER]) / np.ptp(windows, axis=1)[:, None]
-    without_gap = np.abs(np.diff(windows, axis=1) - period).max(axis=1) < settings.widest * period
-    counts = without_gap[:, None] & (speed > 0.0) & (speed >= np.quantile(speed, 1 - settings.fast, axis=0))
+    speed = np.abs(joints[ORDER:] - joints[:-ORDER]) / (ORDER * period)
+    without_loss = sliding_window_view(continuous, ORDER + 1).all(axis=1)
+    without_loss |= np.abs(np.diff(windows, axis=1) - period).max(axis=1) < settings.widest * period
+    counts = without_loss[:, None] & (speed > 0.0) & (speed >= np.quantile(speed, 1 - settings.fast, axis=0))
     votes = np.where(counts, np.sign(on_stamps - on_even), 0.0)
     # Windows overlap: one in seven is independent.
     if votes.sum() < settings.preferred * np.sqrt((ORDER + 1) * max(counts.sum(), 1)):
         return None
-    block = index // settings.block
-    by_block = np.bincount(block[ORDER // 2 : len(t) - ORDER // 2], votes.sum(axis=1), block[-1] + 1)
-    return np.where(near & (by_block[block] >= 0.0), even, t)
+    block = np.arange(len(t)) // settings.block
+    of_window = block[ORDER // 2 : len(t) - ORDER // 2]
+    for_even, voters = (np.bincount(of_window, of.sum(axis=1), block[-1] + 1) for of in (votes, counts))
+    right = for_even < -settings.contrary * np.sqrt((ORDER + 1) * voters)
+    instants = np.where(near & ~right[block], even, t)
+    return instants if (np.diff(instants) > 0.0).all() else even if (np.diff(even) > 0.0).all() else None
+
+
+def _even_clock(t: Array, settings: InstantSettings) -> tuple[float, Array, Flags]:
+    """An even clock near stamps (n,): its period, s, its instants (n,), s, and (n,) where no sample is lost nearby.
+
+    Stamps may come in bursts, so the period is that over many samples. A lost sample moves the clock by a period. Where
+    none is lost and the clock does not wander, a straight line through all stamps has the least noise.
+    """
+    index, many = np.arange(len(t)), settings.drift
+    period = float(np.median(t[many:] - t[:-many])) / many
+    offset = t - index * period
+    wandering = _median_of_neighbours(offset, many)
+    steady = np.polyval(np.polyfit(index, wandering, 1), index)
+    jitter = NORMAL_MAD * float(np.median(np.abs(offset - wandering)))
+    if np.std(wandering - steady) < settings.wander * jitter:
+        return period, index * period + steady, np.ones(len(t), dtype=bool)
+    here = sliding_window_view(np.pad(wandering, many, mode="edge"), 2 * many + 1)
+    return period, index * period + wandering, np.asarray(np.ptp(here, axis=1) < settings.widest * period)
 
 
 def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS) -> PeriodicDelay | None:
@@ -120,7 +146,8 @@ def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS
 
         d_i = (W^T r)_i / ((W^T W)_ii omega_i),    information (W^T W)_ii omega_i^2 / sigma^2,
 
-    summed over every n-th reading, for each n and each place in the cycle. The best cycle is fitted by least squares.
+    summed over every n-th reading, for each n and each place in the cycle. The likely cycles are fitted by least
+    squares, and the one that explains most is returned.
 
     Args:
         t: (n,) instants, s
@@ -150,14 +177,32 @@ def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS
     # Instants that jitter at random spread the places of all cycles, a late reading only those that share a factor.
     spreads = [NORMAL_MAD * np.median(np.abs(z - np.median(z))) for cycle, z in by_cycle.items() if cycle > ORDER]
     spread = max(1.0, float(np.quantile(spreads, settings.unshared)))
-    (size, first), cycle = max((_standing_out(z, settings.contrast), cycle) for cycle, z in by_cycle.items())
-    if size < settings.significance * spread:
+    places = {cycle: _standing_out(z, settings.contrast) for cycle, z in by_cycle.items()}
+    largest = max(size for size, _ in places.values())
+    if largest < settings.significance * spread:
         return None
-    late = np.arange(len(t)) % cycle == first
+    # A late reading shows in the windows of its neighbours too, and so in other cycles: the best fit is the right one.
+    likely = [(cycle, first) for cycle, (size, first) in places.items() if size > settings.likely * largest]
+    fits = [_delayed(cycle, first, usable, weights, len(t)) for cycle, first in likely]
+    best = max(fits, key=lambda fit: abs(fit.delay_s) / fit.std_s)
+    return best if abs(best.delay_s) >= settings.least * period else None
+
+
+def _delayed(cycle: int, first: int, usable: list[tuple[Array, Array]], weights: Array, samples: int) -> PeriodicDelay:
+    """The delay of every `cycle`-th reading by least squares over the divided differences.
+
+    Args:
+        cycle: samples from one late reading to the next
+        first: index of the first
+        usable: for each joint its divided differences (windows,) and speed (n,), in standard deviations
+        weights: (windows, 7) of the divided differences
+        samples: n
+    """
+    late = np.arange(samples) % cycle == first
     shapes = [(differences, _differences(speed * late, weights)) for differences, speed in usable]
     known = sum(float(shape @ shape) for _, shape in shapes)
     delay = sum(float(differences @ shape) for differences, shape in shapes) / known
-    return PeriodicDelay(cycle, first, delay, known**-0.5) if abs(delay) >= settings.least * period else None
+    return PeriodicDelay(cycle, first, delay, known**-0.5)
 
 
 def _by_place(cycle: int, score: Array, information: Array) -> Array:

@@ -11,7 +11,7 @@ A swing is smooth over a few milliseconds, so what an encoder does wrong shows a
     noise_level               noise other than the rig file says
     undithered_quantisation   counts that stand still at rest: rounding does not average out
     stamp_jitter              stamps that jitter although the readings were taken evenly: replaced by even instants
-    periodic_delay            every n-th reading taken later than its stamp: left out
+    periodic_delay            every n-th reading taken later than its stamp, or before it: left out
 """
 
 from dataclasses import dataclass, replace
@@ -52,6 +52,8 @@ class ScreenSettings:
     """Standard errors by which noise must grow with speed."""
     on_grid: float = 0.7
     """Mean of exp(2 pi i reading / count) from which readings of a table lie on the grid; spread evenly it is zero."""
+    repeating: float = 0.5
+    """Share of the readings of a cycle that equal the one before, from which they are repeated and not late."""
     shown: int = 20
     """Findings of one kind on one axis that are listed singly."""
 
@@ -109,7 +111,7 @@ def screen(run: Run, rig: Rig, settings: ScreenSettings = SCREEN) -> Screened:
     run, stamped = _on_true_instants(run, rig)
     swing, period = run.swing, 1.0 / run.rate_hz
     t, joints = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:])
-    late, delayed = _late(run, t, joints)
+    late, delayed = _late(run, t, joints, settings)
     count = _count_size(run, rig)
     dithered, on_grid = _dithered(run, rig, count, settings), _on_grid(run, rig, joints, settings)
     in_time = run.only(~np.pad(late, (len(run.t) - len(t), 0)))
@@ -160,16 +162,20 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
     return replace(run, t=even), [Finding("stamp_jitter", run.name, None, None, evidence)]
 
 
-def _late(run: Run, t: Array, joints: Array) -> tuple[NDArray[np.bool_], list[Finding]]:
+def _late(run: Run, t: Array, joints: Array, settings: ScreenSettings) -> tuple[NDArray[np.bool_], list[Finding]]:
     """(n,) readings that come late in a cycle."""
     delay = periodic_delay(t, joints[:, :1] if run.setup.alone else joints)
     if delay is None:
         return np.zeros(len(t), dtype=bool), []
-    evidence = (
-        f"every {delay.cycle}th reading is taken {1e3 * delay.delay_s:.3g} +- {1e3 * delay.std_s:.1g} ms after its"
-        " stamp: it is left out"
-    )
-    return delay.late(len(t)), [Finding("periodic_delay", run.name, None, float(t[delay.first]), evidence)]
+    late = delay.late(len(t))
+    before, again = joints[np.flatnonzero(late[1:])], joints[1:][late[1:]]
+    if np.mean((before == again).all(axis=1)) > settings.repeating:
+        name, evidence = "repeated_sample", f"one reading in {delay.cycle} repeats the one before"
+    else:
+        size, side = abs(delay.delay_s), "after" if delay.delay_s > 0 else "before"
+        precision = f"{1e3 * size:.3g} +- {1e3 * delay.std_s:.1g} ms"
+        name, evidence = "periodic_delay", f"one reading in {delay.cycle} is taken {precision} {side} its stamp"
+    return late, [Finding(name, run.name, None, float(t[delay.first]), f"{evidence}: it is left out")]
 
 
 def _read_joints(run: Run, rig: Rig) -> Array:
