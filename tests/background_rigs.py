@@ -176,7 +176,5 @@ def recordings(
     rng = np.random.default_rng(seed)
     rig, base = rig_and_base(rng, rods)
     acting = laws(rng, rods=rods) if acting is None else list(acting)
-    runs = [
-        record(rig, base, acting, rng, pose, seconds, rods, rate_hz=rate_hz, logger=logger) for pose in POSES[rods]
-    ]
+    runs = [record(rig, base, acting, rng, pose, seconds, rods, rate_hz=rate_hz, logger=logger) for pose in POSES[rods]]
     return rig, [replace(run, name=f"run{i}") for i, run in enumerate(runs)], acting

@@ -112,13 +112,27 @@ def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArr
     windows = sliding_window_view(t, ORDER + 1)
     span = windows[:, -1] - windows[:, 0]
     dense = span < 1.5 * np.median(span)
-    instants = windows[dense] / np.median(np.diff(t))
-    apart = instants[:, :, None] - instants[:, None, :]
-    weights = 1 / np.prod(apart + np.eye(ORDER + 1), axis=2)
-    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    weights = difference_weights(windows[dense], float(np.median(np.diff(t))))
     neighbours = sliding_window_view(values, ORDER + 1, axis=0)[dense]
     median = np.median(np.abs(np.einsum("kmj,kj->km", neighbours, weights)), axis=0)
     return NORMAL_MAD * median
+
+
+def difference_weights(windows: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+    """(windows, 7) weights of sixth divided differences, at unit gain on white noise.
+
+    Args:
+        windows: (windows, 7) increasing instants, s
+        period: usual time between two, s
+    """
+    at = (windows - windows[:, :1]) / period
+    weights = np.ones_like(at)
+    for j in range(ORDER + 1):
+        for i in range(ORDER + 1):
+            if i != j:
+                weights[:, j] *= at[:, j] - at[:, i]
+    weights = 1 / weights
+    return weights / np.linalg.norm(weights, axis=1, keepdims=True)
 
 
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> NDArray[np.float64]:

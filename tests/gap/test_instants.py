@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from dpr_lab.gap.screen.differences import noise_by_speed
 from dpr_lab.gap.screen.instants import even_instants, periodic_delay
+from tests.faulty_loggers import log
 
 Array = NDArray[np.float64]
 
@@ -28,6 +30,7 @@ def readings(instants: Array, noise: float, seed: int = 0) -> Array:
         (1e-2, 7, 5e-3, 3e-3),
         (5e-3, 2, 1e-3, 1e-3),
         (5e-3, 3, -5e-3, 1e-3),
+        (1e-2, 8, 8e-3, 2e-4),
     ],
 )
 def test_every_nth_reading_that_is_late_is_found_with_its_delay(period, cycle, delay, noise):
@@ -61,6 +64,26 @@ def test_stamps_that_jitter_about_an_even_clock_are_evened(period, jitter, noise
     assert (np.diff(instants) > 0).all()
 
 
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("period", [1e-3, 1e-2])
+def test_stamps_of_a_busy_host_that_come_in_bursts_are_evened(period, seed):
+    taken = np.arange(1200) * period
+    logged = log("host_stamps", taken, period, np.random.default_rng(seed))
+    instants = even_instants(logged.stamps, readings(taken, 2e-4))
+    assert instants is not None
+    assert (np.diff(instants) > 0).all()
+    assert np.std(instants - taken) < 0.25 * np.std(logged.stamps - taken)
+
+
+def test_a_lost_sample_among_jittered_stamps_stays_lost():
+    taken = np.delete(np.arange(1200) * 5e-3, [400, 800, 801])
+    stamps = taken + 5e-4 * np.random.default_rng(1).exponential(1.0, len(taken))
+    instants = even_instants(stamps, readings(taken, 2e-4))
+    assert instants is not None
+    assert np.median(np.abs(instants - taken - np.median(instants - taken))) < 1e-4
+    assert instants[-1] - instants[0] == pytest.approx(taken[-1] - taken[0], abs=2.5e-3)
+
+
 @pytest.mark.parametrize(("period", "jitter", "noise"), [(2e-3, 1e-4, 2e-4), (1e-2, 2e-3, 1e-3)])
 def test_uneven_stamps_that_are_right_stay(period, jitter, noise):
     even = np.arange(2000) * period
@@ -86,3 +109,9 @@ def test_rods_at_rest_have_no_instants_to_judge(still):
 def test_instants_that_jitter_at_random_are_no_cycle(seed):
     taken = np.arange(3000) * 1e-3 + 3e-4 * np.random.default_rng(seed).standard_normal(3000)
     assert periodic_delay(np.arange(3000) * 1e-3, readings(taken, 1e-4, seed)) is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_uneven_instants_that_are_known_are_no_noise_that_grows_with_speed(seed):
+    known = log("uneven", np.arange(2000) * 5e-3, 5e-3, np.random.default_rng(seed)).stamps
+    assert noise_by_speed(known, readings(known, 3e-4, seed), np.full(2, 3e-4), 5e-3)[1] < 6.0

@@ -8,12 +8,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from dpr_lab.estimation.noise import ORDER, difference_weights
 from dpr_lab.fitting.spread import NORMAL_MAD
 
 Array = NDArray[np.float64]
-
-ORDER = 6
-"""Of the differences: a 5 Hz swing read at 200 Hz then leaks less than 1e-6 rad into them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +22,8 @@ class SpeedNoiseSettings:
     """Bins of equally many readings, by speed."""
     fewest: int = 40
     """Readings in a bin; with fewer no growth is tested."""
-    uneven: float = 0.25
-    """Deviation of a neighbourhood's length from that without a gap up to which it counts, in sampling periods."""
+    uneven: float = 0.9
+    """Deviation of the time between two readings of a neighbourhood up to which it counts, in sampling periods."""
     overlap: float = 4.0
     """Overlapping differences for one independent one."""
     relative_variance: float = 2.7
@@ -83,8 +81,10 @@ def noise_by_speed(
     """
     if len(t) < settings.fewest * settings.bins:
         return 0.0, 0.0
-    whole = np.abs(t[ORDER:] - t[:-ORDER] - ORDER * period) < settings.uneven * period
-    speed2, residual = ((joints[ORDER:] - joints[:-ORDER]) / (ORDER * period)) ** 2, sixth(joints)
+    windows, angles = sliding_window_view(t, ORDER + 1), sliding_window_view(joints, ORDER + 1, axis=0)
+    whole = np.abs(np.diff(windows, axis=1) - period).max(axis=1) < settings.uneven * period
+    speed2 = ((joints[ORDER:] - joints[:-ORDER]) / np.ptp(windows, axis=1)[:, None]) ** 2
+    residual = np.einsum("wmj,wj->wm", angles, difference_weights(windows, period))
     level = spread
     if keep is not None:
         whole &= sliding_window_view(keep.all(axis=1), ORDER + 1).all(axis=1)

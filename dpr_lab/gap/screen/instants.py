@@ -15,7 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from dpr_lab.estimation.noise import ORDER
+from dpr_lab.estimation.noise import ORDER, difference_weights
 from dpr_lab.fitting.spread import NORMAL_MAD
 
 Array = NDArray[np.float64]
@@ -32,8 +32,10 @@ class InstantSettings:
     """Distance of a stamp from the even clock, in periods, beyond which a sample may be missing."""
     drift: int = 50
     """Samples on either side over which the clock's offset is a median."""
+    usual_jitter: float = 3.0
+    """Standard deviations of the jitter up to which a stamp counts for the clock,"""
     wander: float = 0.5
-    """Standard deviation of that median about a straight line, over the jitter, below which the clock is steady."""
+    """and the standard deviation of the median about a straight line, over the jitter, below which it is steady."""
     block: int = 32
     """Samples whose stamps are right, or not, together."""
     contrary: float = 1.5
@@ -103,8 +105,8 @@ def even_instants(t: Array, joints: Array, settings: InstantSettings = INSTANTS)
         return None
     windows = sliding_window_view(t, ORDER + 1)
     angles = sliding_window_view(joints, ORDER + 1, axis=0)
-    on_stamps = np.abs(np.einsum("wmj,wj->wm", angles, _weights(windows, period)))
-    on_even = np.abs(angles @ _weights(np.arange(ORDER + 1.0)[None], 1.0)[0])
+    on_stamps = np.abs(np.einsum("wmj,wj->wm", angles, difference_weights(windows, period)))
+    on_even = np.abs(angles @ difference_weights(np.arange(ORDER + 1.0)[None], 1.0)[0])
     speed = np.abs(joints[ORDER:] - joints[:-ORDER]) / (ORDER * period)
     without_loss = sliding_window_view(continuous, ORDER + 1).all(axis=1)
     without_loss |= np.abs(np.diff(windows, axis=1) - period).max(axis=1) < settings.widest * period
@@ -131,8 +133,9 @@ def _even_clock(t: Array, settings: InstantSettings) -> tuple[float, Array, Flag
     period = float(np.median(t[many:] - t[:-many])) / many
     offset = t - index * period
     wandering = _median_of_neighbours(offset, many)
-    steady = np.polyval(np.polyfit(index, wandering, 1), index)
     jitter = NORMAL_MAD * float(np.median(np.abs(offset - wandering)))
+    usual = np.abs(offset - wandering) <= settings.usual_jitter * jitter
+    steady = np.polyval(np.polyfit(index[usual], offset[usual], 1), index)
     if np.std(wandering - steady) < settings.wander * jitter:
         return period, index * period + steady, np.ones(len(t), dtype=bool)
     here = sliding_window_view(np.pad(wandering, many, mode="edge"), 2 * many + 1)
@@ -158,7 +161,7 @@ def periodic_delay(t: Array, joints: Array, settings: InstantSettings = INSTANTS
         return None
     windows, period = sliding_window_view(t, ORDER + 1), float(np.median(np.diff(t)))
     dense = np.ptp(windows, axis=1) < 1.5 * ORDER * period
-    weights = np.where(dense[:, None], _weights(windows, period), 0.0)
+    weights = np.where(dense[:, None], difference_weights(windows, period), 0.0)
     power = _to_samples(weights**2, len(t))
     score, information = np.zeros(len(t)), np.zeros(len(t))
     usable: list[tuple[Array, Array]] = []
@@ -220,14 +223,6 @@ def _standing_out(z: Array, contrast: float) -> tuple[float, int]:
     elsewhere = size[apart > ORDER // 2]  # a late reading shows in the windows of its neighbours too
     stands_out = not len(elsewhere) or size[first] > contrast * elsewhere.max()
     return (float(size[first]) if stands_out else 0.0), first
-
-
-def _weights(windows: Array, period: float) -> Array:
-    """(windows, 7) of sixth divided differences at unit gain on white noise, from instants (windows, 7)."""
-    at = (windows - windows[:, :1]) / period
-    apart = at[:, :, None] - at[:, None, :]
-    weights = 1 / np.prod(apart + np.eye(ORDER + 1), axis=2)
-    return weights / np.linalg.norm(weights, axis=1, keepdims=True)
 
 
 def _differences(values: Array, weights: Array) -> Array:

@@ -39,7 +39,9 @@ class ScreenSettings:
     """From where on a property of a whole run is a finding."""
 
     gap_periods: float = 1.5
-    """Sampling periods between two samples, beyond which one is missing."""
+    """Sampling periods between two samples, beyond which one is missing,"""
+    gap_near: int = 10
+    """if as many samples after them are behind those before by half a period."""
     noise_ratio: float = 1.5
     """Of the noise to what the rig file says, either way; of that over wider spacings to that of neighbours."""
     still_counts: float = 0.2
@@ -203,9 +205,12 @@ def _events(found: Finding, at: list[float], settings: ScreenSettings) -> list[F
 
 
 def _gaps(name: str, t: Array, period: float, settings: ScreenSettings) -> list[Finding]:
-    spacing = np.diff(t)
+    spacing, behind, near = np.diff(t), t - period * np.arange(len(t)), settings.gap_near
     missing = np.rint(spacing / period) - 1
     wide = np.flatnonzero(spacing > settings.gap_periods * period)
+    # After a lost sample all stamps are late; after a sample that was only read late they are not.
+    stays = [np.median(behind[i + 1 : i + 1 + near]) - np.median(behind[max(0, i + 1 - near) : i + 1]) for i in wide]
+    wide = wide[np.array(stays) > 0.5 * period]
     if not len(wide):
         return []
     longest = wide[np.argmax(missing[wide])]
