@@ -1,10 +1,11 @@
-"""One dominant effect among three to six small ones, on rigs that scipy simulates: which name comes first, how sure.
+"""One dominant effect among small ones and wrong nominal values, on rigs that scipy simulates: which name comes first.
 
     python benchmarks/background.py --cases 40              even seeds: to tune on
     python benchmarks/background.py --cases 40 --judge      odd seeds: to judge by
 
 The laws are those of `tests/background_rigs.py`, which shares no code with the lab; a third of the small ones is in no
-library. One case in four is of one rod.
+library. One case in four is of one rod, one in three is logged at wrong instants. The rig file's L1 is off by 0.5 % and
+its masses by 1 %, as standard deviations. --clean leaves out wrong instants and wrong values.
 """
 
 import sys
@@ -18,9 +19,11 @@ import numpy as np
 from _bars import Bar, at_least, at_most, options, show
 
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.rig import MASSES, Rig
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.background_rigs import recordings, rig_and_base
+from tests.faulty_loggers import FAULTS
 
 SURE = 0.9
 SIZED = ("coulomb", "spring", "encoder_offset")
@@ -38,6 +41,17 @@ ALSO = {
     "encoder_scale": ("spring",),
 }
 """Other names of the same thing: richer forms, and what is indistinguishable from it."""
+WRONG_VALUES = ("wrong_length",)
+"""Effects that stand for a wrong value of the rig file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """What is to be drawn."""
+
+    seed: int
+    clean: bool
+    """Without a fault of the logger and wrong values of the rig file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +59,8 @@ class Case:
     """One rig diagnosed."""
 
     seed: int
+    fault: str
+    """Of the logger; empty for none."""
     true: tuple[str, ...]
     """The dominant effect, then the small ones."""
     verdict: str
@@ -58,13 +74,16 @@ class Case:
 
     @property
     def first_right(self) -> bool:
-        """Whether the effect of the largest share is the dominant one."""
-        return bool(self.named) and alike(self.named[0][0], self.true[0])
+        """Whether the effect of the largest share is the dominant one, wrong values of the rig file apart."""
+        effects = [name for name, _ in self.named if not name.startswith(WRONG_VALUES)]
+        return bool(effects) and alike(effects[0], self.true[0])
 
     @property
     def sure_wrong(self) -> int:
         """Names above `SURE` that are no law of this rig."""
-        return sum(p > SURE and not any(alike(name, law) for law in self.true) for name, p in self.named)
+        return sum(
+            p > SURE and not any(alike(name, law) for law in (*self.true, *WRONG_VALUES)) for name, p in self.named
+        )
 
 
 def alike(name: str, law: str) -> bool:
@@ -75,10 +94,24 @@ def alike(name: str, law: str) -> bool:
     return said.startswith((kind, *ALSO.get(kind, ()))) and of in (joint, "")
 
 
-def told(seed: int) -> Case:
+def described(rig: Rig, rng: np.random.Generator) -> Rig:
+    """The rig file as somebody measured it, L1 and masses being off."""
+    values = rig.model_dump(exclude_none=True)
+    values["rig"]["L1"] *= 1 + 0.005 * rng.standard_normal()
+    for name in MASSES:
+        mass = values["parameters"][name]
+        mass.update(measured=mass["measured"] * (1 + 0.01 * rng.standard_normal()), std=0.01 * mass["measured"])
+    return Rig.model_validate(values)
+
+
+def diagnosed(draw: Draw) -> Case:
     """Draw, record, diagnose."""
-    rods = 1 if seed % 8 in (6, 7) else 2
-    rig, runs, laws = recordings(seed, rods=rods)
+    rods, rng = 1 if draw.seed % 8 in (6, 7) else 2, np.random.default_rng([draw.seed, 1])
+    fault = "" if draw.clean or rng.random() > 1 / 3 else str(rng.choice(list(FAULTS)))
+    rate_hz = 200.0 if draw.clean else float(rng.choice([100.0, 200.0, 500.0]))
+    rig, runs, laws = recordings(draw.seed, rods=rods, rate_hz=rate_hz, logger=fault)
+    true_b = rig_and_base(np.random.default_rng(draw.seed), rods)[1][1]
+    rig = rig if draw.clean else described(rig, rng)
     began = time.process_time()
     found = diagnose(runs, rig)
     ranked = sorted(found.effects, key=lambda effect: -effect.share)
@@ -87,13 +120,14 @@ def told(seed: int) -> Case:
         if alike(effect.name, laws[0].name) and effect.name.startswith(SIZED):
             size, unit = next(iter(effect.parameters.values())), 1.0
             if laws[0].torque:  # torques are relative to the b of the rig file
-                unit = found.scale_b / rig_and_base(np.random.default_rng(seed), rods)[1][1]
+                unit = found.scale_b / true_b
             reach = max(size.interval90[1] - size.value, 1e-300)
             true = sum(law.size for law in laws if law.name == laws[0].name)
             size_off = (abs(size.value) - unit * true) / reach
     budget = found.gap.budget
     return Case(
-        seed,
+        draw.seed,
+        fault,
         tuple(law.name for law in laws),
         found.verdict,
         tuple((effect.name, effect.probability) for effect in ranked),
@@ -121,16 +155,17 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=40, help="(default: %(default)s)")
     parser.add_argument("--judge", action="store_true", help="odd seeds, kept aside")
+    parser.add_argument("--clean", action="store_true", help="no wrong instants, no wrong values of the rig file")
     parser.add_argument("--workers", type=int, default=None, help="processes (default: all cores)")
     args = parser.parse_args()
     seeds = [2 * i + args.judge for i in range(4 if args.quick else args.cases)]
     done: list[Case] = []
     with ProcessPoolExecutor(args.workers, mp_context=get_context("spawn")) as pool:
-        for case in pool.map(told, seeds):
+        for case in pool.map(diagnosed, [Draw(seed, args.clean) for seed in seeds]):
             done.append(case)
             if not args.json:
                 print(
-                    f"{case.seed:4} {case.true[0]:28} {case.verdict:17} {case.explained:.3f}"
+                    f"{case.seed:4} {case.fault:15} {case.true[0]:28} {case.verdict:17} {case.explained:.3f}"
                     f" {'' if case.first_right else 'WRONG'} {'SURE WRONG' * case.sure_wrong}"
                     f" {[(name, round(p, 2)) for name, p in case.named]} | {case.true[1:]}"
                     f" off {case.size_off} {case.seconds:.1f} s",

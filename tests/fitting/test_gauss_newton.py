@@ -141,6 +141,26 @@ def test_prediction_of_a_run_left_out_agrees_with_fitting_the_others(clean):
     assert found.sum() > base.fit.chi2
 
 
+@pytest.mark.parametrize("part", ["shape", "size"])
+def test_only_the_shape_of_an_effect_that_one_run_alone_sees_is_that_run_s_own(clean, tested, part):
+    """A cubic term of a spring that other runs hardly reach is fitted to the run left out; the stiffness is not."""
+    problem, base = clean
+    (item,) = tested(problem, base.fit, [EFFECTS["spring_joint2"]]).ranking
+    more = fit(problem, base.fit.estimate, item.free)
+    fold = folds(problem)
+    names = [parameter.name for parameter in more.free]
+    alone = names.index("cubic_Nm_per_rad3" if part == "shape" else "stiffness_Nm_per_rad")
+    A, e = more.linear.A.copy(), more.linear.e.copy()
+    A[fold != 0, :, alone] *= 1e-5
+    e[fold == 0] += A[fold == 0, :, alone] * 50 / np.linalg.norm(A[fold == 0, :, alone])
+    known = replace(more, linear=replace(more.linear, A=A, e=e))
+    before, after = (left_out_chi2(one, fold)[fold == 0].sum() for one in (more, known))
+    if part == "shape":
+        assert after < before + 0.1 * 50**2
+    else:
+        assert after > before + 0.5 * 50**2
+
+
 def test_an_effect_that_is_not_there_makes_no_run_easier_to_predict(clean, tested):
     problem, base = clean
     (item,) = tested(problem, base.fit, [EFFECTS["spring_joint2"]]).ranking

@@ -11,7 +11,9 @@ and how well it predicts r is the logarithm of its predictive density, which for
 
 f being the chi2 units that one independent piece of evidence costs. A parameter that only r can see then predicts
 nothing sharply, instead of something wrong. Held-out segments keep free initial states: they are scored for their
-course, not for where they begin.
+course, not for where they begin. They keep free, too, what hardly any other run can see of the shape of an effect, such
+as the cubic term of a spring that one run alone winds up: the others would extrapolate it. The size of the effect, its
+first parameter, is always that of the others.
 """
 
 from dataclasses import dataclass
@@ -26,6 +28,9 @@ Array = NDArray[np.float64]
 
 PRIOR = 10.0
 """Standard deviation of an effect before the data, in typical sizes: wide enough for any rig, and finite."""
+
+ALONE = 1e4
+"""Growth of the variance of a shape parameter without a run, from which hardly any other run can see it."""
 
 QUARTERS = 4
 """Folds of a single recording."""
@@ -54,14 +59,22 @@ class _Folds:
         free = fit.inside
         self.A = fit.linear.A[:, :, free] * np.array([PRIOR * fit.free[i].size for i in free])
         self.zeros = np.array([fit.free[i].block == "zeros" for i in free], dtype=np.bool_)
+        effects = [fit.free[i].effect for i in free]
+        self.shapes = np.array([bool(name) and name in effects[:k] for k, name in enumerate(effects)], dtype=np.bool_)
         self.e = fit.linear.e
         self.each = [self._fold(fold == r) for r in np.unique(fold)]
         self.H = sum((one.H for one in self.each), np.eye(len(free)))
         self.gradient = sum((one.gradient for one in self.each), np.zeros(len(free)))
 
-    def seen_by_one_alone(self, one: _Fold) -> NDArray[np.bool_]:
-        """(free,) zeros set before the run of a fold: as free there as its initial state."""
-        return self.zeros & (np.diag(self.H) - np.diag(one.H) <= 1.0)
+    def seen_by_one_alone(self, one: _Fold, V: Array) -> NDArray[np.bool_]:
+        """(free,) zeros set before the run of a fold, and shape parameters of which V, without that run, knows little.
+
+        They are as free there as its initial state.
+        """
+        zeros = self.zeros & (np.diag(self.H) - np.diag(one.H) <= 1.0)
+        if not self.shapes.any():
+            return zeros
+        return zeros | (self.shapes & (np.diag(V) > ALONE * np.diag(np.linalg.inv(self.H))))
 
     def _fold(self, mine: NDArray[np.bool_]) -> _Fold:
         A, e = self.A[mine].reshape(-1, self.A.shape[2]), self.e[mine].ravel()
@@ -73,10 +86,11 @@ def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
     parts = _Folds(fit, fold)
     chi2 = np.sum(parts.e**2, axis=1)
     for one in parts.each:
-        step = np.linalg.solve(parts.H - one.H, parts.gradient - one.gradient)
-        left = parts.e[one.mine] - parts.A[one.mine] @ step
-        if (own := parts.seen_by_one_alone(one)).any():
-            columns = parts.A[one.mine][:, :, own]
+        V = np.linalg.inv(parts.H - one.H)
+        left = parts.e[one.mine] - parts.A[one.mine] @ (V @ (parts.gradient - one.gradient))
+        if (own := parts.seen_by_one_alone(one, V)).any():
+            # What is tied to them moves along.
+            columns = parts.A[one.mine] @ (V[:, own] @ np.linalg.inv(V[np.ix_(own, own)]))
             left = left - columns @ np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), left.ravel(), rcond=None)[0]
         chi2[one.mine] = np.sum(left**2, axis=1)
     return chi2
