@@ -25,6 +25,7 @@ read. It is TOML; a key that is unknown, missing or out of its range is refused 
 
 ```sh
 dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12+-0.001 --out my_rig.toml
+dpr-lab rig from robot.xml --joints shoulder,elbow --out from_model.toml
 dpr-lab rig show paper > paper.toml
 dpr-lab rig check my_rig.toml
 ```

@@ -1,4 +1,4 @@
-"""`dpr-lab rig list|show|new|check`: the rig files that come with dpr-lab, one's own, and whether it can be used."""
+"""`dpr-lab rig list|show|new|from|check`: built-in rig files, new ones, and whether one can be used."""
 
 import sys
 from dataclasses import asdict
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from dpr_lab.cli.checks import built_in_rigs, complete_rig
+from dpr_lab.cli.checks import built_in_rigs, complete_rig, names_in, positive
 from dpr_lab.cli.console import emit, json_mode, line, table, text
 from dpr_lab.cli.listing import Listing
 
@@ -60,6 +60,43 @@ def show(
         emit(checked.model_dump(mode="json"))
     else:
         text(checked.path.read_text(encoding="utf-8").rstrip())
+
+
+@app.command("from")
+def from_model(
+    model: Annotated[Path, typer.Argument(help="Model of a simulator: MJCF, URDF or SDFormat.")],
+    joints: Annotated[
+        str | None, typer.Option(help="Joints of the inner rod, the outer rod and perhaps the arm, by comma.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="File to write.")] = Path("rig.toml"),
+    name: Annotated[str | None, typer.Option(help="Of the rig; default: the model's name.")] = None,
+    g: Annotated[
+        float | None, typer.Option(help="Gravity, m/s^2, downwards along z; default: the model's.", callback=positive)
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write a rig file from a simulator model with two hinges in a chain, and list what it cannot hold.
+
+    Example: dpr-lab rig from robot.xml --joints shoulder,elbow --out rig.toml
+    """
+    json_mode(as_json)
+    from dpr_lab.workflows.rig_from import rig_from_model
+
+    read = rig_from_model(model, out, names_in(joints) or (), name, g)
+    if as_json:
+        emit(read.to_json())
+        return
+    line(f"{read.file}: from the {read.format} model {read.model}, joints {', '.join(read.joints)}")
+    table("Nominal values, SI", ("", "value"), [(key, f"{value:.6g}") for key, value in read.nominal.items()])
+    if read.terms:
+        rows = [(term.joint, term.quantity, f"{term.value:.6g}", term.unit) for term in read.terms]
+        table(
+            "Effects that a rig file does not hold",
+            ("joint", "quantity", "value", "unit"),
+            rows,
+        )
+    for note in read.notes:
+        line(f"note: {note}")
 
 
 Weighed = "as 0.21, or weighed and to be held as 0.21+-0.001"

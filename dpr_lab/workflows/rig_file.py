@@ -104,15 +104,15 @@ def draft_rig(measures: RigMeasures) -> str:
     moments = (m.m1.value / 2 + mb.value + m.m2.value) * m.L1, m.m2.value * m.L2 / 2
     parts = [
         _head(m),
-        _parameter("l1", "centre of mass of the inner rod, from joint 1, m", _centre(m.L1)),
-        _parameter("l2", "centre of mass of the outer rod, from joint 2, m", _centre(m.L2)),
-        _parameter("m1", "inner rod, kg", mass["m1"], stds["m1"]),
-        _parameter("m2", "outer rod, kg", mass["m2"], stds["m2"]),
-        _parameter("mb", "what sits on the elbow: encoder, bearing, motor, kg", mass["mb"], stds["mb"]),
-        _parameter("c1", "viscous friction of joint 1, N m s/rad", _friction(hanging, moments[0] * m.g)),
-        _parameter("c2", "viscous friction of joint 2, N m s/rad", _friction(tip, moments[1] * m.g)),
-        _parameter("J1", "inertia of the inner rod about its centre, kg m^2", _inertia(mass["m1"], m.L1)),
-        _parameter("J2", "inertia of the outer rod about its centre, kg m^2", _inertia(mass["m2"], m.L2)),
+        parameter_table("l1", "centre of mass of the inner rod, from joint 1, m", _centre(m.L1)),
+        parameter_table("l2", "centre of mass of the outer rod, from joint 2, m", _centre(m.L2)),
+        parameter_table("m1", "inner rod, kg", mass["m1"], stds["m1"]),
+        parameter_table("m2", "outer rod, kg", mass["m2"], stds["m2"]),
+        parameter_table("mb", "what sits on the elbow: encoder, bearing, motor, kg", mass["mb"], stds["mb"]),
+        parameter_table("c1", "viscous friction of joint 1, N m s/rad", _friction(hanging, moments[0] * m.g)),
+        parameter_table("c2", "viscous friction of joint 2, N m s/rad", _friction(tip, moments[1] * m.g)),
+        parameter_table("J1", "inertia of the inner rod about its centre, kg m^2", _inertia(mass["m1"], m.L1)),
+        parameter_table("J2", "inertia of the outer rod about its centre, kg m^2", _inertia(mass["m2"], m.L2)),
         _tail(m),
     ]
     text = "\n".join(parts)
@@ -152,47 +152,51 @@ def _friction(inertia: float, stiffness: float) -> Bounds:
     return lower, guess, upper
 
 
-def _parameter(name: str, meaning: str, bounds: Bounds, std: float | None = None) -> str:
+def parameter_table(name: str, meaning: str, bounds: Bounds, std: float | None = None, digits: int = 4) -> str:
+    """A table of `[parameters]`; `digits` are those of the nominal value."""
     lower, guess, upper = bounds
-    lines = [f"[parameters.{name}]  # {meaning}", f"nominal = {_number(guess)}"]
+    lines = [f"[parameters.{name}]  # {meaning}", f"nominal = {toml_number(guess, digits)}"]
     if std is None:
-        lines += [f"lower = {_number(lower)}", f"upper = {_number(upper)}"]
+        lines += [f"lower = {toml_number(lower)}", f"upper = {toml_number(upper)}"]
     else:
-        lines += [f"measured = {_number(guess, 9)}", f"std = {_number(std)}"]
+        lines += [f"measured = {toml_number(guess, 9)}", f"std = {toml_number(std)}"]
     return "\n".join([*lines, ""])
 
 
-def _number(value: float, digits: int = 4) -> str:
+def toml_number(value: float, digits: int = 4) -> str:
+    """A TOML number with so many digits."""
     return repr(float(f"{value:.{digits}g}"))
 
 
-def _text(value: str) -> str:
+def toml_text(value: str) -> str:
     """A TOML string."""
     return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _head(m: RigMeasures) -> str:
-    arm = f"L0 = {_number(m.L0, 9)}  # of the arm, m\n" if m.L0 is not None else ""
-    std = f"L1_std = {_number(m.L1_std)}  # standard uncertainty of L1, m: a diagnosis fits L1\n" if m.L1_std else ""
+    arm = f"L0 = {toml_number(m.L0, 9)}  # of the arm, m\n" if m.L0 is not None else ""
+    std = (
+        f"L1_std = {toml_number(m.L1_std)}  # standard uncertainty of L1, m: a diagnosis fits L1\n" if m.L1_std else ""
+    )
     return f"""# SI units; angles are absolute, 0 = upright, pi = hanging. Every key: docs/rig-file.md
 # Bounds follow from a uniform rod and are wide: narrow those that you know better.
 # A weighed part has `measured` and `std` instead of bounds; one of them determines the scale of all masses.
 
 [rig]
-name = {_text(m.name)}
-{arm}L1 = {_number(m.L1, 9)}  # between the two joints, m
-{std}L2 = {_number(m.L2, 9)}  # of the outer rod, m
-g = {_number(m.g, 9)}
+name = {toml_text(m.name)}
+{arm}L1 = {toml_number(m.L1, 9)}  # between the two joints, m
+{std}L2 = {toml_number(m.L2, 9)}  # of the outer rod, m
+g = {toml_number(m.g, 9)}
 """
 
 
 def _tail(m: RigMeasures) -> str:
-    rods = f"[rods]\nmounted = {_text(m.mounted)}\nelbow = {_text(m.elbow)}\n\n" if _turn_as_one(m) else ""
+    rods = f"[rods]\nmounted = {toml_text(m.mounted)}\nelbow = {toml_text(m.elbow)}\n\n" if _turn_as_one(m) else ""
     rezeroed = "rezeroed = true" if m.rezeroed else "# rezeroed = true        "
     joints = f"[joints]\ngeared = {list(m.geared)}" if m.geared else "# [joints]\n# geared = [1, 2]        "
     return f"""[encoders]
 counts_per_rev = [{m.counts_per_rev}, {m.counts_per_rev}, {m.counts_per_rev}]  # arm, inner rod, outer rod
-joint2 = {_text(m.joint2)}  # the outer rod's encoder: relative to the inner rod, or absolute
+joint2 = {toml_text(m.joint2)}  # the outer rod's encoder: relative to the inner rod, or absolute
 # zero_counts = [0, 0, 0]  # what they read with the rods hanging
 # direction = [1, 1, 1]    # -1 for one that counts backwards
 # noise_counts = 0.5       # standard deviation of a reading at rest
@@ -203,7 +207,7 @@ joint2 = {_text(m.joint2)}  # the outer rod's encoder: relative to the inner rod
 {rods}# Angles before a release, rad: high poses swing widely and contain most information.
 {_poses(m)}
 [link]
-url = {_text(m.url)}
+url = {toml_text(m.url)}
 rate_hz = 1000
 """
 
@@ -294,7 +298,8 @@ def _odd_parameters(rig: "Rig") -> Iterator[RigFinding]:
     for name, p in rig.parameters.items():
         key = f"parameters.{name}"
         if name in MASSES:
-            yield from _outside(key, p.measured or p.nominal, USUAL.mass, "kg: was it weighed in another unit?")
+            usual = (0.0, USUAL.mass[1]) if name == "mb" else USUAL.mass  # a model may have nothing on the elbow
+            yield from _outside(key, p.measured or p.nominal, usual, "kg: was it weighed in another unit?")
         if p.std is not None and p.std > USUAL.relative_std * (p.measured or math.inf):
             yield RigFinding("odd", key, f"std {p.std:g} is {p.std / (p.measured or 1):.0%} of the measured value")
         if p.lower is not None and p.upper is not None and p.measured is None:

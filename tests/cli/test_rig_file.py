@@ -146,3 +146,20 @@ def test_a_rig_that_cannot_be_used_ends_with_1(cli, tmp_path: Path) -> None:
 def test_the_page_of_the_rig_file_is_what_the_model_says() -> None:
     page = runpy.run_path(str(ROOT / "docs" / "rig_file.py"))["page"]()
     assert (ROOT / "docs" / "rig-file.md").read_text(encoding="utf-8") == page
+
+
+def test_a_simulator_model_becomes_a_rig_file(cli, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    inertial = '<inertial pos="0 0 .1" mass=".2" diaginertia="1e-3 1e-3 1e-3"/>'
+    inner = f'<body><joint name="shoulder" axis="0 1 0"/>{inertial}'
+    outer = f'<body pos="0 0 .25"><joint name="elbow" axis="0 1 0" frictionloss=".03"/>{inertial}</body></body>'
+    text = f'<mujoco model="own"><worldbody>{inner}{outer}</worldbody></mujoco>'
+    (tmp_path / "model.xml").write_text(text, encoding="utf-8")
+    done = cli("rig", "from", "model.xml", "--joints", "shoulder, elbow", "--out", "a.toml", "--json", cwd=tmp_path)
+    assert done.code == 0, done.err
+    assert done.json["terms"] == [{"joint": "elbow", "quantity": "Coulomb friction", "value": 0.03, "unit": "N m"}]
+    assert load_rig(tmp_path / "a.toml").name == "own"
+    again = cli("rig", "from", "model.xml", "--out", "a.toml", cwd=tmp_path)
+    assert (again.code, "exists already" in again.err) == (3, True)
+    shown = cli("rig", "from", "model.xml", "--out", "b.toml", cwd=tmp_path)
+    assert "Coulomb friction" in shown.out

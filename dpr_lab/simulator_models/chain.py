@@ -1,0 +1,370 @@
+"""The double pendulum in a model: an inner rod, an outer rod on it, and perhaps an arm that turns about the vertical.
+
+theta_i is the angle of rod i from upright about the axis of joint 1 (docs/theory.md). The inner rod points from joint 1
+to joint 2, the outer rod from joint 2 to its centroid.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, Vector
+
+
+@dataclass(frozen=True, slots=True)
+class ChainLimits:
+    """What counts as parallel, and as fixed to the elbow; gravity of a format that holds none."""
+
+    gravity: float = 9.81
+    """m/s^2"""
+    parallel: float = math.radians(10.0)
+    """Angle of two axes that are taken as parallel, rad; above it the model is refused."""
+    noticed: float = math.radians(0.01)
+    """Angle that is listed, rad."""
+    elbow: float = 1e-3
+    """Distance of a part from the axis of joint 2, in lengths of the rod, up to which it counts as mb."""
+    offset: float = 1e-7
+    """Distance of the centroid from the line of the inner rod that is listed, m."""
+
+
+CHAIN = ChainLimits()
+
+
+@dataclass(frozen=True, slots=True)
+class JointTerm:
+    """A term of the model for which the rig file has no key."""
+
+    joint: str
+    quantity: str
+    value: float
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.joint}: {self.quantity} {self.value:.6g} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class ChainRod:
+    """A rod and its joint; SI."""
+
+    joint: ModelJoint
+    mass: float
+    centroid: float
+    """Along the rod, from its joint, m."""
+    inertia: float
+    """About its centroid, kg m^2."""
+    length: float | None
+    """m; None where no shape shows it."""
+    hanging: float
+    """Angle of the model's joint with the rods hanging, rad."""
+    direction: int
+    """-1 where the angle of the model's joint falls while theta rises."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChainArm:
+    """The arm; SI."""
+
+    joint: ModelJoint
+    length: float
+    inertia: float
+    """About its axis, without the rods."""
+    direction: int
+
+
+@dataclass(frozen=True, slots=True)
+class ModelChain:
+    """The double pendulum that a model holds."""
+
+    rods: tuple[ChainRod, ChainRod]
+    elbow_mass: float
+    """Of parts on the axis of joint 2 that are fixed to the inner rod, kg."""
+    gravity: float
+    """In the plane of the swing, m/s^2."""
+    arm: ChainArm | None
+    terms: tuple[JointTerm, ...]
+    """What the joints have besides, as numbers."""
+    notes: tuple[str, ...]
+    """What the rig file cannot hold."""
+
+
+def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: float | None = None) -> ModelChain:
+    """Find the rods and the arm, and their numbers.
+
+    Args:
+        model: as read
+        names: joints of the inner rod, the outer rod, and perhaps of the arm; none: found where only one choice exists
+        gravity: m/s^2, downwards along z, instead of that of the model
+
+    Raises:
+        ConfigError: no such joints, several choices, or axes that are not parallel.
+    """
+    notes = list(model.notes)
+    indices = _named(model, names) if names else _only_choice(model)
+    pull = _pull(model, gravity, notes)
+    joints = [_joint_of(model, index) for index in indices]
+    _others(model, indices, notes)
+    groups = [_fixed_to(model, index, set(indices)) for index in indices]
+    inner, outer = joints[:2]
+    _refuse_tilted(outer, inner.axis, f"the axis of {inner.name!r}", notes)
+    e, arm = inner.axis, None
+    if len(joints) == 3:
+        arm = _arm(joints[2], groups, -pull / np.linalg.norm(pull), e, notes)
+        if (joints[2].anchor - _sum_of(groups[0] + groups[1])[1]) @ e < 0:
+            e = -e  # the axis of the rods points from them to the axis of the arm
+    down = pull - (pull @ e) * e
+    g = float(np.linalg.norm(down))
+    if not g > 0.1:
+        raise ConfigError(f"gravity across the axis of {inner.name!r} is {g:.3g} m/s^2: a pendulum needs at least 0.1")
+    inclination = math.asin(min(1.0, abs(pull @ e) / float(np.linalg.norm(pull))))
+    if inclination > CHAIN.noticed:
+        notes.append(
+            f"the axis of {inner.name!r} is inclined by {math.degrees(inclination):.3g} degrees: g is the component of"
+            " gravity in the plane of the swing"
+        )
+    up = -down / g
+    plane = np.array([up, np.cross(e, up)])
+    at_elbow = _at_elbow(groups[0], inner, outer, plane)
+    own = [part for part in groups[0] if part not in at_elbow]
+    terms = [term for joint in joints for term in _terms(joint)]
+    rod1, angle1, offset = _inner(own, at_elbow, (inner, outer), plane, e)
+    if abs(offset) > CHAIN.offset:
+        terms.append(JointTerm(inner.name, "centroid of the inner rod across it", offset, "m"))
+    rod2 = _outer(groups[1], outer, plane, e, angle1)
+    _driven(model, joints, notes)
+    return ModelChain((rod1, rod2), float(sum(part.mass for part in at_elbow)), g, arm, tuple(terms), tuple(notes))
+
+
+def _pull(model: SimulatorModel, gravity: float | None, notes: list[str]) -> Vector:
+    if gravity is not None:
+        return np.array([0.0, 0.0, -gravity])
+    if model.gravity is None:
+        notes.append(f"{model.format} holds no gravity: g = {CHAIN.gravity} m/s^2 downwards along z (--g changes it)")
+        return np.array([0.0, 0.0, -CHAIN.gravity])
+    if model.gravity.shape != (3,) or not np.linalg.norm(model.gravity) > 0:
+        raise ConfigError("the model has no gravity, and a pendulum needs it: give --g 9.81")
+    return model.gravity
+
+
+def _joint_of(model: SimulatorModel, index: int) -> ModelJoint:
+    joint = model.parts[index].joint
+    assert joint is not None
+    return joint
+
+
+def _hinges(model: SimulatorModel) -> list[int]:
+    return [i for i, part in enumerate(model.parts) if part.joint is not None and part.joint.kind == "hinge"]
+
+
+def _carrier(model: SimulatorModel, index: int, among: set[int]) -> int:
+    """The next of these parts towards the world; -1: none."""
+    above = model.parts[index].parent
+    while above >= 0 and above not in among:
+        above = model.parts[above].parent
+    return above
+
+
+def _names(model: SimulatorModel, indices: Sequence[int]) -> str:
+    return ", ".join(repr(_joint_of(model, index).name) for index in indices) or "none"
+
+
+def _named(model: SimulatorModel, names: Sequence[str]) -> list[int]:
+    """Parts of the named joints.
+
+    Raises:
+        ConfigError: no such joint, another number than two or three, or joints that do not carry one another.
+    """
+    hinges = _hinges(model)
+    by_name = {_joint_of(model, index).name: index for index in hinges}
+    if len(names) not in (2, 3) or len(set(names)) != len(names):
+        raise ConfigError("--joints names two joints, of the inner and of the outer rod, and perhaps that of the arm")
+    if unknown := [name for name in names if name not in by_name]:
+        raise ConfigError(f"no hinge is named {unknown[0]!r}; the model has {_names(model, hinges)}")
+    indices = [by_name[name] for name in names]
+    shoulder, elbow, *arm = indices
+    chain = set(indices)
+    if _carrier(model, elbow, chain) != shoulder:
+        raise ConfigError(f"joint {names[1]!r} is not on the rod that {names[0]!r} turns: give the inner joint first")
+    if arm and _carrier(model, shoulder, chain) != arm[0]:
+        raise ConfigError(f"joint {names[0]!r} is not carried by the arm that {names[2]!r} turns")
+    return indices
+
+
+def _only_choice(model: SimulatorModel) -> list[int]:
+    """Inner rod, outer rod and perhaps arm, of a model with no other hinge.
+
+    Raises:
+        ConfigError: other than two or three hinges, or not in a chain with parallel axes.
+    """
+    hinges = _hinges(model)
+    if len(hinges) < 2:
+        have = f"only one hinge, {_names(model, hinges)}" if hinges else "no hinge"
+        kinds = sorted({part.joint.kind for part in model.parts if part.joint is not None} - {"hinge"})
+        others = f" (joints of other kinds: {', '.join(kinds)})" if kinds else ""
+        raise ConfigError(f"the model has {have}{others}; a double pendulum has two in a chain")
+    if len(hinges) > 3:
+        raise ConfigError(
+            f"the model has {len(hinges)} hinges, {_names(model, hinges)}: choose two with --joints INNER,OUTER"
+        )
+    chain = set(hinges)
+    ordered = sorted(hinges, key=lambda index: _depth(model, index))
+    if any(_carrier(model, outer, chain) != inner for inner, outer in pairwise(ordered)):
+        raise ConfigError(f"the hinges {_names(model, hinges)} do not carry one another: no double pendulum")
+    if len(ordered) == 2:
+        return ordered
+    arm, shoulder, elbow = ordered
+    if _between(_joint_of(model, arm).axis, _joint_of(model, shoulder).axis) < math.pi / 4:
+        raise ConfigError(
+            f"the model has three hinges, {_names(model, ordered)}, and the first turns about no other axis than the"
+            " second: choose two with --joints INNER,OUTER"
+        )
+    return [shoulder, elbow, arm]
+
+
+def _depth(model: SimulatorModel, index: int) -> int:
+    depth = 0
+    while index >= 0:
+        index, depth = model.parts[index].parent, depth + 1
+    return depth
+
+
+def _between(first: Vector, second: Vector) -> float:
+    """Angle of two axes without a sense, rad."""
+    return math.atan2(float(np.linalg.norm(np.cross(first, second))), abs(float(first @ second)))
+
+
+def _refuse_tilted(joint: ModelJoint, axis: Vector, what: str, notes: list[str]) -> None:
+    angle = _between(joint.axis, axis)
+    if angle > CHAIN.parallel:
+        raise ConfigError(
+            f"the axis of {joint.name!r} is {math.degrees(angle):.3g} degrees away from {what}: dpr-lab models parallel"
+            " rod axes, and an arm about the vertical"
+        )
+    if angle > CHAIN.noticed:
+        notes.append(
+            f"the axis of {joint.name!r} is {math.degrees(angle):.3g} degrees away from {what}: taken as parallel"
+        )
+
+
+def _others(model: SimulatorModel, indices: Sequence[int], notes: list[str]) -> None:
+    """List joints that are held at their zero."""
+    for index, part in enumerate(model.parts):
+        if part.joint is not None and index not in indices:
+            below = _carrier(model, index, set(indices)) >= 0
+            where = f"; {part.mass:.6g} kg turn with the rods" if below and part.mass else ""
+            notes.append(f"joint {part.joint.name!r} ({part.joint.kind}) is taken as fixed at zero{where}")
+
+
+def _fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
+    """Parts that move with a joint of the chain; its own part first."""
+    fixed = [i for i in range(len(model.parts)) if i not in chain and _carrier(model, i, chain) == index]
+    return [model.parts[index], *(model.parts[i] for i in fixed)]
+
+
+def _sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
+    """Mass, centroid and (3, 3) inertia about it.
+
+    Raises:
+        ConfigError: no mass.
+    """
+    mass = sum(part.mass for part in parts)
+    if not mass > 0 or not math.isfinite(mass):
+        raise ConfigError(f"the part {parts[0].name!r} and all that is fixed to it have no mass")
+    centroid = sum((part.mass * part.centroid for part in parts), np.zeros(3)) / mass
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        r = part.centroid - centroid
+        inertia += part.inertia + part.mass * (r @ r * np.eye(3) - np.outer(r, r))
+    return mass, centroid, inertia
+
+
+def _at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJoint, plane: Vector) -> list[Part]:
+    """Parts of the inner rod, but its own body, with their centroid on the axis of joint 2."""
+    length = float(np.linalg.norm(plane @ (next_joint.anchor - joint.anchor)))
+    if not length > 1e-6:
+        raise ConfigError(f"the axes of {joint.name!r} and {next_joint.name!r} coincide: L1 would be zero")
+    near = CHAIN.elbow * length
+    return [p for p in parts[1:] if p.mass > 0 and np.linalg.norm(plane @ (p.centroid - next_joint.anchor)) < near]
+
+
+def _inner(
+    own: Sequence[Part], at_elbow: Sequence[Part], joints: tuple[ModelJoint, ModelJoint], plane: Vector, e: Vector
+) -> tuple[ChainRod, float, float]:
+    """The inner rod, its angle at the zero of its joint, and the offset of its centroid across it."""
+    joint, next_joint = joints
+    to = plane @ (next_joint.anchor - joint.anchor)
+    length = float(np.linalg.norm(to))
+    mass, centroid, inertia = _sum_of(own)
+    place = plane @ (centroid - joint.anchor)
+    along, offset = float(place @ to) / length, float(to[0] * place[1] - to[1] * place[0]) / length
+    if not along > 0:
+        raise ConfigError(
+            f"the centroid of the inner rod lies {-along:.3g} m behind {joint.name!r}: l1 must be above zero"
+        )
+    about = float(e @ (inertia + sum((part.inertia for part in at_elbow), np.zeros((3, 3)))) @ e)
+    angle, side = math.atan2(to[1], to[0]), 1 if joint.axis @ e > 0 else -1
+    return ChainRod(joint, mass, along, about, length, _wrapped(side * (math.pi - angle)), side), angle, offset
+
+
+def _outer(parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, inner: float) -> ChainRod:
+    """The outer rod, which points to its centroid; `inner` is the angle of the other rod, rad."""
+    mass, centroid, inertia = _sum_of(parts)
+    to = plane @ (centroid - joint.anchor)
+    distance = float(np.linalg.norm(to))
+    if not distance > 1e-6:
+        raise ConfigError(f"the centroid of the outer rod lies on the axis of {joint.name!r}: it does not swing")
+    reach = [float(plane @ (end - joint.anchor) @ to) / distance for part in parts for end in part.ends]
+    length, side = max(reach, default=0.0), 1 if joint.axis @ e > 0 else -1
+    hanging = _wrapped(side * (inner - math.atan2(to[1], to[0])))
+    about = float(e @ inertia @ e)
+    return ChainRod(joint, mass, distance, about, length if length > distance else None, hanging, side)
+
+
+def _wrapped(angle: float) -> float:
+    """In (-pi, pi], rad."""
+    return -((-angle + math.pi) % (2 * math.pi) - math.pi)
+
+
+def _terms(joint: ModelJoint) -> list[JointTerm]:
+    values = (
+        ("Coulomb friction", joint.friction, "N m"),
+        ("rotor inertia (armature)", joint.armature, "kg m^2"),
+        ("spring stiffness", joint.stiffness, "N m/rad"),
+    )
+    terms = [JointTerm(joint.name, quantity, value, unit) for quantity, value, unit in values if value]
+    if joint.stiffness:
+        terms.append(JointTerm(joint.name, "joint angle at which the spring is slack", joint.rest, "rad"))
+    return terms
+
+
+def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str]) -> None:
+    names = {joint.name for joint in joints}
+    for actuator in model.actuators:
+        if actuator.joint in names:
+            gear = f", gear {actuator.gear:.6g}" if actuator.gear != 1.0 else ""
+            notes.append(f"actuator {actuator.name!r} on joint {actuator.joint!r}: {actuator.kind}{gear}")
+    for joint in joints:
+        notes += [f"joint {joint.name!r}: {text} {numbers}" for text, numbers in joint.other.items()]
+        if joint.limits is not None:
+            lower, upper = joint.limits
+            notes.append(f"joint {joint.name!r}: stops at {lower:.6g} and {upper:.6g} rad")
+
+
+def _arm(joint: ModelJoint, groups: Sequence[Sequence[Part]], up: Vector, e: Vector, notes: list[str]) -> ChainArm:
+    """The arm, with the rods at its end; `e` is the axis of the rods."""
+    _refuse_tilted(joint, up, "the vertical", notes)
+    mass, own, inertia = _sum_of(groups[2])
+    r = own - joint.anchor
+    about = float(up @ inertia @ up + mass * (r @ r - (r @ up) ** 2))
+    to = _sum_of([*groups[0], *groups[1]])[1] - joint.anchor
+    length = float(abs(to @ e))
+    if not length > 1e-6:
+        raise ConfigError(f"the rods lie on the axis of the arm {joint.name!r}: L0 would be zero")
+    sideways = float(np.linalg.norm(to - (to @ e) * e - (to @ up) * up))
+    if sideways > 1e-3 * length:
+        notes.append(f"the rods are {1e3 * sideways:.3g} mm off the radius of the arm: taken as zero")
+    return ChainArm(joint, length, about, 1 if joint.axis @ up > 0 else -1)

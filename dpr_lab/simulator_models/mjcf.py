@@ -1,0 +1,215 @@
+"""Read MJCF with MuJoCo's `MjSpec`. Meshes, textures and plugins are taken out before MuJoCo sees the file."""
+
+from collections import Counter
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, tostring
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.simulator_models.tree import ModelJoint, ModelActuator, Part, SimulatorModel
+from dpr_lab.simulator_models.xml_file import with_includes
+
+IGNORED = {"asset", "visual", "statistic", "sensor", "keyframe", "size", "custom", "extension", "camera", "light"}
+"""Elements without a meaning for the motion of rods, or which name other files."""
+
+REFUSED = {"composite", "flexcomp", "replicate", "attach"}
+"""Elements from which MuJoCo makes bodies."""
+
+LISTED = {
+    "plugin": "plugins, not loaded",
+    "tendon": "tendons",
+    "equality": "equality constraints (closed chains, couplings)",
+    "contact": "contact pairs or exclusions",
+    "deformable": "flexible bodies",
+}
+"""Elements which act on the rods, and which no rig file holds."""
+
+JOINT_KINDS = ("free", "ball", "slide", "hinge")
+"""As MuJoCo numbers them."""
+
+
+def read_mjcf(path: Path) -> SimulatorModel:
+    """Read a file of MuJoCo, with its includes.
+
+    Raises:
+        ConfigError: MuJoCo is not installed or refuses the file, or masses would come from a mesh.
+    """
+    try:
+        mujoco = import_module("mujoco")  # its names are made at run time
+    except ModuleNotFoundError as missing:
+        raise ConfigError("reading MJCF needs MuJoCo: pip install dpr-lab[exports]") from missing
+    root = with_includes(path)
+    notes = _bared(root, path)
+    try:
+        spec = mujoco.MjSpec.from_string(tostring(root, encoding="unicode"))
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        data.qpos[:] = np.where(np.isin(np.arange(model.nq), _scalar_positions(model)), 0.0, model.qpos0)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
+        raise ConfigError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from error
+    actuators = tuple(_actuators(model))
+    if np.any(model.opt.wind) or model.opt.density or model.opt.viscosity:
+        notes.append(f"fluid: density {model.opt.density:g} kg/m^3, viscosity {model.opt.viscosity:g} Pa s")
+    name = spec.modelname or path.stem
+    return SimulatorModel(
+        name, "MJCF", np.array(model.opt.gravity), tuple(_parts(model, data)), actuators, tuple(notes)
+    )
+
+
+def _scalar_positions(model: Any) -> list[int]:
+    """Indices in qpos of hinges and slides."""
+    return [
+        int(model.jnt_qposadr[j]) for j in range(model.njnt) if JOINT_KINDS[model.jnt_type[j]] in ("slide", "hinge")
+    ]
+
+
+def _bared(root: Element, path: Path) -> list[str]:
+    """Take out what is ignored; return what was.
+
+    Raises:
+        ConfigError: bodies made by a macro, or a mass that would come from a mesh.
+    """
+    counts: Counter[str] = Counter()
+    made = next((element.tag for element in root.iter() if element.tag in REFUSED), None)
+    if made is not None:
+        raise ConfigError(f"{path}: <{made}> is not expanded: save the compiled model with mj_saveLastXML")
+    massless = _massless_classes(root)
+    fixed_inertia = any(c.get("inertiafromgeom", "auto") == "true" for c in root.iter("compiler"))
+    for body in root.iter("worldbody"):
+        for child in body.findall("body"):
+            _refuse_masses_of_meshes(child, False, fixed_inertia, massless, path)
+    _strip(root, counts)
+    notes = [f"{counts[tag]} {text}" for tag, text in LISTED.items() if counts[tag]]
+    return notes + ([f"{counts['mesh']} meshes, not loaded"] if counts["mesh"] else [])
+
+
+def _strip(parent: Element, counts: Counter[str]) -> None:
+    for child in list(parent):
+        if child.tag in IGNORED or child.tag in LISTED:
+            counts[child.tag] += 1 if child.tag == "plugin" else len(child)
+            counts["plugin"] += sum(part.tag == "plugin" for part in child)
+            parent.remove(child)
+        elif child.tag in ("geom", "site") and _shaped_by_file(child) and parent.tag != "default":
+            counts["mesh"] += 1
+            parent.remove(child)
+        elif parent.tag == "actuator" and "joint" not in child.attrib:
+            counts["tendon"] += 1
+            parent.remove(child)
+        else:
+            for key in ("material", "mesh", "hfield", "fluidshape", "file"):
+                child.attrib.pop(key, None)
+            if child.tag == "geom" and child.get("type") in ("mesh", "hfield", "sdf"):
+                del child.attrib["type"]
+            _strip(child, counts)
+
+
+def _shaped_by_file(geom: Element) -> bool:
+    return bool({"mesh", "hfield"} & set(geom.attrib)) or geom.get("type") in ("mesh", "hfield", "sdf")
+
+
+def _massless_classes(root: Element) -> set[str]:
+    """Default classes whose shapes weigh nothing."""
+    light = set()
+
+    def visit(default: Element, inherited: bool) -> None:
+        for geom in default.findall("geom"):
+            if "mass" in geom.attrib or "density" in geom.attrib:
+                inherited = _weightless(geom)
+        if inherited:
+            light.add(default.get("class", "main"))
+        for child in default.findall("default"):
+            visit(child, inherited)
+
+    for default in root.findall("default"):
+        visit(default, False)
+    return light
+
+
+def _weightless(geom: Element) -> bool:
+    return any(geom.get(key, "1").strip() in ("0", "0.0") for key in ("mass", "density"))
+
+
+def _refuse_masses_of_meshes(
+    body: Element, moving: bool, from_shapes: bool, massless: set[str], path: Path, inherited: str = "main"
+) -> None:
+    moving = moving or body.find("joint") is not None or body.find("freejoint") is not None
+    inherited = body.get("childclass", inherited)
+    if moving and (from_shapes or body.find("inertial") is None):
+        for geom in body.findall("geom"):
+            light = _weightless(geom) or geom.get("class", inherited) in massless
+            if _shaped_by_file(geom) and not light:
+                name = body.get("name", "without a name")
+                raise ConfigError(
+                    f"{path}: the mass of body {name!r} would come from the mesh {geom.get('mesh', '')!r}, which is not"
+                    " loaded: give the body an <inertial> element"
+                )
+    for child in body.findall("body"):
+        _refuse_masses_of_meshes(child, moving, from_shapes, massless, path, inherited)
+
+
+def _parts(model: Any, data: Any) -> Iterator[Part]:
+    """Parts of all bodies; a body with several joints becomes as many parts, all but the last without mass."""
+    last = {0: -1}
+    count = 0
+    for b in range(1, model.nbody):
+        joints = range(model.body_jntadr[b], model.body_jntadr[b] + model.body_jntnum[b])
+        above, name = last[int(model.body_parentid[b])], model.body(b).name or f"body {b}"
+        for j in list(joints)[:-1]:
+            yield Part(name, above, _joint(model, data, j), 0.0, np.zeros(3), np.zeros((3, 3)))
+            above, count = count, count + 1
+        turned = np.array(data.ximat[b]).reshape(3, 3)
+        inertia = turned @ np.diag(model.body_inertia[b]) @ turned.T
+        joint = _joint(model, data, joints[-1]) if len(joints) else None
+        mass, centroid = float(model.body_mass[b]), np.array(data.xipos[b])
+        yield Part(name, above, joint, mass, centroid, inertia, tuple(_ends(model, data, b)))
+        last[b], count = count, count + 1
+
+
+def _joint(model: Any, data: Any, j: int) -> ModelJoint:
+    at, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+    kind = JOINT_KINDS[model.jnt_type[j]]
+    other = {}
+    for values, text in ((model.dof_dampingpoly[dof], "damping"), (model.jnt_stiffnesspoly[j], "stiffness")):
+        if np.any(values):
+            other[f"{text} of higher order"] = " ".join(f"{value:g}" for value in values)
+    lower, upper = model.jnt_range[j].tolist()
+    limits = (lower, upper) if model.jnt_limited[j] else None
+    return ModelJoint(
+        model.joint(j).name or f"joint {j}",
+        kind,
+        np.array(data.xaxis[j]),
+        np.array(data.xanchor[j]),
+        float(np.atleast_1d(model.dof_damping[dof])[0]),
+        float(model.dof_frictionloss[dof]),
+        float(model.dof_armature[dof]),
+        float(np.atleast_1d(model.jnt_stiffness[j])[0]),
+        float(model.qpos_spring[at]),
+        limits,
+        other,
+    )
+
+
+def _ends(model: Any, data: Any, body: int) -> Iterator[np.ndarray]:
+    """Ends of capsules, cylinders and boxes along their axes, and centres of balls."""
+    for g in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
+        centre, axes = np.array(data.geom_xpos[g]), np.array(data.geom_xmat[g]).reshape(3, 3)
+        size = model.geom_size[g]
+        name = int(model.geom_type[g])
+        reach = {3: (0.0, 0.0, size[1]), 5: (0.0, 0.0, size[1]), 6: tuple(size)}.get(name, (0.0, 0.0, 0.0))
+        for axis, length in zip(axes.T, reach, strict=True):
+            yield centre + length * axis
+            yield centre - length * axis
+
+
+def _actuators(model: Any) -> Iterator[ModelActuator]:
+    for a in range(model.nu):
+        kp, kv = -float(model.actuator_biasprm[a][1]), -float(model.actuator_biasprm[a][2])
+        kind = f"servo with kp {kp:g} and kv {kv:g}" if kp or kv else "motor"
+        joint = model.joint(int(model.actuator_trnid[a][0])).name
+        yield ModelActuator(model.actuator(a).name or f"actuator {a}", joint, kind, float(model.actuator_gear[a][0]))

@@ -1,0 +1,134 @@
+"""Read SDFormat with Drake, which contains the format's own library.
+
+Friction and springs of joints, which Drake leaves out or turns into other elements, are read from the file itself.
+"""
+
+import logging
+from collections import Counter
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, tostring
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel
+from dpr_lab.simulator_models.xml_file import read_xml
+
+IGNORED = {"visual", "collision", "plugin", "sensor", "light", "include", "actor", "gui", "scene", "particle_emitter"}
+"""Elements that do not move rods, or that name other files."""
+
+EARTH = "0 0 -9.8"
+"""Gravity of a world that gives none, m/s^2 (specification of `world`)."""
+
+KINDS = {"revolute": "hinge", "prismatic": "slide", "ball": "ball", "quaternion_floating": "free"}
+"""Type of a joint in Drake -> what it lets happen."""
+
+
+def read_sdf(path: Path) -> SimulatorModel:
+    """Read an SDFormat file.
+
+    Raises:
+        ConfigError: Drake is not installed or refuses the file.
+    """
+    try:  # by name, or the type checker would read all of Drake's stubs
+        parsing, plants = (import_module(f"pydrake.multibody.{module}") for module in ("parsing", "plant"))
+    except ModuleNotFoundError as missing:
+        raise ConfigError("reading SDFormat needs Drake: pip install drake (Linux and macOS)") from missing
+    logging.getLogger("drake").setLevel(logging.ERROR)
+    root = read_xml(path)
+    counts: Counter[str] = Counter()
+    _strip(root, counts)
+    plant = plants.MultibodyPlant(0.0)
+    try:
+        parsing.Parser(plant).AddModelsFromString(tostring(root, encoding="unicode"), "sdf")
+        plant.Finalize()
+        context = plant.CreateDefaultContext()
+        for index in plant.GetJointIndices():
+            joint = plant.get_joint(index)
+            if joint.type_name() == "revolute":
+                joint.set_angle(context, 0.0)
+        parts = tuple(_parts(plant, context, {j.get("name", ""): j for j in root.iter("joint")}))
+        pull = root.findtext("world/gravity") or EARTH
+        gravity = np.array(pull.split(), dtype=np.float64)
+    except (RuntimeError, ValueError) as error:
+        text = " ".join(str(error).replace("<literal-string>.sdf:", "").split())
+        raise ConfigError(f"{path}: SDFormat's library cannot read it: {text}") from error
+    model = next((element.get("name") for element in root.iter("model")), None)
+    notes = [f"{count} <{tag}> elements, not read" for tag, count in sorted(counts.items())]
+    return SimulatorModel(model or path.stem, "SDFormat", gravity, parts, (), tuple(notes))
+
+
+def _strip(parent: Element, counts: Counter[str]) -> None:
+    for child in list(parent):
+        if child.tag in IGNORED:
+            counts[child.tag] += 1
+            parent.remove(child)
+        else:
+            _strip(child, counts)
+
+
+def _parts(plant: Any, context: Any, elements: dict[str, Element]) -> list[Part]:
+    """Bodies of the plant, parents first."""
+    world = plant.world_body().index()
+    by_child = {}
+    for index in plant.GetJointIndices():
+        joint = plant.get_joint(index)
+        by_child[joint.child_body().index()] = joint
+    place = {world: -1}
+    parts: list[Part] = []
+    waiting = [plant.get_body(index) for index in plant.GetBodyIndices(plant.world_body().model_instance())][1:]
+    for instance in range(plant.num_model_instances()):
+        model = type(plant.world_body().model_instance())(instance)
+        waiting += [plant.get_body(i) for i in plant.GetBodyIndices(model) if i != world]
+    while waiting:
+        ready = [body for body in waiting if _above(by_child, body, world) in place]
+        if not ready:
+            raise ValueError("its joints form a circle")
+        for body in ready:
+            joint = by_child.get(body.index())
+            pose = plant.EvalBodyPoseInWorld(context, body)
+            turned, at = pose.rotation().matrix(), pose.translation()
+            inertia = body.default_spatial_inertia()
+            mass, centre = inertia.get_mass(), inertia.get_com()
+            about_centre = inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3()
+            tensor = turned @ about_centre @ turned.T if mass > 0 else np.zeros((3, 3))
+            moving = None
+            if joint is not None and joint.type_name() != "weld":
+                moving = _joint(plant, context, joint, elements.get(joint.name()))
+            above = place[_above(by_child, body, world)]
+            parts.append(Part(body.name(), above, moving, float(mass), at + turned @ centre, tensor))
+            place[body.index()] = len(parts) - 1
+        waiting = [body for body in waiting if body.index() not in place]
+    return parts
+
+
+def _above(by_child: dict[Any, Any], body: Any, world: Any) -> Any:
+    joint = by_child.get(body.index())
+    return world if joint is None else joint.parent_body().index()
+
+
+def _joint(plant: Any, context: Any, joint: Any, element: Element | None) -> ModelJoint:
+    pose = joint.frame_on_parent().CalcPoseInWorld(context)
+    kind = KINDS.get(joint.type_name(), "other")
+    axis = pose.rotation().matrix() @ joint.revolute_axis() if kind == "hinge" else np.array([0.0, 0.0, 1.0])
+
+    def number(key: str) -> float:
+        return float((element is not None and element.findtext(f"axis/dynamics/{key}")) or 0.0)
+
+    damping = float(joint.default_damping()) if kind == "hinge" else 0.0
+    limits = None
+    if kind == "hinge" and np.all(np.isfinite([*joint.position_lower_limits(), *joint.position_upper_limits()])):
+        limits = float(joint.position_lower_limits()[0]), float(joint.position_upper_limits()[0])
+    return ModelJoint(
+        joint.name(),
+        kind,  # type: ignore[arg-type]
+        axis,
+        pose.translation(),
+        damping,
+        number("friction"),
+        stiffness=number("spring_stiffness"),
+        rest=number("spring_reference"),
+        limits=limits,
+    )

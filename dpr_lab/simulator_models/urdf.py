@@ -1,0 +1,158 @@
+"""Read URDF with `urdf_parser_py`, which is given links and joints alone.
+
+Source: https://wiki.ros.org/urdf/XML.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, tostring
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.simulator_models.tree import ModelJoint, ModelActuator, Part, SimulatorModel, Vector, frame
+from dpr_lab.simulator_models.xml_file import read_xml
+
+KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free", "fixed": "fixed"}
+"""Type of a joint -> what it lets happen."""
+
+
+def read_urdf(path: Path) -> SimulatorModel:
+    """Read a URDF file.
+
+    Raises:
+        ConfigError: the library is not installed, or the file is not valid.
+    """
+    try:
+        from urdf_parser_py import urdf
+    except ModuleNotFoundError as missing:
+        raise ConfigError("reading URDF needs urdf-parser-py: pip install dpr-lab[exports]") from missing
+    root = read_xml(path)
+    if any("xacro" in element.tag for element in root.iter()):
+        raise ConfigError(f"{path}: holds macros of xacro: expand them first (xacro FILE > model.urdf)")
+    shapes = {link.get("name", ""): _ends(link) for link in root.iter("link")}
+    ignored = Counter(child.tag for child in root if child.tag not in ("link", "joint", "transmission", "material"))
+    meshes, plugins = sum(1 for _ in root.iter("mesh")), sum(1 for _ in root.iter("plugin"))
+    actuators = tuple(_actuators(root))
+    for child in list(root):
+        if child.tag not in ("link", "joint"):
+            root.remove(child)
+        for shape in [part for part in child if part.tag not in _READ[child.tag]] if child.tag in _READ else ():
+            child.remove(shape)
+    try:
+        robot = urdf.URDF.from_xml_string(tostring(root))
+        parts = tuple(_parts(robot, shapes, path))
+    except ConfigError:
+        raise
+    except Exception as error:  # the library raises whatever its helpers do
+        raise ConfigError(f"{path}: is not valid URDF: {str(error) or type(error).__name__}") from error
+    notes = [f"{count} <{tag}> elements, not read" for tag, count in ignored.items()]
+    notes += [f"{meshes} meshes, not loaded"] if meshes else []
+    notes += [f"{plugins} plugins, not loaded"] if plugins else []
+    return SimulatorModel(robot.name or path.stem, "URDF", None, parts, actuators, tuple(notes))
+
+
+_READ = {
+    "link": {"inertial"},
+    "joint": {"origin", "parent", "child", "axis", "dynamics", "limit", "mimic"},
+}
+"""Element -> its parts that are read."""
+
+
+def _numbers(text: str | None, default: str, count: int = 3) -> Vector:
+    values = np.array((text or default).split(), dtype=np.float64)
+    if values.shape != (count,) or not np.all(np.isfinite(values)):
+        raise ValueError(f"{text!r} is not {count} finite numbers")
+    return values
+
+
+def _pose(origin: Any) -> tuple[Vector, Vector]:
+    """Rotation and position of an origin element."""
+    if origin is None:
+        return np.eye(3), np.zeros(3)
+    return frame(*(origin.rpy or (0.0, 0.0, 0.0))), np.array(origin.xyz or (0.0, 0.0, 0.0), dtype=np.float64)
+
+
+def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], path: Path) -> list[Part]:
+    """Links in the order of the tree."""
+    children: dict[str, list[Any]] = {}
+    for joint in robot.joints:
+        children.setdefault(joint.parent, []).append(joint)
+    below = {joint.child for joint in robot.joints}
+    roots = [link.name for link in robot.links if link.name not in below]
+    if len(roots) != 1:
+        raise ConfigError(f"{path}: has {len(roots)} links without a parent; a robot has one")
+    if len(below) != len(robot.joints):
+        raise ConfigError(f"{path}: a link hangs on two joints: closed chains are not URDF")
+    parts: list[Part] = []
+    waiting: list[tuple[str, int, Any, Vector, Vector]] = [(roots[0], -1, None, np.eye(3), np.zeros(3))]
+    while waiting:
+        name, above, joint, turned, at = waiting.pop()
+        if joint is not None:
+            own, offset = _pose(joint.origin)
+            at, turned = at + turned @ offset, turned @ own
+        inertial = robot.link_map[name].inertial
+        own, offset = _pose(inertial.origin if inertial else None)
+        tensor = np.zeros((3, 3)) if inertial is None else np.array(inertial.inertia.to_matrix(), dtype=np.float64)
+        axes, ends = turned @ own, tuple(at + turned @ end for end in shapes.get(name, ()))
+        mass = float(inertial.mass) if inertial else 0.0
+        moving = _joint(joint, turned, at) if joint is not None and joint.type != "fixed" else None
+        parts.append(Part(name, above, moving, mass, at + turned @ offset, axes @ tensor @ axes.T, ends))
+        waiting += [(child.child, len(parts) - 1, child, turned, at) for child in children.get(name, [])]
+    if len(parts) != len(robot.links):
+        raise ConfigError(f"{path}: joints form a circle: {len(robot.links) - len(parts)} links are not reached")
+    return parts
+
+
+def _joint(joint: Any, turned: Vector, at: Vector) -> ModelJoint:
+    axis = turned @ np.array(joint.axis or (1.0, 0.0, 0.0), dtype=np.float64)
+    if not np.linalg.norm(axis) > 0:
+        raise ValueError(f"joint {joint.name} has an axis without a direction")
+    dynamics, limit = joint.dynamics, joint.limit
+    limits = (float(limit.lower or 0), float(limit.upper or 0)) if limit and joint.type == "revolute" else None
+    mimic = {"mimics another joint": f"{joint.mimic.joint} x {joint.mimic.multiplier or 1:g}"} if joint.mimic else {}
+    return ModelJoint(
+        joint.name,
+        KINDS.get(joint.type, "other"),  # type: ignore[arg-type]
+        axis / np.linalg.norm(axis),
+        at,
+        float((dynamics and dynamics.damping) or 0.0),
+        float((dynamics and dynamics.friction) or 0.0),
+        limits=limits,
+        other=mimic,
+    )
+
+
+def _ends(link: Element) -> tuple[Vector, ...]:
+    """Ends of the boxes and cylinders of a link, in its frame."""
+    points: list[Vector] = []
+    for shape in (*link.findall("visual"), *link.findall("collision")):
+        try:
+            origin = shape.find("origin")
+            where = {} if origin is None else origin.attrib
+            at, axes = _numbers(where.get("xyz"), "0 0 0"), frame(*_numbers(where.get("rpy"), "0 0 0"))
+            for solid in shape.iterfind("geometry/cylinder"):
+                points += [at + sign * axes[:, 2] * float(solid.get("length", "nan")) / 2 for sign in (1, -1)]
+            for solid in shape.iterfind("geometry/box"):
+                reach = _numbers(solid.get("size"), "") / 2
+                points += [
+                    at + sign * axis * size for axis, size in zip(axes.T, reach, strict=True) for sign in (1, -1)
+                ]
+        except ValueError:  # a shape is no part of the motion
+            continue
+    return tuple(point for point in points if np.all(np.isfinite(point)))
+
+
+def _actuators(root: Element) -> list[ModelActuator]:
+    actuators = []
+    for transmission in root.findall("transmission"):
+        reduction = transmission.findtext("actuator/mechanicalReduction") or "1"
+        joint, name = transmission.find("joint"), transmission.get("name", "")
+        try:
+            gear = float(reduction)
+        except ValueError:
+            gear = float("nan")
+        actuators.append(ModelActuator(name, "" if joint is None else joint.get("name", ""), "transmission", gear))
+    return actuators

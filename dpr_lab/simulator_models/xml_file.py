@@ -1,0 +1,120 @@
+"""XML files of strangers: no entities, no document types, no file outside the folder of the model."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.whole_file import regular
+
+
+@dataclass(frozen=True, slots=True)
+class XmlLimits:
+    """What a model of a pendulum does not exceed."""
+
+    bytes: int = 5_000_000
+    """Of one file."""
+    depth: int = 100
+    """Of nested elements."""
+    files: int = 50
+    """Included by one model."""
+
+
+XML_LIMITS = XmlLimits()
+
+
+def read_xml(path: Path) -> Element:
+    """Parse a file; comments are left out.
+
+    Raises:
+        ConfigError: it cannot be read, is too large or too deep, is not well-formed, or declares a document type or
+            entities.
+    """
+    try:
+        with regular(path, ConfigError).open("rb") as file:
+            data = file.read(XML_LIMITS.bytes + 1)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if len(data) > XML_LIMITS.bytes:
+        raise ConfigError(f"{path}: is larger than {XML_LIMITS.bytes // 1_000_000} MB; a model of a pendulum is not")
+    return parse_xml(data, str(path))
+
+
+def parse_xml(data: bytes, name: str) -> Element:
+    """Parse a document; `name` is what messages call it.
+
+    Raises:
+        ConfigError: as for `read_xml`.
+    """
+    builder, depth = TreeBuilder(), 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > XML_LIMITS.depth:
+            raise ConfigError(f"{name}: elements are nested more than {XML_LIMITS.depth} deep")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse(*_: object) -> None:
+        raise ConfigError(f"{name}: declares a document type or entities, which are not read: remove <!DOCTYPE ...>")
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise ConfigError(f"{name}: is not well-formed XML: {error}") from error
+    return builder.close()
+
+
+def with_includes(path: Path) -> Element:
+    """The document with the content of each `<include file="...">` in the place of the include.
+
+    Raises:
+        ConfigError: an include outside the folder of the model, one that includes itself, or too many.
+    """
+    root = read_xml(path)
+    folder = path.resolve().parent
+    _include(root, path, folder, (path.resolve(),), [0])
+    return root
+
+
+def _include(parent: Element, path: Path, folder: Path, above: tuple[Path, ...], count: list[int]) -> None:
+    for index in range(len(parent) - 1, -1, -1):
+        child = parent[index]
+        if child.tag != "include":
+            _include(child, path, folder, above, count)
+            continue
+        name = child.get("file", "")
+        file = _inside(folder / name, folder, f'{path}: <include file="{name[:200]}">')
+        if file in above:
+            raise ConfigError(f'{path}: <include file="{name[:200]}"> includes itself')
+        count[0] += 1
+        if count[0] > XML_LIMITS.files or len(above) > XML_LIMITS.files:
+            raise ConfigError(f"{path}: includes more than {XML_LIMITS.files} files")
+        content = read_xml(file)
+        _include(content, path, folder, (*above, file), count)
+        parent[index : index + 1] = list(content)
+
+
+def _inside(file: Path, folder: Path, place: str) -> Path:
+    """The file, links followed.
+
+    Raises:
+        ConfigError: it lies outside the folder.
+    """
+    try:
+        real = file.resolve()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise ConfigError(f"{place}: cannot be read: {error}") from error
+    if not real.is_relative_to(folder):
+        raise ConfigError(f"{place}: lies outside the folder of the model and is not read: copy the file into it")
+    return real

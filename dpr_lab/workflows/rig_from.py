@@ -1,0 +1,216 @@
+"""A rig file from the model of a simulator."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig_tables import Encoders
+from dpr_lab.whole_file import write_text
+from dpr_lab.workflows.rig_file import DRAFT, Bounds, parameter_table, toml_number, toml_text
+
+if TYPE_CHECKING:
+    from dpr_lab.simulator_models.chain import ChainArm, JointTerm, ModelChain
+
+
+@dataclass(frozen=True, slots=True)
+class RigFromModel:
+    """What was read, and what the rig file cannot hold."""
+
+    file: Path
+    model: str
+    format: str
+    joints: tuple[str, ...]
+    """Of inner rod, outer rod and perhaps arm."""
+    nominal: dict[str, float]
+    """Nominal value of each kinetic parameter, and L1, L2, L0 and g; SI."""
+    terms: "tuple[JointTerm, ...]"
+    """Terms of the joints that are effects in dpr-lab: a diagnosis finds their sizes."""
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """What `dpr-lab rig from --json` prints."""
+        return {"schema": 1, **asdict(self), "file": str(self.file)}
+
+
+def rig_from_model(
+    model: Path, file: Path, joints: Sequence[str] = (), name: str | None = None, g: float | None = None
+) -> RigFromModel:
+    """Write the rig file of a double pendulum in MJCF, URDF or SDFormat.
+
+    Args:
+        model: the file
+        file: the rig file to write, with the suffix .toml
+        joints: of the inner rod, the outer rod and perhaps the arm; none: found
+        name: of the rig; None: that of the model
+        g: gravity, m/s^2, instead of that of the model
+
+    Raises:
+        ConfigError: the model cannot be read, holds no double pendulum, or the rig file exists or cannot be written.
+    """
+    from dpr_lab.rig import parse_rig
+    from dpr_lab.simulator_models import read_model
+    from dpr_lab.simulator_models.chain import double_pendulum
+
+    if file.suffix != ".toml":
+        raise ConfigError(f"{file}: give the file a name that ends in .toml")
+    if file.exists():
+        raise ConfigError(f"{file}: exists already; choose another name")
+    read = read_model(model)
+    try:
+        chain = double_pendulum(read, joints, g)
+    except ConfigError as error:
+        skipped = f" (not read: {'; '.join(read.notes)})" if read.notes else ""
+        raise ConfigError(f"{model}: {error}{skipped}") from error
+    driven = {actuator.joint: actuator.gear for actuator in read.actuators}
+    nominal, notes = _nominal(chain), list(chain.notes)
+    text = _text(chain, nominal, name or read.name, driven, notes, f"{read.format} model {model.name!r}")
+    try:
+        parse_rig(text)
+    except ConfigError as error:
+        raise ConfigError(f"{model}: its numbers make no rig: {error}") from error
+    write_text(file, text, ConfigError)
+    parts = (*chain.rods, *((chain.arm,) if chain.arm else ()))
+    names = tuple(part.joint.name for part in parts)
+    return RigFromModel(file, read.name, read.format, names, nominal, chain.terms, tuple(notes))
+
+
+def _nominal(chain: "ModelChain") -> dict[str, float]:
+    inner, outer = chain.rods
+    values = {"l1": inner.centroid, "l2": outer.centroid, "m1": inner.mass, "m2": outer.mass, "mb": chain.elbow_mass}
+    values |= {"c1": inner.joint.damping, "c2": outer.joint.damping, "J1": inner.inertia, "J2": outer.inertia}
+    values |= {"L1": inner.length or 0.0, "g": chain.gravity}
+    if outer.length is not None:
+        values["L2"] = outer.length
+    if chain.arm is not None:
+        values["L0"] = chain.arm.length
+    return values
+
+
+MEANING = {
+    "l1": "centre of mass of the inner rod, from joint 1, m",
+    "l2": "centre of mass of the outer rod, from joint 2, m",
+    "m1": "inner rod, kg",
+    "m2": "outer rod, kg",
+    "mb": "parts on the axis of joint 2 that turn with the inner rod, kg",
+    "c1": "viscous friction of joint 1, N m s/rad",
+    "c2": "viscous friction of joint 2, N m s/rad",
+    "J1": "inertia of the inner rod about its centre, kg m^2",
+    "J2": "inertia of the outer rod about its centre, kg m^2",
+}
+
+
+def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> dict[str, Bounds]:
+    """Bounds of `rig new`, widened where the model lies outside; the smallest value where the model has none."""
+    d = DRAFT
+    inner, outer = chain.rods
+    lengths = (inner.length or 0.0, outer.length or 2 * outer.centroid)
+    at = {name: values[name] for name in ("l1", "l2", "m1", "m2", "mb", "J1", "J2")}
+    tip = at["J2"] + at["m2"] * at["l2"] ** 2
+    hanging = at["J1"] + at["m1"] * at["l1"] ** 2 + (at["mb"] + at["m2"]) * lengths[0] ** 2 + tip
+    moments = at["m1"] * at["l1"] + (at["mb"] + at["m2"]) * lengths[0], at["m2"] * at["l2"]
+    ranges: dict[str, tuple[float, float]] = {}
+    for rod, inertia in ((1, hanging), (2, tip)):
+        mass, length = at[f"m{rod}"], lengths[rod - 1]
+        ranges[f"m{rod}"] = d.mass[0] * mass, d.mass[1] * mass
+        ranges[f"l{rod}"] = d.centre[0] * length, d.centre[1] * length
+        ranges[f"J{rod}"] = d.inertia[0] * mass * length**2, d.inertia[1] * mass * length**2
+        scale = 2 * math.sqrt(max(inertia * moments[rod - 1] * chain.gravity, 1e-30))
+        ranges[f"c{rod}"] = d.damping[0] * scale, d.damping[2] * scale
+    ranges["mb"] = (d.mass[0] * at["mb"], d.mass[1] * at["mb"]) if at["mb"] > 0 else (5e-7, 2e-6)
+    bounds = {}
+    for name, (lower, upper) in ranges.items():
+        value = values[name]
+        if not value > 0:
+            value = 1e-6 if name == "mb" else lower
+            if value != values[name]:
+                notes.append(f"{name} is {values[name]:.6g} in the model: a rig file needs more than zero, {value:.3g}")
+        bounds[name] = min(lower, value / 1.5), value, max(upper, 1.5 * value)
+    return bounds
+
+
+def _text(
+    chain: "ModelChain",
+    values: dict[str, float],
+    name: str,
+    driven: dict[str, float],
+    notes: list[str],
+    source: str,
+) -> str:
+    """The rig file; completes the notes."""
+    bounds = _bounds(chain, values, notes)
+    counts = list(Encoders().counts_per_rev)
+    zeros = _zeros(chain, counts[0], notes)
+    geometry = [f"{key} = {toml_number(values[key], 12)}" for key in ("L0", "L1", "L2", "g") if key in values]
+    parameters = [parameter_table(key, MEANING[key], bounds[key], digits=12) for key in MEANING]
+    directions = [chain.arm.direction if chain.arm else 1, *(rod.direction for rod in chain.rods)]
+    geared = [j for j, rod in enumerate(chain.rods, 1) if rod.joint.name in driven or rod.joint.armature]
+    joints = f"[joints]\ngeared = {geared}\n\n" if geared else ""
+    arm = _arm(chain, chain.arm, driven, bounds) if chain.arm else ""
+    poses = "\n".join(
+        f"[poses.X{number}]\ntheta1 = {theta1!r}\ntheta2 = {theta2!r}\n"
+        for number, (theta1, theta2) in enumerate(DRAFT.poses, start=1)
+    )
+    head = [
+        f"# From the {source}. SI units; angles are absolute, 0 = upright, pi = hanging.",
+        "# Bounds: docs/rig-file.md",
+    ]
+    head += [_comment(f"effect, not in this file: {term}") for term in chain.terms]
+    head += [_comment(f"note: {note}") for note in notes]
+    return "\n".join(
+        [
+            *head,
+            "",
+            f"[rig]\nname = {toml_text(name)}",
+            *geometry,
+            "",
+            *parameters,
+            f"[encoders]  # of angles in the joints of the model\ncounts_per_rev = {counts}",
+            'joint2 = "relative"',
+            f"zero_counts = {zeros}",
+            f"direction = {directions}\n",
+            f'{joints}{arm}{poses}\n[link]\nurl = "sim://"\nrate_hz = 1000\n',
+        ]
+    )
+
+
+def _zeros(chain: "ModelChain", counts: int, notes: list[str]) -> list[int]:
+    """What encoders of the model's joints read with the rods hanging, counts."""
+    zeros = [0]
+    for rod in chain.rods:
+        exact = rod.hanging * counts / (2 * math.pi)
+        zeros.append(round(exact))
+        if abs(off := exact - round(exact)) > 1e-6:
+            notes.append(
+                f"joint {rod.joint.name!r} hangs at {rod.hanging:.6g} rad: zero_counts rounds it by"
+                f" {1e3 * off * 2 * math.pi / counts:.2g} mrad"
+            )
+    return zeros
+
+
+def _arm(chain: "ModelChain", arm: "ChainArm", driven: dict[str, float], bounds: dict[str, Bounds]) -> str:
+    mass = sum(bounds[name][1] for name in ("m1", "m2", "mb"))
+    joint, total = arm.joint, arm.inertia + mass * arm.length**2
+    mode = "driven" if joint.name in driven else "free"
+    lines = [f'[arm]\nmode = "{mode}"', f"A = {_inline(total)}  # with the rods at its end, kg m^2"]
+    for key, value in (("c0", joint.damping), ("k0", joint.stiffness), ("f0", joint.friction)):
+        if value > 0:
+            lines.append(f"{key} = {_inline(value)}")
+    motor = ""
+    if mode == "driven":
+        gear = abs(driven[joint.name])
+        gears = f"gear = {toml_number(gear, 12)}\n" if gear > 0 and math.isfinite(gear) else ""
+        motor = f'\n[motor]\ninput = "torque"  # at the joint, N m\n{gears}'
+    return "\n".join(lines) + "\n" + motor + "\n"
+
+
+def _inline(value: float) -> str:
+    lower, upper = toml_number(value / 3), toml_number(3 * value)
+    return f"{{ nominal = {toml_number(value, 12)}, lower = {lower}, upper = {upper} }}"
+
+
+def _comment(text: str) -> str:
+    """One line of a TOML comment, without characters that it cannot hold."""
+    return "# " + "".join(c if c.isprintable() else " " for c in text)
