@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.simulator_models.tree import ModelJoint, ModelActuator, Part, SimulatorModel
+from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, SimulatorModel
 from dpr_lab.simulator_models.xml_file import with_includes
 
 IGNORED = {"asset", "visual", "statistic", "sensor", "keyframe", "size", "custom", "extension", "camera", "light"}

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.simulator_models.tree import ModelJoint, ModelActuator, Part, SimulatorModel, Vector, frame
+from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, SimulatorModel, Vector, frame
 from dpr_lab.simulator_models.xml_file import read_xml
 
 KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free", "fixed": "fixed"}

@@ -23,11 +23,10 @@ def two_hinges(
     *, first: str = "", second: str = "", arm: str = "", more: str = "", inside: str = "", axis: str = "0 1 0"
 ) -> str:
     """Inner rod upright and outer rod hanging at zero, as few models have it."""
-    rods = f"""<body name="a" pos="0 -.2 0"><joint name="shoulder" axis="0 1 0" {first}/><inertial {INNER}/>
-      <body name="b" pos="0 0 .25"><joint name="elbow" axis="{axis}" {second}/><inertial {OUTER}/>{inside}</body></body>"""
-    world = (
-        f'<body name="c"><joint name="yaw" {arm}/><inertial pos="0 0 0" mass="1" diaginertia="1 1 .01"/>{rods}</body>'
-    )
+    b = f'<body name="b" pos="0 0 .25"><joint name="elbow" axis="{axis}" {second}/><inertial {OUTER}/>{inside}</body>'
+    rods = f'<body name="a" pos="0 -.2 0"><joint name="shoulder" axis="0 1 0" {first}/><inertial {INNER}/>{b}</body>'
+    weight = '<inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/>'
+    world = f'<body name="c"><joint name="yaw" {arm}/>{weight}{rods}</body>'
     return f'<mujoco model="own"><worldbody>{world if arm else rods}</worldbody>{more}</mujoco>'
 
 
