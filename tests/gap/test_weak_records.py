@@ -10,13 +10,15 @@ from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.identify import identify
-from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.search import load_search
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 from tests.one_rod import Rod, recorded
 
+TABLES = Path(__file__).parents[2] / "configs" / "tables"
 LIGHT = {"m2": 0.05, "J2": 0.000167}
 """A light outer rod: a/b = 72."""
 
@@ -125,3 +127,15 @@ def test_friction_unequal_in_both_directions_does_not_stand_for_a_zero_offset(tm
     assert "coulomb_joint1" in named
     assert named & {"encoder_offset_joint1", "base_tilt", "com_offset_link1"}
     assert "friction_curve_joint1" not in named
+
+
+@pytest.mark.slow
+def test_a_check_of_an_amplitude_that_the_recordings_do_not_see_has_no_expected_size(tmp_path: Path) -> None:
+    rows = np.loadtxt(TABLES / "low.csv", delimiter=",", skiprows=1)
+    rows[:, 1:] *= np.pi / 180  # radians under a header of degrees: a swing of 6 mrad
+    np.savetxt(tmp_path / "low.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
+    rig = load_rig(TABLES / "bench.toml")
+    run = import_csv(tmp_path / "low.csv", rig, ImportOptions(unit="deg", angles="relative", zero="hanging"))
+    unseen = [check for check in diagnose([run], rig).checks if check.measures == "friction_curve_joint2"]
+    assert "rise1_Nm" in {name for check in unseen if check.quantity for name in check.quantity.parameters}
+    assert all(check.expected is None for check in unseen)

@@ -1,9 +1,12 @@
 """Size of the amplitude that a check measures, as the recordings give it if the measured effect is the cause."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.covariance import considered
+from dpr_lab.fitting.estimate import FreeParameter
 from dpr_lab.gap.advice.measurement import SETTINGS, magnitude
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
@@ -23,7 +26,7 @@ def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> In
         check: the measurement; a recording has no size
 
     Returns:
-        None for a recording, and where the size is zero
+        None for a recording, and where the size is zero or an amplitude is not visible in the recordings
     """
     if check.quantity is None or check.about not in selection.without:
         return None
@@ -44,13 +47,23 @@ def _size(selection: Selection, check: AdvisedCheck, names: tuple[str, ...]) -> 
 
 def _of_fit(fitted: Hypothesis, effect: str, names: tuple[str, ...]) -> Interval | None:
     free = fitted.fit.free
-    own = [next(i for i, p in enumerate(free) if (p.effect, p.name) == (effect, name)) for name in names]
+    own = _places(free, effect, names)
+    if not own:
+        return None
     covariance = considered(fitted.fit, fitted.residuals.inflation)[np.ix_(own, own)]
     return magnitude(np.array([free[i].read(fitted.fit.estimate) for i in own]), NORMAL_Q90**2 * covariance)
 
 
+def _places(parameters: Sequence[FreeParameter], effect: str, names: tuple[str, ...]) -> list[int]:
+    """Where the named amplitudes of an effect stand; empty unless all are there: absorbed ones are left out of a fit."""
+    places = {parameter.name: place for place, parameter in enumerate(parameters) if parameter.effect == effect}
+    return [places[name] for name in names] if places.keys() >= set(names) else []
+
+
 def _of_score(test: ScoreTest, score: Score, chosen: Hypothesis, names: tuple[str, ...]) -> Interval | None:
-    own = [next(i for i, column in enumerate(score.columns) if test.free[column].name == name) for name in names]
+    own = _places([test.free[column] for column in score.columns], score.effect.name, names)
+    if not own:
+        return None
     covariance = test.beside(score.columns).covariance()[np.ix_(own, own)] * chosen.residuals.inflation
     covariance = covariance + np.diag((SETTINGS.linear_error * score.amplitudes[own]) ** 2)
     return magnitude(score.amplitudes[own], NORMAL_Q90**2 * covariance)
