@@ -99,7 +99,7 @@ def test_a_header_in_a_comment_and_columns_by_number(tmp_path):
 def test_milliseconds_are_taken_only_when_said(tmp_path):
     file = table(tmp_path / "a.csv", ("time_ms", "theta1", "theta2"), T * 1000, THETA1, THETA2)
     assert_the_swing(read(file, time_unit="ms"))
-    with pytest.raises(RunError, match="no single column found for t"):
+    with pytest.raises(RunError, match="'time_ms' is in ms by its name: leave out --time-unit"):
         read(file)
     with pytest.raises(RunError, match="says ms, but the unit given is s"):
         read(file, columns={"t": "time_ms"})

@@ -2,12 +2,13 @@
 
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig import Rig
+from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
@@ -16,6 +17,8 @@ from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.writer import RunWriter
 from dpr_lab.workflows.events import ignore
 from dpr_lab.workflows.reading import read_runs
+from sim_device.plant.config import ArmConfig, load_plant
+from sim_device.trials.offline_recorder import record
 from tests.storage.mutated_tables import MutatedTable, mutated_tables
 
 
@@ -45,6 +48,8 @@ def test_a_right_table_is_not_questioned(
         ("free/upright_as_hanging", ("--zero", "upright")),
         ("wild/deg_as_rad", ("--unit", "deg")),
         ("free/sign_theta2", ("--scale", "theta2=-1")),
+        ("degrees/sign_theta1", ("--scale", "theta1=-1")),
+        ("degrees/sign_both", ("--scale", "-1")),
         ("free/half_counts", ("--scale", "2")),
     ],
 )
@@ -67,6 +72,10 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
         ("free/us_as_s", "--time-unit ms or us"),
         ("free/time_of_few_digits", r"time column has too few digits.*\(--rate-hz\)"),
         ("free/other_pose", r"not in pose X2 .*: it is pose X1 \(--pose X1\)"),
+        ("free/reversed_rows", "time runs backwards in all rows: sort the rows by time"),
+        ("free/bad_word", "is not a number: correct it, or leave the field empty"),
+        ("degrees/decimal_commas", "if commas are decimal signs, export it with semicolons"),
+        ("free/nan_half", "too many for a recording.*--start-s, --duration-s"),
         ("free/identical_angles", "hold the same numbers.*--elbow clamped"),
         ("wild/constant_theta1", "stands still while theta2 turns.*--rods outer"),
         ("free/constant_theta2", "stands still while theta1 turns.*--rods inner.*--elbow clamped"),
@@ -80,6 +89,47 @@ def test_a_table_of_which_nothing_can_come_is_refused_with_its_cure(
 ) -> None:
     with pytest.raises(RunError, match=sentence):
         import_csv(tables[name].write(tmp_path), paper, tables[name].options)
+
+
+SAMPLES = Path(__file__).parents[2] / "configs" / "tables"
+RIGHT = {"unit": "deg", "zero": "hanging", "angles": "relative"}
+
+
+@pytest.mark.parametrize(
+    ("factor", "options", "mend"),
+    [
+        (1.0, {"angles": "absolute"}, r"measured to the inner rod \(--angles relative\)"),
+        (np.pi / 180, {}, r"the angles are in rad \(--unit rad\)"),
+        (1.0, {"scale": {"theta1": -1.0, "theta2": -1.0}}, r"both angles have the other sign \(--scale 1\)"),
+    ],
+)
+def test_another_pose_than_the_one_named_leads_to_the_reading_that_starts_there(
+    factor: float, options: dict[str, Any], mend: str, tmp_path: Path
+) -> None:
+    rows = np.loadtxt(SAMPLES / "side.csv", delimiter=",", skiprows=1) * [1.0, factor, factor]
+    np.savetxt(tmp_path / "a.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
+    rig = load_rig(SAMPLES / "bench.toml")
+    with pytest.raises(RunError, match=f"not in pose side .*: it does if .*{mend}$"):
+        import_csv(tmp_path / "a.csv", rig, ImportOptions(**{**RIGHT, "pose": "side", **options}))
+
+
+def test_an_arm_that_moves_but_is_given_as_clamped_is_questioned(paper: Rig, tmp_path: Path) -> None:
+    arm = ArmConfig(mode="free", J0=0.05, c0=0.02, k0=1.0)
+    swing = record(load_plant("paper", 5).model_copy(update={"arm": arm}), paper, 2.0, 200)[0].swing
+    rows = np.column_stack([swing.t, swing.theta])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,theta0,theta1,theta2", comments="")
+    understood = preview(tmp_path / "a.csv", paper, ImportOptions())
+    assert "theta0 moves by" in " ".join(question.sentence for question in understood.questions)
+    assert understood.mend == ("--arm", "prescribed")
+    assert preview(tmp_path / "a.csv", paper, ImportOptions(arm="prescribed")).questions == ()
+
+
+def test_rows_that_are_kept_although_the_rods_are_held_are_questioned(
+    tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
+) -> None:
+    for name, questioned in (("free/none", False), ("free/held_start", True)):
+        understood = preview(tables[name].write(tmp_path), paper, ImportOptions(keep_rest=True))
+        assert any("leave --keep-rest out" in one.sentence for one in understood.questions) == questioned
 
 
 def test_a_clamped_elbow_that_is_said_to_be_free_is_refused(paper: Rig, tmp_path: Path) -> None:

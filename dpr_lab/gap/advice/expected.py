@@ -55,7 +55,7 @@ def _of_fit(fitted: Hypothesis, effect: str, names: tuple[str, ...]) -> Interval
 
 
 def _places(parameters: Sequence[FreeParameter], effect: str, names: tuple[str, ...]) -> list[int]:
-    """Where the named amplitudes of an effect stand; empty unless all are there: absorbed ones are left out of a fit."""
+    """Where the named amplitudes of an effect stand; empty unless all are there: a fit leaves absorbed ones out."""
     places = {parameter.name: place for place, parameter in enumerate(parameters) if parameter.effect == effect}
     return [places[name] for name in names] if places.keys() >= set(names) else []
 

@@ -44,6 +44,7 @@ def _of_angles(cause: str, angles: Angles) -> Misreading:
 
 _RELATIVE = 'the angles of the outer rod are to the inner one (import with --angles relative, or joint2 = "relative")'
 _ABSOLUTE = 'the angles of the outer rod are to the vertical (import with --angles absolute, or joint2 = "absolute")'
+_EXCHANGED = "inner and outer rod are exchanged (order of the columns, or of the encoders)"
 
 _ANGLES = (
     _of_angles(
@@ -58,7 +59,8 @@ _ANGLES = (
     _of_angles(_RELATIVE, lambda inner, outer: (inner, inner + outer)),  # of a table with zero at the upper end
     _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner + np.pi)),
     _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner)),
-    _of_angles("inner and outer rod are exchanged (order of the columns, or of the encoders)", lambda a, b: (b, a)),
+    _of_angles(_EXCHANGED, lambda a, b: (b, a)),
+    _of_angles(_EXCHANGED, lambda a, b: (b - a + np.pi, b)),  # of a table whose second angle is to the inner rod
     _of_angles("the angles are in degrees (import with --unit deg)", lambda a, b: (np.radians(a), np.radians(b))),
     _of_angles(
         "the angles are in radians (import with --unit rad)",

@@ -41,12 +41,14 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
         )
     if refused is not None:
         raise refused
+    driven = any(run.torques is not None for run in runs)
     if ratio_fit is None or not possible or residual(ratio_fit) > SETTINGS.hopeless:
         raise IdentificationError(
-            "these recordings are of no double pendulum with this L1"
+            "these recordings are of no double pendulum with the lengths and masses of the rig file"
             + (f": {impossible(ratio_fit.ratios, rig)}" if ratio_fit is not None and not possible else "")
             + "; another zero, sign, unit or order of the angles was tried and does not explain it: check the unit of"
-            " time, L1 and g in the rig file, counts_per_rev, and that the arm is clamped"
+            f" time{', torques (in N m)' * driven}, L1 and g in the rig file, masses, counts_per_rev, and that the arm"
+            " is clamped"
         )
 
 

@@ -153,6 +153,10 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     for quantity, name in given.items():
         if names.count(name) != 1:
             raise RunError(f"{table.path}: {names.count(name)} columns are named {name!r} ({quantity}); {there}")
+    misread = {unit: name for unit in TO_SECONDS if (name := guess_columns(names, time_unit=unit).get("t"))}
+    if timed and "t" not in named and len(misread) == 1:
+        ((unit, name),) = misread.items()
+        raise RunError(f"{table.path}: column {name!r} is in {unit} by its name: leave out --time-unit, or rename it")
     missing = [q for q in (("t",) if timed else ()) + ("theta1", "theta2") if q not in named]
     if missing:
         rate = "; of a table without time say --rate-hz" if "t" in missing else ""

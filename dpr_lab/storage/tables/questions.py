@@ -16,7 +16,7 @@ from dpr_lab.storage.tables.energy import energy_fit, periods
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.readings import SETTINGS as READ
-from dpr_lab.storage.tables.readings import OtherReading, Values, better_readings
+from dpr_lab.storage.tables.readings import OtherReading, Values, angles, better_readings, other_readings
 
 Array = NDArray[np.float64]
 
@@ -42,6 +42,8 @@ class QuestionSettings:
     take up to half of the exchanged energy by dry friction."""
     time_scale: float = 1.6
     """Factor by which kinetic and potential energy disagree about the times, beyond which a question is asked."""
+    arm_rad: float = 0.05
+    """Motion of an arm that is given as clamped from which a question is asked: a brake and a column yield by less."""
     other_unit: float = 30.0
     """The same, from which the unit of time is wrong."""
     energy_rows: int = 200_000
@@ -91,6 +93,15 @@ class Asked:
         """The samples of the swing."""
         return slice(self.part.start, self.part.stop)
 
+    @property
+    def rest(self) -> slice:
+        """The samples of the rest before it, or the first of the swing."""
+        return slice(self.part.rest, max(self.part.start, self.part.rest + 1))
+
+    def looked_at(self, settings: QuestionSettings) -> slice:
+        """The samples of the swing whose energy is looked at."""
+        return slice(self.part.start, min(self.part.stop, self.part.start + settings.energy_rows))
+
 
 def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[TableQuestion]:
     """The doubts about a table, gravest first.
@@ -103,6 +114,7 @@ def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[Table
         raise RunError(f"{asked.path}: only {len(t)} rows of a swing: at least {settings.fewest_rows} are needed")
     _refuse_dead(asked, theta, settings)
     doubts, other = _energy_questions(asked, settings)
+    doubts += _arm_questions(asked, theta[:, 0], settings)
     doubts += _few(asked, t, settings)
     doubts += [] if other else _pose_questions(asked, settings)
     return doubts
@@ -142,8 +154,7 @@ def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None
 
 def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[TableQuestion], list[OtherReading]]:
     """Doubts about units, zero, signs and order, by the energy of the swing; and the readings that mend them."""
-    first = asked.part.start
-    looked_at = slice(first, min(asked.part.stop, first + settings.energy_rows))
+    looked_at = asked.looked_at(settings)
     t, theta = asked.t[looked_at], asked.theta[looked_at]
     both = asked.rig.rods.mounted == "both" and asked.rig.rods.elbow == "free"
     torques = None if asked.torques is None else asked.torques[looked_at]
@@ -159,9 +170,8 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
         if "--time-unit" in other.mend:
             raise RunError(_unit_of_time(asked, *other.mend[1:]))
     if others:
-        causes = "; or ".join(
-            " and ".join(one.causes) + (f" ({' '.join(one.mend)})" if one.mend else "") for one in others
-        )
+        others = [_as_posed(asked, other, settings) for other in others]
+        causes = "; or ".join(other.sentence for other in others)
         sentence = f"read with these options the swing does not keep its energy; it does if {causes}"
         return [TableQuestion(sentence, others[0].mend if len(others) == 1 else ())], others
     doubts = []
@@ -169,8 +179,9 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
         share = f"{residual:.0%} of" if residual < 1 else f"{residual:.2g} times"
         doubts.append(
             TableQuestion(
-                f"the energy of the swing changes by {share} what gravity exchanges, which friction and torques do not"
-                " explain: check --unit, --zero, --angles, --columns and --time-unit, and lengths and masses of the rig"
+                f"the energy of the swing changes by {share} what gravity exchanges, which friction and known torques"
+                " do not explain: check --unit, --zero, --angles, --columns, --time-unit, --torque (in N m) and --arm,"
+                " and lengths and masses of the rig"
             )
         )
     elif fit is not None and _free(asked) and not 1 / settings.time_scale < fit.time_scale < settings.time_scale:
@@ -183,6 +194,16 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
     upright = asked.options.zero == "upright" and asked.options.unit != "counts" and not residual <= READ.right
     odd = odd_notes(asked.t[asked.swing], asked.theta[asked.swing], upright)
     return doubts + [TableQuestion(note) for note in odd], []
+
+
+def _arm_questions(asked: Asked, theta0: Array, settings: QuestionSettings) -> list[TableQuestion]:
+    """Doubt about an arm that is given as clamped."""
+    if asked.arm_moves or not (moved := float(np.ptp(theta0))) > settings.arm_rad:
+        return []
+    known = "L0" in asked.rig.rig.model_fields_set
+    mend = "--arm prescribed" + ("" if known else ", with the arm's length L0 in [rig] of the rig file")
+    sentence = f"theta0 moves by {moved:.2g} rad, but the arm is given as clamped: if it moved, import with {mend}"
+    return [TableQuestion(sentence, ("--arm", "prescribed") if known else ())]
 
 
 def _free(asked: Asked) -> bool:
@@ -248,21 +269,64 @@ def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuest
     """
     if asked.options.pose is None:
         return []
-    at_rest = slice(asked.part.rest, max(asked.part.start, asked.part.rest + 1))
-    began = np.median(asked.theta[at_rest, 1:], axis=0)
+    began = np.median(asked.theta[asked.rest, 1:], axis=0)
     off = {name: _apart(began, pose.theta[1:]) / pose.tolerance for name, pose in asked.rig.poses.items()}
     pose = asked.rig.poses[asked.options.pose]
     if (away := off[asked.options.pose]) <= settings.pose[0]:
         return []
     began_at, asked_for = (f"theta1 = {a:.2f}, theta2 = {b:.2f} rad" for a, b in (began, pose.theta[1:]))
     near = [name for name, distance in off.items() if distance <= settings.pose[0]]
-    mend = f"it is pose {near[0]} (--pose {near[0]})" if near else "leave --pose out, or mend --zero, --angles, --unit"
-    if not near and _apart(-began, pose.theta[1:]) <= settings.pose[0] * pose.tolerance:
-        mend = "it is the mirror image of this pose: both signs are turned (--scale -1)"
+    counted = asked.options.unit == "counts"
+    keys = (
+        "zero_counts, joint2, direction and counts_per_rev of the rig file" if counted else "--zero, --angles, --unit"
+    )
+    mend, words = f"leave --pose out, or mend {keys}", ()
+    if near:
+        mend, words = f"it is pose {near[0]} (--pose {near[0]})", ("--pose", near[0])
+    elif others := _readings_in_pose(asked, settings):
+        mend = f"it does if {'; or '.join(other.sentence for other in others)}"
+        words = others[0].mend if len(others) == 1 else ()
     sentence = f"the swing starts at {began_at}, not in pose {asked.options.pose} ({asked_for}): {mend}"
     if away > settings.pose[1]:
         raise RunError(f"{asked.path}: {sentence}")
-    return [TableQuestion(sentence, ("--pose", near[0]) if near else ())]
+    return [TableQuestion(sentence, words)]
+
+
+def _readings_in_pose(asked: Asked, settings: QuestionSettings) -> list[OtherReading]:
+    """Other readings with which the swing starts in the pose that is named and keeps its energy, by fewest changes."""
+    looked_at = asked.looked_at(settings)
+    values = {axis: column[looked_at] for axis, column in asked.values.items()}
+    others = list(other_readings(values, asked.options, asked.columns))
+    as_read = OtherReading((), (), values, asked.options)
+    every = [as_read.mirrored, *others, *(other.mirrored for other in others)]
+    posed = [other for other in every if other.time_factor == 1 and _in_pose(asked, other, settings)]
+    residuals = [_residual(asked, other, looked_at) for other in posed]
+    limit = min(READ.right, READ.alike * min(residuals, default=0.0))
+    kept = [other for other, residual in zip(posed, residuals, strict=True) if residual <= limit]
+    fewest = min((len(other.causes) for other in kept), default=0)
+    return [other for other in kept if len(other.causes) == fewest]
+
+
+def _residual(asked: Asked, other: OtherReading, looked_at: slice) -> float:
+    theta, _ = angles(other.values, other.options, asked.rig, asked.path)
+    torques = None if asked.torques is None else asked.torques[looked_at]
+    fit = energy_fit(asked.t[looked_at], theta[:, 1:], torques, asked.rig)
+    return math.inf if fit is None else fit.residual
+
+
+def _as_posed(asked: Asked, other: OtherReading, settings: QuestionSettings) -> OtherReading:
+    """A reading of a swing, or the same from behind if only that starts in the pose that is named."""
+    behind = not _in_pose(asked, other, settings) and _in_pose(asked, other.mirrored, settings)
+    return other.mirrored if behind else other
+
+
+def _in_pose(asked: Asked, other: OtherReading, settings: QuestionSettings) -> bool:
+    if asked.options.pose is None:
+        return False
+    pose = asked.rig.poses[asked.options.pose]
+    released = {axis: column[:1] for axis, column in other.values.items()}
+    theta, _ = angles(released, other.options, asked.rig, asked.path)
+    return _apart(theta[0, 1:], pose.theta[1:]) <= settings.pose[0] * pose.tolerance
 
 
 def _apart(rods: Array, pose: Array) -> float:

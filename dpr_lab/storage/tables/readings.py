@@ -45,11 +45,38 @@ class OtherReading:
 
     causes: tuple[str, ...]
     """What is so instead of what the options say, in words."""
-    mend: tuple[str, ...]
-    """Words of the command line; empty where none is certain to be the cure."""
+    words: tuple[str, ...]
+    """Words of the command line besides `--scale`; empty where none is certain to be the cure."""
     values: Values
     options: ImportOptions
     time_factor: float = 1.0
+    scale: tuple[float, float] = (1.0, 1.0)
+    """By what the option `--scale` must further multiply the readings of the two rods."""
+
+    @property
+    def mend(self) -> tuple[str, ...]:
+        """Words of the command line; empty where none is certain to be the cure."""
+        if self.scale == (1.0, 1.0):
+            return self.words
+        scale = dict(self.options.scale)
+        for axis, factor in zip(AXES[1:], self.scale, strict=True):
+            scale[axis] = scale.get(axis, 1.0) * factor
+        each = [f"{axis}={factor:g}" for axis, factor in scale.items() if factor != 1]
+        both = set(scale) == set(AXES[1:]) and len(set(scale.values())) == 1
+        return (*self.words, "--scale", f"{scale['theta1']:g}" if both else ",".join(each))
+
+    @property
+    def sentence(self) -> str:
+        """What is so instead of what the options say, and the options that say so."""
+        return " and ".join(self.causes) + (f" ({' '.join(self.mend)})" if self.mend else "")
+
+    @property
+    def mirrored(self) -> "OtherReading":
+        """The same rods seen from behind, whose energy is the same."""
+        turned = {axis: -self.values[axis] for axis in AXES[1:]}
+        signs = -self.scale[0], -self.scale[1]
+        causes = self.causes if signs == (-1.0, 1.0) else (*self.causes, "both angles have the other sign")
+        return replace(self, causes=causes, values={**self.values, **turned}, scale=signs)
 
 
 def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, NDArray[np.int64] | None]:
@@ -98,7 +125,7 @@ def better_readings(
         return []
     tried: list[tuple[float, OtherReading]] = []
     slower = [_slower(values, options, fit.time_scale)] if np.isfinite(fit.time_scale) else []
-    for reading in (*_otherwise(values, options, columns), *slower):
+    for reading in (*other_readings(values, options, columns), *slower):
         other, _ = angles(reading.values, reading.options, rig, path)
         again = energy_fit(t * reading.time_factor, other[:, 1:], torques, rig)
         if again is not None and again.residual < min(SETTINGS.sure, fit.residual / SETTINGS.better):
@@ -109,7 +136,8 @@ def better_readings(
     return [reading for reading in alike if len(reading.causes) == fewest]
 
 
-def _otherwise(values: Values, options: ImportOptions, columns: Mapping[str, str]) -> Iterator[OtherReading]:
+def other_readings(values: Values, options: ImportOptions, columns: Mapping[str, str]) -> Iterator[OtherReading]:
+    """Ways to read a table otherwise than its options say."""
     counted = options.unit == "counts"
     zeros, references = ((False,), (False,)) if counted else ((False, True), (False, True))
     for zero, reference, sign, swap in product(zeros, references, (False, True), (False, True)):
@@ -121,16 +149,15 @@ def _otherwise(values: Values, options: ImportOptions, columns: Mapping[str, str
             yield replace(
                 other,
                 causes=(f"the angles are in {unit}", *other.causes),
-                mend=("--unit", unit, *other.mend),
+                words=("--unit", unit, *other.words),
                 options=replace(other.options, unit=unit),
             )
     for factor in (0.5, 2.0):
-        scaled = {axis: column * factor for axis, column in values.items()}
-        cause = f"the angles must be multiplied by {factor:g}" + (
-            " (counts_per_rev of the rig file)" if counted else ""
-        )
-        if not counted or factor > 1:
-            yield OtherReading((cause,), ("--scale", f"{factor:g}"), scaled, options)
+        scaled = {axis: np.round(column * factor) if counted else column * factor for axis, column in values.items()}
+        cause = f"the angles must be multiplied by {factor:g}"
+        if counted:
+            cause = f"counts_per_rev of the rig file is {1 / factor:g} times as large"
+        yield OtherReading((cause,), (), scaled, options, scale=(1.0, 1.0) if counted else (factor, factor))
     for unit in TO_SECONDS if options.rate_hz is None else ():
         factor = TO_SECONDS[unit] / TO_SECONDS[options.time_unit or "s"]
         if factor != 1:
@@ -155,25 +182,24 @@ def _changed(
     sign: bool,
     swap: bool,
 ) -> OtherReading:
-    causes, mend, changed = [], [], dict(values)
+    causes, words, changed = [], [], dict(values)
     if swap:
         changed |= {"theta1": values["theta2"], "theta2": values["theta1"]}
         causes.append("the columns of the two rods are exchanged")
-        mend += ["--columns", f"theta1={columns.get('theta2', 'NAME')},theta2={columns.get('theta1', 'NAME')}"]
+        words += ["--columns", f"theta1={columns.get('theta2', 'NAME')},theta2={columns.get('theta1', 'NAME')}"]
     if zero:
         options = replace(options, zero="upright" if options.zero == "hanging" else "hanging")
         causes.append(f"the angles are zero where the rods {'hang' if options.zero == 'hanging' else 'stand upright'}")
-        mend += ["--zero", options.zero]
+        words += ["--zero", options.zero]
     if reference:
         options = replace(options, angles="absolute" if options.angles == "relative" else "relative")
         to = "inner rod" if options.angles == "relative" else "vertical"
         causes.append(f"the outer rod's angle is measured to the {to}")
-        mend += ["--angles", options.angles]
+        words += ["--angles", options.angles]
     if sign:
         changed["theta2"] = -changed["theta2"]
         causes.append("one rod's angle has the other sign (direction of its encoder)")
-        mend += ["--scale", "theta2=-1"]
-    return OtherReading(tuple(causes), tuple(mend), changed, options)
+    return OtherReading(tuple(causes), tuple(words), changed, options, scale=(1.0, -1.0 if sign else 1.0))
 
 
 def _counts(path: Path, values: Values, rig: Rig) -> NDArray[np.int64]:

@@ -51,7 +51,10 @@ class Table:
         """
         at = self.names.index(name)
         if self.strange[at]:
-            raise RunError(f"{self.path}: {self.strange[at]} in column {name!r} is not a number")
+            raise RunError(
+                f"{self.path}: {self.strange[at]} in column {name!r} is not a number: correct it, or leave the field"
+                " empty if its value is missing; where another table begins, cut the file"
+            )
         return self.values[at].copy()
 
 
@@ -155,7 +158,12 @@ class _Columns:
         self.notes = (f"line {self._short[0]}, the last one, is cut off: left out",)
 
     def _refuse(self, number: int, length: int) -> NoReturn:
-        raise RunError(f"{self._path}: line {number} has {length} fields where there are {len(self._values)} columns")
+        width = len(self._values)
+        decimal = ": if commas are decimal signs, export it with semicolons between the columns"
+        raise RunError(
+            f"{self._path}: line {number} has {length} fields where there are {width} columns"
+            + (decimal if width < length <= 2 * width else "")
+        )
 
     def _number(self, word: str, at: int, line: int) -> float:
         try:

@@ -151,11 +151,14 @@ def _understood(
     driven, arm = next(iter(read.torques.values()), None), options.arm != "clamped"
     rods = as_mounted(theta, rig.rods.mounting, str(path))[:, 1:]
     motion = RodMotion(time, rods, driven, theta[:, 0] if arm else None, origin)
-    part = FreePart(0, 0, len(time)) if options.keep_rest else free_part(motion, str(path))
+    whole = FreePart(0, 0, len(time))
+    part = whole if options.keep_rest else free_part(motion, str(path))
     asked = Asked(path, rig, options, read.columns, time, theta, read.values, part, driven, arm)
     if not options.keep_rest:
         refuse_push(asked, origin)
     doubts = questions(asked)
+    if options.keep_rest and _seems_held(motion, whole):
+        doubts.append(TableQuestion("all rows are kept, although the rods seem to be held: leave --keep-rest out"))
     quiet = rest_is_quiet(motion, part)
     notes += _cut_notes(time, part, quiet)
     first, release = part.rest if quiet else part.start, float(time[part.start])
@@ -177,6 +180,13 @@ def _understood(
         tuple(doubts),
         parse_recorded_at(options.recorded_at) if options.recorded_at else stamped,
     )
+
+
+def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
+    try:
+        return free_part(motion, "") != whole
+    except RunError:
+        return True
 
 
 def _cut_notes(t: NDArray[np.float64], part: FreePart, quiet: bool) -> list[str]:
@@ -279,6 +289,8 @@ def _check_forwards(table: Table, t: NDArray[np.float64], options: ImportOptions
                 f"{there}: time falls by {t[before] - t[row]:g} s, as a counter does that wraps: import with"
                 f" --time-wrap {wrap:.10g}"
             )
+        if len(backwards) == len(known) - 1:
+            raise RunError(f"{there}: time runs backwards in all rows: sort the rows by time")
         raise RunError(
             f"{there}: time runs backwards, from {t[before]:g} s to {t[row]:g} s; cut the table there, each recording"
             " is a run of its own"
@@ -303,7 +315,10 @@ def _rows_to_keep(
     whole = np.logical_and.reduce([np.isfinite(column[inside]) for column in (t, *readings.values())])
     empty = int(np.count_nonzero(~whole))
     if empty > PLAUSIBLE.nan_share * len(inside):
-        raise RunError(f"{path}: {empty} of {len(inside)} rows have no value (NaN): too many for a recording")
+        raise RunError(
+            f"{path}: {empty} of {len(inside)} rows have no value (NaN): too many for a recording."
+            " Export it again, or take a part that is whole (--start-s, --duration-s)"
+        )
     rows = inside[whole]
     if len(rows) == 0:
         raise RunError(f"{path}: no rows between {start:g} s and {stop:g} s; the table ends at {known[-1]:g} s")
