@@ -86,7 +86,7 @@ def left_out_chi2(fit: Fit, fold: NDArray[np.int64]) -> Array:
     parts = _Folds(fit, fold)
     chi2 = np.sum(parts.e**2, axis=1)
     for one in parts.each:
-        V = np.linalg.inv(parts.H - one.H)
+        V = np.asarray(np.linalg.inv(parts.H - one.H), dtype=np.float64)
         left = parts.e[one.mine] - parts.A[one.mine] @ (V @ (parts.gradient - one.gradient))
         if (own := parts.seen_by_one_alone(one, V)).any():
             # What is tied to them moves along.
