@@ -1,4 +1,4 @@
-"""`dpr-lab identifiability`: what a free swing can and cannot tell about a rig, and what to measure next."""
+"""`dpr-lab identifiability`: what recordings can and cannot tell about a rig, and what to measure next."""
 
 import textwrap
 from math import isfinite
@@ -12,6 +12,7 @@ from dpr_lab.cli.console import emit, json_mode, line, table
 
 if TYPE_CHECKING:
     from dpr_lab.identification.identifiability import Identifiability
+    from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability
 
 
 def identifiability(
@@ -23,12 +24,13 @@ def identifiability(
     torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Analyse which parameters of a rig free swings identify, and recommend bench measurements for the others.
+    """Analyse which parameters of a rig its recordings identify, and recommend bench measurements for the others.
 
     Example: dpr-lab identifiability runs/*.mcap --rig paper
     """
     json_mode(as_json)
     from dpr_lab.cli.listener import Listener
+    from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability
     from dpr_lab.workflows.identifiability import IdentifiabilityRequest
     from dpr_lab.workflows.identifiability import identifiability as judge
 
@@ -40,7 +42,43 @@ def identifiability(
     else:
         if result.torques:
             _print(f"Runs driven by their {' and '.join(result.torques)} torques.")
-        show(result.found)
+        if isinstance(result.found, ArmIdentifiability):
+            show_arm(result.found)
+        else:
+            show(result.found)
+
+
+def show_arm(analysis: "ArmIdentifiability") -> None:
+    """Print the findings for a rig with a moving arm as tables and sentences."""
+    from dpr_lab.identification.directions import described
+    from dpr_lab.shown import FIXED_BY
+
+    _print(f"{analysis.heading}.")
+    if analysis.simulated:
+        _print("No runs were given: recordings are simulated at the rig file's values. No value below is a result.")
+    valued = not analysis.simulated
+    table(
+        "What the recordings fix",
+        ("combination", *(("value",) if valued else ()), "relative std"),
+        [
+            (name, *((f"{analysis.values[name]:.5g}",) if valued else ()), f"{std:.1e}")
+            for name, std in analysis.combinations.items()
+        ]
+        + [(name, *(("",) if valued else ()), "not seen") for name in analysis.unseen],
+    )
+    table(
+        "Parameters, and what fixes each",
+        ("parameter", "relative std", "fixed by"),
+        [
+            (name, f"{analysis.spread[name]:.1e}" if name in analysis.spread else "", FIXED_BY[how])
+            for name, how in analysis.fixed_by.items()
+        ],
+    )
+    if analysis.null_space:
+        _print("Changes that no recording and no measured value can see:")
+    for direction in analysis.null_space:
+        _print(f"- {described(direction)}")
+    _show_advice(analysis)
 
 
 def show(found: "Identifiability") -> None:
@@ -101,9 +139,9 @@ def _show_length(found: "Identifiability") -> None:
     )
 
 
-def _show_advice(found: "Identifiability") -> None:
+def _show_advice(found: "Identifiability | ArmIdentifiability") -> None:
     if not found.null_space:
-        _print("All nine are fixed; a further measurement only makes them more exact.")
+        _print("All parameters are fixed; a further measurement only makes them more exact.")
     table(
         "One more measurement on the bench",
         ("measurement", "reads", "fixes", "gain (bits)"),

@@ -4,7 +4,7 @@ Knowledge is whitened rows: sensitivities to relative changes of the parameters.
 100 % along it stays below one standard deviation of all rows.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -15,8 +15,6 @@ from dpr_lab.rig import PARAMETERS
 
 SEEN = 1.0
 """Singular value, standard deviations per 100 % of change, from which a direction counts as determined."""
-
-_SCALED = np.array([name[0] in "mcJ" for name in PARAMETERS], dtype=np.float64)
 
 
 def _decompose(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -39,7 +37,7 @@ def spread(rows: NDArray[np.float64], seen: float = SEEN) -> NDArray[np.float64]
     return np.where(np.linalg.norm(Vt[s < seen], axis=0) > UNREACHED, np.inf, std)
 
 
-def simple_basis(free: NDArray[np.float64]) -> list[dict[str, float]]:
+def simple_basis(free: NDArray[np.float64], names: Sequence[str] = PARAMETERS) -> list[dict[str, float]]:
     """Directions of few parameters each that span the free ones, each scaled to a largest change of 1 %.
 
     Taking the sparsest direction independent of those taken before, again and again, gives the sparsest basis there is.
@@ -47,17 +45,18 @@ def simple_basis(free: NDArray[np.float64]) -> list[dict[str, float]]:
     Source: T. F. Coleman & A. Pothen (1986), The null space problem I.
     """
     basis: list[NDArray[np.float64]] = []
-    for direction in _simple_directions(free):
+    for direction in _simple_directions(free, names):
         if np.linalg.matrix_rank(np.array([*basis, direction]), tol=1e-6) > len(basis):
             basis.append(direction)
         if len(basis) == len(free.T):
             break
-    return [_readable(direction) for direction in basis]
+    return [_readable(direction, names) for direction in basis]
 
 
-def _simple_directions(free: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+def _simple_directions(free: NDArray[np.float64], names: Sequence[str]) -> Iterator[NDArray[np.float64]]:
     """The common scale of masses, inertias and frictions, then free directions of one, two, three, ... parameters."""
-    scale = _SCALED / np.linalg.norm(_SCALED)
+    scaled = np.array([name[0] in "mcJAf" or name in ("k0", "kt") for name in names], dtype=np.float64)
+    scale = scaled / np.linalg.norm(scaled)
     if np.linalg.norm(scale - free @ (free.T @ scale)) < UNREACHED:
         yield scale
     for count in range(len(free) - 1, 0, -1) if free.size else ():
@@ -67,12 +66,12 @@ def _simple_directions(free: NDArray[np.float64]) -> Iterator[NDArray[np.float64
     yield from free.T
 
 
-def _readable(direction: NDArray[np.float64]) -> dict[str, float]:
+def _readable(direction: NDArray[np.float64], names: Sequence[str]) -> dict[str, float]:
     largest = np.max(np.abs(direction))
     takes_part = np.abs(direction) > 1e-6 * largest
     sign = np.sign(direction[takes_part][0])
     changes = 0.01 * sign * direction / largest
-    return {name: float(changes[i]) for i, name in enumerate(PARAMETERS) if takes_part[i]}
+    return {name: float(changes[i]) for i, name in enumerate(names) if takes_part[i]}
 
 
 def described(direction: Mapping[str, float]) -> str:

@@ -18,7 +18,7 @@ from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, unknown_ratios
 from dpr_lab.fitting.prior import unknown_jacobian
 from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
 from dpr_lab.identification.expected import expected_releases, information_root
-from dpr_lab.identification.instruments import INSTRUMENTS, BenchReading, Instrument
+from dpr_lab.identification.instruments import INSTRUMENTS, BenchReading, Instrument, Measurement
 from dpr_lab.identification.model import ParameterValue
 from dpr_lab.identification.ratio_fit import fit_ratios
 from dpr_lab.identification.scaling.prior_spread import loose90
@@ -60,6 +60,8 @@ class Advice:
     """Sum over the parameters of log2(std before / std after), bounds as priors: halvings of one spread."""
     quantity: BenchReading
     """What is read."""
+    parameters: int = len(PARAMETERS)
+    """Number of the parameters that the gain is summed over."""
 
     @property
     def sentence(self) -> str:
@@ -68,9 +70,8 @@ class Advice:
         if self.gain_bits < SETTINGS.worthwhile_bits:
             return f"{start}: tells nothing that is not known already."
         fixes = f"fixes {', '.join(self.frees)}" if self.frees else "fixes no parameter by itself"
-        return (
-            f"{start}: {fixes}; on average the nine get {2 ** (self.gain_bits / len(PARAMETERS)):.1f} times as exact."
-        )
+        times = 2 ** (self.gain_bits / self.parameters)
+        return f"{start}: {fixes}; on average the {self.parameters} parameters get {times:.1f} times as exact."
 
     def to_json(self) -> dict[str, Any]:
         """The same as plain JSON values."""
@@ -177,7 +178,9 @@ def identifiability(
     known = np.vstack([data, _measured_rows(rig, Z)])
     bounds = _bound_rows(rig, Z)
     singular_values = np.linalg.svd(data, compute_uv=False)
-    answers = {i: i.rows(Z, rig) * Z for i in INSTRUMENTS if not _made(i, rig)}
+    answers: dict[Measurement, NDArray[np.float64]] = {
+        i: i.rows(Z, rig) * Z for i in INSTRUMENTS if not already_made(i, rig)
+    }
     return Identifiability(
         rank=int(np.sum(singular_values >= SEEN)),
         singular_values=tuple(singular_values.tolist()),
@@ -186,8 +189,8 @@ def identifiability(
         null_space=tuple(simple_basis(free_directions(known))),
         parameters=_parameters(known, bounds, rig, Z, places),
         helps=_helps(data, bounds, rig, Z),
-        advice=tuple(sorted(_advice(answers, known, bounds).values(), key=_worth, reverse=True)),
-        sequence=_sequence(answers, known, bounds),
+        advice=bench_advice(answers, known, bounds),
+        sequence=bench_sequence(answers, known, bounds),
         length_error=_length_error(rig, Z) if lengths and rig.poses else None,
     )
 
@@ -211,7 +214,7 @@ def _bound_rows(rig: Rig, Z: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.diag(Z * np.sqrt(12) / np.where(rig.searched, upper - lower, 1.0))[rig.searched]
 
 
-def _made(instrument: Instrument, rig: Rig) -> bool:
+def already_made(instrument: Instrument, rig: Rig) -> bool:
     """Whether the rig file has this measurement already, at least as exactly."""
     if len(instrument.parameters) != 1:
         return False
@@ -260,18 +263,39 @@ def _helps(
     return helped
 
 
+def bench_advice(
+    answers: Mapping[Measurement, NDArray[np.float64]],
+    known: NDArray[np.float64],
+    bounds: NDArray[np.float64],
+    names: Sequence[str] = PARAMETERS,
+) -> tuple[Advice, ...]:
+    """Expected gain of each bench measurement, best first.
+
+    Args:
+        answers: (k, n) whitened readings of each, by relative changes of the parameters
+        known: (m, n) rows of recordings and measured values
+        bounds: (l, n) rows of the bounds
+        names: of the n parameters
+    """
+    return tuple(sorted(_advice(answers, known, bounds, names).values(), key=_worth, reverse=True))
+
+
 def _advice(
-    answers: Mapping[Instrument, NDArray[np.float64]], known: NDArray[np.float64], bounds: NDArray[np.float64]
-) -> dict[Instrument, Advice]:
-    """Expected gain of each instrument."""
+    answers: Mapping[Measurement, NDArray[np.float64]],
+    known: NDArray[np.float64],
+    bounds: NDArray[np.float64],
+    names: Sequence[str],
+) -> dict[Measurement, Advice]:
     loose, before = np.isinf(spread(known)), _bounded_spread(known, bounds)
     advice = {}
     for instrument, answer in answers.items():
         more = np.vstack([known, answer])
         freed = loose & ~np.isinf(spread(more)) if loose.any() else loose
         gain = np.sum(np.log2(before / _bounded_spread(more, bounds)))
-        frees = tuple(name for name, is_freed in zip(PARAMETERS, freed, strict=True) if is_freed)
-        advice[instrument] = Advice(instrument.name, instrument.how, frees, float(gain), instrument.quantity)
+        frees = tuple(name for name, is_freed in zip(names, freed, strict=True) if is_freed)
+        advice[instrument] = Advice(
+            instrument.name, instrument.how, frees, float(gain), instrument.quantity, len(names)
+        )
     return advice
 
 
@@ -279,12 +303,16 @@ def _worth(advice: Advice) -> tuple[int, float]:
     return len(advice.frees), advice.gain_bits
 
 
-def _sequence(
-    answers: Mapping[Instrument, NDArray[np.float64]], known: NDArray[np.float64], bounds: NDArray[np.float64]
+def bench_sequence(
+    answers: Mapping[Measurement, NDArray[np.float64]],
+    known: NDArray[np.float64],
+    bounds: NDArray[np.float64],
+    names: Sequence[str] = PARAMETERS,
 ) -> tuple[Advice, ...]:
+    """Best next measurement after best next measurement, until all parameters are fixed; arguments as above."""
     left, taken = dict(answers), []
     while left and np.isinf(spread(known)).any():
-        advice = _advice(left, known, bounds)
+        advice = _advice(left, known, bounds, names)
         best = max(advice, key=lambda instrument: _worth(advice[instrument]))
         if advice[best].gain_bits < SETTINGS.worthwhile_bits:
             break

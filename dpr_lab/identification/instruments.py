@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,25 @@ class BenchReading:
     unit: str
     symbol: str
     """The parameter of the rig file where it is one."""
+
+
+class Measurement(Protocol):
+    """What advice needs of a bench measurement; hashable."""
+
+    @property
+    def name(self) -> str:
+        """Name of the measurement."""
+        ...
+
+    @property
+    def how(self) -> str:
+        """What to do, as an instruction."""
+        ...
+
+    @property
+    def quantity(self) -> BenchReading:
+        """What is read."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,11 +47,16 @@ def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
     """The rig with these rods on it.
 
     Raises:
-        ConfigError: an elbow clamped that is not there.
+        ConfigError: an elbow clamped that is not there, or rods that cannot be modelled on an arm that moves.
     """
     try:
         return rig.with_rods(mounted, elbow)
     except ValueError as error:
+        if rig.arm.mode in ("free", "driven"):
+            raise ConfigError(
+                f"--rods, --elbow: the arm of {rig.name} is {rig.arm.mode}, which is modelled with both rods or with"
+                " the inner rod alone, and with the elbow free"
+            ) from error
         raise ConfigError("one rod alone has no elbow: leave out --rods or --elbow") from error
 
 

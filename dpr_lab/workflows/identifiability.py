@@ -1,4 +1,4 @@
-"""A rig, and runs where there are any, in; what free swings can and cannot tell about it out."""
+"""A rig, and runs where there are any, in; what recordings can and cannot tell about it out."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +9,7 @@ from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.identification.identifiability import Identifiability
+    from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +30,7 @@ class IdentifiabilityResult:
 
     rig: str
     """Its name."""
-    found: "Identifiability"
+    found: "Identifiability | ArmIdentifiability"
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""
 
@@ -44,10 +45,14 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
         RunError: a run that cannot be used.
     """
     from dpr_lab.identification.identify import identifiability_of
+    from dpr_lab.identification.moving_arm.identifiability import identifiability_of_arm
+    from dpr_lab.identification.moving_arm.identify import moves
     from dpr_lab.rig import load_rig
     from dpr_lab.run import torque_kinds
 
     rig = load_rig(request.rig)
-    runs = read_runs(request.runs, rig, on_event, torque=request.torque)
+    runs = read_runs(request.runs, rig, on_event, torque=request.torque, moving=True)
+    if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
+        return IdentifiabilityResult(rig.name, identifiability_of_arm(runs, rig))
     found = identifiability_of(runs, rig, lambda sentence: on_event(Warned(sentence)))
     return IdentifiabilityResult(rig.name, found, torque_kinds(runs))

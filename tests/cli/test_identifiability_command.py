@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from dpr_lab.rig import PARAMETERS
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import PARAMETERS, Rig, load_rig
+from dpr_lab.workflows.checks import with_rods
 
 
 def test_without_runs_it_simulates_the_poses_of_the_rig_file(cli) -> None:
@@ -47,3 +49,23 @@ def test_releases_with_one_and_the_same_mass_on_are_said_not_to_see_the_bare_rig
     assert done.code == 0, done.err
     assert "5 of 9" in done.out
     assert "not seen" in done.out
+
+
+def test_a_rig_with_a_driven_arm_is_analysed_without_values(cli, tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs/how-to/moving-arm.md").read_text()
+    rig = tmp_path / "furuta.toml"
+    rig.write_text(page.split("```toml\n")[1].split("```")[0])
+    done = cli("identifiability", "--rig", rig)
+    assert done.code == 0, done.err
+    assert "5 of 9" in done.out
+    assert "c0 +1 %, ke -1 %" in done.out
+    assert "is a result" in done.out
+    assert "ohmmeter" in done.out
+
+
+def test_the_outer_rod_alone_on_a_free_arm_is_refused_with_the_reason() -> None:
+    table = load_rig("paper").model_dump(exclude_none=True)
+    table["rig"]["L0"] = 0.3
+    free = Rig.model_validate(table | {"arm": {"mode": "free"}})
+    with pytest.raises(ConfigError, match="modelled with both rods or with the inner rod"):
+        with_rods(free, "outer", None)

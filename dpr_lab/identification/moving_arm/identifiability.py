@@ -1,0 +1,338 @@
+"""Identifiability of a rig with a free or driven arm, and the bench measurements that determine the rest.
+
+Knowledge is whitened rows, as in `dpr_lab.identification.identifiability`: sensitivities to relative changes of the
+physical parameters of rods, arm and motor. With q the unknowns of the recordings and F^T F their Fisher information,
+the rows of the recordings are F dq/dx x; a measured value x adds the row x / std.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.arm import DRIVEN
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS, swing_segments
+from dpr_lab.errors import ConfigError
+from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
+from dpr_lab.identification.expected import RELEASES, information_root
+from dpr_lab.identification.identifiability import Advice, already_made, bench_advice, bench_sequence
+from dpr_lab.identification.instruments import INSTRUMENTS, BenchReading, Measurement
+from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm, fit_segments
+from dpr_lab.identification.moving_arm.problem import ArmRecording, arm_problem, recordings_of
+from dpr_lab.identification.moving_arm.unknowns import Unknowns, best, mode_number, rod_inertias
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.rig_tables import Parameter, Pose
+from dpr_lab.run import Run
+from dpr_lab.shown import Row, Shown
+
+Array = NDArray[np.float64]
+
+SINGLE_ROD = ("l1", "m1", "c1", "J1")
+"""Parameters of the inner rod alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """How a driven arm is assumed to be excited where nothing was recorded."""
+
+    turn_rad: float = 0.5
+    """Amplitude of the arm's swing that each sine of the input would give a rigid rig."""
+    rates: tuple[float, ...] = (3.0, 5.1, 8.7)
+    """Angular frequencies of the sines, rad/s."""
+    step: float = 1e-6
+    """Relative step of the derivatives of the unknowns."""
+    kt: float = 0.05
+    """Torque constant, N m/A, and"""
+    R: float = 5.0
+    """resistance, ohm, of a motor of which nothing is known."""
+
+
+EXCITATION = Excitation()
+
+
+@dataclass(frozen=True, slots=True)
+class ArmInstrument:
+    """A bench measurement of arm or motor, and its usual uncertainty."""
+
+    name: str
+    parameter: str
+    """The parameter that it reads."""
+    relative_std: float
+    """Its standard uncertainty over the value."""
+    how: str
+    """What to do, as an instruction."""
+    quantity: BenchReading
+    """What is read."""
+
+
+ARM_INSTRUMENTS = (
+    ArmInstrument(
+        "measure R", "R", 0.02, "measure the resistance of the motor's winding with an ohmmeter, its wires apart",
+        BenchReading("resistance of the winding", "ohm", "R"),
+    ),
+    ArmInstrument(
+        "measure ke", "ke", 0.02, "turn the motor at a known speed with its wires apart and measure its voltage",
+        BenchReading("back-EMF constant", "V s/rad", "ke"),
+    ),
+    ArmInstrument(
+        "measure kt", "kt", 0.03, "let the motor pull at a balance by a lever, at a known steady current",
+        BenchReading("torque constant", "N m/A", "kt"),
+    ),
+    ArmInstrument(
+        "measure A", "A", 0.02, "let a known weight turn the arm by a thread and a pulley, and time it",
+        BenchReading("total inertia about the arm's axis", "kg m^2", "A"),
+    ),
+    ArmInstrument(
+        "measure c0", "c0", 0.05, "let the arm run down with the rods off and the motor's wires apart, and time it",
+        BenchReading("viscous friction of the arm", "N m s/rad", "c0"),
+    ),
+)  # fmt: skip
+"""What the advice considers besides the instruments of the rods."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ArmIdentifiability(Shown):
+    """What recordings of a rig with a moving arm and its measured values determine together, and what remains free."""
+
+    arm: tuple[str, ...]
+    """Modes of the arm in the recordings."""
+    input: str
+    """Kind of the input; empty without one."""
+    simulated: bool
+    """Whether the recordings were simulated at the rig file's values: then no value is a result."""
+    rank: int
+    """Number of directions that the recordings determine."""
+    singular_values: tuple[float, ...]
+    """Of the whitened sensitivity to relative changes of the parameters."""
+    combinations: Mapping[str, float]
+    """What the recordings determine, with the expected relative standard deviation of each."""
+    values: Mapping[str, float]
+    """Estimates of the same, SI; empty where recordings were simulated."""
+    unseen: tuple[str, ...]
+    """Combinations that they do not determine."""
+    null_space: tuple[Mapping[str, float], ...]
+    """Directions that recordings and measured values leave free: relative change of each parameter that takes part."""
+    fixed_by: Mapping[str, str]
+    """`data`, `measured` or `bound`, for each parameter."""
+    spread: Mapping[str, float]
+    """Relative standard deviation of each parameter that is determined."""
+    advice: tuple[Advice, ...]
+    """Every bench measurement not yet made, best first."""
+    sequence: tuple[Advice, ...]
+    """Best next measurement after best next measurement, until all are fixed."""
+
+    @property
+    def heading(self) -> str:
+        """One line: the arm's mode, its input, and the number of directions seen."""
+        drive = f" by its {self.input}" if self.input else ""
+        return (
+            f"Identifiability with an arm that is {' and '.join(self.arm)}{drive}:"
+            f" {self.rank} of {len(self.fixed_by)} directions are seen"
+        )
+
+    def _heading(self) -> str:
+        return self.heading
+
+    def _rows(self) -> list[Row]:
+        return [("parameter", "fixed by"), *self.fixed_by.items()]
+
+    def to_json(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        return {
+            "arm": list(self.arm),
+            "input": self.input,
+            "simulated": self.simulated,
+            "rank": self.rank,
+            "singular_values": list(self.singular_values),
+            "combinations": {
+                name: {"relative_std": std} | ({"value": self.values[name]} if name in self.values else {})
+                for name, std in self.combinations.items()
+            },
+            "unseen": list(self.unseen),
+            "null_space": [dict(direction) for direction in self.null_space],
+            "parameters": {
+                name: {"fixed_by": how} | ({"relative_std": self.spread[name]} if name in self.spread else {})
+                for name, how in self.fixed_by.items()
+            },
+            "advice": [advice.to_json() for advice in self.advice],
+            "sequence": [advice.to_json() for advice in self.sequence],
+        }
+
+
+def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
+    """Identifiability of a rig with a free or driven arm.
+
+    Args:
+        runs: recordings; none for releases simulated from the rig's poses at the rig file's values, where a driven rig
+            without poses begins hanging
+        rig: bounds, measured values and motor
+
+    Raises:
+        ConfigError: neither runs nor poses of a free arm.
+        RunError: a run that cannot be used.
+        IdentificationError: the rig file's values cannot be simulated.
+    """
+    modes = tuple(sorted({run.arm_mode for run in runs} or {rig.arm.mode}))
+    fit = fit_moving_arm(recordings_of(runs, rig), rig) if runs else _simulated(rig)
+    unknowns = fit.problem.unknowns
+    sizes, rows = _physical(rig, unknowns)
+    parameters, names = _of_rig_file(rig, sizes), tuple(sizes)
+    scatter = max(1.0, fit.misfit or fit.chi2_per_dof) if runs else 1.0
+    root = information_root(fit.information / scatter, fit.values) * fit.values
+    data = root @ rows
+    known = np.vstack([data, _measured_rows(parameters, sizes)])
+    bounds = _bound_rows(parameters, sizes)
+    singular_values = np.linalg.svd(data, compute_uv=False)
+    combinations = [unknowns.name(name) for name in unknowns.free]
+    relative = dict(zip(combinations, spread(root).tolist(), strict=True))
+    seen = {name: std for name, std in relative.items() if np.isfinite(std)}
+    of_parameters = dict(zip(names, spread(known).tolist(), strict=True))
+    values = dict(zip(combinations, fit.values.tolist(), strict=True)) if runs else {}
+    answers = _answers(sizes, parameters, rig)
+    return ArmIdentifiability(
+        arm=modes,
+        input=unknowns.input if "driven" in modes else "",
+        simulated=not runs,
+        rank=int(np.sum(singular_values >= SEEN)),
+        singular_values=tuple(singular_values.tolist()),
+        combinations=seen,
+        values={name: value for name, value in values.items() if name in seen},
+        unseen=tuple(name for name in relative if name not in seen),
+        null_space=tuple(simple_basis(free_directions(known), names)),
+        fixed_by={
+            name: "measured" if _std(parameters[name]) else "data" if np.isfinite(std) else "bound"
+            for name, std in of_parameters.items()
+        },
+        spread={name: std for name, std in of_parameters.items() if np.isfinite(std)},
+        advice=bench_advice(answers, known, bounds, names),
+        sequence=bench_sequence(answers, known, bounds, names),
+    )
+
+
+def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
+    """Parameters of rods, arm and motor by the rig file, SI, and (free, n) d ln(unknown) / d ln(parameter).
+
+    Motor constants that the rig file does not give count as those of a small motor whose back-EMF brakes as much as the
+    friction does.
+    """
+    both, motor = rig.rods.mounted == "both", rig.motor
+    of_rods = PARAMETERS if both else SINGLE_ROD
+    sizes = {name: float(rig.nominal[PARAMETERS.index(name)]) for name in of_rods}
+    scale = rod_inertias(rig.nominal, rig)[1]
+    start = dict(zip(SWING_PARAMETERS, (unknowns.start * scale).tolist(), strict=True))
+    sizes |= {name: start[name] or 1.0 for name in ("A", "c0", "k0", "f0") if name in unknowns.free}
+    if "L0" in unknowns.free:
+        sizes["L0"] = rig.L0
+    kind = unknowns.input if "gain" in unknowns.free and motor is not None else ""
+    if motor is not None and kind in ("current", "voltage"):
+        sizes["kt"] = best(motor.kt, EXCITATION.kt)
+    if motor is not None and kind == "voltage":
+        sizes |= {"ke": best(motor.ke, sizes["kt"]), "R": best(motor.R, EXCITATION.R)}
+        if "c0" in sizes and rig.arm.c0 is None:
+            sizes["c0"] = sizes["ke"] * sizes["kt"] * motor.gear**2 / sizes["R"]
+
+    def logarithms(changes: Array) -> Array:
+        x = dict(zip(sizes, np.array(list(sizes.values())) * np.exp(changes), strict=True))
+        Z = rig.nominal
+        for name in of_rods:
+            Z[PARAMETERS.index(name)] = x[name]
+        q = dict(zip(SWING_PARAMETERS[:6], rod_inertias(Z, rig), strict=True)) | x
+        q["gain"] = x.get("kt", 1.0) / x.get("R", 1.0)
+        if "ke" in x and motor is not None:
+            q["c0"] = x["c0"] + x["ke"] * x["kt"] * motor.gear**2 / x["R"]
+        return np.log([q[name] / (1.0 if name == "L0" else q["b"]) for name in unknowns.free])
+
+    steps = EXCITATION.step * np.eye(len(sizes))
+    slopes = [(logarithms(step) - logarithms(-step)) / (2 * EXCITATION.step) for step in steps]
+    return sizes, np.stack(slopes, axis=1)
+
+
+def _of_rig_file(rig: Rig, names: Iterable[str]) -> dict[str, Parameter | None]:
+    """What the rig file says of each parameter; None where it is silent."""
+    tables = {**rig.parameters, **dict(rig.arm), **(dict(rig.motor) if rig.motor else {})}
+    return {name: tables.get(name) for name in names}
+
+
+def _std(parameter: Parameter | None) -> float:
+    """Standard uncertainty of a measured parameter, else 0."""
+    return parameter.std or 0.0 if parameter is not None and parameter.measured is not None else 0.0
+
+
+def _measured_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
+    stds = [_std(parameter) for parameter in parameters.values()]
+    return np.diag([sizes[name] / std if std else 0.0 for name, std in zip(sizes, stds, strict=True)])[
+        np.array(stds) > 0
+    ]
+
+
+def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
+    """As the prior of a uniform distribution between its bounds, or of a parameter known to its order of magnitude."""
+    rows = [
+        sizes[name] * 12**0.5 / (one.upper - one.lower) if one and one.upper and one.lower else 1.0
+        for name, one in parameters.items()
+    ]
+    return np.diag(rows)[[not _std(one) for one in parameters.values()]]
+
+
+def _answers(
+    sizes: Mapping[str, float], parameters: Mapping[str, Parameter | None], rig: Rig
+) -> dict[Measurement, Array]:
+    """(k, n) whitened answer of each measurement that the rig file does not have yet, by relative changes."""
+    names, answers = list(sizes), dict[Measurement, Array]()
+    for instrument in INSTRUMENTS:
+        if instrument.parameters == PARAMETERS or not set(instrument.parameters) <= sizes.keys():
+            continue  # a release with an added mass is one with the arm clamped
+        if not already_made(instrument, rig):
+            rows = instrument.rows(rig.nominal, rig) * rig.nominal
+            places = [PARAMETERS.index(name) for name in instrument.parameters]
+            answers[instrument] = np.zeros((len(rows), len(names)))
+            answers[instrument][:, [names.index(name) for name in instrument.parameters]] = rows[:, places]
+    for reading in ARM_INSTRUMENTS:
+        if reading.parameter in sizes and not 0 < _std(parameters[reading.parameter]) <= (
+            reading.relative_std * sizes[reading.parameter]
+        ):
+            answers[reading] = np.eye(len(names))[[names.index(reading.parameter)]] / reading.relative_std
+    return answers
+
+
+def _simulated(rig: Rig) -> ArmFit:
+    """Releases from the rig's poses without noise, at the rig file's values, and their information."""
+    driven = rig.arm.mode == "driven"
+    poses = list(rig.poses.values()) or ([Pose(theta1=np.pi, theta2=np.pi)] if driven else [])
+    if not poses:
+        raise ConfigError(f"{rig.path}: poses: there are none to simulate; add [poses.X1], or name recorded runs")
+    t = np.arange(round(RELEASES.duration_s * rig.link.rate_hz)) / rig.link.rate_hz
+    mode = mode_number(rig.arm.mode, rig.motor.input if rig.motor else "")
+    still = [
+        Run(
+            "expected", t, np.tile(pose.theta, (len(t), 1)), None, None, rig.name, rig.sha256, rig.link.rate_hz,
+            arm_mode=rig.arm.mode, mounting=rig.rods.mounting,
+        )
+        for pose in poses
+    ]  # fmt: skip
+    recordings = [ArmRecording(run, mode, rig.reading_std, np.zeros(len(t))) for run in still]
+    problem, initial = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
+    p, gain = problem.unknowns.start.copy(), SWING_PARAMETERS.index("gain")
+    if driven:
+        p[gain] = p[gain] or 1.0  # of a motor without constants
+        recordings = [replace(one, drive=_program(t, p, mode)) for one in recordings]
+        problem, initial = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
+    initial[:] = [[*pose.theta, 0.0, 0.0, 0.0] for pose in poses]
+    states = swing_segments(p, problem.frame, problem.segments, initial * problem.moves)
+    recordings = [
+        replace(one, run=replace(one.run, theta=swung[:, :3]))
+        for one, swung in zip(recordings, np.split(states, len(poses)), strict=True)
+    ]
+    problem, _ = arm_problem(recordings, rig, RELEASES.segment_s)
+    initial = states[problem.segments.offsets[:-1]] * problem.moves
+    return fit_segments(problem, p, initial, RELEASES.segment_s, replace(ARM_FIT, iterations=0))
+
+
+def _program(t: Array, p: Array, mode: int) -> Array:
+    """(n,) input of three sines, each of which would turn a rigid rig by `Excitation.turn_rad`."""
+    inertia = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("A")]
+    gain = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("gain")]
+    sines = [rate**2 * np.sin(rate * t + k) for k, rate in enumerate(EXCITATION.rates)]
+    return EXCITATION.turn_rad * inertia / gain * np.sum(sines, axis=0)
