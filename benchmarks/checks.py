@@ -14,7 +14,8 @@ import numpy as np
 from _bars import Bar, at_least, at_most, options, show
 from _trial_cases import Case, hidden, opened
 
-from dpr_lab.checks.update import candidates, update_with_measurement, update_with_recordings
+from dpr_lab.checks.update import candidates, update
+from dpr_lab.gap.advice.check_kind import CheckAnswer
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import AdvisedCheck, AdvisedRelease, Diagnosis
 from dpr_lab.rig import Rig
@@ -70,7 +71,7 @@ def played(
             break
         check, count = choice(asked), count + 1
         if check.release is not None:
-            found = update_with_recordings(found, check, [released(plant, rig, check.release)], rig)
+            found = update(found, check, CheckAnswer((released(plant, rig, check.release),), rig))
         else:
             sizes = truth.sizes(rig, found.scale_b).get(check.measures, {})
             true = sizes.get(check.amplitudes[0].name, 0.0)
@@ -78,7 +79,7 @@ def played(
                 true = float(np.linalg.norm([sizes.get(amplitude.name, 0.0) for amplitude in check.amplitudes]))
             std = READ * check.amplitudes[0].typical
             measured = true + std * rng.standard_normal()
-            found = update_with_measurement(found, check, measured, std, confirmed=True)
+            found = update(found, check, CheckAnswer(value=measured, std=std, confirmed=True))
     return found, count
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Recorded
-from dpr_lab.gap.advice.advise import TOLD_APART
+from dpr_lab.gap.advice.recording import DISTINGUISHED
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.screen.record import record as screened
@@ -78,7 +78,7 @@ def main(trials: int = 40) -> None:
         runs = {mounting: released(drawn(seed), rig, mounting) for mounting in MOUNTED}
         for j, names in enumerate(SETS.values()):
             test = tested([runs[name] for name in names], rig)
-            told[:, j] += [apart(test, pair) > TOLD_APART for pair in PAIRS]
+            told[:, j] += [apart(test, pair) > DISTINGUISHED for pair in PAIRS]
     print(f"{'told apart, of ' + str(trials):56}" + "".join(f"{name:>16}" for name in SETS))
     for pair, row in zip(PAIRS, told / trials, strict=True):
         print(f"{' from '.join(pair):56}" + "".join(f"{share:>16.0%}" for share in row))

@@ -1,6 +1,7 @@
 """What it takes to add one of each: a file and a row of its table, tried on a copy of the packages."""
 
 import ast
+import json
 import os
 import shutil
 import subprocess
@@ -9,6 +10,8 @@ import textwrap
 from pathlib import Path
 
 import pytest
+
+from tests.a_diagnosis import made
 
 ROOT = Path(__file__).parents[1]
 
@@ -360,6 +363,62 @@ def test_an_effect_with_memory_or_a_continuous_shape_is_a_file_and_a_row(copy: C
         cache=True,
     )
     assert said == "".join(f"{name} True named ['{name}'] True\n" for name in ("cable_joint2", "magnet_joint1"))
+
+
+def test_a_kind_of_check_is_a_file_and_a_row(copy: Copy) -> None:
+    copy.add(
+        "dpr_lab/gap/advice/observation.py",
+        '''
+        """A yes or a no as a check: whether the swing sounds different."""
+
+        import math
+
+        from dpr_lab.errors import RunError
+        from dpr_lab.gap.advice.check_kind import NextStep, Result
+        from dpr_lab.gap.result.diagnosis import NONE_OF_THEM
+
+
+        def form(check):
+            return "--value yes or --value no"
+
+
+        def propose(question, proposed):
+            check = question.check("observation", "Listen to the joints.", question.causes, 0.5)
+            return [NextStep(check.text, (check,))]
+
+
+        def result(diagnosis, check, answer, prior):
+            if answer.value not in ("yes", "no"):
+                raise RunError(f"check {check.id}: give {form(check)}, not {answer.value!r}")
+            densities = {name: 0.01 for name in (*prior, NONE_OF_THEM)} | {check.about: 0.99}
+            return Result(answer.value, {name: math.log(density) for name, density in densities.items()})
+        ''',
+    )
+    copy.row(
+        "dpr_lab/gap/advice/advise.py",
+        "CHECK_KINDS",
+        '"observation": CheckKind(frozenset({"value"}), observation.form, observation.propose, observation.result)',
+        "from dpr_lab.gap.advice import observation",
+    )
+    diagnosis = made().to_json()
+    diagnosis["checks"][0]["kind"] = "observation"
+    (copy.folder / "diagnosis.json").write_text(json.dumps(diagnosis), encoding="utf-8")
+    printed = copy.run(
+        """
+        from pathlib import Path
+        from dpr_lab.errors import RunError
+        from dpr_lab.workflows.check import CheckRequest, take_check
+
+        done = take_check(CheckRequest(Path("diagnosis.json"), "1-abcd", value="yes")).checks_done[0]
+        print(done.result, done.after[done.check.about] > 0.9 > done.before[done.check.about])
+        try:
+            take_check(CheckRequest(Path("diagnosis.json"), "1-abcd", value="1 mm", std="1"))
+        except RunError as error:
+            print(error)
+        """
+    )
+    assert printed.startswith("yes True\n")
+    assert "give its result, --value yes or --value no" in printed
 
 
 def test_a_kind_of_file_to_import_is_a_file_and_a_row(copy: Copy) -> None:

@@ -14,24 +14,16 @@ nothing of a cause that was not fitted, whose probability it keeps. Nothing of t
 Equations (57) and (58) of docs/theory.md.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from dpr_lab.checks.plausibility import question, refuse_impossible
 from dpr_lab.checks.wording import conclusion, likeliest
-from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.errors import RunError, unknown_name
-from dpr_lab.fitting.gauss_newton import fit
-from dpr_lab.gap.advice.measurement import SETTINGS, predictions
-from dpr_lab.gap.bare_model import fit_bare_model
-from dpr_lab.gap.classes.posterior import CALIBRATION
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis, refit_with
-from dpr_lab.gap.hypothesis.score_test import score_test
-from dpr_lab.gap.hypothesis.steps import recorded
+from dpr_lab.gap.advice.advise import kind_of
+from dpr_lab.gap.advice.check_kind import CheckAnswer, Result, log_mean
+from dpr_lab.gap.advice.measurement import SETTINGS
 from dpr_lab.gap.result.diagnosis import (
     NONE_OF_THEM,
     AdvisedCheck,
@@ -40,25 +32,6 @@ from dpr_lab.gap.result.diagnosis import (
     NamedEffect,
     RivalEffect,
 )
-from dpr_lab.gap.screen.record import record
-from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.rig import Rig
-from dpr_lab.run import Run, torque_kinds
-
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """The result of a check and what it says of each hypothesis."""
-
-    words: str
-    log_densities: Mapping[str, float]
-    """Of each candidate and of none of them."""
-    value: float | None = None
-    std: float | None = None
-    explained: bool = True
-    """Whether any candidate predicts it."""
 
 
 def find_check(diagnosis: Diagnosis, name: str) -> AdvisedCheck:
@@ -75,58 +48,22 @@ def find_check(diagnosis: Diagnosis, name: str) -> AdvisedCheck:
     return check
 
 
-def update_with_measurement(
-    diagnosis: Diagnosis, check: AdvisedCheck, value: float, std: float, *, confirmed: bool = False
-) -> Diagnosis:
-    """The diagnosis after a measurement.
+def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Diagnosis:
+    """The diagnosis after a check.
 
     Args:
         diagnosis: it recommends the check
-        check: what was measured
-        value: of `check.quantity`, in its unit
-        std: its standard uncertainty, in the same unit
-        confirmed: whether a value that no candidate predicts is taken all the same
+        check: the check
+        answer: its result
 
     Raises:
-        RunError: the check needs a recording; the value cannot be, or no candidate predicts it and it is not confirmed.
+        RunError: the answer is not what the check asks for, cannot be true, or is not predicted by any candidate and
+            not confirmed; runs that cannot be fitted.
     """
-    if check.kind != "measurement" or check.quantity is None:
-        raise RunError(f"check {check.id} is a recording ({check.text}): give its run files, not a value")
-    predicted = predictions(diagnosis, check, candidates(diagnosis, check.about))
-    refuse_impossible(check, value, std, predicted.largest)
-    explained = predicted.nearest(value, std) <= SETTINGS.questioned
-    if not explained and not confirmed:
-        raise RunError(question(diagnosis, check, value, predicted))
-    words = f"{check.quantity.name} = {check.quantity.shown(value)} ± {check.quantity.shown(std)}"
-    return _updated(diagnosis, check, Result(words, predicted.log_densities(value, std), value, std, explained))
-
-
-def update_with_recordings(diagnosis: Diagnosis, check: AdvisedCheck, runs: Sequence[Run], rig: Rig) -> Diagnosis:
-    """The diagnosis after a recording.
-
-    Args:
-        diagnosis: it recommends the check
-        check: what was recorded
-        runs: the recordings
-        rig: lengths, masses and encoders
-
-    Raises:
-        RunError: the check needs a measurement, or the runs cannot be fitted.
-    """
-    if check.kind != "recording":
-        raise RunError(f"check {check.id} is a measurement ({check.text}): give --value and --std, not runs")
-    before = candidates(diagnosis, check.about)
-    open_ones = {check.about, *check.splits, *(r.name for r in diagnosis.rivals if r.instead_of == check.about)}
-    fitted = _fitted(diagnosis, check.about, [name for name in before if name in open_ones], runs, rig)
-    best = min(fitted.values(), key=lambda candidate: candidate.cost)
-    scale = 2 * best.residuals.inflation * CALIBRATION.temperature
-    densities = {name: -(candidate.cost - best.cost) / scale for name, candidate in fitted.items()}
-    # Members that the recording does not split are as probable as the named effect, as before.
-    densities |= {name: densities[check.about] for name in before if name not in densities}
-    average = _log_mean(np.array([densities[name] for name in before]), np.array(list(before.values())))
-    driven = "".join(f", driven by {kind} torques" for kind in torque_kinds(runs))
-    words = f"recorded: {', '.join(run.name for run in runs)}{driven}"
-    return _updated(diagnosis, check, Result(words, {**densities, NONE_OF_THEM: average}))
+    kind = kind_of(check)
+    if answer.given != kind.takes:
+        raise RunError(f"check {check.id} ({check.kind}: {check.text}): give its result, {kind.form(check)}")
+    return _updated(diagnosis, check, kind.result(diagnosis, check, answer, candidates(diagnosis, check.about)))
 
 
 def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
@@ -156,28 +93,6 @@ def _named(diagnosis: Diagnosis, about: str) -> NamedEffect:
     return next(effect for effect in diagnosis.effects if effect.name == about)
 
 
-def _fitted(
-    diagnosis: Diagnosis, about: str, names: Sequence[str], runs: Sequence[Run], rig: Rig
-) -> dict[str, Hypothesis]:
-    """Each candidate fitted to new runs, with the other named effects."""
-    recordings = Recordings(tuple(record(run, rig) for run in runs), rig, exact_torques=diagnosis.exact_torques)
-    recordings, problem, bare = fit_bare_model(recordings, diagnosis.unknowns)
-    others = {name: dict(values) for name, values in diagnosis.model_effects.items() if name != about}
-    less = bare
-    if others:
-        at = bare.fit.estimate.changed(params=effect_params(others))
-        free = free_parameters(at, tuple(others), problem)
-        less = hypothesis(problem, others, fit(problem, at, free, iterations=SETTINGS.iterations))
-    known = recorded(recordings.records, problem, less.fit)
-    test = score_test(problem, less.fit, [EFFECTS[name] for name in names], known)
-    scores = {name: test.of(name) for name in names}
-    return {
-        name: refit_with(problem, less, test, score, SETTINGS.iterations)
-        for name, score in scores.items()
-        if score is not None
-    }
-
-
 def posterior(
     prior: Mapping[str, float], log_densities: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
@@ -192,14 +107,8 @@ def posterior(
     with np.errstate(divide="ignore"):
         after = special.softmax(np.log(p) + L)
     others = [np.arange(len(names)) != k for k in range(len(names))]
-    factors = [(L[k] - _log_mean(L[rest], p[rest])) / np.log(10) for k, rest in enumerate(others)]
+    factors = [(L[k] - log_mean(L[rest], p[rest])) / np.log(10) for k, rest in enumerate(others)]
     return dict(zip(names, after.tolist(), strict=True)), dict(zip(names, factors, strict=True))
-
-
-def _log_mean(log_densities: Array, weights: Array) -> float:
-    """Logarithm of the mean of densities; unweighted where all weights are zero."""
-    weights = weights if weights.any() else np.ones_like(weights)
-    return float(np.asarray(special.logsumexp(log_densities, b=weights / weights.sum()))[()])
 
 
 def _updated(diagnosis: Diagnosis, check: AdvisedCheck, result: Result) -> Diagnosis:

@@ -40,10 +40,6 @@ def check(
     Example: dpr-lab check diagnosis/diagnosis.json 1-3fa2 --value '2.1 mN m' --std '0.2 mN m' --out checked
     """
     json_mode(as_json)
-    if (value is None) != (std is None):
-        raise typer.BadParameter("--value and --std go together: a measured value needs its standard uncertainty")
-    if value is not None and runs:
-        raise typer.BadParameter("give runs or a value, not both")
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.check import CheckRequest, take_check
 

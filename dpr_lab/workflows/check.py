@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dpr_lab.errors import RunError
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.diagnose import RECORD
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
-    from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis
+    from dpr_lab.gap.result.diagnosis import Diagnosis
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +47,9 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
             that no candidate predicts and that is not confirmed.
         DprError: a result cannot be written.
     """
-    from dpr_lab.checks.update import find_check, update_with_measurement, update_with_recordings
+    from dpr_lab.checks.update import find_check, update
     from dpr_lab.configs import sha256_of
+    from dpr_lab.gap.advice.check_kind import CheckAnswer
     from dpr_lab.gap.result.diagnosis import load_diagnosis
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.reader import stored_rig
@@ -58,52 +58,22 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
         refuse_file(request.out)
     diagnosis = load_diagnosis(request.diagnosis)
     check = find_check(diagnosis, request.check)
-    if request.value is not None and request.std is not None:
-        value, std = _read(check, request.value, request.std)
-        updated = update_with_measurement(diagnosis, check, value, std, confirmed=request.confirmed)
-    elif request.runs:
+    rig, runs = None, ()
+    if request.runs:
         rig = load_rig(request.rig) if request.rig else stored_rig(request.runs[0])
-        runs = read_runs(request.runs, rig, on_event, torque=request.torque)
-        updated = update_with_recordings(diagnosis, check, runs, rig)
-    else:
-        raise RunError(f"check {check.id} is a {check.kind} ({check.text}): give its result, {_form(check)}")
+        runs = tuple(read_runs(request.runs, rig, on_event, torque=request.torque))
+    answer = CheckAnswer(runs, rig, request.value, request.std, request.confirmed)
+    updated = update(diagnosis, check, answer)
     updated = updated.model_copy(update={"parent": sha256_of(request.diagnosis)})
     if request.out:
         _save(updated, request.out)
     return updated
 
 
-def _form(check: "AdvisedCheck") -> str:
-    """How the result of a check is given."""
-    return "its run files" if check.kind == "recording" else f'--value "{_example(check)}" --std "..."'
-
-
-def _example(check: "AdvisedCheck") -> str:
-    """A number with the unit of a check."""
-    unit = check.quantity.unit if check.quantity else ""
-    return "0.1 %" if unit == "1" else f"{check.amplitudes[0].typical:g} {unit}"
-
-
-def _read(check: "AdvisedCheck", value: float | str, std: float | str) -> tuple[float, float]:
-    """A value and its standard uncertainty in the unit of the check's quantity."""
-    from dpr_lab.effects.units import read_quantity, split_quantity
-
-    if check.quantity is None:
-        return float("nan"), float("nan")  # a recording: refused with its own sentence
-    unit, example = check.quantity.unit, _example(check)
-    try:
-        if isinstance(std, str) and isinstance(value, str) and not split_quantity(std)[1]:
-            std = f"{std} {split_quantity(value)[1]}"
-        first, second = (read_quantity(x, unit, example) if isinstance(x, str) else float(x) for x in (value, std))
-    except ValueError as error:
-        raise RunError(f"check {check.id} asks for the {check.quantity.label}: {error}") from error
-    return first, second
-
-
-def _save(found: "Diagnosis", out: Path) -> None:
+def _save(diagnosis: "Diagnosis", out: Path) -> None:
     from dpr_lab.report.gap.figures import save_gap_figures
     from dpr_lab.report.gap.html import write_gap_report
     from dpr_lab.report.saving import write_json
 
-    write_gap_report(found, "Why simulation and rig differ, after a check", out, save_gap_figures(found, out))
-    write_json(found.to_json(), out / RECORD)
+    write_gap_report(diagnosis, "Why simulation and rig differ, after a check", out, save_gap_figures(diagnosis, out))
+    write_json(diagnosis.to_json(), out / RECORD)

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.checks.update import candidates, find_check, update_with_measurement, update_with_recordings
+from dpr_lab.checks.update import candidates, find_check, update
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
-from dpr_lab.gap.advice.advise import told_bits
+from dpr_lab.gap.advice.check_kind import CheckAnswer, expected_bits
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, AdvisedCheck, Diagnosis, load_diagnosis
 from dpr_lab.rig import load_rig
@@ -52,7 +52,7 @@ def test_twins_are_split_by_measurements_with_ids(diagnosis: Diagnosis) -> None:
 )
 def test_a_measured_value_decides(diagnosis: Diagnosis, measured: str, value: float, cause: str) -> None:
     check = next(check for check in diagnosis.checks if check.measures == measured)
-    found = update_with_measurement(diagnosis, check, value, 5e-4)
+    found = update(diagnosis, check, CheckAnswer(value=value, std=5e-4))
     (done,) = found.checks_done
     other = OFFSET if cause == TILT else TILT
     assert done.after[cause] > 0.8
@@ -80,7 +80,7 @@ def open_between(diagnosis: Diagnosis, other: str) -> Diagnosis:
 @pytest.mark.timeout(500)
 def test_a_recording_decides(diagnosis: Diagnosis) -> None:
     before = open_between(diagnosis, "com_offset_link1")
-    found = update_with_recordings(before, before.checks[0], recorded(8)[:1], load_rig("paper"))
+    found = update(before, before.checks[0], CheckAnswer(tuple(recorded(8)[:1]), load_rig("paper")))
     after = found.checks_done[0].after
     assert after[TILT] + after[OFFSET] > 0.9
     assert after["com_offset_link1"] < 0.1
@@ -105,7 +105,7 @@ def test_forms_of_one_are_told_apart_by_what_the_wider_adds() -> None:
         "definition": "",
     }
     assert "Give the extra friction torque at rest, joint 2 (S), in N m." in measured.text
-    after = update_with_measurement(found, measured, 0.0, 1e-5).checks_done[0].after
+    after = update(found, measured, CheckAnswer(value=0.0, std=1e-5)).checks_done[0].after
     assert after[names[0]] > 0.9 * sum(after.values())
     asked = next(check for check in found.checks if check.kind == "recording")
     assert asked.release is not None
@@ -113,7 +113,7 @@ def test_forms_of_one_are_told_apart_by_what_the_wider_adds() -> None:
     pose = Pose(theta1=asked.release.theta1_rad, theta2=asked.release.theta2_rad)
     rig = load_rig("paper").model_copy(update={"poses": {"check": pose}})
     after = (
-        update_with_recordings(found, asked, record(plant, rig, asked.release.duration_s, 250), rig)
+        update(found, asked, CheckAnswer(tuple(record(plant, rig, asked.release.duration_s, 250)), rig))
         .checks_done[0]
         .after
     )
@@ -123,11 +123,11 @@ def test_forms_of_one_are_told_apart_by_what_the_wider_adds() -> None:
 def test_a_check_is_of_one_diagnosis_and_of_one_kind(diagnosis: Diagnosis) -> None:
     with pytest.raises(RunError, match=r"recommends no check '1-beef'; there are: 1-"):
         find_check(diagnosis, "1-beef")
-    with pytest.raises(RunError, match=r"is a measurement .*: give --value and --std, not runs"):
-        update_with_recordings(diagnosis, diagnosis.checks[0], [], load_rig("paper"))
+    with pytest.raises(RunError, match=r"measurement: .*: give its result, --value"):
+        update(diagnosis, diagnosis.checks[0], CheckAnswer(tuple(recorded(8)[:1]), load_rig("paper")))
     asked = open_between(diagnosis, "com_offset_link1")
-    with pytest.raises(RunError, match=r"is a recording .*: give its run files, not a value"):
-        update_with_measurement(asked, asked.checks[0], 1.0, 0.1)
+    with pytest.raises(RunError, match=r"recording: .*: give its result, its run files"):
+        update(asked, asked.checks[0], CheckAnswer(value=1.0, std=0.1))
 
 
 @pytest.mark.slow
@@ -149,12 +149,12 @@ def test_a_new_diagnosis_names_its_parent(diagnosis: Diagnosis, tmp_path: Path) 
 
 
 def test_expected_bits_follow_what_is_known_and_what_would_be_seen() -> None:
-    assert told_bits([0.5, 0.5], np.inf) == pytest.approx(1.0)
-    assert told_bits([0.5, 0.5], 10.0) == pytest.approx(1.0, abs=1e-3)
-    assert told_bits([0.45, 0.05], np.inf) == pytest.approx(0.5 * 0.469, abs=1e-3)
-    assert told_bits([0.5, 0.5], 1.0) < 0.3
-    assert told_bits([0.5, 0.5], 0.0) == pytest.approx(0.0, abs=1e-9)
-    assert told_bits([1.0, 0.0], np.inf) == 0.0
+    assert expected_bits([0.5, 0.5], np.inf) == pytest.approx(1.0)
+    assert expected_bits([0.5, 0.5], 10.0) == pytest.approx(1.0, abs=1e-3)
+    assert expected_bits([0.45, 0.05], np.inf) == pytest.approx(0.5 * 0.469, abs=1e-3)
+    assert expected_bits([0.5, 0.5], 1.0) < 0.3
+    assert expected_bits([0.5, 0.5], 0.0) == pytest.approx(0.0, abs=1e-9)
+    assert expected_bits([1.0, 0.0], np.inf) == 0.0
 
 
 @pytest.mark.slow

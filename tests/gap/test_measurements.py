@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from dpr_lab.checks.update import candidates, hypotheses, posterior, update_with_measurement
+from dpr_lab.checks.update import candidates, hypotheses, posterior, update
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
+from dpr_lab.gap.advice.check_kind import CheckAnswer
 from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, predictions
 from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, Diagnosis, Quantity
 from tests.a_diagnosis import CLOCK, LENGTH, SIZES, interval, made, measurement
@@ -21,7 +22,7 @@ def after(diagnosis: Diagnosis) -> dict[str, float]:
 
 
 def test_a_value_that_agrees_with_the_fit_confirms_its_effect() -> None:
-    found = update_with_measurement(made(), made().checks[0], 0.0051, 1e-4)
+    found = update(made(), made().checks[0], CheckAnswer(value=0.0051, std=1e-4))
     assert after(found)[CLOCK] > 0.97
     assert found.verdict == "named"
     assert found.checks_done[0].log10_bayes_factor[CLOCK] > 1.5
@@ -30,9 +31,9 @@ def test_a_value_that_agrees_with_the_fit_confirms_its_effect() -> None:
 def test_a_value_that_fits_nobody_is_questioned_and_once_confirmed_speaks_for_another_cause() -> None:
     diagnosis = made()
     with pytest.raises(RunError, match=r"of 50 %. It is 99 times the estimate of this quantity, 0.505 %") as refused:
-        update_with_measurement(diagnosis, diagnosis.checks[0], 0.5, 1e-9)
+        update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.5, std=1e-9))
     assert "--force" in str(refused.value)
-    found = update_with_measurement(diagnosis, diagnosis.checks[0], 0.5, 1e-9, confirmed=True)
+    found = update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.5, std=1e-9, confirmed=True))
     assert after(found)[NONE_OF_THEM] > 0.999
     assert found.probabilities[NONE_OF_THEM] > 0.999
     assert found.verdict == "unexplained"
@@ -42,24 +43,24 @@ def test_a_value_that_fits_nobody_is_questioned_and_once_confirmed_speaks_for_an
 
 
 def test_both_candidates_measured_as_zero_leave_neither() -> None:
-    first = update_with_measurement(made(), made().checks[0], 0.0, 1e-5)
+    first = update(made(), made().checks[0], CheckAnswer(value=0.0, std=1e-5))
     assert after(first)[LENGTH] > 0.9
     assert first.verdict == "named"
-    second = update_with_measurement(first, first.checks[0], 0.0, 1e-4)
+    second = update(first, first.checks[0], CheckAnswer(value=0.0, std=1e-4))
     assert second.checks_done[1].before == after(first)
     assert after(second)[NONE_OF_THEM] > 0.999
     assert second.verdict == "unexplained"
 
 
 def test_zero_within_a_large_uncertainty_says_nothing() -> None:
-    found = update_with_measurement(made(), made().checks[0], 0.0, 1.0)
+    found = update(made(), made().checks[0], CheckAnswer(value=0.0, std=1.0))
     assert after(found)[CLOCK] == pytest.approx(0.49, abs=0.02)
 
 
 def test_an_uncertainty_far_below_the_possible_changes_nothing() -> None:
     diagnosis = made()
     first, second = (
-        after(update_with_measurement(diagnosis, diagnosis.checks[0], 0.0052, std)) for std in (1e-6, 1e-15)
+        after(update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0052, std=std))) for std in (1e-6, 1e-15)
     )
     assert first == pytest.approx(second, rel=1e-3)
 
@@ -79,7 +80,7 @@ def test_an_uncertainty_far_below_the_possible_changes_nothing() -> None:
 def test_impossible_numbers_are_refused_with_a_sentence(value: float, std: float, message: str) -> None:
     diagnosis = made()
     with pytest.raises(RunError, match=message):
-        update_with_measurement(diagnosis, diagnosis.checks[0], value, std, confirmed=True)
+        update(diagnosis, diagnosis.checks[0], CheckAnswer(value=value, std=std, confirmed=True))
 
 
 def friction() -> Diagnosis:
@@ -97,14 +98,14 @@ def test_a_value_of_the_other_torque_is_recognised() -> None:
     assert diagnosis.checks[0].quantity == Quantity.of("stribeck_joint2", "extra_at_rest_Nm")
     expected = r"0.0061 N m. It is 12.2 times the estimate of this quantity, 0.0005 N m .*"
     with pytest.raises(RunError, match=expected + r"Did you measure the Coulomb friction torque while sliding of"):
-        update_with_measurement(diagnosis, diagnosis.checks[0], 0.0061, 1e-4)
+        update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0061, std=1e-4))
 
 
 def test_friction_is_not_negative() -> None:
     diagnosis = friction()
     with pytest.raises(RunError, match="cannot be negative"):
-        update_with_measurement(diagnosis, diagnosis.checks[0], -0.0005, 1e-5, confirmed=True)
-    assert update_with_measurement(diagnosis, diagnosis.checks[0], -1e-5, 1e-5).checks_done
+        update(diagnosis, diagnosis.checks[0], CheckAnswer(value=-0.0005, std=1e-5, confirmed=True))
+    assert update(diagnosis, diagnosis.checks[0], CheckAnswer(value=-1e-5, std=1e-5)).checks_done
 
 
 def densities(diagnosis: Diagnosis) -> tuple[Predictions, dict[str, float]]:

@@ -10,7 +10,10 @@ from dpr_lab.report.words import in_words, named
 
 OUTSIDE, REMAINDER = 0.2, 0.1
 COULOMB, TILT = named("coulomb_joint1"), named("base_tilt")
-RELEASE = "To tell coulomb_joint1 from stribeck_joint1, record a release: they differ by 9 standard deviations there."
+RELEASE = (
+    "To distinguish coulomb_joint1 from stribeck_joint1, record a release: their predictions differ by"
+    " 9 standard deviations."
+)
 BENCH = "Only a bench measurement distinguishes base_tilt from encoder_offset_joint1: Lay a level on the arm."
 
 

@@ -14,7 +14,7 @@ from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, UNKNOWN_RATIOS
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.advice.advise import NextStep
+from dpr_lab.gap.advice.check_kind import NextStep
 from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.bare_model import scale
 from dpr_lab.gap.classes.families import families, families_sentence

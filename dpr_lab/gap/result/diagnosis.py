@@ -235,8 +235,8 @@ class AdvisedCheck(_Record):
 
     id: str
     """Of this diagnosis alone."""
-    kind: Literal["recording", "measurement"]
-    """Whether to record runs, or to measure an amplitude at the bench."""
+    kind: str
+    """Key of `dpr_lab.gap.advice.advise.CHECK_KINDS`: `recording`, or `measurement` of an amplitude at the bench."""
     text: str
     """What to do, in words."""
     about: str
@@ -276,7 +276,7 @@ class AdvisedCheck(_Record):
     def _has_what_it_measures(self) -> Self:
         measured = self.quantity.parameters if self.quantity else ()
         known = self.measures not in EFFECTS or (measured and {*measured} <= {*_amplitudes(self.measures)})
-        if self.kind == "measurement" and not known:
+        if not known:
             raise ValueError(f"{self.measures} has no amplitude {', '.join(measured)!r}")
         return self
 

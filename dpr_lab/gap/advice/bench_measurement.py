@@ -1,0 +1,145 @@
+"""A bench measurement as a check: its proposal, the reading of its value, and refusals of what cannot be."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.units import read_quantity, split_quantity
+from dpr_lab.errors import RunError
+from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits
+from dpr_lab.gap.advice.measurement import SETTINGS, Predictions, has, predictions
+from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis, Quantity
+
+
+def form(check: AdvisedCheck) -> str:
+    """How its result is given."""
+    return f'--value "{_example(check)}" --std "..."'
+
+
+def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
+    """A measurement for each member of a class; for an alternative only where nothing else distinguishes it."""
+    if question.one_class:
+        checks = [_check(question, name) for name in question.causes]
+        texts = " ".join(dict.fromkeys(check.text for check in checks[:2]))
+        start = f"{'A' if proposed else 'Only a'} bench measurement distinguishes"
+        return [NextStep(f"{start} {' from '.join(question.causes)}: {texts}", tuple(checks))]
+    if proposed:
+        return []
+    check = _check(question, question.about)
+    return [NextStep(f"No available recording distinguishes {' from '.join(question.causes)}. {check.text}", (check,))]
+
+
+def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
+    """A measurement of one effect's amplitude; it is zero where another cause is the right one."""
+    effect = EFFECTS[measured]
+    wider = effect.adds and not set(effect.nested).isdisjoint(question.causes)
+    amplitude = next(p for p in effect.amplitudes if p.name == effect.adds) if wider else effect.amplitudes[0]
+    pairs = zip(question.causes, question.probabilities, strict=True)
+    own = sum(p for name, p in pairs if has(name, measured, amplitude.name))
+    bits = expected_bits([own, sum(question.probabilities) - own], np.inf)
+    quantity = Quantity.of(measured, amplitude.name)
+    check = question.check("measurement", f"{effect.bench_check} Give the {quantity.label}.", question.causes, bits)
+    return check.model_copy(update={"measures": measured, "quantity": quantity})
+
+
+def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
+    """Predictive densities of the measured value.
+
+    Raises:
+        RunError: no number with a unit, an impossible value, or one that no candidate predicts and that is not
+            confirmed.
+    """
+    assert check.quantity is not None
+    value, std = _read(check, answer)
+    predicted = predictions(diagnosis, check, prior)
+    _refuse_impossible(check, value, std, predicted.largest)
+    explained = predicted.nearest(value, std) <= SETTINGS.questioned
+    if not explained and not answer.confirmed:
+        raise RunError(_question(diagnosis, check, value, predicted))
+    words = f"{check.quantity.name} = {check.quantity.shown(value)} ± {check.quantity.shown(std)}"
+    return Result(words, predicted.log_densities(value, std), value, std, explained)
+
+
+def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
+    """Value and standard uncertainty in the unit of the quantity."""
+    assert check.quantity is not None
+    value, std = answer.value, answer.std
+    assert value is not None
+    assert std is not None
+    unit, example = check.quantity.unit, _example(check)
+    try:
+        if isinstance(std, str) and isinstance(value, str) and not split_quantity(std)[1]:
+            std = f"{std} {split_quantity(value)[1]}"
+        first, second = (read_quantity(x, unit, example) if isinstance(x, str) else float(x) for x in (value, std))
+    except ValueError as error:
+        raise RunError(f"check {check.id} asks for the {check.quantity.label}: {error}") from error
+    return first, second
+
+
+def _example(check: AdvisedCheck) -> str:
+    """A number with the unit of a check."""
+    unit = check.quantity.unit if check.quantity else ""
+    return "0.1 %" if unit == "1" else f"{check.amplitudes[0].typical:g} {unit}"
+
+
+def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: float) -> None:
+    """Refuse a value or a standard uncertainty that no measurement of this quantity can give.
+
+    Args:
+        check: a measurement
+        value: in the unit of the quantity
+        std: likewise
+        largest: of either
+
+    Raises:
+        RunError: it is not finite, too large, or of the wrong sign.
+    """
+    assert check.quantity is not None
+    quantity = check.quantity
+    if not np.isfinite(value):
+        raise RunError(f"check {check.id}: the value of {quantity.name} must be a finite number, not {value:g}")
+    if not (np.isfinite(std) and std > 0):
+        raise RunError(f"check {check.id}: the standard uncertainty must be above 0 and finite, not {std:g}")
+    if max(abs(value), std) > largest:
+        raise RunError(
+            f"check {check.id}: {value:g} ± {std:g} {quantity.unit} is no possible {quantity.name}:"
+            f" more than {largest:.0e} {quantity.unit}. Check the number and its unit"
+        )
+    if check.amplitudes[0].sign == "positive" or len(check.amplitudes) > 1:
+        if value < -SETTINGS.questioned * std:
+            raise RunError(f"check {check.id}: {quantity.name} cannot be negative: {quantity.shown(value)}")
+
+
+def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, predicted: Predictions) -> str:
+    """What to check about a value that no candidate predicts, and how to confirm it."""
+    assert check.quantity is not None
+    quantity, estimate = check.quantity, predicted.estimate
+    contradicts = f"check {check.id}: no candidate cause predicts a {quantity.name} of {quantity.shown(value)}."
+    if estimate:
+        low, high = map(quantity.shown, estimate.interval90)
+        contradicts += (
+            f" It is {value / estimate.value:.3g} times the estimate of this quantity, {quantity.shown(estimate.value)}"
+            f" (90 % interval {low} to {high})."
+        )
+    confused = [
+        f" Did you measure {name}, whose estimate is {quantity.shown(size)}?"
+        for name, size in _same_unit(diagnosis, check)
+        if abs(value - size) <= SETTINGS.questioned * SETTINGS.model_error * abs(size)
+    ]
+    return (
+        f"{contradicts}{''.join(confused[:1])} Check what was measured, its unit and its sign. If the value is right,"
+        " repeat the command with --force (in Python: confirmed=True)"
+    )
+
+
+def _same_unit(diagnosis: Diagnosis, check: AdvisedCheck) -> list[tuple[str, float]]:
+    """The other fitted amplitudes of named effects in the unit of a check, in words, and their sizes."""
+    assert check.quantity is not None
+    return [
+        (f"the {EFFECTS[effect.name].bench_quantity(p.name).words} of {EFFECTS[effect.name].words}", fitted.value)
+        for effect in diagnosis.effects
+        for p in EFFECTS[effect.name].amplitudes
+        if p.unit == check.quantity.unit and (effect.name != check.measures or p.name not in check.quantity.parameters)
+        if (fitted := effect.parameters.get(p.name)) and fitted.value
+    ]

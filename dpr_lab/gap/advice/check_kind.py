@@ -1,0 +1,129 @@
+"""What a kind of recommended check is: when it is proposed, how its result is given, and how probable the result is."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class NextStep:
+    """A recommendation in a sentence, and its checks."""
+
+    text: str
+    checks: tuple[AdvisedCheck, ...]
+    """Without ids."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenQuestion:
+    """Which of some causes is the right one."""
+
+    about: str
+    """The named effect, one of the causes."""
+    causes: tuple[str, ...]
+    """The members of its class, or the effect and one alternative."""
+    probabilities: tuple[float, ...]
+    """Of each cause."""
+    one_class: bool
+    """Whether the causes are the members of one class."""
+    chosen: Hypothesis
+    """The selected model."""
+    expected: Sequence[ExpectedRecording]
+    """What each possible release would show."""
+
+    def check(self, kind: str, text: str, splits: Sequence[str], bits: float) -> AdvisedCheck:
+        """A check of a kind about this question, without id."""
+        return AdvisedCheck(id="", kind=kind, text=text, about=self.about, splits=list(splits), expected_bits=bits)
+
+
+@dataclass(frozen=True, slots=True)
+class CheckAnswer:
+    """The result of a check as the operator gives it."""
+
+    runs: tuple[Run, ...] = ()
+    rig: Rig | None = None
+    """Of the runs."""
+    value: float | str | None = None
+    """A number in the unit of the quantity, or text with a unit."""
+    std: float | str | None = None
+    """Standard uncertainty of the value, likewise; text without a unit is in the unit of the value."""
+    confirmed: bool = False
+    """Whether to accept a value that no candidate predicts."""
+
+    @property
+    def given(self) -> set[str]:
+        """Names of the parts that are given."""
+        return {name for name in ("runs", "value", "std") if getattr(self, name) not in ((), None)}
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """The result of a check and its predictive densities."""
+
+    words: str
+    log_densities: Mapping[str, float]
+    """Candidate, or `NONE_OF_THEM` -> natural logarithm of the density of the result."""
+    value: float | None = None
+    std: float | None = None
+    explained: bool = True
+    """Whether any candidate predicts it."""
+
+
+@dataclass(frozen=True, slots=True)
+class CheckKind:
+    """One kind of check."""
+
+    takes: frozenset[str]
+    """The parts of an `CheckAnswer` that are its result."""
+    form: Callable[[AdvisedCheck], str]
+    """How the operator gives the result of a check, in words."""
+    propose: Callable[[OpenQuestion, Sequence[NextStep]], list[NextStep]]
+    """Recommendations on a question, where kinds earlier in the table made some already."""
+    result: Callable[[Diagnosis, AdvisedCheck, CheckAnswer, Mapping[str, float]], Result]
+    """Of a diagnosis, its check, the answer and the probability of each candidate: the result. Raises RunError."""
+
+
+def expected_bits(probabilities: Sequence[float], apart: float) -> float:
+    """Expected reduction of the entropy between two causes by a check, times the probability of either cause.
+
+    A log likelihood ratio is normal with mean +-d^2/2 and variance d^2, where d standard deviations lie between the
+    predictions of the causes.
+
+    Args:
+        probabilities: (2,) of the causes; they need not add up to one
+        apart: d
+    """
+    either = sum(probabilities)
+    if either <= 0 or min(probabilities) <= 0:
+        return 0.0
+    p = probabilities[0] / either
+    before = _entropy(np.array([p]))[0]
+    if not np.isfinite(apart):
+        return float(either * before)
+    z = np.linspace(-6, 6, 241)
+    weight = np.exp(-(z**2) / 2) / np.exp(-(z**2) / 2).sum()
+    odds = np.log(p / (1 - p))
+    left = [_entropy(1 / (1 + np.exp(-np.clip(odds + sign * apart**2 / 2 + apart * z, -500, 500)))) for sign in (1, -1)]
+    return float(either * max(before - weight @ (p * left[0] + (1 - p) * left[1]), 0.0))
+
+
+def log_mean(log_densities: Array, weights: Array) -> float:
+    """Logarithm of the weighted mean of densities; unweighted where all weights are zero."""
+    weights = weights if weights.any() else np.ones_like(weights)
+    return float(np.asarray(special.logsumexp(log_densities, b=weights / weights.sum()))[()])
+
+
+def _entropy(p: Array) -> Array:
+    p = np.clip(p, 1e-12, 1 - 1e-12)
+    return -(p * np.log2(p) + (1 - p) * np.log2(1 - p))

@@ -1,0 +1,117 @@
+"""Simulated recordings of possible releases at the fitted estimate, and how far two effects differ on each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.prediction import PAD, predict
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.effects import EFFECTS
+from dpr_lab.fitting.estimate import effect_parameters
+from dpr_lab.fitting.linearise import linearise
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.screen.record import RATE_HZ
+from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.rig_tables import AddedMass
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class PossibleRelease:
+    """A release that could be made."""
+
+    text: str
+    theta: tuple[float, float]
+    """Released at rest from these absolute angles, rad."""
+    duration: float
+    added: AddedMass | None = None
+
+
+MENU = (
+    PossibleRelease(
+        "a release of 5 degrees from hanging, recorded for 30 s until it rests", (np.pi - 0.09, np.pi - 0.09), 30.0
+    ),
+    PossibleRelease("a release with both rods horizontal", (np.pi / 2, np.pi / 2), 10.0),
+    PossibleRelease("its mirror image, both rods horizontal on the other side", (1.5 * np.pi, 1.5 * np.pi), 10.0),
+    PossibleRelease("a release from near upright", (0.1, 0.1), 10.0),
+    PossibleRelease(
+        "a release with both rods horizontal and 100 g clamped to the outer rod 0.2 m from its pivot",
+        (np.pi / 2, np.pi / 2),
+        10.0,
+        AddedMass(rod="outer", mass=0.1, position=0.2),
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedRecording:
+    """Predicted changes of the readings of a release by some effects."""
+
+    release: PossibleRelease
+    known: Array
+    """(n, k) whitened changes by the parameters that are fitted in any case."""
+    changes: dict[str, Array]
+    """Effect -> (n, p) whitened changes by its parameters."""
+    sizes: dict[str, Array]
+    """Effect -> (p,) fitted values of its parameters; typical sizes where the effect is not in the model."""
+
+    def apart(self, name: str, other: str) -> float:
+        """Distance of the readings from their best imitation by the other effect, in standard deviations."""
+        signal = self.changes[name] @ self.sizes[name]
+        explained = ColumnSpace.of(np.hstack([self.known, self.changes[other]]), signal).gain()
+        return float(np.sqrt(max(signal @ signal - explained, 0.0)))
+
+
+def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Sequence[str]) -> list[ExpectedRecording]:
+    """What each release of the menu would show of some effects.
+
+    Args:
+        recordings: their noise and setup are those of the releases
+        chosen: the selected model
+        names: the effects
+    """
+    return [_expected(recordings, chosen, release, names) for release in MENU]
+
+
+def _expected(
+    recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease, names: Sequence[str]
+) -> ExpectedRecording:
+    at = chosen.fit.estimate
+    trial, initial = _simulated(recordings, chosen, choice)
+    known = [p for p in chosen.fit.free if p.block == "ratios" or p.effect in trial.always]
+    own = {name: effect_parameters(EFFECTS[name]) for name in names}
+    known += trial.all_free(())
+    linear = linearise(
+        trial, trial.with_zeros(at.changed(initial=initial)), [*known, *(p for each in own.values() for p in each)]
+    )
+    A, _ = linear.flat
+    ends = np.cumsum([len(known), *map(len, own.values())])
+    fitted = {name: np.array([parameter.read(at) for parameter in each]) for name, each in own.items()}
+    return ExpectedRecording(
+        choice,
+        A[:, : ends[0]],
+        {name: A[:, i:j] for name, i, j in zip(own, ends[:-1], ends[1:], strict=True)},
+        {
+            name: sizes if sizes.any() else np.array([parameter.size for parameter in own[name]])
+            for name, sizes in fitted.items()
+        },
+    )
+
+
+def _simulated(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease) -> tuple[Problem, Array]:
+    """A release of the menu at the fitted estimate, without noise but weighted by it."""
+    rate = RATE_HZ
+    t = PAD + np.arange(int(choice.duration * rate)) / rate
+    at, like = chosen.fit.estimate, min(recordings.records, key=lambda item: item.run.setup.alone)
+    start = np.array([[*choice.theta, 0.0, 0.0]])
+    setup = replace(like.run.setup, added=choice.added)
+    angles = predict(at.whole, at.params, recordings.constants, segments([t], setups=[setup]), start)
+    sigma = np.tile(np.median(like.sigma, axis=0), (len(t), 1))
+    run = replace(like.run, added_mass=choice.added)
+    record = replace(like, run=run, t=t + 0.5 * PAD, joints=angles, sigma=sigma, breaks=np.zeros(0))
+    return recordings.only([record]).cut(LENGTHS.working)

@@ -1,0 +1,91 @@
+"""A recording as a check: the release on which two causes differ most, and the fit of each cause to its runs."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.errors import RunError
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits, log_mean
+from dpr_lab.gap.advice.measurement import SETTINGS
+from dpr_lab.gap.bare_model import fit_bare_model
+from dpr_lab.gap.classes.posterior import CALIBRATION
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis, refit_with
+from dpr_lab.gap.hypothesis.score_test import score_test
+from dpr_lab.gap.hypothesis.steps import recorded
+from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, AdvisedCheck, AdvisedRelease, Diagnosis
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.run import torque_kinds
+
+DISTINGUISHED = 5.0
+"""Standard deviations by which two causes must differ on a recording for it to be recommended."""
+
+
+def form(check: AdvisedCheck) -> str:
+    """How its result is given."""
+    return "its run files"
+
+
+def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
+    """For each other cause the release on which it differs most from the named effect."""
+    steps = []
+    about, probability = question.about, dict(zip(question.causes, question.probabilities, strict=True))
+    for other in (name for name in question.causes if name != about):
+        # Of two forms in a class, the wider one may have a size that the narrower one does not.
+        pairs = ((about, other), (other, about)) if question.one_class else ((about, other),)
+        apart = [max(expected.apart(*pair) for pair in pairs) for expected in question.expected]
+        best = int(np.argmax(apart))
+        if apart[best] < DISTINGUISHED:
+            continue
+        release = question.expected[best].release
+        spread = np.sqrt(question.chosen.residuals.inflation * CALIBRATION.temperature)
+        bits = expected_bits([probability[about], probability[other]], apart[best] / spread)
+        check = question.check("recording", release.text, (about, other), bits)
+        theta1, theta2 = release.theta
+        advised = AdvisedRelease(
+            theta1_rad=theta1, theta2_rad=theta2, duration_s=release.duration, added_mass=release.added
+        )
+        text = (
+            f"To distinguish {about} from {other}, record {release.text}: their predictions differ by"
+            f" {apart[best]:.0f} standard deviations."
+        )
+        steps.append(NextStep(text, (check.model_copy(update={"release": advised}),)))
+    return steps
+
+
+def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
+    """Predictive densities of the runs: each candidate fitted to them, tempered; none of them has the mean density."""
+    open_ones = {check.about, *check.splits, *(r.name for r in diagnosis.rivals if r.instead_of == check.about)}
+    fitted = _fitted(diagnosis, check.about, [name for name in prior if name in open_ones], answer)
+    best = min(fitted.values(), key=lambda candidate: candidate.cost)
+    scale = 2 * best.residuals.inflation * CALIBRATION.temperature
+    densities = {name: -(candidate.cost - best.cost) / scale for name, candidate in fitted.items()}
+    # Members that the recording does not split are as probable as the named effect, as before.
+    densities |= {name: densities[check.about] for name in prior if name not in densities}
+    average = log_mean(np.array([densities[name] for name in prior]), np.array(list(prior.values())))
+    driven = "".join(f", driven by {kind} torques" for kind in torque_kinds(answer.runs))
+    words = f"recorded: {', '.join(run.name for run in answer.runs)}{driven}"
+    return Result(words, {**densities, NONE_OF_THEM: average})
+
+
+def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: CheckAnswer) -> dict[str, Hypothesis]:
+    """Each candidate fitted to the runs, with the other named effects."""
+    if answer.rig is None:
+        raise RunError("give the rig of the runs")
+    rig = answer.rig
+    recordings = Recordings(tuple(record(run, rig) for run in answer.runs), rig, exact_torques=diagnosis.exact_torques)
+    recordings, problem, less = fit_bare_model(recordings, diagnosis.unknowns)
+    others = {name: dict(values) for name, values in diagnosis.model_effects.items() if name != about}
+    if others:
+        initial = less.fit.estimate.changed(params=effect_params(others))
+        free = free_parameters(initial, tuple(others), problem)
+        less = hypothesis(problem, others, fit(problem, initial, free, iterations=SETTINGS.iterations))
+    known = recorded(recordings.records, problem, less.fit)
+    test = score_test(problem, less.fit, [EFFECTS[name] for name in names], known)
+    return {
+        name: refit_with(problem, less, test, score, SETTINGS.iterations)
+        for name in names
+        if (score := test.of(name)) is not None
+    }
