@@ -11,6 +11,7 @@ import typer
 
 from dpr_lab.cli.console import folded
 from dpr_lab.errors import known_name, unknown_name
+from dpr_lab.modes import ElbowMode, Mounted
 
 
 def positive(value: float | None) -> float | None:
@@ -187,10 +188,10 @@ TorqueKind = Annotated[
     typer.Option("--torque", help="Torques to use for runs that contain both kinds; default: measured."),
 ]
 Rods = Annotated[
-    Literal["both", "inner", "outer"] | None,
+    Mounted | None,
     typer.Option(help="Mounted rods; a single rod is mounted on joint 1. Default: the value in the rig file."),
 ]
 Elbow = Annotated[
-    Literal["free", "clamped"] | None,
+    ElbowMode | None,
     typer.Option(help="Whether joint 2 can turn. Default: the value in the rig file."),
 ]

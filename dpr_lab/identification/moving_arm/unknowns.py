@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.modes import ArmMode
 from dpr_lab.rig import MASSES, PARAMETERS, Rig
-from dpr_lab.rig_tables import ArmMode, Parameter
+from dpr_lab.rig_tables import Parameter
 
 Array = NDArray[np.float64]
 

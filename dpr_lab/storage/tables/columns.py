@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
+from dpr_lab.storage.tables.options import AXES
 from dpr_lab.storage.tables.table import Table
 
-AXES = ("theta0", "theta1", "theta2")
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 UNITS = ("rad", "deg", "counts")
 KINDS = ("measured", "commanded")

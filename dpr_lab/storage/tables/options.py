@@ -1,87 +1,195 @@
 """How a table is to be read, and when it was recorded."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, field, fields
 from datetime import UTC, date, datetime
-from typing import Literal
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-import numpy as np
+from dpr_lab.modes import ArmMode
 
-from dpr_lab.rig_tables import ArmMode
-from dpr_lab.storage.tables.columns import AXES
-from dpr_lab.storage.tables.plausible import PLAUSIBLE
+AXES = ("theta0", "theta1", "theta2")
+LONGEST_INPUT_DELAY_S = 1.0
+"""Between the logged and the acting torques; a larger number has another unit."""
 
-Angles = Literal["absolute", "relative"]
-Zero = Literal["upright", "hanging"]
-Unit = Literal["rad", "deg", "counts"]
-TimeUnit = Literal["s", "ms", "us"]
-TorqueChoice = Literal["measured", "commanded", "none"]
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """How an option is typed in the command and on the screen."""
+
+    help: str
+    from_names: bool = False
+    """Whether it is read from the column names where it is not typed."""
+    lowest: float = -math.inf
+    highest: float = math.inf
+    positive: bool = False
+    """Whether it must be above zero and finite."""
+
+    def check(self, name: str, value: object) -> None:
+        """Raise a ValueError where a number is outside its limits."""
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            return
+        if self.positive and not 0 < value < math.inf:
+            raise ValueError(f"{name} must be above 0 and finite, not {value:g}")
+        if not self.lowest <= value <= self.highest:
+            limits = f"at least {self.lowest:g}" if self.highest == math.inf else f"{self.lowest:g} to {self.highest:g}"
+            raise ValueError(f"{name} must be {limits}, not {value:g}")
 
 
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
-    """How a table is to be read."""
+    """How a table is to be read. The options of `import table` and of the screen are these fields."""
 
-    angles: Angles = "absolute"
-    """Whether theta2 is the outer rod's own angle to the vertical, or its angle to the inner rod."""
-    zero: Zero = "upright"
-    """Where the rods point at angle 0."""
-    unit: Unit | None = "rad"
-    """`counts` are read by the rig's encoders; `angles` and `zero` then come from the rig as well. None: what the
-    columns' names say, rad where they say nothing."""
-    time_unit: TimeUnit | None = "s"
-    """None: what the column's name says, s where it says nothing."""
-    columns: Mapping[str, str] = field(default_factory=dict)
+    pose: Annotated[str | None, Typed("Pose of the rig file from which the swing started.")] = None
+    """Pose of the rig from which the swing started, if known."""
+    angles: Annotated[Literal["absolute", "relative"], Typed("theta2 to the vertical, or to the inner rod.")] = (
+        "absolute"
+    )
+    """Whether theta2 is the angle of the outer rod to the vertical, or to the inner rod."""
+    zero: Annotated[Literal["upright", "hanging"], Typed("Pose in which the angles are zero.")] = "upright"
+    """Direction of the rods at angle 0."""
+    unit: Annotated[
+        Literal["rad", "deg", "counts"] | None,
+        Typed("Unit of the angles; by default read from the column names.", from_names=True),
+    ] = "rad"
+    """`counts` are read by the rig's encoders, and `angles` and `zero` then come from the rig. None: as the column
+    names say, else rad."""
+    time_unit: Annotated[
+        Literal["s", "ms", "us"] | None,
+        Typed("Unit of the time; by default read from the column name.", from_names=True),
+    ] = "s"
+    """None: as the column name says, else s."""
+    columns: Annotated[
+        Mapping[str, str], Typed("Names of the columns, e.g. t=time,theta1=q1,theta2=q2; recognised by default.")
+    ] = field(default_factory=dict)
     """Column name (or number, without a header) of t, theta0, theta1, theta2 and of the input of a driven arm, where
-    the guess by name fails."""
-    take: tuple[str, ...] = ()
+    they are not recognised by name."""
+    take: Annotated[
+        tuple[str, ...], Typed("Part of the file: topic of a bag, arrays or groups, or the points PIVOT,ELBOW,TIP.")
+    ] = ()
     """Part of the file: topic of a bag, arrays or groups of a .mat, .npz or .h5, or the points pivot, elbow, tip."""
-    rate_hz: float | None = None
-    """Rows a second of a table without time; a column of times is then not used."""
-    wrap: float | None = None
-    """At how much the logger wraps, in the table's unit: 360, 4096, ...; without it whole turns are noticed."""
-    time_wrap: float | None = None
-    """At how much the column of times wraps, in its unit: 4294967296 for a 32-bit counter."""
-    scale: Mapping[str, float] = field(default_factory=dict)
-    """By axis, what a value of the table is multiplied by."""
-    offset: Mapping[str, float] = field(default_factory=dict)
-    """By axis, what is then added, in the table's unit."""
-    start_s: float = 0.0
-    """Rows earlier than this after the table's first row are left out."""
-    duration_s: float | None = None
-    """Length of the part to keep; None for all."""
-    keep_rest: bool = False
-    """Whether all rows are taken as they are, even where the rods seem to be held."""
-    pose: str | None = None
-    """Pose of the rig that was released from, where it is known."""
-    recorded_at: str = ""
-    """When the table was recorded: ISO 8601 date, or date and time; without a zone it is the computer's. Empty: as the
-    table's own time stamps say, or not known."""
-    note: str = ""
-    """Note of the operator; `drift --by label` groups runs by it."""
-    torque: TorqueChoice | None = None
-    """The only kind of torques to keep, or that torques which do not say it are of; `none`: none that it holds. None:
-    all there are, of two kinds both."""
-    input_delay_s: float = 0.0
-    """How much later than they were logged they act, where that is known."""
-    arm: ArmMode | None = None
+    rate_hz: Annotated[float | None, Typed("Sample rate, Hz, for a table without times.", positive=True)] = None
+    """Sample rate of a table without times, Hz; a column of times is then not used."""
+    wrap: Annotated[
+        float | None, Typed("Period at which the angles wrap, in their unit, e.g. 360 or 4096.", positive=True)
+    ] = None
+    """Period at which the logger wraps the angles, in their unit: 360, 4096, ...; None: whole turns are recognised."""
+    time_wrap: Annotated[
+        float | None,
+        Typed("Period at which the times wrap, in their unit: 4294967296 for a 32-bit counter.", positive=True),
+    ] = None
+    """Period at which the times wrap, in their unit: 4294967296 for a 32-bit counter."""
+    scale: Annotated[Mapping[str, float], Typed("Multiply the angles: -1, or theta1=-1,theta2=0.5.")] = field(
+        default_factory=dict
+    )
+    """Axis -> factor of the values of the table."""
+    offset: Annotated[Mapping[str, float], Typed("Then add, in their unit: 90, or theta1=90.")] = field(
+        default_factory=dict
+    )
+    """Axis -> value that is then added, in the unit of the table."""
+    torque: Annotated[
+        Literal["measured", "commanded", "none"] | None,
+        Typed("Torques to use if the table has both kinds; none: treat it as a free swing."),
+    ] = None
+    """The only kind of torques to keep, and the kind of torques whose column does not name it; `none`: no torques.
+    None: all torques of the table."""
+    input_delay_s: Annotated[
+        float,
+        Typed(
+            "Delay between the logged and the acting torques, s, if known.",
+            lowest=-LONGEST_INPUT_DELAY_S,
+            highest=LONGEST_INPUT_DELAY_S,
+        ),
+    ] = 0.0
+    """Delay between the logged and the acting torques, s; positive: they act later."""
+    arm: Annotated[
+        ArmMode | None,
+        Typed("The arm was held, was free, moved as its encoder says, or was driven; else as the rig says."),
+    ] = None
     """What the arm did; None: as the rig file says."""
+    keep_rest: Annotated[bool, Typed("Keep all rows, also those in which the rods seem to be held.")] = False
+    """Whether all rows are used, also those in which the rods seem to be held."""
+    recorded_at: Annotated[
+        str, Typed("Time of the recording, e.g. 2026-03-01 or 2026-03-01T14:30; local time without a zone.")
+    ] = ""
+    """Time of the recording: ISO 8601 date, or date and time; local time without a zone. Empty: as the time stamps of
+    the table say, or unknown."""
+    note: Annotated[str, Typed("A note stored with the run; `drift --by label` groups by it.")] = ""
+    """Note of the operator; `drift --by label` groups runs by it."""
+    start_s: Annotated[float, Typed("Duration to cut from the beginning, s.", lowest=0)] = 0.0
+    """Rows earlier than this after the first row are omitted, s."""
+    duration_s: Annotated[float | None, Typed("Duration to keep, s.", positive=True)] = None
+    """Duration to keep, s; None: all."""
 
     def __post_init__(self) -> None:
         unknown = (set(self.columns) - {"t", "input"} | set(self.scale) | set(self.offset)) - set(AXES)
         if unknown:
             raise ValueError(f"columns can be given for t, {', '.join(AXES)}, not for {', '.join(sorted(unknown))}")
-        positive = [self.rate_hz, self.wrap, self.time_wrap]
-        if not all(value is None or 0 < value < np.inf for value in positive) or 0.0 in self.scale.values():
-            raise ValueError("rate_hz, wrap and time_wrap must be positive and finite, scale must not be 0")
-        if not np.isfinite([*self.scale.values(), *self.offset.values()]).all():
+        if not all(map(math.isfinite, [*self.scale.values(), *self.offset.values()])):
             raise ValueError("scale and offset must be finite")
-        if not abs(self.input_delay_s) <= PLAUSIBLE.input_delay_s:
-            raise ValueError(f"input_delay_s must be within {PLAUSIBLE.input_delay_s:g} s, not {self.input_delay_s:g}")
+        if 0.0 in self.scale.values():
+            raise ValueError("scale must not be 0")
         if self.recorded_at:
             parse_recorded_at(self.recorded_at)
-        if not self.start_s >= 0 or (self.duration_s is not None and not self.duration_s > 0):
-            raise ValueError("start_s must not be negative, duration_s must be positive")
+        for option in typed_options():
+            option.typed.check(option.name, getattr(self, option.name))
+
+
+@dataclass(frozen=True, slots=True)
+class TypedOption:
+    """One option of `import table` as it is typed."""
+
+    name: str
+    """Field of `ImportOptions`."""
+    kind: Any
+    """Its type, without None."""
+    default: Any
+    """Value where it is not typed; None for a mapping or a tuple."""
+    typed: Typed
+
+    @property
+    def reads_text(self) -> bool:
+        """Whether `read` makes its value of text."""
+        return get_origin(self.kind) in (Mapping, tuple)
+
+    def read(self, text: str) -> Any:
+        """Names, `name=column` pairs, or a number for both rods or for each axis.
+
+        Raises:
+            ValueError: text of another form.
+        """
+        parts = [part.strip() for part in text.split(",") if part.strip()]
+        if get_origin(self.kind) is tuple:
+            return tuple(parts)
+        numeric = get_args(self.kind)[1] is float
+        if numeric and "=" not in text:
+            parts = [f"{axis}={text}" for axis in AXES[1:]]
+        pairs = [[side.strip() for side in part.split("=", 1)] for part in parts]
+        try:
+            if any(len(pair) != 2 or not all(pair) for pair in pairs):
+                raise ValueError
+            return {axis: float(value) if numeric else value for axis, value in pairs}
+        except ValueError as error:
+            example = "a number or theta1=-1,theta2=0.5" if numeric else "name=column pairs, t=time,theta1=q1"
+            raise ValueError(f"{self.name} takes {example}, not {text[:50]!r}") from error
+
+
+@cache
+def typed_options() -> tuple[TypedOption, ...]:
+    """The options of `import table`, one for each field of `ImportOptions`."""
+    return tuple(_typed_options())
+
+
+def _typed_options() -> Iterator[TypedOption]:
+    hints = get_type_hints(ImportOptions, include_extras=True)
+    for each in fields(ImportOptions):
+        kind, typed = get_args(hints[each.name])
+        if get_origin(kind) in (Union, UnionType):
+            kind = next(part for part in get_args(kind) if part is not type(None))
+        default = None if typed.from_names or each.default in (MISSING, ()) else each.default
+        yield TypedOption(each.name, kind, default, typed)
 
 
 def parse_recorded_at(text: str) -> str:
@@ -104,10 +212,3 @@ def parse_recorded_at(text: str) -> str:
     if instant > datetime.now(UTC):
         raise ValueError(f"recorded_at {text} lies in the future")
     return day.isoformat() if day is not None else instant.isoformat(timespec="seconds")
-
-
-def recorded_by_stamps(first_s: float) -> str:
-    """The date and time in UTC of a table whose first time is seconds since 1970; empty where it cannot be that."""
-    if not PLAUSIBLE.stamps_s[0] <= first_s <= PLAUSIBLE.stamps_s[1]:
-        return ""
-    return datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")

@@ -1,6 +1,7 @@
 """What a table of a swing can hold: spacing and length, wraps of a logger, outliers, speeds; and what is odd of it."""
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +24,6 @@ class Plausible:
     """From the first row to the last, at most."""
     stamps_s: tuple[float, float] = (946_684_800.0, 4_102_444_800.0)
     """Between these a time counts as seconds since 1970, the years 2000 to 2100: no logger runs for thirty years."""
-    input_delay_s: float = 1.0
-    """By which torques act later than logged, or earlier, at most."""
     angle: float = 1e4
     """rad; a rod that turned further would have turned for hours."""
     jump: float = 1.5 * np.pi
@@ -127,3 +126,10 @@ def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64], upright: bool)
         "both rods point upwards most of the time: if the table's zero is hanging, import it with --zero hanging"
     ]
     return (fast if speed > PLAUSIBLE.speed else []) + (inverted if above.all() else [])
+
+
+def recorded_by_stamps(first_s: float) -> str:
+    """The date and time in UTC of a table whose first time is seconds since 1970; empty where it cannot be that."""
+    if not PLAUSIBLE.stamps_s[0] <= first_s <= PLAUSIBLE.stamps_s[1]:
+        return ""
+    return datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")

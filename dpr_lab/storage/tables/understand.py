@@ -20,8 +20,8 @@ from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.tables.arm_input import find_input, refuse_silent, refuse_still_arm, stated_arm
 from dpr_lab.storage.tables.clock_wrap import unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import AXES, PASSIVE, TO_SECONDS, find_columns, find_torques, with_still_joint2
-from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at, recorded_by_stamps
-from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers
+from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
+from dpr_lab.storage.tables.plausible import PLAUSIBLE, check_spacing, gap_notes, outliers, recorded_by_stamps
 from dpr_lab.storage.tables.questions import Asked, TableQuestion, questions, refuse_push
 from dpr_lab.storage.tables.readings import TO_RADIANS, angles, wrap_notes
 from dpr_lab.storage.tables.table import Table

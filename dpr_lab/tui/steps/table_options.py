@@ -3,20 +3,12 @@
 import argparse
 import shlex
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from types import UnionType
-from typing import Any, Literal, NoReturn, Union, get_args, get_origin, get_type_hints
+from dataclasses import dataclass
+from typing import Any, Literal, NoReturn, get_args, get_origin
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig_tables import Rods
-from dpr_lab.storage.csv_import import ImportOptions
-from dpr_lab.storage.tables.columns import AXES
-
-UNSAID: dict[str, Any] = {"unit": None, "time_unit": None}
-"""Options that the command takes from the columns' names where they are left out."""
-
-UNIONS = (Union, UnionType)
-"""`X | None` is the first for a Literal and the second for a class."""
+from dpr_lab.modes import ElbowMode, Mounted
+from dpr_lab.storage.tables.options import ImportOptions, TypedOption, typed_options
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +34,9 @@ def parse_options(text: str) -> TypedOptions:
         raise RunError(f"a quotation mark is missing: {text}") from error
     typed = vars(_parser().parse_args(words))
     rods, elbow = typed.pop("rods", None), typed.pop("elbow", None)
+    defaults: dict[str, Any] = {option.name: None for option in typed_options() if option.typed.from_names}
     try:
-        return TypedOptions(ImportOptions(**UNSAID | typed), rods, elbow)
+        return TypedOptions(ImportOptions(**defaults | typed), rods, elbow)
     except ValueError as error:
         raise RunError(str(error)) from error
 
@@ -54,7 +47,7 @@ def option_list() -> list[str]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Tells what is wrong with an error of ours, and prints nothing."""
+    """Raises a `RunError` instead of printing the message."""
 
     def error(self, message: str) -> NoReturn:
         raise RunError(message.replace("unrecognized arguments", "no such option"))
@@ -63,58 +56,37 @@ class _Parser(argparse.ArgumentParser):
 def _parser() -> _Parser:
     """An option for every field of `ImportOptions`, and for what hangs on the rig."""
     parser = _Parser(add_help=False, allow_abbrev=False, argument_default=argparse.SUPPRESS)
-    hints = get_type_hints(ImportOptions)
-    for each in fields(ImportOptions):
-        _add(parser, each.name, hints[each.name])
-    _add(parser, "rods", Rods.model_fields["mounted"].annotation)
-    _add(parser, "elbow", Rods.model_fields["elbow"].annotation)
+    for option in typed_options():
+        flag = f"--{option.name.replace('_', '-')}"
+        if option.kind is bool:
+            parser.add_argument(flag, dest=option.name, action="store_true")
+        elif get_origin(option.kind) is Literal:
+            parser.add_argument(flag, dest=option.name, choices=get_args(option.kind))
+        else:
+            parser.add_argument(flag, dest=option.name, type=_reader(option), metavar=_metavar(option.kind))
+    parser.add_argument("--rods", choices=get_args(Mounted))
+    parser.add_argument("--elbow", choices=get_args(ElbowMode))
     return parser
 
 
-def _add(parser: _Parser, name: str, hint: Any) -> None:
-    flag, kind = f"--{name.replace('_', '-')}", _without_none(hint)
-    if kind is bool:
-        parser.add_argument(flag, dest=name, action="store_true")
-    elif get_origin(kind) is Literal:
-        parser.add_argument(flag, dest=name, choices=get_args(kind))
-    else:
-        parser.add_argument(flag, dest=name, type=_reader(kind), metavar=_metavar(kind))
+def _reader(option: TypedOption) -> Callable[[str], Any]:
+    """Reads a value; what it refuses is a message of the parser."""
+    if not option.reads_text:
+        return option.kind
 
+    def read(text: str) -> Any:
+        try:
+            return option.read(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
 
-def _without_none(hint: Any) -> Any:
-    kinds = [kind for kind in get_args(hint) if kind is not type(None)] if get_origin(hint) in UNIONS else [hint]
-    return kinds[0]
-
-
-def _reader(kind: Any) -> Callable[[str], Any]:
-    if get_origin(kind) is Mapping:
-        return _numbers if get_args(kind)[1] is float else _pairs
-    return _names if get_origin(kind) is tuple else kind
+    return read
 
 
 def _metavar(kind: Any) -> str:
     if get_origin(kind) is Mapping:
         return "NUMBER|AXIS=NUMBER,..." if get_args(kind)[1] is float else "AXIS=NAME,..."
     return {float: "NUMBER", str: "TEXT"}.get(kind, "NAME,...")
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(",") if name.strip())
-
-
-def _pairs(text: str) -> dict[str, str]:
-    pairs = [part.split("=", 1) for part in text.split(",")]
-    if any(len(pair) != 2 for pair in pairs):
-        raise argparse.ArgumentTypeError(f"write pairs such as theta1=NAME, not {text!r}")
-    return {axis.strip(): value.strip() for axis, value in pairs}
-
-
-def _numbers(text: str) -> dict[str, float]:
-    pairs = _pairs(text) if "=" in text else dict.fromkeys(AXES[1:], text)
-    try:
-        return {axis: float(number) for axis, number in pairs.items()}
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"write a number, or theta1=NUMBER, not {text!r}") from error
 
 
 def _shown(action: argparse.Action) -> str:

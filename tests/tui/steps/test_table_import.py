@@ -65,9 +65,9 @@ def test_options_are_read_as_the_command_reads_them() -> None:
     [
         ("backwards", "no such option: backwards"),
         ("--unit kg", "--unit: invalid choice: 'kg'"),
-        ("--columns a", "write pairs such as theta1=NAME, not 'a'"),
-        ("--scale x", "write a number, or theta1=NUMBER, not 'x'"),
-        ("--rate-hz 0", "rate_hz, wrap and time_wrap must be positive"),
+        ("--columns a", "columns takes name=column pairs, .* not 'a'"),
+        ("--scale x", "scale takes a number or theta1=-1,theta2=0.5, not 'x'"),
+        ("--rate-hz 0", "rate_hz must be above 0 and finite, not 0"),
         ("--columns 't", "a quotation mark is missing"),
     ],
 )
