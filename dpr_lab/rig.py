@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, PrivateAttr, model_validator
 
 from dpr_lab.configs import find_config, parse_config, read_config, sha256_of
-from dpr_lab.modes import ArmMode
 from dpr_lab.rig_tables import (
     AddedMass,
+    ArmMode,
     ArmTable,
     Encoders,
     Joints,

@@ -8,7 +8,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from dpr_lab.errors import printable
 from dpr_lab.joint_angles import JointAngles
-from dpr_lab.modes import ArmMode, ElbowMode, Mounted, Mounting
 
 Positive = Annotated[float, Field(gt=0, le=1e6, strict=True)]
 """SI; nothing on a bench is larger."""
@@ -122,15 +121,19 @@ class AddedMass(RigTable):
     """Distance from that rod's pivot, m."""
 
 
+Mounting = Literal["both", "inner", "outer", "clamped"]
+"""What swings: both rods, the inner or the outer one alone on joint 1, or both with the elbow clamped."""
+
+
 class Rods(RigTable):
     """Which rods hang on the rig while it is recorded. One alone hangs on joint 1, and encoder 1 reads it.
 
     The encoder of joint 2 stays on the inner rod, and comes off with it.
     """
 
-    mounted: Mounted = "both"
+    mounted: Literal["both", "inner", "outer"] = "both"
     """Which rods hang on it."""
-    elbow: ElbowMode = "free"
+    elbow: Literal["free", "clamped"] = "free"
     """Whether joint 2 can turn."""
 
     @model_validator(mode="after")
@@ -150,6 +153,10 @@ class Joints(RigTable):
 
     geared: tuple[Literal[1, 2], ...] = ()
     """Joints that a geared motor stays on, driven or not: a diagnosis then expects its rotor and its friction."""
+
+
+ArmMode = Literal["clamped", "free", "prescribed", "driven"]
+"""What the arm does: it is held, moves by itself, moves as its encoder says, or a known input acts on it."""
 
 
 class ArmTable(RigTable):

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dpr_lab.modes import Mounting
-from dpr_lab.rig_tables import AddedMass
+from dpr_lab.rig_tables import AddedMass, Mounting
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,6 @@ import typer
 
 from dpr_lab.cli.console import folded
 from dpr_lab.errors import known_name, unknown_name
-from dpr_lab.modes import ElbowMode, Mounted
 
 
 def positive(value: float | None) -> float | None:
@@ -188,10 +187,10 @@ TorqueKind = Annotated[
     typer.Option("--torque", help="Torques to use for runs that contain both kinds; default: measured."),
 ]
 Rods = Annotated[
-    Mounted | None,
+    Literal["both", "inner", "outer"] | None,
     typer.Option(help="Mounted rods; a single rod is mounted on joint 1. Default: the value in the rig file."),
 ]
 Elbow = Annotated[
-    ElbowMode | None,
+    Literal["free", "clamped"] | None,
     typer.Option(help="Whether joint 2 can turn. Default: the value in the rig file."),
 ]

@@ -57,7 +57,7 @@ def diagnose(
         ),
     ] = 0,
     explain: Annotated[
-        bool, typer.Option(help="Print every trial of the model search and the reason for its decision.")
+        bool, typer.Option("--explain", help="Print every trial of the model search and the reason for its decision.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:

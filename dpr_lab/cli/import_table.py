@@ -79,7 +79,7 @@ def _with_options(command: Callable[..., None]) -> inspect.Signature:
 
 
 def _parameter(option: TypedOption) -> inspect.Parameter:
-    limits = {"min": option.typed.lowest, "max": option.typed.highest}
+    limits: dict[str, Any] = {"min": option.typed.lowest, "max": option.typed.highest}
     limits = {name: limit for name, limit in limits.items() if math.isfinite(limit)}
     kind = str if option.reads_text else option.kind
     if option.default is None:

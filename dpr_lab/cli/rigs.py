@@ -10,7 +10,6 @@ import typer
 from dpr_lab.cli.checks import built_in_rigs, complete_rig, names_in, positive
 from dpr_lab.cli.console import emit, json_mode, line, table, text
 from dpr_lab.cli.listing import Listing
-from dpr_lab.modes import ElbowMode, Mounted
 
 if TYPE_CHECKING:
     from dpr_lab.workflows.rig_file import Measure
@@ -126,8 +125,8 @@ def new(
     geared: Annotated[
         list[int] | None, typer.Option(help="Joint (1 or 2) on which a geared motor stays; may be repeated.")
     ] = None,
-    rods: Annotated[Mounted, typer.Option(help="Mounted rods.")] = "both",
-    elbow: Annotated[ElbowMode, typer.Option(help="Whether joint 2 can turn.")] = "free",
+    rods: Annotated[Literal["both", "inner", "outer"], typer.Option(help="Mounted rods.")] = "both",
+    elbow: Annotated[Literal["free", "clamped"], typer.Option(help="Whether joint 2 can turn.")] = "free",
     url: Annotated[str | None, typer.Option("--link", help="Where the device is.")] = None,
     out: Annotated[Path | None, typer.Option(help="File to write; NAME.toml when left out.")] = None,
     as_json: Json = False,

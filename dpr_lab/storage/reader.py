@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import prescribed_arm
 from dpr_lab.estimation.held_rods import free_part_of
-from dpr_lab.modes import ArmMode
 from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import ArmMode
 from dpr_lab.run import Run, as_mounted
 from dpr_lab.storage.metadata import RunMetadata, numbers
 from dpr_lab.storage.samples import STRANGE, Samples, json_object

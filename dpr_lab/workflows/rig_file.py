@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.modes import ElbowMode, Mounted
 from dpr_lab.whole_file import write_text
 
 if TYPE_CHECKING:
@@ -50,9 +49,9 @@ class RigMeasures:
     """Joints (1, 2) on which a geared motor stays."""
     rezeroed: bool = False
     """Whether joints 1 and 2 are set to zero before each recording."""
-    mounted: Mounted = "both"
+    mounted: Literal["both", "inner", "outer"] = "both"
     """Mounted rods."""
-    elbow: ElbowMode = "free"
+    elbow: Literal["free", "clamped"] = "free"
     """Whether joint 2 can turn."""
 
 

@@ -98,7 +98,7 @@ def test_a_run_file_keeps_which_torques_they_are_and_how_late_they_act(paper: Ri
         assert run.setup.torques is not None
         assert run.setup.torques.kind == "measured"
         assert run.setup.torques.mean_before([0.512, 0.514])[1] == pytest.approx(TAU[[49, 50]].mean(axis=0) @ _PUSHED)
-    with pytest.raises(ValueError, match="within 1 s"):
+    with pytest.raises(ValueError, match="must be -1 to 1, not 2"):
         ImportOptions(input_delay_s=2.0)
 
 

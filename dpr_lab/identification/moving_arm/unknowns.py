@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
-from dpr_lab.modes import ArmMode
 from dpr_lab.rig import MASSES, PARAMETERS, Rig
-from dpr_lab.rig_tables import Parameter
+from dpr_lab.rig_tables import ArmMode, Parameter
 
 Array = NDArray[np.float64]
 

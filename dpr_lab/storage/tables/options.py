@@ -8,11 +8,7 @@ from functools import cache
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from dpr_lab.modes import ArmMode
-
 AXES = ("theta0", "theta1", "theta2")
-LONGEST_INPUT_DELAY_S = 1.0
-"""Between the logged and the acting torques; a larger number has another unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,13 +95,13 @@ class ImportOptions:
         float,
         Typed(
             "Delay between the logged and the acting torques, s, if known.",
-            lowest=-LONGEST_INPUT_DELAY_S,
-            highest=LONGEST_INPUT_DELAY_S,
+            lowest=-1.0,
+            highest=1.0,
         ),
     ] = 0.0
     """Delay between the logged and the acting torques, s; positive: they act later."""
     arm: Annotated[
-        ArmMode | None,
+        Literal["clamped", "free", "prescribed", "driven"] | None,
         Typed("The arm was held, was free, moved as its encoder says, or was driven; else as the rig says."),
     ] = None
     """What the arm did; None: as the rig file says."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, NoReturn, get_args, get_origin
 
 from dpr_lab.errors import RunError
-from dpr_lab.modes import ElbowMode, Mounted
+from dpr_lab.rig_tables import Rods
 from dpr_lab.storage.tables.options import ImportOptions, TypedOption, typed_options
 
 
@@ -64,8 +64,8 @@ def _parser() -> _Parser:
             parser.add_argument(flag, dest=option.name, choices=get_args(option.kind))
         else:
             parser.add_argument(flag, dest=option.name, type=_reader(option), metavar=_metavar(option.kind))
-    parser.add_argument("--rods", choices=get_args(Mounted))
-    parser.add_argument("--elbow", choices=get_args(ElbowMode))
+    parser.add_argument("--rods", choices=get_args(Rods.model_fields["mounted"].annotation))
+    parser.add_argument("--elbow", choices=get_args(Rods.model_fields["elbow"].annotation))
     return parser
 
 
