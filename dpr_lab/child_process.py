@@ -38,7 +38,7 @@ def spawn_context() -> SpawnContext:
 
 
 class ChildFunction:
-    """A function in a process of its own, a pipe between.
+    """A function that runs in its own process, connected by a pipe.
 
     Args:
         function: called there as `function(connection, *arguments)`; importable by name, and to return soon after the
@@ -62,11 +62,11 @@ class ChildFunction:
 
     @property
     def exit_code(self) -> int | None:
-        """What it ended with, negative for a signal; None while it runs."""
+        """Exit code of the process, negative for a signal; None while it runs."""
         return self._process.exitcode
 
     def wait(self, patience_s: float) -> bool:
-        """Whether it has ended, waiting at most so long."""
+        """Wait for the end of the process at most this long; return whether it ended."""
         self._process.join(patience_s)
         return not self._process.is_alive()
 
@@ -106,7 +106,7 @@ class ChildProgram:
 
     @property
     def exit_code(self) -> int | None:
-        """What it ended with, negative for a signal; None while it runs."""
+        """Exit code of the process, negative for a signal; None while it runs."""
         return self._process.poll()
 
     @property

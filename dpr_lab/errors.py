@@ -110,13 +110,13 @@ class LinkTimeout(LinkError):
 
 
 class DeviceLost(LinkError):
-    """The device answered before and is gone now; what was recorded is kept."""
+    """The device stopped answering; recorded samples are kept."""
 
     exit_code = 7
 
 
 class MismatchError(DprError):
-    """Both ends speak, but not the same protocol."""
+    """Both ends use different versions of the protocol."""
 
     exit_code = 5
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 @dataclass(frozen=True, slots=True)
 class JointAngles:
-    """Where the encoder of joint 2 sits, and what that makes of angles."""
+    """Mounting of encoder 2 and the resulting map of angles."""
 
     relative2: bool
     """Whether encoder 2 reads theta2 - theta1; else theta2 itself."""

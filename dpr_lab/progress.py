@@ -7,7 +7,7 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class StageBegan:
-    """One of the stages of a job began."""
+    """Start of a stage of a job."""
 
     number: int
     """From 1."""

@@ -167,12 +167,12 @@ class Rig(Shown, RigTable):
 
     @property
     def unsure(self) -> tuple[str, ...]:
-        """Names of what is hardly known and therefore fitted, of L1."""
+        """Names of uncertain lengths that are therefore fitted: L1."""
         return ("L1",) if self.rig.L1_std is not None else ()
 
     @property
     def L2(self) -> float | None:
-        """Length of the outer rod, m; None where nobody gave it."""
+        """Length of the outer rod, m; None if unknown."""
         return self.rig.L2
 
     @property
@@ -248,7 +248,7 @@ class Rig(Shown, RigTable):
         return np.concatenate([turned[..., :1], rods], axis=-1)
 
     def positions(self, theta: ArrayLike) -> NDArray[np.float64]:
-        """What ideal encoders read at the given absolute angles; the inverse of `theta`, not rounded.
+        """Readings of ideal encoders at given absolute angles; the inverse of `theta`, not rounded.
 
         Args:
             theta: (..., 3) absolute angles, rad

@@ -66,7 +66,7 @@ Count = Annotated[int, Field(ge=-(1 << 31), lt=1 << 31, strict=True)]
 
 
 class Encoders(RigTable):
-    """How counts become angles.
+    """Conversion of counts to angles.
 
     theta_i = zero_i + direction_i * (counts_i - zero_counts_i) * 2 pi / counts_per_rev_i, where zero_i is the
     hanging rest (pi for the rods, 0 for the arm and for a relative joint 2).
@@ -93,7 +93,7 @@ class Encoders(RigTable):
 
 
 class Pose(RigTable):
-    """Where the rods are held before a release: absolute angles, 0 = upright, pi = hanging, rad."""
+    """Pose of the rods before a release: absolute angles, 0 = upright, pi = hanging, rad."""
 
     theta0: Angle = 0.0
     """The arm, rad."""
@@ -144,7 +144,7 @@ class Rods(RigTable):
 
     @property
     def mounting(self) -> Mounting:
-        """Both keys in one word."""
+        """Mounted rods and elbow as one value."""
         return "clamped" if self.elbow == "clamped" else self.mounted
 
 
@@ -199,7 +199,7 @@ class MotorTable(RigTable):
 
 
 class LinkSettings(RigTable):
-    """Where the device is and how fast it streams."""
+    """Address and sample rate of the device."""
 
     url: str = "sim://"
     """Where the device is, when no `--link` is given."""

@@ -23,7 +23,7 @@ never arrived. Of a device with drives there is `torque` besides: its torques ne
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Run(Shown):
-    """What was measured during one release.
+    """One recorded release.
 
     Time is the device's, t = (tick - release tick) / rate, or that of an imported table. t = 0 is the release, and the
     samples with t < 0 are the rest before it. Missing samples are simply absent from `t`; nothing is resampled.
@@ -92,12 +92,12 @@ class Run(Shown):
 
     @property
     def elbow(self) -> float:
-        """Angle theta2 - theta1 at which the elbow is clamped, rad; zero where it is not."""
+        """Angle theta2 - theta1 of a clamped elbow, rad; else zero."""
         clamped = self.mounting == "clamped" and len(self.t)
         return float(np.median(self.theta[:, 2] - self.theta[:, 1])) if clamped else 0.0
 
     def driven_by(self, kind: str | None) -> Run:
-        """The same run with the torques of a kind, `measured` or `commanded`; None for those that it has.
+        """The same run with torques of one kind, `measured` or `commanded`; None: the stored ones.
 
         Raises:
             RunError: it holds none of that kind.
@@ -115,7 +115,7 @@ class Run(Shown):
 
     @property
     def setup(self) -> Setup:
-        """What hung on the rig, and what drove it."""
+        """Mounting and known inputs of the run."""
         drives = None
         if self.torques is not None:
             drives = Torques(self.t + self.input_delay_s, self.torques, self.torque_kind)
@@ -192,7 +192,7 @@ def refuse_moving_arms(runs: Iterable[Run]) -> None:
 
 
 def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
-    """The kinds of known torques that drove these runs, where it is known."""
+    """Kinds of known torques of these runs."""
     return tuple(sorted({run.torque_kind for run in runs if run.torques is not None} - {""}))
 
 

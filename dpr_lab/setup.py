@@ -12,7 +12,7 @@ from dpr_lab.rig_tables import AddedMass, Mounting
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Torques:
-    """What drove the joints: each torque holds from its instant to the next, the last one on and the first one back."""
+    """Known joint torques: each holds from its instant to the next; the first and the last extend beyond the record."""
 
     t: NDArray[np.float64]
     """(n,) increasing, s since the release."""
@@ -40,7 +40,7 @@ class Torques:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmMotion:
-    """How an arm is known to move: its speed is linear between instants, and stays as it is beyond them."""
+    """Known motion of an arm: its speed is linear between instants and constant beyond them."""
 
     t: NDArray[np.float64]
     """(n,) increasing, s since the release."""
@@ -61,7 +61,7 @@ class ArmMotion:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What hung on the rig during a run, and what drove it."""
+    """Mounting of a run, and its known inputs."""
 
     mounting: Mounting = "both"
     """What swings: both rods, the inner or outer one alone, or both with the elbow clamped."""

@@ -11,7 +11,7 @@ FIXED_BY = {"data": "the recordings", "measured": "a measured value", "bound": "
 
 
 class Shown(ABC):
-    """What tells itself by a heading and a table."""
+    """A result that prints itself as a heading and a table."""
 
     __slots__ = ()
 

@@ -41,7 +41,7 @@ class State(IntEnum):
 
 
 class Fault(IntEnum):
-    """Why a device stopped."""
+    """Reason why a device stopped."""
 
     NONE = 0
     ENCODER0 = 1

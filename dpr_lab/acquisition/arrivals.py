@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class ArrivalSettings:
-    """How arrivals become a clock rate."""
+    """Settings of the clock rate estimate from arrival times."""
 
     bin_s: float = 0.05
     """Of the reads in each bin of host time one is kept, the one with the shortest delay."""

@@ -16,7 +16,7 @@ AnyRow = Row | DrivenRow
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """What one read of the link brought, in order of arrival."""
+    """Messages of one read of the link, in order of arrival."""
 
     host_time: float
     """`time.monotonic()` of the read, s."""
@@ -47,10 +47,10 @@ class Counter:
         self._last = 0
 
     def read(self, low: int) -> None:
-        """Take what the counter says."""
+        """Read the counter."""
         self.total += (low - self._last) & 0xFFFF
         self._last = low
 
     def restart(self) -> None:
-        """A new stream begins."""
+        """Start a new stream."""
         self._last = 0

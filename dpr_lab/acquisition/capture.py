@@ -53,7 +53,7 @@ STOPPED = "stopped by the operator"
 
 @dataclass(frozen=True, slots=True)
 class CaptureOptions:
-    """What to record."""
+    """Options of a recording."""
 
     rate_hz: int | None = None
     """None: as the rig file says."""
@@ -83,7 +83,7 @@ class CaptureOptions:
 
     @property
     def longest(self) -> float:
-        """How long the recording can become, s."""
+        """Longest possible duration of the recording, s."""
         return self.max_duration if self.until_rest else self.duration
 
 
@@ -97,7 +97,7 @@ class Released:
 
 @dataclass(frozen=True, slots=True)
 class SwingReading:
-    """How far the recording is."""
+    """Progress of a recording."""
 
     t: float
     """Time since the release, s."""
@@ -203,7 +203,7 @@ def new_path(out_dir: Path, pose_name: str, uid: str) -> Path:
 
 
 def in_file_name(pose_name: str) -> str:
-    """A pose's name as it stands in the name of a run file."""
+    """Name of a pose as used in the name of a run file."""
     return re.sub(r"[^A-Za-z0-9.-]", "-", pose_name)
 
 

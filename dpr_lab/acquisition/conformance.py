@@ -47,7 +47,7 @@ Step = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class ConformanceSettings:
-    """How long a device may take, and what its timing must keep to."""
+    """Time limits of a conformance test."""
 
     answer_s: float = 0.1
     """A host sends a command again after this."""
@@ -65,7 +65,7 @@ class ConformanceSettings:
 
 @dataclass(frozen=True, slots=True)
 class Conformity:
-    """One question put to a device, and its answer."""
+    """Result of one exchange of a conformance test."""
 
     what: str
     ok: bool
@@ -78,7 +78,7 @@ MARK = 0xBA00
 
 
 def conformity(link: Transport, settings: ConformanceSettings = ConformanceSettings()) -> Iterator[Conformity]:
-    """Put every exchange to a device that can be put over its port, and watch its timing.
+    """Test a device against the protocol: run every exchange that its port allows and measure its timing.
 
     Args:
         link: open; the device has no rods on it
@@ -164,7 +164,7 @@ class _Peer:
         return next(message for message in self._heard if isinstance(message, Status))
 
     def read(self) -> list[Message]:
-        """What arrives within a moment."""
+        """Messages that arrive within a short time."""
         fresh: list[Message] = []
         for frame in self.link.receive(0.02).frames:
             try:

@@ -108,12 +108,12 @@ class Device:
 
     @property
     def url(self) -> str:
-        """Where the device is."""
+        """URL of the device."""
         return self._transport.url
 
     @property
     def info(self) -> DeviceInfo:
-        """What the device is.
+        """Description of the device.
 
         Raises:
             ValueError: before `connect`.
@@ -124,22 +124,22 @@ class Device:
 
     @property
     def status(self) -> Status | None:
-        """Where the device stood by its last STATUS; None before the first."""
+        """Last STATUS of the device; None before the first."""
         return self._session.status
 
     @property
     def timing(self) -> DeviceTiming:
-        """How it is listened to."""
+        """Timing of the connection."""
         return self._timing
 
     @property
     def heard_at(self) -> float:
-        """When the last sample or status came, `time.monotonic()`, s."""
+        """Time of the last sample or status, `time.monotonic()`, s."""
         return self._heard_at
 
     @property
     def silence_s(self) -> float:
-        """How long the device may say nothing before it counts as lost, s."""
+        """Silence after which the device counts as lost, s."""
         patience = self._timing.simulated_patience if self.simulated_time else 1.0
         return self._timing.silence_s * patience
 
@@ -175,7 +175,7 @@ class Device:
             raise DeviceFault(f"{rate_hz} Hz is too fast for the device: choose at most {self.info.rate_max_hz} Hz")
 
     def hold(self, pose_number: int = 0) -> None:
-        """Engage the latch; the number of the pose asked for (from 1, in the rig file's order) is for a display."""
+        """Engage the latch; a display shows the number of the pose (from 1, in the order of the rig file)."""
         self._command(Hold(pose=pose_number))
 
     def stream(self, rate_hz: int) -> None:

@@ -22,7 +22,7 @@ from dpr_lab.run import MOUNTED, Run, clock_error, clock_rates, elbow_turn
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One question put to a recording, and its answer."""
+    """One quality check of a recording and its result."""
 
     name: str
     ok: bool
@@ -53,7 +53,7 @@ class QualityReport:
 
     @property
     def sentence(self) -> str:
-        """`ok`, or `degraded` with the reasons; and the notes."""
+        """`ok`, or `degraded` with the reasons, followed by the notes."""
         return "; ".join(["ok" if self.ok else f"degraded: {'; '.join(self.reasons)}", *self.notes])
 
     def to_json(self) -> dict[str, Any]:
@@ -77,7 +77,7 @@ class DeviceWord:
 
 @dataclass(frozen=True, slots=True)
 class JudgedRun:
-    """What the checks look at."""
+    """Input of the quality checks."""
 
     run: Run
     rig: Rig
@@ -99,7 +99,7 @@ def judge(
     limits: QualityLimits = QUALITY_LIMITS,
     word: DeviceWord | None = None,
 ) -> QualityReport:
-    """Put a recording through every check that applies to it.
+    """Apply all quality checks to a recording.
 
     Args:
         run: the recording; its time starts at the release

@@ -23,7 +23,7 @@ HANGING = Pose(theta1=np.pi, theta2=np.pi)
 
 @dataclass(frozen=True, slots=True)
 class PoseReading:
-    """Where the rods are while the operator places them."""
+    """Position of the rods while the operator places them."""
 
     theta: tuple[float, float, float]
     """Absolute angles, rad."""
@@ -35,7 +35,7 @@ class PoseReading:
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """Where the held rods are and how still they are."""
+    """Position and residual motion of the held rods."""
 
     theta: tuple[float, float, float]
     """Newest absolute angles, rad."""
@@ -54,7 +54,7 @@ class RestReading:
 
 @dataclass(frozen=True, slots=True)
 class HangReading:
-    """How the rods hang before they are raised."""
+    """Position of the hanging rods before they are raised."""
 
     error: tuple[float, float]
     """Signed distance of inner and outer rod from straight down, rad."""
@@ -81,7 +81,7 @@ class RestWindow:
         return self._lost[0] if self._lost else {}
 
     def add(self, batches: Iterable[Batch], lost: Mapping[str, int]) -> None:
-        """Take in new batches, and the device's losses so far, and let go of what is older than the window."""
+        """Add new batches and the losses reported so far; drop samples older than the window."""
         for batch in batches:
             self.batches.append(batch)
             self._lost.append(lost)
@@ -132,7 +132,7 @@ def _raise_if_open(url: str, batches: Iterable[Batch]) -> None:
 def look_at_hanging(
     device: Device, rig: Rig, on_reading: OnReading, settings: CaptureSettings
 ) -> tuple[float, float] | None:
-    """How far the rods hang off straight down, rad; None unless they are seen to hang still with the latch open."""
+    """Deviation of the hanging rods from straight down, rad; None unless they are at rest with the latch open."""
     readings: list[NDArray[np.float64]] = []
     deadline = time.monotonic() + settings.hang_timeout_s
     spread = np.sqrt(12) * settings.limits.rest.spread(rig)

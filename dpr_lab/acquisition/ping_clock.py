@@ -8,7 +8,7 @@ from firmware_protocol.messages import Ping, Pong
 
 
 class PingClock:
-    """When to ask a device for its time, and what its answers say.
+    """Schedule of the requests for the device time, and the clock estimate from the answers.
 
     Args:
         timing: how often it is asked
@@ -36,7 +36,7 @@ class PingClock:
         return self._pinger.ping(now)
 
     def note(self, pong: Pong, host_time: float) -> None:
-        """Take in an answer that arrived at `host_time`, s."""
+        """Add an answer that arrived at `host_time`, s."""
         exchange = self._pinger.exchange(pong, host_time)
         if exchange is not None:
             self._exchanges.append(exchange)

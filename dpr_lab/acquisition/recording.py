@@ -25,7 +25,7 @@ from firmware_protocol.messages import Event, EventKind, Message, Status
 
 
 class Recording:
-    """One release going to its file, a context manager.
+    """Recording of one release to a file, as a context manager.
 
     Args:
         writer: the open run file
@@ -119,7 +119,7 @@ class Recording:
         return self._end_tick is not None and self._newest_tick >= self._end_tick
 
     def end_here(self) -> None:
-        """Take no further samples."""
+        """Stop accepting samples."""
         self._end_tick, self._duration = self.samples.last_tick, self.t
 
     def tail(self, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -134,7 +134,7 @@ class Recording:
         return time.monotonic() >= self._clock_at
 
     def note_clock(self, fit: ClockFit | None, missing: str = "", next_in_s: float = 5.0) -> None:
-        """Write the newest clock fit, or keep why it is `missing`; the next is due some seconds later."""
+        """Write the newest clock fit, or store why it is `missing`; the next one is due some seconds later."""
         now = time.monotonic()
         self._clock_at, self._no_clock_fit = now + next_in_s, missing
         arrivals = self._arrivals.fit() if self._in_real_time else None
@@ -169,7 +169,7 @@ class Recording:
         return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.theta(counts)
 
     def count_losses(self, lost: Mapping[str, int]) -> None:
-        """Note the device's losses as they stand now."""
+        """Store the current loss counters of the device."""
         self._lost = dict(lost)
 
     @property

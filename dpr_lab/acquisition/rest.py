@@ -11,7 +11,7 @@ RODS = ("inner rod", "outer rod")
 
 
 def rest_motion(t: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[float, float]:
-    """How much the rods moved while held.
+    """Motion of the rods while held.
 
     Args:
         t: (n,) time, s
@@ -34,7 +34,7 @@ def at_rest(t: NDArray[np.float64], theta: NDArray[np.float64], rig: Rig, limits
 
 
 def pose_error(theta: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
-    """How far the rods are from a pose, whole turns aside.
+    """Distance of the rods from a pose, without whole turns.
 
     Args:
         theta: (..., 3) absolute angles, rad

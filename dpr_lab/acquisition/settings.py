@@ -9,7 +9,7 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class DeviceTiming:
-    """How a device is listened to."""
+    """Timing of the connection to a device."""
 
     read_s: float = 0.02
     """How long a read may wait, and so how late a keepalive or a retry can be."""
@@ -28,7 +28,7 @@ class DeviceTiming:
 
 @dataclass(frozen=True, slots=True)
 class RestLimits:
-    """What counts as rest."""
+    """Limits within which the rods count as at rest."""
 
     window_s: float = 1.0
     """How long the rods must be seen to be still."""
@@ -47,7 +47,7 @@ class RestLimits:
 
 @dataclass(frozen=True, slots=True)
 class QualityLimits:
-    """What a good recording must keep to."""
+    """Limits of a good recording."""
 
     rest: RestLimits = RestLimits()
     release_window_s: float = 0.02
@@ -83,7 +83,7 @@ class QualityLimits:
 
 @dataclass(frozen=True, slots=True)
 class CaptureSettings:
-    """How a capture goes."""
+    """Settings of a capture."""
 
     limits: QualityLimits = QualityLimits()
     poll_s: float = 0.04

@@ -36,7 +36,7 @@ def _not_default(name: str, value: str, default: str) -> Declared:
 
 
 def origin_of(certificate: Certificate, here: Mapping[str, str]) -> list[Declared]:
-    """Policy, code, libraries, machine and signature.
+    """Origin of a diagnosis: policy, code, libraries, machine and signature.
 
     Args:
         certificate: the certificate

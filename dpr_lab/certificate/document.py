@@ -41,7 +41,7 @@ class _Part(BaseModel):
 
 
 class CertifiedRecording(_Part):
-    """One run file."""
+    """A recording of a certificate."""
 
     file: FilePath
     """Path relative to the folder of the certificate."""
@@ -100,7 +100,7 @@ class MadeWith(_Part):
 
 
 class CertifiedClaim(_Part):
-    """One statement of the diagnosis."""
+    """A claim of a certificate."""
 
     value: Annotated[str, Field(max_length=65536)] | Number
     """Text or number, SI."""

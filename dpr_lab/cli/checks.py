@@ -34,7 +34,7 @@ class Choices:
     """A name for people, with words before it."""
 
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
-        """What the last name, after any comma, can become, and what shells that have room for it say of each."""
+        """Completions of the last name, after any comma, with their descriptions."""
         before, comma, prefix = incomplete.rpartition(",")
         found = (name for name in self.names() if name.startswith(prefix))
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in found]

@@ -48,7 +48,7 @@ def say(message: str) -> None:
 
 
 def folded(message: str, stream: TextIO, before: int = 0) -> str:
-    """A message: on a terminal its lines end between words; so many characters stand before it already."""
+    """Break a message between words on a terminal; `before` characters precede it on its first line."""
     if not stream.isatty():
         return message
     width = get_terminal_size().columns
@@ -133,7 +133,7 @@ class Bar(Protocol):
 
 
 def no_bar(done: float | None, text: str = "") -> None:
-    """Where no bar is."""
+    """A progress bar that shows nothing."""
 
 
 @contextmanager

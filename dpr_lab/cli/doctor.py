@@ -16,7 +16,7 @@ from dpr_lab.errors import DprError
 
 @dataclass(frozen=True, slots=True)
 class SystemCheck:
-    """One thing looked at."""
+    """One check of the computer."""
 
     what: str
     state: Literal["ok", "note", "wrong"]

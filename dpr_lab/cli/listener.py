@@ -150,7 +150,7 @@ def effects_listed(names: tuple[str, ...]) -> str:
 
 
 def named_by(outcome: "TrialOutcome") -> str:
-    """What the diagnosis of a trial named, and its verdict."""
+    """Effects named by the diagnosis of a trial, and its verdict."""
     verdict = outcome.verdict.replace("_", " ")
     return f"{effects_listed(outcome.named)} ({verdict})" if outcome.named else verdict
 

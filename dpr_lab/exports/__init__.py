@@ -21,7 +21,7 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class ExportFormat:
-    """How a corrected model is written for another program."""
+    """One export format: the files of a corrected model and how it expresses effects."""
 
     program: str
     """What it is called."""
@@ -45,7 +45,7 @@ class ExportFormat:
     def written(
         self, model: Model, rig: Rig, lost: Mapping[str, str] | None = None, check: Mapping[str, Any] | None = None
     ) -> dict[str, str | bytes]:
-        """Name of each file -> what it holds; with a JSON of what is lost, where anything is.
+        """Name of each file -> content; with a JSON file of the lost effects, if any.
 
         Args:
             model: what to write

@@ -72,13 +72,13 @@ def words_of(effects: Effects) -> dict[str, Words]:
 
 
 def in_words(model: Model, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
-    """The effects of a model that a program can say which knows these words."""
+    """Effects of a model that a program with these elements can express."""
     expressed = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
     return {name: words for name, words in expressed.items() if "arm" not in words or arm_of(model, rig) is not None}
 
 
 def left_out(model: Model, expressed: Collection[str], program: str) -> dict[str, str]:
-    """Effect -> why a program cannot express it, given those that it can."""
+    """Effect -> why the program cannot express it."""
     return {name: _reason(name, model.effects[name], program) for name in model.effects if name not in expressed}
 
 

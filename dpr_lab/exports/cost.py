@@ -18,7 +18,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class ReplayRule:
-    """What is replayed, and what is refused."""
+    """Settings and limits of the replay."""
 
     most: int = 3
     """Releases that are replayed: a program may take as long as the swing itself."""
@@ -74,7 +74,7 @@ class Yardstick:
         return model, swings
 
     def replayed(self, swings: Sequence[Replay], squares: Sequence[float] | None = None) -> Replayed:
-        """What came of swings.
+        """Result of the replay of swings in a program.
 
         Args:
             swings: by the lab

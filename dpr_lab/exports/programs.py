@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ReplaySettings:
-    """How a recording is replayed."""
+    """Settings of the replay of recordings."""
 
     length_s: float = 10.0
     """Longest replay; shorter where the swing cannot be predicted so far."""
@@ -39,7 +39,7 @@ REPLAY = ReplaySettings()
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """One recording and a model's start in it."""
+    """One recording and the initial state of the model in it."""
 
     run: str
     t: Array
@@ -63,7 +63,7 @@ class Replay:
         return float(np.mean((self.measured - self.simulated) ** 2))
 
     def driven(self, t: float, state: object) -> list[float]:
-        """Torques of joints 1 and 2 through the step that begins then, N m."""
+        """Torques of joints 1 and 2 during the step that starts at t, N m."""
         return self.torques[min(round((t - self.start) / REPLAY.step_s), len(self.torques) - 1)].tolist()
 
     def error(self, theta: Array) -> float:
@@ -128,7 +128,7 @@ os._exit(0)  # a unit that embeds Python is not unloaded cleanly from a Python p
 
 
 def in_fmu(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
-    """FMPy, in a process of its own."""
+    """Replay in FMPy, in its own process."""
 
     def read(replay: Replay) -> Array:
         steps = replay.start + REPLAY.step_s * np.arange(len(replay.torques))

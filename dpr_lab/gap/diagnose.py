@@ -51,7 +51,7 @@ Event = StageBegan | FitBegan | ScoreTestBegan
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a diagnosis is asked for."""
+    """Options of a diagnosis."""
 
     rig: Rig
     library: Mapping[str, Effect]
@@ -62,7 +62,7 @@ class Request:
     on_progress: Callable[[Event], None]
 
     def begin(self, stage: str) -> None:
-        """Report that a stage begins."""
+        """Report the start of a stage."""
         self.on_progress(StageBegan(STAGES.index(stage) + 1, len(STAGES), stage))
 
 

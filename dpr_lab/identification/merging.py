@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class MergeSettings:
-    """How boldly segments are merged."""
+    """Settings of segment merging."""
 
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
     """A free run may stray so far from the readings, where the fit still finds back; the next where it was lost."""

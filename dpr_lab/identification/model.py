@@ -60,7 +60,7 @@ class EstimatedValue(_Record):
 
 
 class ParameterValue(_Record):
-    """One of the nine kinetic parameters, and what fixed it.
+    """One of the nine kinetic parameters and its source.
 
     `data`: the recordings, given the measured values. `measured`: the bench. `bound`: nothing but the bounds of the
     search; it is one point of a family of equally good values, so it has no standard deviation.
@@ -77,7 +77,7 @@ class ParameterValue(_Record):
 
 
 class RigFacts(_Record):
-    """What a simulation needs of the rig besides the ratios."""
+    """Constants of the rig that a simulation needs besides the ratios."""
 
     name: str
     """Name of the rig."""
@@ -134,7 +134,7 @@ class Covariance(_Record):
 
 
 class Identifiable(_Record):
-    """What the runs determine of the nine parameters."""
+    """Identifiable directions of the nine parameters."""
 
     rank: int
     """Number of the nine directions that the runs determine."""
@@ -145,7 +145,7 @@ class Identifiable(_Record):
 
 
 class FitSummary(_Record):
-    """How well the model follows the runs, over segments with free initial states."""
+    """Quality of the fit of each run, over segments with free initial states."""
 
     rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
     """Root mean square residual by axis, `theta1` and `theta2`."""
@@ -162,7 +162,7 @@ class FitSummary(_Record):
 
 
 class SearchRecord(_Record):
-    """What the search did, generation by generation."""
+    """History of the search, by generation."""
 
     algorithm: str
     """A name of `dpr_lab.search.ALGORITHMS`."""

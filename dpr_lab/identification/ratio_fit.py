@@ -84,7 +84,7 @@ class RatioFit:
 
     @property
     def segments(self) -> int:
-        """How many there are."""
+        """Number of segments."""
         return len(self.problem.segments)
 
     @property

@@ -30,7 +30,7 @@ HISTORY = ("best_cost", "best_fitness", "population_fitness")
 
 @dataclass(frozen=True, slots=True)
 class SearchCase:
-    """One search to run."""
+    """One search of the campaign."""
 
     reading: str
     """A name of `READINGS`."""
@@ -40,7 +40,7 @@ class SearchCase:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What one search found."""
+    """Result of one search."""
 
     case: SearchCase
     best: NDArray[np.float64]

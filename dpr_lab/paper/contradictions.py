@@ -14,7 +14,7 @@ from dpr_lab.rig import PARAMETERS, Rig
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """A claim that does not hold together, and the evidence."""
+    """An inconsistent claim of the publication, and the evidence."""
 
     claim: str
     evidence: str

@@ -43,7 +43,7 @@ theta2 - theta1.
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What a search minimises: one reading of H(Z), which the publication leaves open."""
+    """One interpretation of the cost H(Z), which the publication leaves open."""
 
     poses: tuple[str, ...]
     """H is the sum of E over these."""

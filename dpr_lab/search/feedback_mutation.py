@@ -10,7 +10,7 @@ from dpr_lab.search.problem import Bounds, Floats
 
 
 def near_duplicates(genes: Floats, tolerance: Floats) -> NDArray[np.bool_]:
-    """Which chromosomes are nearly the same as one before them.
+    """Mask of chromosomes that nearly equal a previous one.
 
     Args:
         genes: (M, n) population, best first

@@ -22,11 +22,11 @@ class Population:
 
 
 def ranked(genes: Floats, cost: Floats) -> Population:
-    """A population from chromosomes in any order; equal costs keep theirs."""
+    """Sort chromosomes by cost into a population; the sort is stable."""
     order = np.argsort(cost, kind="stable")
     return Population(genes[order], cost[order])
 
 
 def merged(first: Population, second: Population) -> Population:
-    """Both together, best first; among equal costs `first` comes first."""
+    """Merge two populations, best first; at equal cost `first` comes first."""
     return ranked(np.vstack([first.genes, second.genes]), np.concatenate([first.cost, second.cost]))

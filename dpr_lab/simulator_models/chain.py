@@ -17,7 +17,7 @@ from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, Vect
 
 @dataclass(frozen=True, slots=True)
 class ChainLimits:
-    """What counts as parallel, and as fixed to the elbow; gravity of a format that holds none."""
+    """Tolerances for parallel axes and for parts fixed to the elbow; default gravity."""
 
     gravity: float = 9.81
     """m/s^2"""

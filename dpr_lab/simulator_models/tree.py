@@ -11,7 +11,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ModelJoint:
-    """What lets a part move against its parent."""
+    """Joint between a part and its parent."""
 
     name: str
     kind: Literal["hinge", "slide", "ball", "free", "other"]
@@ -56,7 +56,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class ModelActuator:
-    """What drives a joint."""
+    """Actuator of a joint."""
 
     name: str
     joint: str

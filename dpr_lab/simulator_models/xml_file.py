@@ -11,7 +11,7 @@ from dpr_lab.whole_file import regular
 
 @dataclass(frozen=True, slots=True)
 class XmlLimits:
-    """What a model of a pendulum does not exceed."""
+    """Size limits of a pendulum model."""
 
     bytes: int = 5_000_000
     """Of one file."""

@@ -48,7 +48,7 @@ class ChunkIndices:
 
 
 class RowIndex(MessageIndex):
-    """Where each message of a chunk stands: (n, 2) times and offsets, written as they are."""
+    """Position of each message in a chunk: (n, 2) times and offsets, as written."""
 
     def __init__(self, channel: int, entries: NDArray[np.int64]) -> None:
         super().__init__(channel, [])

@@ -104,7 +104,7 @@ def table_name(path: Path) -> str:
 
 
 def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
-    """The run that a table is understood as."""
+    """Run that results from a table."""
     options, (kind, torques), (_, commanded) = swing.options, *[*swing.torques.items(), ("", None), ("", None)][:2]
     t, arm_input = swing.t, None
     if options.arm == "driven":

@@ -71,7 +71,7 @@ def columns(run: Run) -> Columns:
 
 
 def about(run: Run) -> dict[str, Any]:
-    """What the run says about itself, as plain values."""
+    """Metadata of the run, as plain values."""
     return {
         "name": run.name,
         "rig": run.rig_name,

@@ -20,7 +20,7 @@ from dpr_lab.storage.whole_run import whole_run
 
 @dataclass(frozen=True, slots=True)
 class RunInfo:
-    """What a run file says about itself, for a table or as JSON."""
+    """Metadata of a run file, for a table or JSON."""
 
     file: str
     sha256: str

@@ -45,7 +45,7 @@ from dpr_lab.storage.sidecar import write_sidecar
 
 @dataclass(frozen=True, slots=True)
 class WriterSettings:
-    """How long samples wait, and how exactly angles are written."""
+    """Buffering time and angle resolution of the writer."""
 
     flush_s: float = 0.2
     """With a call every 50 ms no chunk is older than 250 ms when it reaches the operating system."""

@@ -116,7 +116,7 @@ def refuse_opened(trial: Trial) -> None:
 
 
 def open_trial(trial: Trial) -> Opened:
-    """Have the plant opened, check it against the seal, and score the diagnosis.
+    """Reveal the plant, verify the seal, and score the diagnosis.
 
     Raises:
         RunError: there is no diagnosis yet.

@@ -91,7 +91,7 @@ def _words(request: PlantRequest) -> list[str]:
 
 @contextmanager
 def sealed_in_memory(request: PlantRequest, rig: str) -> Iterator[tuple[dict[str, Any], Callable[[], dict[str, Any]]]]:
-    """A plant drawn, sealed and recorded by a process that keeps its truth in memory and writes nothing.
+    """Draw, seal and record a plant in a process that keeps the truth in memory only.
 
     Args:
         request: what to draw

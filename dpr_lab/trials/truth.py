@@ -52,7 +52,7 @@ class Truth:
         return not self.effects and self.foreign is None
 
     def sizes(self, rig: Rig, scale_b: float) -> dict[str, dict[str, float]]:
-        """Amplitudes of the library effects at the scale at which the lab gives them.
+        """True amplitudes of the library effects, converted to the scale that the lab assumes.
 
         A free swing does not show the common scale of torques and inertias: the lab's are relative to a b that it
         holds, so that true torques and inertias are to be multiplied by scale_b / b of the plant.

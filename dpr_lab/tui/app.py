@@ -322,7 +322,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.save()
 
     def action_leave(self) -> None:
-        """Take notices away and go from a field back to the step."""
+        """Dismiss notices and move the focus from a field to the step."""
         self.clear_notifications()
         self.current.focus()
 

@@ -55,7 +55,7 @@ class KeyNames:
 
 
 def keys_file() -> Path:
-    """Where the operator's keys are; the environment variable DPR_LAB_CONFIG overrides the user's own folder."""
+    """Path of the operator's key bindings; the environment variable DPR_LAB_CONFIG overrides the user's folder."""
     return Path(os.environ.get("DPR_LAB_CONFIG") or platformdirs.user_config_dir("dpr-lab")) / "keys.toml"
 
 

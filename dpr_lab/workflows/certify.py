@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Certified:
-    """A certificate that was written, and what its policy adds to it."""
+    """A written certificate, and the additions of its policy."""
 
     certificate: "Certificate"
     choices: "list[Declared]"

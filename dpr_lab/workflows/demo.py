@@ -33,7 +33,7 @@ JOBS = (
 
 @dataclass(frozen=True, slots=True)
 class DemoRequest:
-    """Where the demo goes, and what it draws."""
+    """Options of the demo."""
 
     out: Path
     """Folder of runs, model and report; each demo's trial gets a folder of its own in it."""

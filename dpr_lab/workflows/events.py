@@ -106,7 +106,7 @@ class CaptureBegan:
 
 @dataclass(frozen=True, slots=True)
 class CaptureProgress:
-    """How far a capture is."""
+    """Progress of a capture."""
 
     progress: "Progress"
 

@@ -27,7 +27,7 @@ class PaperRequest:
 
 @dataclass(frozen=True, slots=True)
 class PaperResult:
-    """What was computed, and the page that shows it."""
+    """Results of the reproduction, and their page."""
 
     reproduction: "Reproduction"
     record: dict[str, Any]

@@ -51,7 +51,7 @@ Framing: TypeAlias = Callable[[], FrameCodec]
 
 
 class SerialCodec:
-    """Frames framed for a UART or a socket."""
+    """Framing of messages for a UART or a socket."""
 
     def __init__(self) -> None:
         self._decoder = FrameDecoder()

@@ -13,7 +13,7 @@ from dpr_lab.gap.result.diagnosis import AdvisedCheck, Diagnosis, Quantity
 
 
 def form(check: AdvisedCheck) -> str:
-    """How its result is given."""
+    """Options that give the result of a measurement."""
     return f'--value "{_example(check)}" --std "..."'
 
 

@@ -68,7 +68,7 @@ class ExpectedRecording:
 
 
 def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Sequence[str]) -> list[ExpectedRecording]:
-    """What each release of the menu would show of some effects.
+    """Predicted changes of each release of the menu by some effects.
 
     Args:
         recordings: their noise and setup are those of the releases

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class CheckSettings:
-    """How the result of a check counts."""
+    """Settings of the update by a check."""
 
     model_error: float = 0.1
     """m: standard deviation of a fitted amplitude beyond that of its fit, relative to it: its law and
@@ -83,7 +83,7 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True)
 class Predictions:
-    """What each candidate predicts of a measured amplitude, in its unit."""
+    """Predictive densities of a measured amplitude, in its unit."""
 
     candidates: Mapping[str, Prediction]
     background: Prediction
@@ -111,7 +111,7 @@ class Predictions:
 
 
 def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str]) -> Predictions:
-    """What the candidates of a diagnosis predict of the amplitude that a check measures.
+    """Predictive densities of the amplitude that a check measures, for each candidate.
 
     Args:
         diagnosis: it has the fitted sizes
@@ -151,7 +151,7 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
 
 
 def magnitude(values: Array, covariance: Array) -> Interval | None:
-    """Root of the sum of squares of some amplitudes with its reach, by their (n, n) squared reaches; None at zero."""
+    """Root of the sum of squares of amplitudes with its half interval, from their (n, n) covariance; None at zero."""
     if len(values) == 1:
         value, reach = float(values[0]), float(np.sqrt(covariance[0, 0]))
     else:

@@ -24,7 +24,7 @@ DISTINGUISHED = 5.0
 
 
 def form(check: AdvisedCheck) -> str:
-    """How its result is given."""
+    """Options that give the result of a recording."""
     return "its run files"
 
 

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """How costs become probabilities; learnt on blind trials, `benchmarks/calibrate_diagnosis.py`."""
+    """Conversion of costs to probabilities, calibrated on blind trials by `benchmarks/calibrate_diagnosis.py`."""
 
     temperature: float = 3.0
     """By which differences of log predictive density are divided."""

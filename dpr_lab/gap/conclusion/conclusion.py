@@ -85,7 +85,7 @@ class Findings:
 
     @property
     def absorbed(self) -> dict[str, dict[str, str]]:
-        """Effect -> amplitude -> what it is indistinguishable from; of an effect in the model, without it there."""
+        """Effect -> amplitude -> parameters that absorb it; an effect of the model is tested without it."""
         around, last = self.selection.tests_without, self.selection.final_test
         scores = {name: around[name].of(name) if name in around else last.of(name) for name in EFFECTS}
         return {name: dict(score.absorbed) for name, score in scores.items() if score is not None and score.absorbed}
@@ -104,7 +104,7 @@ class Findings:
 
 
 def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
-    """The diagnosis; `seconds` is what it took."""
+    """Build the diagnosis; `seconds` is its computing time."""
     chosen, least = found.selection.chosen, detectable(found.selection.chosen, found.selection.final_test)
     withheld = found.description.withholds
     kind = verdict(found.selection, found.posteriors, found.transfer, least, withheld=withheld)

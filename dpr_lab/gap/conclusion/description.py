@@ -17,7 +17,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class DescriptionRules:
-    """When a wrong description stands in the place of causes."""
+    """Rules by which a wrong description of the recordings replaces the causes."""
 
     as_good: float = 0.02
     """Share of the excess that another reading may explain less than the chosen effects, and still be as good."""

@@ -47,7 +47,7 @@ def covariance(problem: Problem, at: Hypothesis, rig: Rig, remainder: Discrepanc
 
 
 def by_unseen_ratios(problem: Problem, at: Hypothesis, rig: Rig, *, share: float = 1e-3) -> Array:
-    """(5,) variance of the ratios because the recordings do not show all of them.
+    """(5,) variance of the ratios due to those that the recordings do not determine.
 
     Args:
         problem: what was measured

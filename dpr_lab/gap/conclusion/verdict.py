@@ -21,7 +21,7 @@ Detectable = Mapping[str, Mapping[str, float | None]]
 
 @dataclass(frozen=True, slots=True)
 class VerdictRules:
-    """When a set counts as the cause; set on blind trials with libraries that lack it."""
+    """Limits of the verdicts, set on blind trials whose library lacks the cause."""
 
     named_share: float = 0.93
     """Of the excess: right models explained 0.97 and more, wrong libraries 0.91 at most."""
@@ -55,7 +55,7 @@ def verdict(
     *,
     withheld: bool = False,
 ) -> Verdict:
-    """Choose the verdict; beyond one release by what carries over to recordings that took no part.
+    """Choose the verdict; with more than one release by the reduction on held-out recordings.
 
     Args:
         selection: the chosen set of effects
@@ -70,7 +70,7 @@ def verdict(
 
 
 def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-    """Those that are not next to impossible."""
+    """Effects whose probability is not close to zero."""
     return tuple(item for item in posteriors if item.probability >= RULES.listed)
 
 
@@ -170,7 +170,7 @@ def _no_gap(base: Hypothesis) -> str:
 
 
 def how_far(carried: Transfer) -> str:
-    """How far the gap closes on data that took no part in the fit, and what those data are."""
+    """Reduction of the gap on held-out data, and the kind of these data."""
     estimate, (low, high) = carried.closed.estimate, carried.closed.interval90
     closes = f"the gap closes by {estimate:.0%}" if estimate > 0 else f"the gap does not close ({estimate:.0%}"
     interval = f"90 % interval {low:.0%} to {high:.0%})"

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class AssumedInputs:
-    """What is put in where a rig file says nothing of an uncertainty; limits are halves of rectangular ones."""
+    """Assumed uncertainties where the rig file states none; a limit is the half width of a rectangular density."""
 
     rule_m: float = 1e-3
     """L1, by a steel rule with millimetres, at either end."""

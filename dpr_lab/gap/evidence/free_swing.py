@@ -47,7 +47,7 @@ class FreeSwing:
 
     @property
     def compared(self) -> NDArray[np.bool_]:
-        """(n, 2) what is compared, horizon aside."""
+        """(n, 2) readings that are compared, without the horizon."""
         return (self.weight > 0) & ~self.head[:, None]
 
     @property
@@ -58,7 +58,7 @@ class FreeSwing:
         return A.T @ A + slow.T @ slow, A
 
     def settled(self, change: Array) -> Array:
-        """(n, 2, k) what a change of the readings, (n, 2, k), leaves once the start state is fitted again."""
+        """(n, 2, k) rest of a change of the readings, (n, 2, k), after the initial state is refitted."""
         normal, A = self._normal
         rows = (self.weight[:, :, None] * change)[self.head].reshape(len(A), -1)
         return change - self.by_start @ (_inverse(normal) @ (A.T @ rows))
@@ -77,7 +77,7 @@ def _inverse(normal: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class FreeSwings:
-    """Those of one model along all recordings."""
+    """Free runs of one model for all recordings."""
 
     runs: FreeRuns
     each: tuple[FreeSwing, ...]
@@ -93,7 +93,7 @@ class FreeSwings:
 
 
 def free_swings(runs: FreeRuns, at: Hypothesis) -> FreeSwings:
-    """How free runs of a model answer to all that is unsure."""
+    """Sensitivity of the free runs of a model to all uncertain quantities."""
     free, problem = at.fit.free, runs.problem
     slopes = np.zeros((len(problem.t), 2, len(free) + 4))  # zeros of these very runs count as known
     moves = [i for i, parameter in enumerate(free) if parameter.block != "zeros"]
@@ -111,7 +111,7 @@ def free_swings(runs: FreeRuns, at: Hypothesis) -> FreeSwings:
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
-    """When the start state's uncertainty alone moves a reading by an error, s after the first; none: not within it."""
+    """Time after which the uncertainty of the initial state alone causes a given error, s; None: later than the run."""
     lost = np.flatnonzero((swing.start_variance() * (swing.weight > 0)).max(axis=1) > error_rad**2)
     lost = lost[~swing.head[lost]]
     return float(swing.t[lost[0]]) if len(lost) else None

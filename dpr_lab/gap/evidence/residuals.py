@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class LookSettings:
-    """What is looked at."""
+    """Settings of the residual analysis."""
 
     lags: int = 40
     """Neighbours, of 5 ms mostly: 0.2 s, within every segment."""

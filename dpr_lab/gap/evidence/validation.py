@@ -32,7 +32,7 @@ Pairs = Mapping[str, FreeSwing]
 
 @dataclass(frozen=True, slots=True)
 class CurveSettings:
-    """What is kept of a curve, to be looked at."""
+    """Resolution of the stored curves."""
 
     rate_hz: float = 50.0
     """Ten points of the fastest swing."""

@@ -68,7 +68,7 @@ def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
 
 
 def free_parameters(at: Estimate, effects: Sequence[str], problem: Problem) -> tuple[FreeParameter, ...]:
-    """The ratios, b where it can be seen, what is hardly known of the rig, and all that is free of some effects."""
+    """Ratios, b if identifiable, uncertain rig constants, and all free parameters of some effects."""
     names = dict.fromkeys((*problem.always, *effects))
     visible = visible_ratios(problem.segments.setups, scale_visible(effects, problem))
     limits = problem.limits
@@ -77,7 +77,7 @@ def free_parameters(at: Estimate, effects: Sequence[str], problem: Problem) -> t
 
 
 def started_with(problem: Problem, before: Hypothesis, test: ScoreTest, score: Score, iterations: int = 0) -> Iteration:
-    """One effect more at the linear solution of its score test, continued by some Gauss-Newton iterations."""
+    """Add one effect at the linear solution of its score test; continue by some Gauss-Newton iterations."""
     linear = test.linear.chosen([*test.held, *score.columns])
     first = descend(problem, _shaped(before, score), score.free, iterations=1, first=linear)
     if not iterations:

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class NoiseAssumptions:
-    """How far residuals are believed."""
+    """Assumptions on the residuals."""
 
     level: tuple[float, float] = (0.3, 1.3)
     """Range, as variance, in which a noise floor that is off counts as noise, not as a gap."""
@@ -36,7 +36,7 @@ ASSUMPTIONS = NoiseAssumptions()
 
 @dataclass(frozen=True, slots=True)
 class ResidualStatistics:
-    """What a fit leaves, against the noise."""
+    """Residuals of a fit relative to the noise."""
 
     chi2: float
     dof: int
@@ -49,7 +49,7 @@ class ResidualStatistics:
 
     @property
     def excess(self) -> float:
-        """chi2 above the noise."""
+        """Excess chi-square: chi2 above the noise."""
         return self.chi2 - self.level * self.dof
 
     @property
@@ -60,18 +60,18 @@ class ResidualStatistics:
 
     @property
     def z(self) -> float:
-        """How many standard deviations the residual is from noise."""
+        """Distance of the residual from noise, in standard deviations."""
         return self.excess / self.uncertainty
 
     @property
     def inflation(self) -> float:
-        """What one independent piece of evidence costs in chi2: variance times n / n_eff of a first-order process."""
+        """Variance inflation n / n_eff of a first-order process, times the variance of the residuals."""
         rho = min(max(self.autocorrelation, 0.0), ASSUMPTIONS.most_correlated)
         return max(self.chi2 / self.dof, 1.0) * (1 + rho) / (1 - rho)
 
     @property
     def noise_ratio(self) -> float:
-        """Size of what is left over that of the noise, both rms."""
+        """Ratio of the residual to the noise, both rms."""
         return float(np.sqrt(max(self.excess, 0.0) / (self.level * self.dof)))
 
 

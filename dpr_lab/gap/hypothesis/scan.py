@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ScanSettings:
-    """How shapes are compared before any is fitted."""
+    """Settings of the scan over shapes."""
 
     many: int = 24
     """Shapes above which an effect is scanned along the swing before the score test."""

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What one effect, in one shape, promises."""
+    """Score test of one effect in one shape: predicted reduction and amplitudes."""
 
     effect: Effect
     shape: Shape

@@ -23,7 +23,7 @@ BLIND = 1e-6
 
 
 def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
-    """What the recordings tell of shapes."""
+    """Properties of the recordings from which shapes are proposed."""
     screened = [(axis, run, at) for run, item in enumerate(records) for at, axis in item.screened.breaks]
     return Recorded(
         arm_moves=tuple(item.arm_moves for item in records),

@@ -7,7 +7,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Where lines are drawn; set on blind trials below seed 100000 of `benchmarks/diagnosis.py`, judged above.
+    """Acceptance thresholds, set on blind trials below seed 100000 of `benchmarks/diagnosis.py` and tested on others.
 
     chi2 counts in units of independent evidence, `ResidualStatistics.inflation`.
     """
@@ -86,7 +86,7 @@ def significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
 
 
 def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
-    """Whether one effect more explains more than chance, and more than a form that is not quite right leaves open."""
+    """Whether one more effect explains more than chance, and more than an inexact functional form leaves."""
     if before.cost - after.cost < significance(base, before, after):
         return False
     if at_noise_floor(before) or excess(before) > THRESHOLDS.slow * excess(after):
@@ -95,7 +95,7 @@ def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
 
 
 def need(base: Hypothesis, at: Hypothesis, less: Hypothesis) -> float:
-    """How much a set needs the effect that `less` lacks; 1 is enough to keep it."""
+    """Evidence for the effect that `less` lacks, relative to the threshold; 1 is enough to keep it."""
     if at_noise_floor(at):
         return (less.cost - at.cost) / (THRESHOLDS.chance * at.residuals.inflation)
     growth, factor = less.residuals.excess - excess(at), less.residuals.excess / excess(at)

@@ -96,7 +96,7 @@ class Gap(_Record):
 
 
 class Where(_Record):
-    """One place in which the gap can lie."""
+    """One location of the gap."""
 
     site: str
     """Where it lies: a joint, an encoder, the base."""
@@ -117,7 +117,7 @@ class Where(_Record):
 
 
 class NamedEffect(_Record):
-    """One effect of the chosen set."""
+    """One effect of the selected set."""
 
     name: str
     """A name of `dpr_lab.effects.EFFECTS`."""
@@ -149,7 +149,7 @@ class NamedFamily(_Record):
 
 
 class RivalEffect(_Record):
-    """Another effect that could stand in its place."""
+    """An alternative to a named effect."""
 
     name: str
     """A name of `dpr_lab.effects.EFFECTS`."""
@@ -192,7 +192,7 @@ class AdvisedRelease(_Record):
 
 
 class Quantity(_Record):
-    """What a measurement gives: a quantity with its unit."""
+    """Quantity and unit of a measurement."""
 
     name: str
     """In words: `extra friction torque at rest, joint 2`."""
@@ -290,7 +290,7 @@ NONE_OF_THEM = "unexplained"
 
 
 class CheckDone(_Record):
-    """The result of a recommended check, and what it changed."""
+    """Result of a recommended check and the probabilities before and after it."""
 
     check: AdvisedCheck
     """The check."""

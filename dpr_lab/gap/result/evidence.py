@@ -12,7 +12,7 @@ class _Part(BaseModel):
 
 
 class RecordingUsed(_Part):
-    """One recording, as it was used."""
+    """One recording and its role in the diagnosis."""
 
     name: str
     file: str
@@ -31,7 +31,7 @@ class RecordingUsed(_Part):
 
 
 class Occupancy(_Part):
-    """How long a rod was at which angle and speed."""
+    """Time that a rod spent in each range of angle and speed."""
 
     angle_edges_rad: list[Number]
     """0 is upright, pi hangs; full turns are taken off."""
@@ -43,7 +43,7 @@ class Occupancy(_Part):
 
 
 class Closing(_Part):
-    """What is left of the gap once one more effect is in the model."""
+    """Remaining gap after one more effect is added to the model."""
 
     effect: str
     """Empty for the bare model."""
@@ -65,7 +65,7 @@ class Whiteness(_Part):
 
 
 class ResidualLook(_Part):
-    """What the models leave of the fitted recordings, start states of segments free."""
+    """Residuals of the fitted recordings with free initial states of the segments."""
 
     spacing_s: Number
     """Between neighbouring readings."""
@@ -155,7 +155,7 @@ class Curves(_Part):
 
 
 class Evidence(_Part):
-    """All of it."""
+    """The evidence for a diagnosis."""
 
     version: str
     made_utc: str

@@ -36,7 +36,7 @@ class TrustTrial(_Part):
 
 
 class ConfusionCell(_Part):
-    """How often one thing was named where another was."""
+    """Frequency of naming one effect where another one was hidden."""
 
     true: str
     named: str
@@ -44,7 +44,7 @@ class ConfusionCell(_Part):
 
 
 class TrustShare(_Part):
-    """How often something happened."""
+    """Frequency of an outcome in the blind trials."""
 
     held: int
     of: int
@@ -53,7 +53,7 @@ class TrustShare(_Part):
 
 
 class Trust(_Part):
-    """All trials, and what they come to."""
+    """Blind trials of a diagnosis and their summary."""
 
     seed: int
     seconds_each: Number

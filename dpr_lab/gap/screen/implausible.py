@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ImplausibleSettings:
-    """What no rod does."""
+    """Limits of the motion of a rod."""
 
     fastest: float = 200.0
     """rad/s; no rod of a laboratory turns thirty times a second."""

@@ -39,7 +39,7 @@ LENGTHS = SegmentLengths()
 
 @dataclass(frozen=True, slots=True)
 class InitialGuess:
-    """How an initial state is guessed from the readings about it."""
+    """Settings of the initial state estimate from neighbouring readings."""
 
     near_s: float = 0.03
     """Readings that count: a cubic follows any swing so far."""
@@ -54,7 +54,7 @@ GUESS = InitialGuess()
 
 @dataclass(frozen=True, slots=True)
 class Recordings:
-    """Runs as the diagnosis sees them, and their rig."""
+    """Preprocessed runs of a diagnosis, and their rig."""
 
     records: tuple[Record, ...]
     rig: Rig
@@ -65,12 +65,12 @@ class Recordings:
 
     @property
     def constants(self) -> RigConstants:
-        """What was measured on the rig."""
+        """Measured constants of the rig."""
         return rig_constants(self.rig)
 
     @property
     def prior(self) -> Prior:
-        """What the rig file says of ratios and sizes."""
+        """Prior of the ratios and sizes from the rig file."""
         return prior_of(self.rig)
 
     @property
@@ -109,7 +109,7 @@ class Recordings:
         return problem, initial
 
     def without(self, problem: Problem, off: NDArray[np.bool_]) -> "Recordings":
-        """Without some readings (samples, 2) of a problem cut from these: faults that only a model shows."""
+        """Recordings without some readings (samples, 2): faults that are only visible with a model."""
         if not off.any():
             return self
         run = problem.segments.run[problem.owner]

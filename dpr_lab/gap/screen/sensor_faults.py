@@ -65,7 +65,7 @@ SCREEN = ScreenSettings()
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing a sensor did wrong."""
+    """One sensor fault."""
 
     name: str
     run: str

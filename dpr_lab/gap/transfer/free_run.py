@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class FreeRunSettings:
-    """How a model runs free."""
+    """Settings of the free runs."""
 
     settle_s: float = 0.3
     """What the start state is fitted to."""
@@ -50,7 +50,7 @@ class FreeRuns:
 
     @property
     def rows(self) -> list[slice]:
-        """Where each recording's samples are."""
+        """Slices of the samples of each recording."""
         return [slice(i, j) for i, j in pairwise(self.problem.segments.offsets)]
 
     @property
@@ -70,7 +70,7 @@ class FreeRuns:
 
 
 def free_runs(recordings: Recordings, at: Estimate) -> FreeRuns:
-    """Let a model run along recordings.
+    """Simulate a model freely for each recording.
 
     Args:
         recordings: the recordings; where the first readings of one are few, `MIN_SAMPLES` of them are fitted

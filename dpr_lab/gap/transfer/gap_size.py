@@ -34,7 +34,7 @@ def floor_rad(problem: Problem) -> dict[str, float]:
 
 
 def gap_rad(problem: Problem, at: Hypothesis) -> dict[str, float]:
-    """What a fit leaves above the noise by axis, rms, rad."""
+    """Residual of a fit above the noise for each axis, rms, rad."""
     residual = bounded_residual(problem, at.fit)
     lost = 1 - (problem.segments.starts.sum() + len(at.fit.free)) / np.count_nonzero(problem.read)
     above = _mean(residual**2, problem) / lost - at.residuals.level
@@ -42,7 +42,7 @@ def gap_rad(problem: Problem, at: Hypothesis) -> dict[str, float]:
 
 
 def gap_torque(problem: Problem, at: Hypothesis) -> dict[str, float]:
-    """The torque that would make up for what a fit leaves, by joint, rms, N m.
+    """Torque that would remove the residual of a fit, for each joint, rms, N m.
 
     In every segment a torque in each joint, piecewise linear in time, is fitted to the residual; the variance that
     noise alone gives to it is taken off.

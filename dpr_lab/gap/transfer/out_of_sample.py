@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class BlockBootstrap:
-    """How the interval of a reduction is drawn."""
+    """Settings of the bootstrap interval of a reduction."""
 
     block: int = 2
     """Neighbouring segments that are drawn together: residuals of one swing resemble each other."""
@@ -87,7 +87,7 @@ def _unseen(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis
 
 
 def reduction(above: Array, rng: np.random.Generator) -> GapReduction:
-    """How far the gap closes: (2, segments) chi2 above the noise, before and after."""
+    """Relative reduction of the gap from (2, segments) chi2 above the noise, before and after."""
     sums = np.add.reduceat(above, np.arange(0, above.shape[1], BOOTSTRAP.block), axis=1)
     blocks = sums.shape[1]
     drawn = _shares(sums[:, rng.integers(0, blocks, (BOOTSTRAP.draws, blocks))])

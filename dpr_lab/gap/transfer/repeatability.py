@@ -49,7 +49,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RepeatabilityRules:
-    """What is needed to say so."""
+    """Data required for a statement on repeatability."""
 
     segments: int = 3
     """Of each recording at least: fewer show no scatter."""
@@ -71,7 +71,7 @@ RULES = RepeatabilityRules()
 
 
 def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem, selection: Selection) -> GapBudget:
-    """Split the gap by what is reproducible.
+    """Split the gap into reproducible and other parts.
 
     Args:
         recordings: the fitted runs

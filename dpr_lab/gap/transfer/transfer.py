@@ -39,7 +39,7 @@ Basis = Literal["one release", "releases left out", "held-out runs"]
 
 @dataclass(frozen=True, slots=True)
 class TransferSettings:
-    """What carrying over means."""
+    """Settings of the test on held-out recordings."""
 
     beyond_chance: float = NORMAL_Q90
     """Standard errors of a sum of falls: one in twenty by chance."""
@@ -62,7 +62,7 @@ TRANSFER = TransferSettings()
 
 @dataclass(frozen=True, slots=True)
 class Transfer:
-    """How what was named does on recordings that took no part."""
+    """Performance of the named effects on held-out recordings."""
 
     basis: Basis
     closed: GapReduction
@@ -102,7 +102,7 @@ def transfer(
     freely: Mapping[str, FreeRuns],
     rng: np.random.Generator,
 ) -> Transfer:
-    """Test the chosen effects on recordings that took no part in the fit.
+    """Test the chosen effects on held-out recordings.
 
     Args:
         recordings: the fitted runs

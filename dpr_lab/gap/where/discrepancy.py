@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class DiscrepancyRules:
-    """How the term is sized and described."""
+    """Settings of the discrepancy term and of its description."""
 
     ridges: tuple[float, ...] = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
     """Variance of the noise over that of the prior: from hardly anything to nearly free."""
@@ -63,7 +63,7 @@ class Discrepancy:
 
     @property
     def sentence(self) -> str:
-        """How large the remainder is and where, by the joint of the larger torque."""
+        """Size and location of the remainder, by the joint of the larger torque."""
         joint = int(np.argmax(self.torque_Nm))
         where = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {joint + 1}"
         if self.slow[joint] > RULES.mostly:

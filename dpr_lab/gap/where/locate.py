@@ -38,7 +38,7 @@ WORTH_SAYING = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """One map."""
+    """Residual map of one location over one coordinate."""
 
     site: str
     """joint1, joint2, encoder1 or encoder2."""
@@ -57,7 +57,7 @@ class Place:
 
 
 def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
-    """All maps, the one that explains most first; empty where there is no gap to locate."""
+    """All residual maps, the one that explains most first; empty without a gap."""
     if base.residuals.z < WORTH_SAYING:
         return ()
     along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)

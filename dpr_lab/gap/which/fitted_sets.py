@@ -38,7 +38,7 @@ Progress = Callable[[FitBegan | ScoreTestBegan], None]
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How much is tried of each set."""
+    """Number of candidates that are fitted for each set."""
 
     rough: int = 6
     """Iterations of a fit far from the noise."""
@@ -99,7 +99,7 @@ class FittedSets:
         return replace(self, _fits=dict(fits), _tests=dict(tests))
 
     def keep(self, model: Hypothesis) -> Hypothesis:
-        """Remember a fit where it is the best of its set; return the best."""
+        """Store a fit if it is the best of its set; return the best."""
         best = self._fits.get(model.key)
         if best is None or model.fit.chi2 <= best.fit.chi2:
             self._fits[model.key] = best = model
@@ -151,7 +151,7 @@ class FittedSets:
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
     def short(self) -> tuple[Problem, NDArray[np.float64]]:
-        """The same recordings in short segments, and initial states to begin with."""
+        """The same recordings in short segments, with their initial states."""
         if not self._short:
             self._short.append(self.recordings.cut(LENGTHS.first))
         return self._short[0]

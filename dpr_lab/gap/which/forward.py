@@ -22,7 +22,7 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 @dataclass(frozen=True, slots=True)
 class Beam:
-    """How wide the search is."""
+    """Width of the forward search."""
 
     fitted: int = 4
     """Candidates of a score test that are fitted."""

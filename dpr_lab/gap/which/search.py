@@ -44,7 +44,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """Where the search stands. A move makes a new state and leaves the one before as it was."""
+    """State of the search. A move returns a new state and does not change the old one."""
 
     current: Hypothesis
     """The best set so far."""
@@ -77,7 +77,7 @@ class SearchState:
 
 
 def run(moves: Sequence[Move], sets: FittedSets, state: SearchState) -> SearchState:
-    """Run moves in order, each from where the one before ended."""
+    """Run moves in order, each from the state that the previous one returned."""
     for move in moves:
         state = apply(move, sets, state)
     return state

@@ -85,7 +85,7 @@ def _selected(sets: FittedSets, max_effects: int) -> Selection:
 
 
 def short_segments(max_effects: int) -> Move:
-    """The move far from the noise: a search of its own in short segments, and what it chose fitted to the whole ones.
+    """Search in short segments far from the noise; refit the selected set in the full segments.
 
     Args:
         max_effects: largest number of effects

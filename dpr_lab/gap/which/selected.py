@@ -28,7 +28,7 @@ class TracedTrial:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The chosen set of effects, and what it was chosen from."""
+    """The selected set of effects and the candidates it was selected from."""
 
     base: Hypothesis
     chosen: Hypothesis

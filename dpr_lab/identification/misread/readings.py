@@ -30,7 +30,7 @@ class Misreading:
 
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:
-    """All other ways that are tried, for runs of a rig."""
+    """All other interpretations that are tried for the runs of a rig."""
     return (*_ANGLES, *_scaled(rig), *_TIMES, *_TORQUES, _arm(rig))
 
 

@@ -86,7 +86,7 @@ def refuse_negative_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None
 
 
 def refuse_impossible(ratios: Array, rig: Rig) -> None:
-    """Make sure that (5,) ratios can be those of rods with masses.
+    """Refuse (5,) ratios unless they belong to rods with positive masses.
 
     Raises:
         IdentificationError: they cannot.

@@ -115,7 +115,7 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
 
 
 def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[tuple[Misreading, RatioFit]]:
-    """Other readings that explain the runs far better, the best first; of those that are far worse than it, none.
+    """Other interpretations that explain the runs far better, best first, without those far worse than the best.
 
     Args:
         runs: as they were read
@@ -133,7 +133,7 @@ def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[
 
 
 def impossible(ratios: Array, rig: Rig) -> str:
-    """Why no positive masses have (5,) ratios; empty for those that some have.
+    """Reason why no positive masses have (5,) ratios; empty if some have.
 
     With m2 at l2 on the rod and M >= m2 at the joint: d = m2 l2 L1 > 0, b >= m2 l2^2, a >= M L1^2, e1 >= M L1 g, so
     that a/b > (d/b)^2 and e1/b >= (d/b)^2 g/L1.

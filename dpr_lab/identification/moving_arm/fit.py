@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ArmFitSettings:
-    """How recordings with a moving arm are fitted."""
+    """Settings of the fit with a moving arm."""
 
     first_s: float = 0.25
     """Length of the first segments, s."""

@@ -16,7 +16,7 @@ CONFIG = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
 
 class ArmFitSummary(BaseModel):
-    """How well the model follows the runs, over segments with free initial states."""
+    """Quality of the fit of each run, over segments with free initial states."""
 
     model_config = CONFIG
 

@@ -40,7 +40,7 @@ class Unknowns:
 
     @property
     def places(self) -> list[int]:
-        """Places of the free ones in the vector p."""
+        """Indices of the free parameters in the vector p."""
         return [SWING_PARAMETERS.index(name) for name in self.free]
 
     def name(self, parameter: str) -> str:

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PriorSettings:
-    """How the ratios update the prior."""
+    """Settings of the update of the prior by the ratios."""
 
     ratio_std: float = 1e-3
     """Relative standard deviation of the ratios: an effect that the model lacks changes them by about as much."""

@@ -94,7 +94,7 @@ class Content:
             yield number, text
 
     def lines_of(self, number: int, text: str) -> Iterator[Line]:
-        """The lines of a block that hold something, with their numbers."""
+        """Non-empty lines of a block, with their numbers."""
         for at, line in enumerate(text.split("\n"), number):
             if kept := self._kept(at, line):
                 yield kept

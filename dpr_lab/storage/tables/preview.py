@@ -17,7 +17,7 @@ from dpr_lab.storage.tables.understand import understand
 
 @dataclass(frozen=True, slots=True)
 class Preview:
-    """What was understood of a table."""
+    """Interpretation of a table before it is imported."""
 
     file: Path
     kind: str

@@ -8,7 +8,7 @@ from dpr_lab.errors import DprError
 
 @dataclass(frozen=True, slots=True)
 class JobProgress:
-    """Something the work reported."""
+    """A progress event of a job."""
 
     value: Any
 

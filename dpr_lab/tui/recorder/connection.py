@@ -63,7 +63,7 @@ class DeviceConnection:
             await asyncio.to_thread(recorder.close)
 
     def fresh(self, now: float) -> bool:
-        """Whether what was seen last still holds: a device is connected, and was heard just now."""
+        """Whether the device is connected and was heard recently."""
         return self.connected is not None and self.seen.fresh(now)
 
     def tell(self, order: RecorderOrder) -> None:

@@ -49,7 +49,7 @@ RecorderOrder: TypeAlias = Exercise | CaptureAttempt | GoAhead | CancelAttempt
 
 @dataclass(frozen=True, slots=True)
 class Connected:
-    """The device answered."""
+    """The device answered the handshake."""
 
     url: str
     info: DeviceInfo

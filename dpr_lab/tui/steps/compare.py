@@ -102,7 +102,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         self._saved = False
 
     def compose(self) -> ComposeResult:
-        """Pickers, slider, charts, figures."""
+        """Build pickers, slider, charts and readouts."""
         with Horizontal(id="pickers"):
             yield Select[int]([], prompt="no run yet", id="run", compact=True)
             yield Select(list(zip(AXES, (0, 1), strict=True)), value=1, allow_blank=False, id="axis", compact=True)
@@ -125,7 +125,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         return counted_runs(len(self._comparisons)) if self._comparisons and self._of is not None else ""
 
     def enter(self) -> None:
-        """Show what was compared; compare only where nothing is there. What is stale is kept and marked."""
+        """Show the last comparison; compare if there is none. A stale comparison is kept and marked."""
         self._draw()
         if self.missing():
             self.say(self.missing())

@@ -168,7 +168,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         return f"about {left:.0f} s left" if left is not None else ""
 
     def compiling(self, now: float) -> None:
-        """It takes a stage longer, once."""
+        """Report that compilation makes this stage longer once."""
         super().compiling(now)
         if self._pace is not None:
             self._pace.compiling(now)

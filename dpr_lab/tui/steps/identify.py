@@ -76,7 +76,7 @@ bench's folder.
         self._fitting = False
 
     def compose(self) -> ComposeResult:
-        """The form, what is going on, and the results in tabs."""
+        """Build the form, the progress display and the tabs of results."""
         from dpr_lab.identification.objectives import OBJECTIVES, objective_words
         from dpr_lab.search import ALGORITHMS, search_words
 

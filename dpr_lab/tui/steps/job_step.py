@@ -162,7 +162,7 @@ class JobStep(Step):
         self._stop_job()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Show the keys that do something now."""
+        """Show only keys that have an effect now."""
         working = self.job is not None
         pausing = working and self.CAN_PAUSE
         shown = {
@@ -208,7 +208,7 @@ class JobStep(Step):
             self.job.cancel()
 
     def whole_number(self, name: str, least: int = 0, most: int = 2**32 - 1) -> int:
-        """What stands in the field of that name; by default a seed of NumPy's, which has 32 bits.
+        """Integer in a form field; by default a random 32-bit seed.
 
         Raises:
             ConfigError: no such number.

@@ -92,7 +92,7 @@ class SecondCurve(Guarded, Horizontal):
         picker.value = values[(here + 1) % len(values)]
 
     def edit(self) -> None:
-        """Go to the field."""
+        """Focus the field."""
         self._field.focus()
 
     def on_unmount(self) -> None:

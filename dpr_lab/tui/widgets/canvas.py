@@ -10,6 +10,6 @@ class PlainCanvas(Canvas):
     """A canvas whose every segment has a style, as Textual's filter for NO_COLOR asks for."""
 
     def render_line(self, y: int) -> Strip:
-        """One line; a canvas that has no layout yet has none to give but its style."""
+        """Render one line; without a layout only its style."""
         strip = super().render_line(y)
         return Strip([Segment(part.text, part.style or Style.null(), part.control) for part in strip])

@@ -19,7 +19,7 @@ def kept(runs: Iterable[Path], poses: Iterable[str]) -> dict[str, int]:
 
 
 def next_pose(done: Mapping[str, int], repeats: int, current: str) -> str:
-    """The pose to do next: this one until it is done often enough, then the first that is not."""
+    """Next pose to record: the current one until it has enough runs, then the first incomplete one."""
     if done.get(current, repeats) < repeats:
         return current
     return next((pose for pose, number in done.items() if number < repeats), current)

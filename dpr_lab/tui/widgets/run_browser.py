@@ -135,7 +135,7 @@ none. The reason stands below the list.
             job.cancel()
 
     def action_accept(self) -> None:
-        """Use what is chosen, or the run under the cursor where nothing is; in a field, take it and go to the list."""
+        """Use the selected runs, or the run under the cursor; in a field, accept its text and go to the list."""
         if self.query_one("#folder").has_focus:
             name = self.query_one("#folder", Input).value.strip()
             self._look_in(Path(name).expanduser() if name else self._folder)

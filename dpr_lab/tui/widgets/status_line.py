@@ -12,7 +12,7 @@ from dpr_lab.tui.recorder.connection import DeviceConnection
 
 @dataclass(frozen=True, slots=True)
 class RecordingNow:
-    """What is recorded now."""
+    """State of the current recording."""
 
     pose: str
     t: float

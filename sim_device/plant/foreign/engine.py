@@ -144,7 +144,7 @@ def at_joint1(torque: Callable[[float, float], float]) -> Torques:
 
 
 def sticking(body: Body, joint: int, size: Callable[[NDArray[np.float64]], float]) -> EquationOfMotion:
-    """The rods with dry friction in one joint, of a size that may depend on the state."""
+    """Rods with dry friction in one joint, whose level may depend on the state."""
     return replace(undisturbed(body), sticks=(body, DryJoint(joint, size)))
 
 

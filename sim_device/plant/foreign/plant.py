@@ -39,7 +39,7 @@ class ForeignPlant:
         self._relative = bool(known.relative2)
 
     def refuse_drives(self) -> None:
-        """Raise ConfigError: nobody drives a plant with an out-of-library effect."""
+        """Raise ConfigError if a plant with an out-of-library effect is to be driven."""
         raise ConfigError(f"plant {self.config.name}: with an out-of-library effect it has no joint drives")
 
     def let_go(
@@ -76,7 +76,7 @@ class ForeignPlant:
 
 
 class ForeignSwing:
-    """One release, computed in blocks that start where the last one ended."""
+    """One simulated release, computed in blocks."""
 
     def __init__(self, plant: ForeignPlant, start: Array, theta0: float, rate_hz: float, release: int) -> None:
         self._plant, self._theta0, self._rate_hz, self._release = plant, theta0, rate_hz, release
