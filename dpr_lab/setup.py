@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,11 +25,7 @@ class Torques:
     @property
     def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(n + 2,) instants and (n + 2, 2) the impulse on theta1, theta2 up to each, N m s; linear between."""
-        onward = np.concatenate([self.t[:1] - 1.0, self.t, self.t[-1:] + 1e6])
-        joints = np.concatenate([self.joints[:1], self.joints])
-        held = np.stack([joints[:, 0] - joints[:, 1], joints[:, 1]], axis=1)
-        whole = np.cumsum(held * np.diff(onward)[:, None], axis=0)
-        return onward, np.concatenate([np.zeros((1, 2)), whole])
+        return _knots(self)
 
     def mean_before(self, at: ArrayLike) -> NDArray[np.float64]:
         """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the one before, N m."""
@@ -36,6 +33,15 @@ class Torques:
         until = np.stack([np.interp(at, t, column) for column in impulse.T], axis=1)
         passed = np.diff(at, prepend=at[0] - 1.0)
         return np.diff(until, axis=0, prepend=until[:1]) / np.where(passed > 0, passed, 1.0)[:, None]
+
+
+@lru_cache(maxsize=32)  # every prediction asks for them
+def _knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    onward = np.concatenate([torques.t[:1] - 1.0, torques.t, torques.t[-1:] + 1e6])
+    joints = np.concatenate([torques.joints[:1], torques.joints])
+    held = np.stack([joints[:, 0] - joints[:, 1], joints[:, 1]], axis=1)
+    whole = np.cumsum(held * np.diff(onward)[:, None], axis=0)
+    return onward, np.concatenate([np.zeros((1, 2)), whole])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,15 +6,20 @@ So is the noise of an arm's angle, whose second derivative pushes the rods.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import Trajectory, trajectory
 from dpr_lab.fitting.spread import NORMAL_MAD
 from dpr_lab.fitting.whitening import Disturbance
@@ -43,7 +48,10 @@ def torque_noise(torques: Torques) -> Array:
 
 
 def disturbance(
-    problem: Problem, estimate: Estimate, begins: Callable[[float], float] = segment_start
+    problem: Problem,
+    estimate: Estimate,
+    begins: Callable[[float], float] = segment_start,
+    most_Nm: ArrayLike = np.inf,
 ) -> Disturbance | None:
     """Effect of the process noise on the readings; none of free swings.
 
@@ -51,9 +59,11 @@ def disturbance(
         problem: the segments
         estimate: its swings are followed
         begins: as of `trajectory`
+        most_Nm: (2,) upper limit of the standard deviation of the measured torques
     """
     setups = problem.segments.setups
-    spread, arm = np.array([_spread(setup) for setup in setups]), np.array([_of_arm(setup) for setup in setups])
+    spread = np.array([_spread(setup, most_Nm) for setup in setups])
+    arm = np.array([_of_arm(setup) for setup in setups])
     if not (spread.any() or arm.any()):
         return None
     along = trajectory(problem, estimate, begins)
@@ -71,6 +81,55 @@ def disturbance(
     )
     walk[problem.segments.offsets[:-1]] = 0.0  # what was before the first sample is the initial state's
     return Disturbance(np.ascontiguousarray(walk), along.out, shared)
+
+
+def most_noise(problem: Problem) -> Array:
+    """(2,) largest `torque_noise` of all runs, N m."""
+    return np.max([np.zeros(2), *(torque_noise(s.torques) for s in problem.segments.setups if s.torques)], axis=0)
+
+
+def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
+    """(2,) standard deviation of measured torques under which the residuals of a fit are likeliest, N m.
+
+    The restricted likelihood of the innovations (Patterson & Thompson 1971, Biometrika 58) is searched uphill, from the
+    upper limits `torque_noise` down, by halvings of the variance of each joint. Torques of a controller are rough by
+    themselves, which differences cannot distinguish from noise.
+
+    Args:
+        problem: the segments, of which some have measured torques
+        model: a fit to them
+        halvings: of the variance; then zero
+    """
+    upper = most_noise(problem)
+    if not upper.any():
+        return upper
+    at, free = model.estimate, model.free
+    shares = np.append(2.0 ** (-0.5 * np.arange(halvings + 1)), 0.0)
+    none, *each = (disturbance(problem, at, most_Nm=upper * chosen) for chosen in ([0, 0], [1, 0], [0, 1]))
+    noisy = next(one for one in each if one is not None)
+    quiet = np.zeros_like(noisy.walk) if none is None else none.walk
+    walks = [quiet if one is None else one.walk - quiet for one in each]
+    predicted, slopes = problem.predict(at), problem.slopes(at, free)
+    inside = model.inside
+
+    @cache
+    def cost(level1: int, level2: int) -> float:
+        walk = quiet + shares[level1] ** 2 * walks[0] + shares[level2] ** 2 * walks[1]
+        changed = replace(problem, disturbance=replace(noisy, walk=np.ascontiguousarray(walk)))
+        linear = linearise(changed, at, free, predicted, slopes)
+        space = ColumnSpace.of(linear.A[:, :, inside], linear.e)
+        space = space.with_prior(model.prior[:, inside], np.zeros(len(model.prior)))
+        starts = 2 * float(np.log(np.abs(np.diagonal(linear.R, axis1=1, axis2=2))).sum())
+        ratios = float(np.linalg.slogdet(space.H)[1] - 2 * np.log(space.scale).sum())
+        return float(linear.e.ravel() @ linear.e.ravel()) - space.gain() + changed.log_variance + starts + ratios
+
+    levels = (0, 0)
+    while True:
+        near = [(max(levels[0] + i, 0), max(levels[1] + j, 0)) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        best = min((one for one in near if max(one) < len(shares)), key=lambda one: cost(*one))
+        if best == levels:
+            return upper * shares[list(levels)]
+        levels = best
 
 
 def _at(values: Array, place: Array) -> Array:
@@ -102,9 +161,9 @@ def _of_arm(setup: Setup) -> float:
     return 0.0 if setup.arm is None else setup.arm.noise * float(np.median(np.diff(setup.arm.t))) ** 0.5
 
 
-def _spread(setup: Setup) -> Array:
+def _spread(setup: Setup, most_Nm: ArrayLike) -> Array:
     """(2, 2) root of the intensity of the noise on theta1, theta2, N m s^(1/2)."""
     if setup.torques is None:
         return np.zeros((2, 2))
     held = float(np.median(np.diff(setup.torques.t))) if len(setup.torques.t) > 1 else 0.0
-    return ONTO_RODS * torque_noise(setup.torques) * held**0.5
+    return ONTO_RODS * np.minimum(torque_noise(setup.torques), most_Nm) * held**0.5

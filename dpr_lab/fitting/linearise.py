@@ -97,7 +97,11 @@ class Linearisation:
 
 
 def linearise(
-    problem: Problem, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None
+    problem: Problem,
+    estimate: Estimate,
+    free: Sequence[FreeParameter],
+    predicted: Array | None = None,
+    slopes: Array | None = None,
 ) -> Linearisation:
     """Residuals and all their slopes.
 
@@ -106,10 +110,11 @@ def linearise(
         estimate: point of expansion
         free: the unknowns besides the initial states
         predicted: the readings there, (samples, 2), where they are known already
+        slopes: of the readings, (samples, 2, free + 4), likewise
     """
     predicted = problem.predict(estimate) if predicted is None else predicted
     residual = problem.whitened(problem.measured - predicted)
-    J = problem.whitened(problem.slopes(estimate, free))
+    J = problem.whitened(problem.slopes(estimate, free) if slopes is None else slopes)
     lost = np.logical_not(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     residual[lost], J[lost] = np.inf, 0.0
     alone = np.array([setup.alone for setup in problem.segments.setups])[problem.segments.run]
@@ -118,9 +123,9 @@ def linearise(
     Q = np.ascontiguousarray(Q[:, :-4])
     blind = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(axis=1) < BLIND
     R[lost | blind] = np.eye(4) / BLIND  # nothing says where its initial state lies: it stays
-    slopes = J[:, :, :-4]
-    onto = Q.transpose(0, 2, 1) @ slopes
+    of_free = J[:, :, :-4]
+    onto = Q.transpose(0, 2, 1) @ of_free
     along = Q @ onto
-    linear = Linearisation(residual, residual, np.subtract(slopes, along, out=along), onto, Q, R)
+    linear = Linearisation(residual, residual, np.subtract(of_free, along, out=along), onto, Q, R)
     e = linear.projected(np.where(lost[:, None], 0.0, residual)[:, :, None])[:, :, 0]
     return replace(linear, e=e)

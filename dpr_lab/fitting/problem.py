@@ -112,6 +112,14 @@ class Problem:
             innovations(weighed, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
         return weighed.reshape(len(weighed), -1, weighed.shape[3])
 
+    @property
+    def log_variance(self) -> float:
+        """Sum of the logarithms of the innovations' variances over those of the readings."""
+        if (noise := self.disturbance) is None:
+            return 0.0
+        nothing = padded(np.zeros((len(self.t), 2, 1)), self.weight, self.segments.offsets)
+        return innovations(nothing, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
+
     def by_sample(self, whitened: Array) -> Array:
         """(samples, 2) from (segments, m)."""
         owner = self.owner

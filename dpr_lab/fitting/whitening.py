@@ -51,8 +51,13 @@ def padded(values: Array, weight: Array, offsets: NDArray[np.int64]) -> Array:
 @njit
 def innovations(
     columns: Array, weight: Array, offsets: NDArray[np.int64], walk: Array, out: Array, shared: Array
-) -> None:
-    """Whiten what was `padded`, in place, under a disturbance of the same samples."""
+) -> float:
+    """Whiten what was `padded`, in place, under a disturbance of the same samples.
+
+    Returns:
+        the sum of all log S
+    """
+    volume = 0.0
     many = columns.shape[3]
     # four numbers of the walk; the fifth is what both readings of a sample share, new each time
     C, PC, P, z = np.empty(5), np.empty(5), np.empty((5, 5)), np.empty((5, many))
@@ -73,6 +78,7 @@ def innovations(
                     PC[a] = P[a, 0] * C[0] + P[a, 1] * C[1] + P[a, 2] * C[2] + P[a, 3] * C[3] + P[a, 4] * C[4]
                     S += C[a] * PC[a]
                 S = max(S, 1.0)
+                volume += np.log(S)
                 row = columns[s, n - offsets[s], j]
                 for k in range(many):
                     row[k] -= C[0] * z[0, k] + C[1] * z[1, k] + C[2] * z[2, k] + C[3] * z[3, k] + C[4] * z[4, k]
@@ -83,3 +89,4 @@ def innovations(
                         P[a, b] -= PC[a] * PC[b] / S
                 for k in range(many):
                     row[k] /= np.sqrt(S)
+    return volume

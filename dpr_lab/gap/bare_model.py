@@ -9,7 +9,7 @@ from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.cut import carried
-from dpr_lab.fitting.disturbance import disturbance
+from dpr_lab.fitting.disturbance import disturbance, likeliest_noise, most_noise
 from dpr_lab.fitting.estimate import SCALE, Estimate, unknown_ratios, with_scale
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
@@ -61,7 +61,7 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     rough = fit(short, at, free)
     _all_followed(recordings, short, rough)
     if not recordings.exact_torques:
-        short = replace(short, disturbance=disturbance(short, rough.estimate))
+        short = replace(short, disturbance=disturbance(short, rough.estimate, most_Nm=recordings.torque_noise_Nm))
     first = fit(short.weighted(np.sqrt(student_weights(short, rough))), rough.estimate, free)
     found = first.estimate.ratios
     driven = any(setup.torques for setup in short.segments.setups)
@@ -69,7 +69,31 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     recordings = recordings.without(short, lone_readings(short, first.estimate))
     at = first.estimate.changed(ratios=with_scale(found, b))
     recordings = replace(recordings, ratios=None if recordings.exact_torques else at.ratios)
-    return recordings, *lengthened(recordings, short, at, LENGTHS.working)
+    problem, bare = lengthened(recordings, short, at, LENGTHS.working)
+    if quieter := with_likeliest_noise(recordings, problem, bare):
+        recordings = quieter
+        problem, bare = lengthened(recordings, short, at, LENGTHS.working)
+    return recordings, problem, bare
+
+
+def with_likeliest_noise(
+    recordings: Recordings, problem: Problem, model: Hypothesis, less: float = 0.8
+) -> Recordings | None:
+    """The recordings with less noise of their measured torques, where a fitted model makes that likelier.
+
+    Args:
+        recordings: the runs
+        problem: their segments
+        model: fitted to them
+        less: ratio of two estimates of the noise from which the smaller one is worth another fit
+    """
+    before = np.minimum(most_noise(problem), recordings.torque_noise_Nm)
+    if problem.disturbance is None or not before.any():
+        return None
+    noise = np.minimum(likeliest_noise(problem, model.fit), before)
+    if not (noise < less * before).any():
+        return None
+    return replace(recordings, torque_noise_Nm=(float(noise[0]), float(noise[1])))
 
 
 def _all_followed(recordings: Recordings, problem: Problem, found: Fit) -> None:

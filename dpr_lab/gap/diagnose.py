@@ -16,7 +16,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.advise import advise
-from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios, with_likeliest_noise
 from dpr_lab.gap.classes.posterior import effect_posterior
 from dpr_lab.gap.conclusion.conclusion import Findings, conclude
 from dpr_lab.gap.conclusion.description import description
@@ -126,8 +126,8 @@ def diagnose(
     places = locate(fitted.problem, fitted.bare)
     request.begin("which")
     selection = _selected(request, fitted)
-    if fitted.problem.disturbance is not None and far_from_noise(selection.chosen):
-        fitted = _fitted(request, replace(fitted.recordings, exact_torques=True), unseen)
+    if other := _with_other_noise(fitted, selection.chosen):
+        fitted = _fitted(request, other, unseen)
         places, selection = locate(fitted.problem, fitted.bare), _selected(request, fitted)
     refuse_negative_scale(selection.chosen.fit.estimate.ratios, runs, rig)
     recordings, problem = fitted.recordings, fitted.problem
@@ -150,7 +150,7 @@ def diagnose(
         recordings, problem, selection, posteriors, carried, described, places, size, advice, spread, remainder, cut
     )
     request.begin("evidence")
-    unseen = replace(unseen, ratios=recordings.ratios)
+    unseen = replace(unseen, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
     rests_on = evidence(recordings, unseen, problem, selection, carried, freely)
     return conclude(findings, rests_on, seconds=time.perf_counter() - started)
 
@@ -158,8 +158,16 @@ def diagnose(
 def _fitted(request: Request, recordings: Recordings, unseen: Recordings) -> Fitted:
     start = nominal_ratios(request.rig) if request.start is None else request.start
     recordings, problem, bare = fit_bare_model(recordings, start)
-    held_out = held_out_runs(replace(unseen, ratios=recordings.ratios), bare) if unseen.records else None
+    alike = replace(unseen, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
+    held_out = held_out_runs(alike, bare) if unseen.records else None
     return Fitted(recordings, problem, bare, held_out)
+
+
+def _with_other_noise(fitted: Fitted, model: Hypothesis) -> Recordings | None:
+    """The recordings with less or no noise of their torques, where the chosen model asks for that."""
+    if fitted.problem.disturbance is not None and far_from_noise(model):
+        return replace(fitted.recordings, exact_torques=True)
+    return with_likeliest_noise(fitted.recordings, fitted.problem, model)
 
 
 def _selected(request: Request, fitted: Fitted) -> Selection:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.fitting.disturbance import torque_noise
+from dpr_lab.fitting.disturbance import likeliest_noise, most_noise, torque_noise
 from dpr_lab.fitting.whitening import innovations, padded
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
@@ -14,6 +14,7 @@ from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Torques
 from sim_device.trials.driven import DriveFault, driven_runs
+from tests.closed_loop import ClosedLoop
 
 
 def test_innovations_are_the_readings_over_the_root_of_their_covariance() -> None:
@@ -40,6 +41,13 @@ def test_noise_is_told_from_steps_and_from_a_smooth_course_and_commands_have_non
     assert np.allclose(torque_noise(Torques(t, course + noise, "measured")), 2e-3, rtol=0.15)
     assert not torque_noise(Torques(t, course + noise, "commanded")).any()
     assert torque_noise(Torques(t, course)).max() < 1e-8
+
+
+@pytest.mark.slow
+def test_torques_that_a_controller_makes_rough_are_not_taken_for_noise(bare, paper: Rig) -> None:
+    problem, found = bare(ClosedLoop().runs(paper, 0))
+    assert most_noise(problem)[0] > 2.5 * ClosedLoop().noise_Nm
+    assert likeliest_noise(problem, found.fit) == pytest.approx(ClosedLoop().noise_Nm, rel=0.4)
 
 
 @pytest.mark.slow

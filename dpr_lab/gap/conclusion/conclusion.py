@@ -12,6 +12,7 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.disturbance import most_noise
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, UNKNOWN_RATIOS
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.check_kind import NextStep
@@ -327,7 +328,18 @@ def _assumptions(found: Findings) -> list[str]:
         made.append("The arm's angle was not recorded.")
     if found.recordings.exact_torques:
         made.append("Measured torques were taken as exact: the remainder is far above the effect of their noise.")
-    return [*made, *_zeros(found), *_geared(found), *_misleading(found)]
+    return [*made, *_torque_noise(found), *_zeros(found), *_geared(found), *_misleading(found)]
+
+
+def _torque_noise(found: Findings) -> list[str]:
+    """The noise of measured torques that the fits count with."""
+    if found.problem.disturbance is None or not (most := most_noise(found.problem)).any():
+        return []
+    one, two = np.minimum(most, found.recordings.torque_noise_Nm)
+    text = f"Noise of the measured torques of joints 1 and 2, standard deviation: {one:.2g} and {two:.2g} N m"
+    differences = "by differences of the recorded torques"
+    likelier = f"; by maximum likelihood of the residuals, below {most[0]:.2g} and {most[1]:.2g} N m {differences}"
+    return [f"{text}{likelier if np.isfinite(found.recordings.torque_noise_Nm).all() else f', {differences}'}."]
 
 
 def _zeros(found: Findings) -> list[str]:

@@ -88,7 +88,8 @@ def _verdict(selection: Selection, posteriors: Sequence[EffectPosterior], carrie
     nothing = tested and (carried.closed.estimate <= 0 or len(carried.withdrawn) == len(chosen.effects))
     if share >= RULES.partly_share and not nothing and listed_causes(posteriors):
         return "partly_explained"
-    return "no_gap" if _small(selection.base) else "unexplained"
+    only_expected = set(chosen.effects) <= selection.expected
+    return "no_gap" if _small(selection.base) and only_expected else "unexplained"
 
 
 def _small(item: Hypothesis) -> bool:

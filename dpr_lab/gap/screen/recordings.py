@@ -62,6 +62,8 @@ class Recordings:
     """(7,) ratios, b and p/b by which the rods answer to noise of what drives them; none until they are known."""
     exact_torques: bool = False
     """Whether known torques are taken for exact."""
+    torque_noise_Nm: tuple[float, float] = (np.inf, np.inf)
+    """Upper limit of the standard deviation of the measured torques of joint 1 and 2, by a fit."""
 
     @property
     def constants(self) -> RigConstants:
@@ -105,7 +107,7 @@ class Recordings:
         )
         if self.ratios is not None:
             at = Estimate.of(self.ratios, effect_params({}), initial)
-            problem = replace(problem, disturbance=disturbance(problem, at))
+            problem = replace(problem, disturbance=disturbance(problem, at, most_Nm=self.torque_noise_Nm))
         return problem, initial
 
     def without(self, problem: Problem, off: NDArray[np.bool_]) -> "Recordings":

@@ -1,0 +1,73 @@
+"""Closed loops by scipy, for tests: rods under PD control on encoder counts; shares no code with what it tests."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+COUNT = 2 * np.pi / 16384
+"""Step of the encoders, rad."""
+RATE_HZ = 500.0
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """Rods that follow sines; what the controller does is read off counts, so that its torques are rough."""
+
+    friction: tuple[float, float] = (0.0, 0.0)
+    """Coulomb friction of each joint, N m."""
+    play: float = 0.0
+    """Between joint 2 and its encoder, rad."""
+    gain: tuple[float, float] = (1.0, 1.0)
+    """Torque that acts over the one that is measured."""
+    noise_Nm: float = 2e-3
+    """Standard deviation of the measured torques."""
+    stiffness: tuple[float, float] = (0.8, 0.4)
+    """N m/rad"""
+    damping: tuple[float, float] = (0.05, 0.025)
+    """N m s/rad"""
+
+    def runs(self, rig: Rig, seed: int, count: int = 3, duration: float = 4.0) -> list[Run]:
+        """Recordings of other references, of rods a few per cent off the rig file."""
+        rng = np.random.default_rng(seed)
+        base = base_parameters(rig.nominal * rng.uniform(0.95, 1.05, 9), rig.L1, rig.g)
+        return [self._run(rig, base, rng, f"loop{k}", duration) for k in range(count)]
+
+    def _run(self, rig: Rig, base: np.ndarray, rng: np.random.Generator, name: str, duration: float) -> Run:
+        t = np.arange(round(duration * RATE_HZ)) / RATE_HZ
+        tones = rng.uniform(0.3, 0.7, (3, 2)), rng.uniform(0.4, 2.5, (3, 2)), rng.uniform(0, 2 * np.pi, (3, 2))
+        wanted = [(s * np.sin(2 * np.pi * f * t[:, None] + p) - s * np.sin(p)) for s, f, p in zip(*tones, strict=True)]
+        target, stiffness, damping = np.sum(wanted, axis=0), np.array(self.stiffness), np.array(self.damping)
+        x, held, before = np.array([np.pi, np.pi, 0.0, 0.0]), 0.0, np.zeros(2)
+        read, torques = np.empty((len(t), 2)), np.empty((len(t), 2))
+        for k in range(len(t)):
+            joints = np.array([x[0] - np.pi, x[1] - x[0]])
+            held = min(max(held, joints[1] - self.play / 2), joints[1] + self.play / 2)
+            joints[1] = held
+            read[k] = COUNT * np.round(joints / COUNT)
+            speed, before = (read[k] - before) * RATE_HZ * (k > 0), read[k]
+            torques[k] = stiffness * (target[k] - read[k]) - damping * speed
+            acting = torques[k] * self.gain
+            x = solve_ivp(self._slope, (0, 1 / RATE_HZ), x, "LSODA", args=(base, rig, acting), rtol=1e-9, atol=1e-10).y[
+                :, -1
+            ]
+        theta = np.column_stack([np.zeros(len(t)), read[:, 0] + np.pi, read.sum(axis=1) + np.pi])
+        measured = torques + rng.normal(0, self.noise_Nm, torques.shape)
+        run = Run(name, t, theta, None, None, rig.name, "", RATE_HZ)
+        return replace(run, torques=measured, torque_kind="measured")
+
+    def _slope(self, _: float, x: np.ndarray, base: np.ndarray, rig: Rig, torque: np.ndarray) -> np.ndarray:
+        a, b, d, e1, c1, c2 = base
+        (p, q), (u, v) = x[:2], x[2:]
+        joints = np.array([u, v - u])
+        on = torque - np.array([c1, c2]) * joints - np.array(self.friction) * np.tanh(joints / 1e-3)
+        cross = d * np.cos(p - q)
+        force = [
+            -d * np.sin(p - q) * v**2 + e1 * np.sin(p) + on[0] - on[1],
+            d * np.sin(p - q) * u**2 + d * rig.g / rig.L1 * np.sin(q) + on[1],
+        ]
+        return np.array([u, v, *np.linalg.solve([[a, cross], [cross, b]], force)])
