@@ -1,5 +1,6 @@
 """What is installed from a wheel or a source archive is all there, and works away from the sources."""
 
+import json
 import os
 import re
 import subprocess
@@ -50,7 +51,9 @@ def test_the_wheel_works_in_an_empty_place(built: Path, tmp_path: Path) -> None:
     link = "sim://?clock=fast&firmware=c"  # from the C sources of the wheel
     run("dpr_lab", "capture", "--rig", "mine.toml", "--link", link, "--pose", "X1", "--duration", "1", "--out", "runs")
     assert len(list((tmp_path / "runs").glob("*.mcap"))) == 1
-    assert {"effects.md", "rig-file.md"} <= {file.name for file in (place / "dpr_lab" / "builtin").iterdir()}
+    builtin = place / "dpr_lab" / "builtin"
+    assert {"effects.md", "rig-file.md"} <= {file.name for file in builtin.iterdir()}
+    assert json.loads(run("dpr_lab", "schema", "model")) == json.loads((builtin / "schemas" / "model.json").read_text())
 
 
 def test_the_source_archive_holds_what_builds_and_tests_it(built: Path) -> None:

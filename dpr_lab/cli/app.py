@@ -18,6 +18,7 @@ from dpr_lab.cli.identify import identify
 from dpr_lab.cli.import_table import import_app
 from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.paper import paper
+from dpr_lab.cli.schema import schema
 from dpr_lab.cli.tui import tui
 from dpr_lab.version import __version__
 
@@ -69,6 +70,7 @@ for command in (
     drift,
     export,
     paper,
+    schema,
     doctor,
     conform,
 ):

@@ -16,6 +16,8 @@ from typing import Any
 
 import pytest
 
+from tests.schemas import validator
+
 
 @dataclass(frozen=True)
 class Done:
@@ -46,6 +48,11 @@ class Warm:
 
     def __call__(self, *arguments: object, cwd: Path | None = None, stdin: str = "") -> Done:
         words = list(map(str, arguments))
+        done = self._run(words, cwd, stdin)
+        validate_printed(words, done.out)
+        return done
+
+    def _run(self, words: list[str], cwd: Path | None, stdin: str) -> Done:
         if _of_loading() != self._loaded:
             command = [sys.executable, "-m", "dpr_lab", *words]
             done = subprocess.run(command, capture_output=True, text=True, input=stdin, timeout=150, cwd=cwd)
@@ -64,6 +71,22 @@ class Warm:
     def end(self) -> None:
         """No more commands."""
         self._server.communicate()
+
+
+SCHEMA_OF = {"diagnose": "diagnosis", "identify": "model", "check": "check", "certify": "certificate", "drift": "drift"}
+
+
+def validate_printed(words: list[str], out: str) -> None:
+    """Whatever these commands print as JSON, in any test, is as their published schema says, unless it is an error."""
+    name = SCHEMA_OF.get(words[1] if words[:1] == ["trials"] and len(words) > 1 else words[0]) if words else None
+    if name is None or "--json" not in words or not out.startswith("{"):
+        return
+    try:
+        printed = json.loads(out)
+    except ValueError:  # broken off: the test says whether that is right
+        return
+    if set(printed) != {"error", "exit_code"}:
+        validator(name).validate(printed)
 
 
 def _of_loading() -> dict[str, str]:

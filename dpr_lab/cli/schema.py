@@ -1,0 +1,47 @@
+"""`dpr-lab schema`: JSON Schemas of the results."""
+
+from collections.abc import Iterable
+from typing import Annotated
+
+import typer
+
+from dpr_lab.cli.checks import Choices
+from dpr_lab.cli.console import emit, json_mode, table
+
+
+def _schemas() -> Iterable[str]:
+    from dpr_lab.workflows.schemas import SCHEMAS
+
+    return SCHEMAS
+
+
+SCHEMA_NAMES = Choices("schema", _schemas)
+
+
+def schema(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="diagnosis, model, check, certificate or drift; none: list them.",
+            callback=SCHEMA_NAMES.check,
+            autocompletion=SCHEMA_NAMES.complete,
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout; a schema always is.")] = False,
+) -> None:
+    """Print the JSON Schema (2020-12) of a result.
+
+    Example: dpr-lab schema diagnosis > diagnosis.schema.json
+    """
+    json_mode(as_json or name is not None)
+    from dpr_lab.workflows.schemas import SCHEMAS
+    from dpr_lab.workflows.schemas import schema as schema_of
+
+    if name is not None:
+        emit(schema_of(name))
+        return
+    rows = [(key, published.version, published.printed_by) for key, published in SCHEMAS.items()]
+    if as_json:
+        emit([{"name": key, "version": version, "printed_by": command} for key, version, command in rows])
+    else:
+        table("Schemas of results", ("name", "version", "printed by"), rows)

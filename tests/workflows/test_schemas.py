@@ -1,0 +1,64 @@
+"""JSON Schemas of the results: those of the docs are generated from the types, and hold for what is written."""
+
+import copy
+import json
+import runpy
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import ValidationError
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.workflows.schemas import SCHEMAS, schema
+from tests.schemas import FOLDER, validator
+
+ROOT = Path(__file__).parents[2]
+WRITTEN = {
+    "diagnosis": ROOT / "tests/tui/data/diagnosis.json",
+    "model": ROOT / "tests/tui/data/model.json",
+    "certificate": ROOT / "docs/examples/multiarm/certificate.json",
+}
+
+
+def test_the_files_of_the_docs_are_what_the_types_say() -> None:
+    generated = runpy.run_path(str(ROOT / "docs/schemas.py"))["files"]()
+    stored = {file.name: file.read_text(encoding="utf-8") for file in FOLDER.iterdir()}
+    assert stored == generated, "run python docs/schemas.py; raise the version where a reader would fail"
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_written_file_is_valid_and_a_changed_one_is_not(name: str) -> None:
+    document = json.loads(WRITTEN[name].read_text(encoding="utf-8"))
+    validator(name).validate(document)
+    for change in (_with_key, _without_key, _with_text):
+        with pytest.raises(ValidationError):
+            validator(name).validate(change(document))
+
+
+def _with_key(document: dict[str, Any]) -> dict[str, Any]:
+    return document | {"misspelt": 1}
+
+
+def _without_key(document: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in document.items() if key not in ("gap", "fit", "recordings")}
+
+
+def _with_text(document: dict[str, Any]) -> dict[str, Any]:
+    """A text instead of the first number or object inside a table."""
+    changed = copy.deepcopy(document)
+    table = changed.get("ratios") or changed["choices"]
+    table[next(iter(table))] = "a text"
+    return changed
+
+
+@pytest.mark.parametrize("name", ["diagnosis", "check", "drift"])
+def test_every_key_of_a_result_says_what_it_is(name: str) -> None:
+    made = schema(name)
+    assert [key for key, value in made["properties"].items() if not value.get("description")] == []
+    assert made["$id"] == f"urn:dpr-lab:schema:{name}:{SCHEMAS[name].version}"
+
+
+def test_no_such_schema() -> None:
+    with pytest.raises(ConfigError, match="no schema named diagnoses"):
+        schema("diagnoses")
