@@ -53,7 +53,25 @@ def to_follow() -> list[str]:
 
 DRY = "dpr-lab capture --rig paper --link 'sim://?clock=fast&seed=3&plant=dry' --pose X1 --pose X2 --duration 3 --out "
 
+ROBOT = f"""
+PYTHONPATH={ROOT} python - <<'END'
+from pathlib import Path
+from dpr_lab.exports import FORMATS
+from dpr_lab.rig import load_rig
+from tests.exports.models import model_of
+paper = load_rig("paper")
+for form in ("mjcf", "urdf"):
+    text = FORMATS[form].written(model_of(paper, {{}}), paper)[FORMATS[form].main]
+    named = text.replace('"joint1"', '"shoulder"').replace('"joint2"', '"elbow"')
+    Path("robot").with_suffix({{"mjcf": ".xml", "urdf": ".urdf"}}[form]).write_text(named)
+END
+"""
+"""A model of the rig `paper` in two formats."""
+
 TAKEN_FOR_GRANTED = {
+    "docs/rig-file.md": ROBOT,
+    "docs/how-to/simulator-model.md": f"{ROBOT}\n{DRY} runs",
+    "docs/reference/schemas.md": f"cp {ROOT}/tests/tui/data/diagnosis.json .",
     "README.md": f"""
 {DRY} table
 dpr-lab run export "$(ls table/*X1*.mcap)" --out absolute.csv

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import EXPORT_NAMES, RigName, TorqueKind, names_in
-from dpr_lab.cli.console import emit, json_mode, line, say, table
+from dpr_lab.cli.console import emit, json_mode, line, say, table, text
 
 if TYPE_CHECKING:
     from dpr_lab.workflows.export import ExportResult
@@ -31,14 +31,31 @@ def export(
         ),
     ] = None,
     torque: TorqueKind = None,
+    into: Annotated[
+        Path | None,
+        typer.Option(help="MJCF file of yours: write a copy with the identified numbers; see `rig from`."),
+    ] = None,
+    joints: Annotated[
+        str | None, typer.Option(help="With --into: joints of the inner and the outer rod, by comma.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("export"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Export a model to MuJoCo, Python, URDF, SDFormat or FMI, and report its accuracy there.
 
+    With --into, change the identified numbers in a copy of your own MJCF file instead, and show the difference.
+
     Example: dpr-lab export out/diagnosis --rig paper --to mjcf,python --check runs/x1.mcap --out export
+    Example: dpr-lab export out/diagnosis --rig rig.toml --into robot.xml --out export
     """
     json_mode(as_json)
+    if into is not None:
+        if check:
+            raise typer.BadParameter("--check replays the formats of --to; leave it out with --into")
+        _into(model, rig, into, out, names_in(joints) or (), as_json)
+        return
+    if joints:
+        raise typer.BadParameter("--joints belongs to --into")
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.export import ExportRequest
     from dpr_lab.workflows.export import export as export_model
@@ -52,6 +69,26 @@ def export(
         _show(done)
     if done.refused:
         raise typer.Exit(1)
+
+
+def _into(model: Path, rig: str, into: Path, out: Path, joints: tuple[str, ...], as_json: bool) -> None:
+    from dpr_lab.report.words import in_words
+    from dpr_lab.workflows.export_into import export_into
+
+    done = export_into(model, rig, into, out, joints)
+    if as_json:
+        emit(done.to_json())
+        return
+    rows = [(change.element, change.attribute, change.before or "none", change.after) for change in done.changes]
+    if rows:
+        table(f"Changed in {into.name}", ("element", "attribute", "before", "after"), rows)
+        text(done.diff.rstrip())
+    else:
+        line(f"{into.name} already has the numbers of the model")
+    for effect, reason in done.lost.items():
+        line(f"not in the file: {in_words(effect)}: {reason}")
+    line(f"model: {done.file}")
+    line(f"difference: {done.diff_file}")
 
 
 def _show(done: "ExportResult") -> None:

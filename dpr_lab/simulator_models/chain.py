@@ -63,6 +63,10 @@ class ChainRod:
     """Angle of the model's joint with the rods hanging, rad."""
     direction: int
     """-1 where the angle of the model's joint falls while theta rises."""
+    along: Vector
+    """(3,) unit vector along the rod, all joints at zero."""
+    offset: float = 0.0
+    """Of the centroid across the rod, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +89,8 @@ class ModelChain:
     """Of parts on the axis of joint 2 that are fixed to the inner rod, kg."""
     gravity: float
     """In the plane of the swing, m/s^2."""
+    axis: Vector
+    """(3,) unit vector about which theta grows."""
     arm: ChainArm | None
     terms: tuple[JointTerm, ...]
     """What the joints have besides, as numbers."""
@@ -131,12 +137,12 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
     at_elbow = _at_elbow(groups[0], inner, outer, plane)
     own = [part for part in groups[0] if part not in at_elbow]
     terms = [term for joint in joints for term in _terms(joint)]
-    rod1, angle1, offset = _inner(own, at_elbow, (inner, outer), plane, e)
-    if abs(offset) > CHAIN.offset:
-        terms.append(JointTerm(inner.name, "centroid of the inner rod across it", offset, "m"))
+    rod1, angle1 = _inner(own, at_elbow, (inner, outer), plane, e)
+    if abs(rod1.offset) > CHAIN.offset:
+        terms.append(JointTerm(inner.name, "centroid of the inner rod across it", rod1.offset, "m"))
     rod2 = _outer(groups[1], outer, plane, e, angle1)
     _driven(model, joints, notes)
-    return ModelChain((rod1, rod2), float(sum(part.mass for part in at_elbow)), g, arm, tuple(terms), tuple(notes))
+    return ModelChain((rod1, rod2), float(sum(part.mass for part in at_elbow)), g, e, arm, tuple(terms), tuple(notes))
 
 
 def _pull(model: SimulatorModel, gravity: float | None, notes: list[str]) -> Vector:
@@ -293,8 +299,8 @@ def _at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJoint, 
 
 def _inner(
     own: Sequence[Part], at_elbow: Sequence[Part], joints: tuple[ModelJoint, ModelJoint], plane: Vector, e: Vector
-) -> tuple[ChainRod, float, float]:
-    """The inner rod, its angle at the zero of its joint, and the offset of its centroid across it."""
+) -> tuple[ChainRod, float]:
+    """The inner rod, and its angle at the zero of its joint."""
     joint, next_joint = joints
     to = plane @ (next_joint.anchor - joint.anchor)
     length = float(np.linalg.norm(to))
@@ -307,7 +313,8 @@ def _inner(
         )
     about = float(e @ (inertia + sum((part.inertia for part in at_elbow), np.zeros((3, 3)))) @ e)
     angle, side = math.atan2(to[1], to[0]), 1 if joint.axis @ e > 0 else -1
-    return ChainRod(joint, mass, along, about, length, _wrapped(side * (math.pi - angle)), side), angle, offset
+    hanging = _wrapped(side * (math.pi - angle))
+    return ChainRod(joint, mass, along, about, length, hanging, side, plane.T @ to / length, offset), angle
 
 
 def _outer(parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, inner: float) -> ChainRod:
@@ -321,7 +328,8 @@ def _outer(parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, i
     length, side = max(reach, default=0.0), 1 if joint.axis @ e > 0 else -1
     hanging = _wrapped(side * (inner - math.atan2(to[1], to[0])))
     about = float(e @ inertia @ e)
-    return ChainRod(joint, mass, distance, about, length if length > distance else None, hanging, side)
+    tip = length if length > distance else None
+    return ChainRod(joint, mass, distance, about, tip, hanging, side, plane.T @ to / distance)
 
 
 def _wrapped(angle: float) -> float:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, SimulatorModel
+from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_file import with_includes
 
 IGNORED = {"asset", "visual", "statistic", "sensor", "keyframe", "size", "custom", "extension", "camera", "light"}
@@ -32,8 +33,54 @@ JOINT_KINDS = ("free", "ball", "slide", "hinge")
 """As MuJoCo numbers them."""
 
 
+@dataclass(frozen=True, slots=True)
+class BodyFrame:
+    """A body as its element has it, and as it lies in the world."""
+
+    name: str
+    turned: Vector
+    """(3, 3) axes of its frame in the world."""
+    local_centroid: Vector
+    """(3,) in its frame, m."""
+    local_turn: Vector
+    """(4,) quaternion of its principal axes in its frame."""
+    principal: Vector
+    """(3,) principal inertias, kg m^2."""
+    local_place: Vector
+    """(3,) of its frame in that of its parent, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledMjcf:
+    """A file as MuJoCo has it, all joints at zero."""
+
+    name: str
+    model: Any
+    data: Any
+    degrees: bool
+    """Whether the file has angles in degrees."""
+    notes: tuple[str, ...]
+
+    def body(self, joint: str) -> BodyFrame:
+        """The body that a joint turns."""
+        m, b = self.model, int(self.model.joint(joint).bodyid[0])
+        turned = np.array(self.data.xmat[b]).reshape(3, 3)
+        local = (np.array(values[b]) for values in (m.body_ipos, m.body_iquat, m.body_inertia, m.body_pos))
+        return BodyFrame(m.body(b).name or f"of joint {joint}", turned, *local)
+
+    def simulator_model(self) -> SimulatorModel:
+        """Parts, joints and gravity."""
+        parts, gravity = tuple(_parts(self.model, self.data)), np.array(self.model.opt.gravity)
+        return SimulatorModel(self.name, "MJCF", gravity, parts, tuple(_actuators(self.model)), self.notes)
+
+
 def read_mjcf(path: Path) -> SimulatorModel:
-    """Read a file of MuJoCo, with its includes.
+    """Read a file of MuJoCo, with its includes; errors as of `compile_mjcf`."""
+    return compile_mjcf(path).simulator_model()
+
+
+def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
+    """Compile a file of MuJoCo, with its includes; `text` is what stands in it instead.
 
     Raises:
         ConfigError: MuJoCo is not installed or refuses the file, or masses would come from a mesh.
@@ -42,8 +89,9 @@ def read_mjcf(path: Path) -> SimulatorModel:
         mujoco = import_module("mujoco")  # its names are made at run time
     except ModuleNotFoundError as missing:
         raise ConfigError("reading MJCF needs MuJoCo: pip install dpr-lab[exports]") from missing
-    root = with_includes(path)
+    root = with_includes(path, text)
     notes = _bared(root, path)
+    degrees = [compiler.get("angle", "degree") for compiler in root.iter("compiler")][-1:] != ["radian"]
     try:
         spec = mujoco.MjSpec.from_string(tostring(root, encoding="unicode"))
         model = spec.compile()
@@ -53,13 +101,9 @@ def read_mjcf(path: Path) -> SimulatorModel:
         mujoco.mj_comPos(model, data)
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise ConfigError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from error
-    actuators = tuple(_actuators(model))
     if np.any(model.opt.wind) or model.opt.density or model.opt.viscosity:
         notes.append(f"fluid: density {model.opt.density:g} kg/m^3, viscosity {model.opt.viscosity:g} Pa s")
-    name = spec.modelname or path.stem
-    return SimulatorModel(
-        name, "MJCF", np.array(model.opt.gravity), tuple(_parts(model, data)), actuators, tuple(notes)
-    )
+    return CompiledMjcf(spec.modelname or path.stem, model, data, degrees, tuple(notes))
 
 
 def _scalar_positions(model: Any) -> list[int]:

@@ -75,13 +75,13 @@ def parse_xml(data: bytes, name: str) -> Element:
     return builder.close()
 
 
-def with_includes(path: Path) -> Element:
-    """The document with the content of each `<include file="...">` in the place of the include.
+def with_includes(path: Path, data: bytes | None = None) -> Element:
+    """The document with the content of each `<include file="...">` in the place of the include; `data` is its text.
 
     Raises:
         ConfigError: an include outside the folder of the model, one that includes itself, or too many.
     """
-    root = read_xml(path)
+    root = read_xml(path) if data is None else parse_xml(data, str(path))
     folder = path.resolve().parent
     _include(root, path, folder, (path.resolve(),), [0])
     return root

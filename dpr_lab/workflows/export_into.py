@@ -1,0 +1,71 @@
+"""The corrected model written into the user's own simulator model."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from difflib import unified_diff
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.workflows.checks import refuse_file
+
+if TYPE_CHECKING:
+    from dpr_lab.simulator_models.xml_edit import ChangedAttribute
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedInto:
+    """The changed model, and what changed."""
+
+    file: Path
+    diff_file: Path
+    diff: str
+    """Unified diff of both files."""
+    changes: "tuple[ChangedAttribute, ...]"
+    lost: dict[str, str]
+    """Effect -> why the file cannot hold it."""
+
+    def to_json(self) -> dict[str, Any]:
+        """What `dpr-lab export --into --json` prints."""
+        return {"schema": 1, **asdict(self), "file": str(self.file), "diff_file": str(self.diff_file)}
+
+
+def export_into(model: Path, rig: str, into: Path, out: Path, joints: Sequence[str] = ()) -> ExportedInto:
+    """Write a copy of an MJCF file with the numbers of a model into a folder; the file itself stays as it is.
+
+    Args:
+        model: a model that `identify` or `diagnose` wrote, or the folder of a diagnosis
+        rig: the rig file that `dpr-lab rig from` wrote from the MJCF file
+        into: the MJCF file
+        out: folder of the copy and of its diff
+        joints: of inner rod, outer rod and perhaps the arm; none: found
+
+    Raises:
+        ConfigError: the rig, the file or the folder cannot be used.
+        RunError: the model cannot be used.
+        DprError: a file cannot be written.
+    """
+    from dpr_lab.exports.into_mjcf import into_mjcf
+    from dpr_lab.identification.model import load_model
+    from dpr_lab.rig import load_rig
+    from dpr_lab.simulator_models.xml_file import read_xml
+    from dpr_lab.whole_file import write_text
+
+    refuse_file(out)
+    file = out / into.name
+    if file.resolve() == into.resolve():
+        raise ConfigError(f"{out}: is the folder of {into.name}, which is not overwritten: choose another folder")
+    tag = read_xml(into).tag
+    if tag != "mujoco":
+        raise ConfigError(f"{into}: only MJCF can be changed, and its outermost element is <{tag[:50]}>: use --to")
+    loaded_rig = load_rig(rig)
+    loaded = load_model(model / "model.json" if model.is_dir() else model)
+    loaded.starting_point(loaded_rig)
+    patched = into_mjcf(loaded, loaded_rig, into, joints)
+    text = patched.text.decode("utf-8")
+    before, after = (part.splitlines(keepends=True) for part in (into.read_bytes().decode("utf-8"), text))
+    diff = "".join(unified_diff(before, after, str(into), str(file), n=1))
+    diff_file = out / f"{into.name}.diff"
+    write_text(file, text)
+    write_text(diff_file, diff)
+    return ExportedInto(file, diff_file, diff, patched.changes, patched.lost)
