@@ -71,7 +71,7 @@ class ChildFunction:
         return not self._process.is_alive()
 
     def terminate(self) -> None:
-        """Ask it by signal to end at once."""
+        """Send the process a signal to end."""
         self._process.terminate()
 
     def end(self, patience_s: float) -> None:

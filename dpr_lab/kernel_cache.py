@@ -145,7 +145,7 @@ def compiling() -> None:
 
 
 def simulator_compiled() -> bool:
-    """Whether a simulated device finds all that moves its rods compiled."""
+    """Whether the kernels of a simulated device are compiled."""
     return CACHE is not None and (CACHE / _SIMULATOR).exists()
 
 
@@ -157,6 +157,6 @@ def mark_simulator_compiled() -> None:
 
 
 def compiling_simulator() -> None:
-    """Notify all listeners where a simulated device is about to be started that compiles first."""
+    """Notify all listeners before a simulated device starts that compiles first."""
     if not simulator_compiled():
         compiling()

@@ -41,7 +41,7 @@ class DeviceInfo:
 
 
 def info_pages(info: DeviceInfo) -> list[Info]:
-    """The INFO messages that tell an identity."""
+    """INFO messages of an identity."""
     firmware = [int(part) for part in info.firmware.split(".")]
     flags = {flag: int(kind in info.torque_kinds) for flag, kind in _TORQUE_FLAGS.items()}
     uid = int(info.uid, 16)

@@ -17,7 +17,7 @@ from sim_device.random_streams import RandomStream, generator
 
 @dataclass(frozen=True, slots=True)
 class FaultKind:
-    """What a fault's value means and where it strikes."""
+    """Meaning and target of a fault value."""
 
     site: Literal["frame", "byte", "board", "encoder", "time", "identity"]
     meaning: str
@@ -62,7 +62,7 @@ MISSED_AFTER_S = 0.25
 
 
 class Faults:
-    """The faults asked for, and their own random stream."""
+    """Requested faults and their random stream."""
 
     def __init__(self, values: dict[str, float] | None = None, seed: int = 0) -> None:
         self._values = values or {}
@@ -70,7 +70,7 @@ class Faults:
         self._events_to_lose = self._values.get("lose_events", 0.0)
 
     def value(self, name: str) -> float | None:
-        """The value of a fault; None when it was not asked for."""
+        """Value of a fault; None if it is not requested."""
         return self._values.get(name)
 
     def strikes_bytes(self) -> bool:
@@ -119,19 +119,19 @@ class Faults:
         return frame
 
     def framed(self, data: bytes) -> bytes:
-        """What a frame's bytes are when they leave."""
+        """Bytes of a frame after the fault."""
         share = self._values.get("truncate", 0.0)
         if not share or len(data) < 2 or self._rng.random() >= share:
             return data
         return data[: self._rng.integers(1, len(data))]
 
     def taken(self, count: int) -> NDArray[np.bool_]:
-        """(count,) which samples the board is in time to take."""
+        """(count,) samples that the board takes in time."""
         late = self._values.get("overrun", 0.0)
         return self._rng.random(count) >= late if late else np.ones(count, dtype=np.bool_)
 
     def identity(self, info: DeviceInfo) -> DeviceInfo:
-        """What the device says it is."""
+        """Identity that the device reports."""
         major, schema = self._values.get("major", info.major), self._values.get("schema", info.schema_hash)
         return replace(info, major=int(major), schema_hash=int(schema))
 
@@ -154,7 +154,7 @@ class Faults:
     def counts(
         self, counts: NDArray[np.int64], released_at: NDArray[np.int64], since: NDArray[np.float64]
     ) -> NDArray[np.int64]:
-        """(n, 3) counts of a swing as the encoders give them.
+        """(n, 3) counts of a swing as the encoders read them.
 
         Args:
             counts: (n, 3) as they should be

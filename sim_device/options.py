@@ -6,7 +6,7 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What can be chosen about a simulated device."""
+    """Options of a simulated device."""
 
     rig: str | Path = "paper"
     plant: str | Path = "paper"

@@ -31,7 +31,7 @@ def text(document: str) -> None:
 
 
 def emit(result: dict[str, Any] | list[dict[str, Any]]) -> None:
-    """One JSON object on stdout, or a list of them; numbers that are not finite become null."""
+    """Print one JSON object or a list to stdout; numbers that are not finite become null."""
     print(as_json(result))
 
 

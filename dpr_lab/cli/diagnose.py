@@ -101,7 +101,7 @@ def diagnose(
 
 
 def show(found: "Diagnosis") -> None:
-    """The diagnosis on stdout: the verdict first."""
+    """Print the diagnosis, the verdict first."""
     from dpr_lab.report.gap import tables
     from dpr_lab.report.gap.sections.trust import trust_words
     from dpr_lab.report.gap.sizes import scale_note

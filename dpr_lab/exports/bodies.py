@@ -39,7 +39,7 @@ class Rod:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """An arm that gives, turning about the vertical; SI."""
+    """A compliant arm that turns about the vertical; SI."""
 
     length: float
     inertia: float
@@ -50,7 +50,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class Bodies:
-    """The rig: both rods, what sits at joint 2, and how gravity pulls."""
+    """Bodies of the rig: both rods, the parts at joint 2, and gravity."""
 
     rods: tuple[Rod, Rod]
     tip_mass: float
@@ -95,7 +95,7 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
 
 
 def bodies(model: Model, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
-    """Rigid bodies that move as equation (1) does, docs/theory.md, with the effects that words express.
+    """Rigid bodies with the motion of equation (1), docs/theory.md, and the effects that the format expresses.
 
     Their masses are those of the model at the scale of its base parameters; only what these fix is felt in a swing.
     """
@@ -126,7 +126,7 @@ def bodies(model: Model, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
 
 
 def arm_of(model: Model, rig: Rig) -> Arm | None:
-    """The arm of an effect that lets it give; None where there is none, or one lighter than the rods at its tip."""
+    """Compliant arm of an effect; None if there is none, or if it is lighter than the rods at its tip."""
     params = effect_params(known_effects(model.effects))
     held = arm_model(rig_constants(rig), HELD_ARM, params.tolist(), active_effects(params))
     z = {name: parameter.value for name, parameter in model.parameters.items()}

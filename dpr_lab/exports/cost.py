@@ -60,7 +60,7 @@ class Yardstick:
         return _rms([swing.lab for swing in self.before])
 
     def held_against(self, model: Model) -> tuple[Model, tuple[Replay, ...]]:
-        """The model to write, and its swings: the bare one in place of one that is worse over the whole swing.
+        """Model to write and its replays: the bare model if the other one is worse over the whole swing.
 
         What was fitted again over half a second may still be that.
         """

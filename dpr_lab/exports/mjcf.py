@@ -132,7 +132,7 @@ def passive(model: Model, rig: Rig) -> str:
 
 
 def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float]:
-    """Dry friction of both joints at rest, N m: as they hang, and the lesser where the two directions differ."""
+    """Dry friction of both hanging joints at rest, N m; the smaller value where the two directions differ."""
     constants = rig_constants(rig)
     params = effect_params(known_effects(effects))
     hanging = motion_of(0.0, (0.0, math.pi, math.pi), (0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))

@@ -93,7 +93,7 @@ def in_urdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
 
 
 def in_sdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
-    """What the file holds, in MuJoCo: Drake, which reads the file itself, leaves dry friction out."""
+    """Replay in MuJoCo with the content of the file; Drake, which reads SDFormat itself, ignores dry friction."""
     expressed = in_words(model, rig, sdf.WORDS)
     held = model.model_copy(update={"effects": {name: model.effects[name] for name in expressed}})
     file.with_name(XML).write_text(mjcf(held, rig), encoding="utf-8")

@@ -250,7 +250,7 @@ def _parameters(effects: Iterable[str]) -> Iterable[str]:
 
 
 def of_effects(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
-    """A function that goes through all effects, as it is where these are on and the others off."""
+    """Function that evaluates all effects, specialised to those that are on."""
     return _Chosen(effects).visit(node)
 
 

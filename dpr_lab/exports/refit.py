@@ -77,7 +77,7 @@ def moving(model: Model) -> list[str]:
 
 
 def moving_losses(name: str, model: Model, rig: Rig) -> frozenset[str]:
-    """The effects on the rods that a format cannot say."""
+    """Effects on the rods that a format cannot express."""
     return frozenset(FORMATS[name].lost(model, rig)) & frozenset(moving(model))
 
 

@@ -75,7 +75,7 @@ class _Writer:
         return ast.unparse(ast.fix_missing_locations(_Names(self, function).visit(node)))
 
     def expression(self, value: Any, name: str = "") -> ast.expr:
-        """What stands for a value that a function finds in its module, there by this name."""
+        """Name of a value in the module of a function."""
         if isinstance(value, types.FunctionType) or hasattr(value, "py_func") or _is_record(value):
             return ast.Name(self.write(value), ast.Load())
         if isinstance(value, tuple) and _is_record(type(value)):

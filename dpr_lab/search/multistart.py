@@ -69,7 +69,7 @@ def _descended(problem: SearchProblem, start: Floats, start_cost: float, setting
     lower, upper = problem.box
 
     def value_and_slope(share: Floats) -> tuple[float, Floats]:
-        """Both from one batch: the point itself and a neighbour along each gene."""
+        """Cost and gradient from one batch: the point and a neighbour along each gene."""
         inward = np.where(share < 0.5, settings.difference, -settings.difference)
         batch = np.vstack([share, share + np.diag(inward)])
         costs = _smooth_cost(problem.errors(np.clip(lower + batch * (upper - lower), lower, upper)), settings)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 
 class ChunkIndices:
-    """What `mcap.writer.Writer` keeps of every chunk until it writes the index at the end, as bytes in a nameless file.
+    """Index of the chunks that `mcap.writer.Writer` writes at the end, kept as bytes in a temporary file.
 
     Args:
         folder: where there is room for 0.15 kB a chunk
@@ -81,7 +81,7 @@ def write_rows(writer: Writer, channel: int, log_ns: NDArray[np.int64], records:
 
 
 def keep_on_disk(writer: Writer, folder: Path) -> ChunkIndices:
-    """Give a writer that has not started an index on disk in place of its list, which takes 0.6 kB a chunk."""
+    """Replace the index list of a new writer, which takes 0.6 kB per chunk, by one on disk."""
     name = "_Writer__chunk_indices"
     if getattr(writer, name) != []:
         raise ValueError("this writer has started")

@@ -87,7 +87,7 @@ def about(run: Run) -> dict[str, Any]:
 
 
 def write_csv(run: Run, path: Path) -> None:
-    """Comma-separated text, the header first: a spreadsheet takes comment lines for data."""
+    """Write comma-separated text, header first; a spreadsheet takes comment lines for data."""
     table = columns(run)
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(table) + "\n")
@@ -124,7 +124,7 @@ def write_hdf5(run: Run, path: Path) -> None:
 
 
 def write_mat(run: Run, path: Path) -> None:
-    """MATLAB level 5; `load` gives one column vector per column and the struct `run`."""
+    """Write MATLAB level 5; `load` returns one column vector per column and the struct `run`."""
     from scipy.io import savemat
 
     with path.open("wb") as file:

@@ -27,7 +27,7 @@ SAMPLES, RAW, EVENTS, STATUS, CLOCK = "/samples", "/raw", "/events", "/status", 
 
 @dataclass(frozen=True, slots=True)
 class FileLimits:
-    """What the writer makes, and what a reader believes of a file."""
+    """Limits of run files, for the writer and the reader."""
 
     chunk_bytes: int = 1 << 20
     """Of samples, before compression, in one chunk at most."""

@@ -29,7 +29,7 @@ def _versions() -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class RunMetadata:
-    """Where a run comes from; known before its first sample."""
+    """Origin of a run; known before its first sample."""
 
     rig: Rig
     """Stored whole as a TOML attachment: the file can be read without any other."""
@@ -62,7 +62,7 @@ class RunMetadata:
 
     @property
     def recorded_utc(self) -> str:
-        """When it was recorded: ISO 8601 date, or date and time; empty for an import that does not know it."""
+        """Time of the recording: ISO 8601 date, or date and time; empty if unknown."""
         return self.created_utc if self.source == "device" else self.extra.get("recorded_at", "")
 
     @property
@@ -117,7 +117,7 @@ _PLAIN = ("source", "url", "firmware", "uid", "protocol", "schema_hash", "note",
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
-    """How a run ended; known after its last sample."""
+    """End of a run; known after its last sample."""
 
     release_tick: int | None = None
     """Tick at which the latch opened; None when it never did."""
@@ -178,13 +178,13 @@ def _words(values: Mapping[str, Any]) -> dict[str, str]:
 
 
 def numbers(values: Mapping[str, Any]) -> dict[str, float]:
-    """Those of a file's figures that are finite numbers."""
+    """Finite numbers among the metadata of a file."""
     known = {name: value for name, value in values.items() if isinstance(value, int | float)}
     return {str(name): value for name, value in known.items() if np.isfinite(value)}
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON knows it: numpy scalars as numbers, and null for what is not finite."""
+    """A value as JSON: NumPy scalars as numbers, null for numbers that are not finite."""
     if isinstance(value, Mapping):
         return {str(key): plain(element) for key, element in value.items()}
     if isinstance(value, list | tuple):

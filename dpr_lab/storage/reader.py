@@ -90,7 +90,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def of_a_table(metadata: RunMetadata) -> dict[str, bool]:
-    """What a run of an imported table knows besides: `keep_rest` and `arm_read`; nothing of a device's."""
+    """Fields of a run that only imported tables have: `keep_rest` and `arm_read`."""
     if metadata.time_source != "table":
         return {}
     options, columns = (_object(metadata.extra.get(key, "")) for key in ("options", "columns"))
@@ -105,7 +105,7 @@ def _object(text: str) -> dict[str, Any]:
 
 
 def released(run: Run) -> Run:
-    """A table's run that does not know its release, from where its rods begin to move to where they are held again.
+    """Part of an imported run between the start of the motion and the end of the swing.
 
     The run as it is where no such part can be named; `refuse_held` says why.
     """
@@ -194,7 +194,7 @@ def release_row(release: int | None, ticks: NDArray[np.int64]) -> int:
 
 
 def full_turns(rig: Rig, pose: str | None, t: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) turns to take off, rad, so that each rod lies within pi of the pose at t = 0; zero without a pose."""
+    """(3,) whole turns to subtract, rad, so that each rod lies within pi of the pose at t = 0; zero without a pose."""
     turns = np.zeros(3)
     if pose is not None:
         off = theta[np.argmin(np.abs(t))] - rig.poses[pose].theta

@@ -17,7 +17,7 @@ from dpr_lab.storage.layout import TORQUE_KEYS
 
 @dataclass(frozen=True, slots=True)
 class TextSettings:
-    """How numbers are written."""
+    """Number format of text files."""
 
     decimals: tuple[int, ...] = (3, 6, 9, 11)
     """After the point: the least of these that gives every number of a column back to the last bit."""

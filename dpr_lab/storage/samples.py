@@ -52,7 +52,7 @@ def _decoded(rows: list[dict[str, Any]]) -> Samples:
 
 
 def json_object(data: bytes) -> dict[str, Any]:
-    """What a message holds.
+    """JSON content of a message.
 
     Raises:
         STRANGE: no JSON, or no object.
@@ -65,7 +65,7 @@ def json_object(data: bytes) -> dict[str, Any]:
 
 @dataclass(slots=True)
 class Gathered:
-    """What of a file's messages is kept: numbers, so that memory follows the samples and not the text."""
+    """Numbers of the messages of a file, so that memory grows with the samples and not with the text."""
 
     release_tick: int | None = None
     """Of the first release that can be one."""

@@ -14,12 +14,12 @@ LONGEST_NOTE = 10_000
 
 
 def sidecar_of(path: Path) -> Path:
-    """Where a run's hash lies."""
+    """Path of the file with the hash of a run."""
     return path.with_name(path.name + ".sha256")
 
 
 def write_sidecar(path: Path, content: Path | None = None) -> None:
-    """Hash a finished run and write the hash to its own file; `content` holds it where it has not got its name yet."""
+    """Hash a finished run and write the hash to its own file; `content` is its path before it is renamed."""
     sidecar_of(path).write_text(f"{sha256_of(content or path)}  {path.name}\n", encoding="utf-8", newline="\n")
 
 
@@ -33,7 +33,7 @@ def read_sidecar(path: Path) -> str | None:
 
 
 def note_of(path: Path) -> Path:
-    """Where a run's later note lies."""
+    """Path of the file with the later note on a run."""
     return path.with_name(path.name + ".note")
 
 

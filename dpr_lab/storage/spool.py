@@ -14,7 +14,7 @@ _ROW = np.dtype((np.int64, (1 + JOINTS,)))
 
 
 class Spool:
-    """Ticks and counts in the order they came; a context manager that forgets them at its end.
+    """Ticks and counts in order of arrival; a context manager that deletes them at its end.
 
     Args:
         folder: where there is room for 32 bytes a sample

@@ -152,7 +152,7 @@ class RunWriter:
         self._flush_when_due()
 
     def event(self, host_time_ns: int, kind: str, tick: int | None = None, detail: str = "") -> None:
-        """Append what the device announced; `kind` is `layout.RELEASED` for the release, then with its tick.
+        """Append an event of the device; `kind` is `layout.RELEASED` for the release, then with its tick.
 
         Of a device that floods its host only so many of a kind are kept, and the others counted in the run's notes.
         """
@@ -184,7 +184,7 @@ class RunWriter:
         self._flush_when_due()
 
     def flush(self) -> None:
-        """Hand everything appended so far to the operating system."""
+        """Pass all appended messages to the operating system."""
         self._kept.clear()
         with self._disk():
             self._mcap.flush()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LinkKind:
-    """How links of one URL scheme are opened."""
+    """One URL scheme and its transport."""
 
     name: str
     """In words, for an operator."""

@@ -9,7 +9,7 @@ from firmware_protocol.messages import Frame
 
 
 class BytePort(Protocol):
-    """A port that carries bytes and says DeviceLost when it is gone."""
+    """A port that carries bytes and raises DeviceLost after a disconnection."""
 
     def read(self, timeout: float) -> bytes:
         """All bytes that have arrived, waiting at most `timeout` s for the first; empty when none came."""

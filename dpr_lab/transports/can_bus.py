@@ -26,7 +26,7 @@ from firmware_protocol.messages import Frame
 
 @dataclass(frozen=True, slots=True)
 class CanSettings:
-    """How a bus is opened and read, and what a sample costs on it."""
+    """Settings of a CAN bus, and the bits of a sample."""
 
     bitrate: int = 1_000_000
     """Where the URL names none, bit/s."""

@@ -26,7 +26,7 @@ class SerialPortFound:
 
 @dataclass(frozen=True, slots=True)
 class Links:
-    """What `discover` found."""
+    """Result of `discover`."""
 
     serial: tuple[SerialPortFound, ...]
     can_interfaces: tuple[str, ...]
@@ -49,7 +49,7 @@ def serial_ports() -> tuple[SerialPortFound, ...]:
 
 
 def matching_ports(pattern: str) -> list[str]:
-    """The serial ports that a name with `*` stands for; for an empty one all that can be opened."""
+    """Serial ports that match a name with `*`; for an empty name all that can be opened."""
     return sorted(glob.glob(pattern)) if pattern else [port.device for port in serial_ports() if not port.problem]
 
 

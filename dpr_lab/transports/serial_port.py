@@ -17,7 +17,7 @@ from dpr_lab.transports.url import LinkUrl, whole_number
 
 @dataclass(frozen=True, slots=True)
 class SerialSettings:
-    """How a serial port is opened, and what a sample costs on it."""
+    """Settings of a serial port, and the bits of a sample."""
 
     baud: int = 921_600
     """Where the URL names none."""

@@ -22,7 +22,7 @@ from firmware_protocol.messages import Frame
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """How long a child may take."""
+    """Time limits of the simulated device."""
 
     start_s: float = 60.0
     first_start_s: float = 600.0

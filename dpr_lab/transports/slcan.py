@@ -32,7 +32,7 @@ _NO_FRAME = re.compile(rb"(|[zZ]|[VNF][0-9A-Za-z]*|[TrR][0-9A-Fa-f]*)")
 
 
 class SlcanDecoder:
-    """Finds frames in what an adapter says, however it was cut into pieces."""
+    """Finds frames in the bytes of an adapter, in pieces of any length."""
 
     def __init__(self) -> None:
         self.errors = 0
@@ -40,7 +40,7 @@ class SlcanDecoder:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Take bytes as they arrived; give the frames of the lines they complete."""
+        """Add received bytes; return the frames of the lines that they complete."""
         *lines, rest = (self._rest + data).replace(b"\a", b"\r").split(b"\r")
         if len(rest) > LONGEST_LINE:
             self.errors += 1

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
-    """What a link can carry and what a sample costs on it."""
+    """Capacity of a link and the load of one sample."""
 
     name: str
     """As the operator knows it: `115200 baud`."""
@@ -30,7 +30,7 @@ class Capacity:
         return int(self.usable_share * self.bits_per_s / self.bits_per_sample)
 
     def load(self, rate_hz: int) -> str:
-        """What a sample rate takes of the link, with the arithmetic."""
+        """Load of a sample rate on the link, with the arithmetic."""
         needed = rate_hz * self.bits_per_sample
         return (
             f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"
@@ -49,7 +49,7 @@ class Capacity:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """What one read of a link brought."""
+    """Result of one read of a link."""
 
     host_time: float
     """`time.monotonic()` right after the read, s."""
@@ -76,7 +76,7 @@ class Transport(Protocol):
 
     @property
     def capacities(self) -> tuple[Capacity, ...]:
-        """Every limit a sample rate has to pass; empty where the link knows none."""
+        """Limits on the sample rate; empty if the link has none."""
         ...
 
     def send(self, frame: Frame) -> None:

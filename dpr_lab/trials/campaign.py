@@ -30,7 +30,7 @@ SETTINGS, TRIALS, LOCK = "campaign.json", "trials.jsonl", ".lock"
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """What is tried: trial `number` hides `kinds[number % len(kinds)]`, drawn from `seed + number`."""
+    """Definition of a campaign: trial `number` hides `kinds[number % len(kinds)]`, drawn from `seed + number`."""
 
     kinds: tuple[Kind, ...]
     level: Level = Level.CLEAR
@@ -60,7 +60,7 @@ class Campaign:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A trial that ended in an error; it is tried again when the campaign goes on."""
+    """A trial that ended in an error; it is repeated when the campaign continues."""
 
     number: int
     error: str
@@ -68,7 +68,7 @@ class Failure:
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """What a campaign has come to."""
+    """Results of a campaign."""
 
     outcomes: tuple[TrialOutcome, ...]
     """In the order of their numbers."""

@@ -40,7 +40,7 @@ Effects = Mapping[str, Params]
 
 @dataclass(frozen=True, slots=True)
 class OwnRigSettings:
-    """What is hidden in a plant, and how it is simulated."""
+    """Hidden content and simulation of a plant."""
 
     times_detectable: tuple[float, float] = (2.0, 20.0)
     """Sizes of an effect drawn, over the least detectable one; evenly in their logarithm."""

@@ -43,17 +43,17 @@ class Trial:
 
     @property
     def rig(self) -> Rig:
-        """The rig file that goes with the plant."""
+        """Rig file of the plant."""
         return load_rig(self.folder / RIG_FILE)
 
     @property
     def diagnosis(self) -> Path:
-        """Where the diagnosis is written."""
+        """Path of the diagnosis."""
         return self.folder / "diagnosis.json"
 
     @property
     def opened(self) -> Path:
-        """Where truth and score are written."""
+        """Path of the truth and the score."""
         return self.folder / "opened.json"
 
 

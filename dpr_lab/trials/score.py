@@ -31,7 +31,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class SizeError:
-    """How well one amplitude of a named effect was found."""
+    """Error of one amplitude of a named effect."""
 
     effect: str
     parameter: str
@@ -193,7 +193,7 @@ def _causes(
 
 
 def over_limit(sizes: Mapping[str, float], least: Mapping[str, float | None]) -> float | None:
-    """How many times the least detectable size an effect has, in its most visible amplitude."""
+    """Ratio of an effect's size to its minimum detectable size, for its most visible amplitude."""
     seen = ((abs(size), least.get(name)) for name, size in sizes.items())
     return max((size / limit for size, limit in seen if limit), default=None)
 
@@ -210,7 +210,7 @@ def _faults(truth: Truth) -> list[str]:
 
 
 def cause_named(effect: Json, truth: Truth) -> int | None:
-    """Which of the true causes an effect of a diagnosis and its class mean; None when it is none of them."""
+    """True cause that an effect of a diagnosis and its class correspond to; None if there is none."""
     names = {effect["name"], *effect["class"]}
     return next((i for i, right in enumerate(truth.answers) if names.intersection(right)), None)
 

@@ -19,7 +19,7 @@ from dpr_lab.kernel_cache import compiling_simulator
 
 
 class Kind(StrEnum):
-    """What is hidden in a plant."""
+    """Kind of hidden content of a plant."""
 
     ANY = "any"
     """One of the others; which is withheld too."""
@@ -44,7 +44,7 @@ DRAWN: tuple[Kind, ...] = tuple(kind for kind in Kind if kind not in (Kind.ANY, 
 
 
 class Level(StrEnum):
-    """How visible it is."""
+    """Visibility of the hidden content."""
 
     CLEAR = "clear"
     """A gap of at least twice the noise."""
@@ -54,7 +54,7 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class PlantRequest:
-    """What the device is to draw."""
+    """Plant to be drawn by the simulated device."""
 
     kind: Kind = Kind.ANY
     level: Level = Level.CLEAR
@@ -67,7 +67,7 @@ class PlantRequest:
 
 
 def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[str, Any]:
-    """Have a plant drawn, sealed and kept in a folder of the device's.
+    """Draw and seal a plant in a folder of the simulated device.
 
     Args:
         request: what to draw
@@ -135,7 +135,7 @@ def unseal(folder: Path) -> dict[str, Any]:
 
 
 def ask(*words: str) -> dict[str, Any]:
-    """What the simulated device prints when it is started with some words.
+    """Output of the simulated device for some arguments.
 
     Raises:
         ConfigError: it refuses a file or a word; with what it says.

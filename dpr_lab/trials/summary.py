@@ -113,7 +113,7 @@ def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
 
 
 def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
-    """How well amplitudes were found: of the leading ones median and 90th percentile, of all how many are covered."""
+    """Errors of amplitudes: median and 90th percentile of the leading ones, coverage of all."""
     leading = [size.relative for size in sizes if size.leads]
     return {
         "size_error": _median(leading),
@@ -181,7 +181,7 @@ def by_size(
 
 
 def astray(outcome: TrialOutcome) -> dict[str, Any]:
-    """A trial that went wrong, with what it takes to draw it again."""
+    """A failed trial and the arguments that draw it again."""
     names = ("kind", "level", "seed", "truth", "named", "verdict", "grade")
     return {name: getattr(outcome, name) for name in names}
 
@@ -191,7 +191,7 @@ def _within(cause: Cause, low: float, high: float) -> bool:
 
 
 def confusion(outcomes: Sequence[TrialOutcome]) -> dict[str, dict[str, int]]:
-    """What was there, by its first name -> what was named first (or the verdict) -> how often."""
+    """True first effect -> effect named first (or the verdict) -> number of trials."""
     table: dict[str, Counter[str]] = {}
     for o in outcomes:
         table.setdefault(o.truth[0] if o.truth else "nothing", Counter())[o.named[0] if o.named else o.verdict] += 1

@@ -30,7 +30,7 @@ START_WORKERS = "dask worker {scheduler} --host 127.0.0.1 --dashboard-address 12
 
 
 def exposure(scheduler: str) -> str | None:
-    """What others could do at this address, a sentence; None on this machine's own interface, or under TLS."""
+    """Warning about the access that this address gives to others; None on the local interface, or under TLS."""
     address = ADDRESS.fullmatch(scheduler)
     if address is None or address["scheme"] == "tls" or _loopback(address["host"].strip("[]")):
         return None
@@ -48,7 +48,7 @@ def _loopback(host: str) -> bool:
 
 
 def on_this_machine(run: CaseFunction, cases: Sequence[Case], processes: int) -> Iterator[Done]:
-    """Every case as it is done. The first is run alone, so that kernels are compiled once and not in every process.
+    """Run the cases on this machine, the first one alone, so that kernels are compiled only once.
 
     Raises:
         DprError: a process was killed; what was yielded before stands.

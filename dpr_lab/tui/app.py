@@ -182,7 +182,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         await super().on_event(event)
 
     def on_key(self, event: events.Key) -> None:
-        """A key that nobody took, and that nothing is bound to: say so."""
+        """Report a key without a function."""
         if event.is_printable and len(self.screen_stack) == 1 and event.key not in self.screen.active_bindings:
             key, keys = self.get_key_display(Binding(event.key, "")), self.services.keys.of("app.help")
             self.notify(f"{key} does nothing here now; {keys}: which keys do", timeout=NOTICES.hint_s, markup=False)
@@ -278,7 +278,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.action_go(self.steps.index(self.current) + 1 + by)
 
     def action_help(self) -> None:
-        """What this step, or the run browser on top of it, is for and which keys work here."""
+        """Show the purpose and the keys of this step or of the run browser."""
         shown = self.screen if isinstance(self.screen, RunBrowser) else self.current
         keys = " · ".join(
             f"`{self.get_key_display(active.binding)}` {active.binding.description}"
@@ -359,7 +359,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         open_page(self, page)
 
     def mishap(self, error: Exception) -> None:
-        """Tell the operator what went wrong; what nobody foresaw goes to a log file with its traceback.
+        """Report an error to the operator; an unexpected one is written to a log file with its traceback.
 
         Whatever a handler, an action or a worker of a step raises ends here; the app lives on.
         """

@@ -31,7 +31,7 @@ ERROR_LOG = ErrorLogSettings()
 
 
 def log(error: Exception, folder: Path) -> str:
-    """Append an error with its traceback to `errors.log`; returns where it is, or why it could not be written."""
+    """Append an error with its traceback to `errors.log`; return its path, or why it could not be written."""
     file = folder / "errors.log"
     try:
         folder.mkdir(parents=True, exist_ok=True)

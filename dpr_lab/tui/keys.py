@@ -50,7 +50,7 @@ class KeyNames:
         return self.display(self.keys[action].split(",")[0].strip())
 
     def fill(self, text: str) -> str:
-        """A text with the keys in the place of the actions that it mentions; other braces stay."""
+        """Replace action names in braces by their keys; other braces are kept."""
         return MENTION.sub(lambda found: self.of(found[1]) if found[1] in self.keys else found[0], text)
 
 
@@ -60,7 +60,7 @@ def keys_file() -> Path:
 
 
 def about_keys() -> str:
-    """How to give an action another key, for the help."""
+    """Help text on changing keys."""
     return f"""
 **Your own keys** stand in `{keys_file()}`: below the name of a place, an action and its key, such as
 

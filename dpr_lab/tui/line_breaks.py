@@ -48,7 +48,7 @@ class Hanging(Visual):
         return self.content.get_minimal_width(rules)
 
     def get_height(self, rules: RulesMap, width: int) -> int:
-        """As Textual asks."""
+        """Height of the widget, as Textual requires."""
         return self._broken(width).get_height(rules, width)
 
     def _broken(self, width: int) -> Content:

@@ -15,7 +15,7 @@ from dpr_lab.tui.steps.step import Step
 
 @dataclass(frozen=True, slots=True)
 class Palette:
-    """What can be done."""
+    """Command palette."""
 
     app: App[Any]
     steps: Sequence[Step]

@@ -15,7 +15,7 @@ from dpr_lab.report.tables import recorded, run_name, run_pose
 
 @dataclass(frozen=True, slots=True)
 class NoticeTimes:
-    """How long a notice stays, s, and how many; Escape takes them away sooner. All are in the message log."""
+    """Duration of notices, s, and their number; Escape dismisses them. All are in the message log."""
 
     stays_s: float = 86400.0
     """An error: until Escape or another step."""
@@ -69,7 +69,7 @@ def shorter(names: Sequence[str], most: int = 6) -> str:
 
 
 def named_runs(runs: Sequence[Path]) -> str:
-    """How many, and which: `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`; empty for none."""
+    """Number and names of runs: `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`; empty for none."""
     names = [run_name(run) for run in runs]
     poses, times = {run_pose(run) for run in runs}, sorted(filter(None, map(recorded, runs)))
     if len(runs) > 1 and len(times) == len(poses) == len(runs) and times[0][:10] == times[-1][:10]:

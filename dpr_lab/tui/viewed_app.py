@@ -11,7 +11,7 @@ from dpr_lab.tui.read_only import READ_ONLY, SCREENS, changes
 
 
 class ViewedApp(App[None]):
-    """What it refuses it refuses with one sentence."""
+    """Application in a read-only page; it refuses actions with one sentence."""
 
     read_only = False
     """Whether it may only show: no order to a device, no file written."""

@@ -46,7 +46,7 @@ def serve(command: Sequence[str], port: int) -> None:
 
 
 def policy(place: str) -> str:
-    """What a page may load: what this place serves."""
+    """Content security policy of the page: it loads only from this server."""
     return (
         f"default-src http://{place} 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src http://{place} ws://{place};"
         " frame-ancestors 'none'"
@@ -139,7 +139,7 @@ def _screen_type() -> type:
     from textual_serve.app_service import AppService  # pyright: ignore[reportMissingImports]
 
     class ServedScreen(AppService):
-        """A screen in a process and a session of its own, which ends within a bounded time."""
+        """A screen in its own process and session, which ends within a bounded time."""
 
         async def _open_app_process(self, width: int = 80, height: int = 24) -> Process:
             self._process = process = await asyncio.create_subprocess_exec(

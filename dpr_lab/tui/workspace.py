@@ -23,13 +23,13 @@ FRESH = "the bench starts fresh; choose rig, link and runs again (recordings and
 
 
 def state_folder() -> Path:
-    """Where it is kept; the environment variable DPR_LAB_STATE overrides the user's own folder."""
+    """Folder of the saved workspace; the environment variable DPR_LAB_STATE overrides the user's folder."""
     return Path(os.environ.get("DPR_LAB_STATE") or platformdirs.user_state_dir("dpr-lab"))
 
 
 @dataclass(slots=True)
 class Workspace:
-    """What the operator works on."""
+    """Rig, link, folder and results of the operator."""
 
     rig: str = "paper"
     """Rig file, or the name of a built-in one."""
@@ -77,7 +77,7 @@ class Workspace:
         return (self.torque or None) if self.both_torques else None
 
     def basis(self) -> dict[str, str]:
-        """What a result made now would rest on, by kind."""
+        """Inputs of a new result, by kind."""
         return {
             "the rig": _stamp(Path(self.rig)),
             "the runs": " ".join(sorted(map(str, self.runs))),
@@ -124,7 +124,7 @@ _WORKSPACE = TypeAdapter(Workspace)
 
 
 def load(folder: Path) -> tuple[Workspace, list[str]]:
-    """The workspace as it was left, and notices about what is not as it was.
+    """Saved workspace, and notices about changes since.
 
     A damaged file means a fresh start; a run, model or diagnosis that is gone is dropped. Never raises.
     """

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CampaignRequest:
-    """What to try, how often, and where the results go."""
+    """Options of a campaign."""
 
     campaign: "Campaign"
     n: int
@@ -28,7 +28,7 @@ class CampaignRequest:
 
 @dataclass(frozen=True, slots=True)
 class CampaignResult:
-    """What a campaign came to."""
+    """Results of a campaign."""
 
     summary: dict[str, Any]
     failures: "tuple[Failure, ...]"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CaptureRequest:
-    """What to record, and where."""
+    """Options of a capture."""
 
     rig: str
     """Rig file, or the name of a built-in one."""
@@ -41,7 +41,7 @@ class CaptureRequest:
 
 @dataclass(frozen=True, slots=True)
 class CaptureResult:
-    """What was recorded, and on which device."""
+    """Recorded runs and the device."""
 
     url: str
     device: "DeviceInfo"

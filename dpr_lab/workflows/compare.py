@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CompareRequest:
-    """What to compare, and where figures and report go."""
+    """Options of a comparison."""
 
     runs: tuple[Path, ...]
     model: Path

@@ -58,7 +58,7 @@ class KnownPlant:
 
     @property
     def comparison(self) -> dict[str, tuple[float, float, float, float]]:
-        """Of each ratio: identified, its standard deviation, the plant's own, their distance in those deviations."""
+        """Each ratio: estimate, standard deviation, true value, and error in standard deviations."""
         return {
             name: (found.value, found.std, self.ratios[name], (found.value - self.ratios[name]) / found.std)
             for name, found in self.model.ratios.items()
@@ -79,7 +79,7 @@ class HiddenEffect:
 
 @dataclass(frozen=True, slots=True)
 class DemoResult:
-    """Both halves of the demo."""
+    """Results of both parts of the demo."""
 
     known: KnownPlant
     hidden: HiddenEffect

@@ -25,7 +25,7 @@ RECORD = "diagnosis.json"
 
 @dataclass(frozen=True, slots=True)
 class DiagnoseRequest:
-    """What to diagnose, and with what."""
+    """Options of a diagnosis."""
 
     runs: tuple[Path, ...]
     rig: str
@@ -62,12 +62,12 @@ class DiagnoseResult:
     files: "Mapping[str, str]"
 
     def to_json(self) -> dict[str, Any]:
-        """What `diagnose --json` prints."""
+        """Output of `diagnose --json`."""
         return self.diagnosis.to_json() | ({"files": dict(self.files)} if self.files else {})
 
 
 def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseResult:
-    """Say where simulation and rig differ, which effect causes it, how sure that is and how much of it closes.
+    """Explain the gap between simulation and rig: location, causes, probabilities and reduction.
 
     Events: `RunRead`, `StageBegan`, `FitBegan`, `ScoreTestBegan`, `TrustTrialDone`, `Warned`.
 
@@ -164,7 +164,7 @@ REASONS = ("gap", "unexplained", "unsure", "sensor")
 
 
 def failures(found: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
-    """A sentence for each of some `REASONS` that a diagnosis gives to fail.
+    """One sentence for each of some `REASONS` that apply to a diagnosis.
 
     Recordings that cannot show a gap, and a description of them that is probably wrong, fail without being asked for.
 

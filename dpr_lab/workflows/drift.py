@@ -22,7 +22,7 @@ STAGES = ("each run alone", "what moved")
 
 @dataclass(frozen=True, slots=True)
 class DriftRequest:
-    """What to compare."""
+    """Options of a drift analysis."""
 
     runs: tuple[Path, ...]
     rig: str
@@ -42,7 +42,7 @@ class DriftRequest:
 
 @dataclass(frozen=True, slots=True)
 class DriftResult:
-    """What moved, and what each run says."""
+    """Changed parameters, and the estimates of each run."""
 
     drift: "Drift"
     estimates: "Estimates"
@@ -54,7 +54,7 @@ class DriftResult:
     """Kinds of the known torques that drove the runs."""
 
     def to_json(self) -> dict[str, Any]:
-        """What `drift --json` prints."""
+        """Output of `drift --json`."""
         from dpr_lab.report.drift import sentence
 
         runs = zip(self.estimates.runs, self.group, self.estimates.values.tolist(), strict=True)
@@ -79,7 +79,7 @@ class DriftResult:
 
 
 def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResult:
-    """Say which parameters of a rig moved between groups of runs.
+    """Find parameters of a rig that changed between groups of runs.
 
     Events: `RunRead`, `StageBegan`.
 

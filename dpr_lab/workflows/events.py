@@ -56,7 +56,7 @@ class JobBegan:
 
 @dataclass(frozen=True, slots=True)
 class Warned:
-    """Something that the operator should know, although the job goes on."""
+    """A warning; the job continues."""
 
     sentence: str
 
@@ -80,7 +80,7 @@ class RunCompared:
 
 @dataclass(frozen=True, slots=True)
 class RunLeftOut:
-    """A run could not be used; the job goes on without it."""
+    """A run that cannot be used; the job continues without it."""
 
     file: Path
     why: str
@@ -148,7 +148,7 @@ class TrustTrialDone:
 
     @property
     def left_s(self) -> float:
-        """About how long the others take, s; nan before one is done."""
+        """Estimated time for the remaining trials, s; nan before the first is done."""
         return self.elapsed_s * (self.of - self.done) / self.done if self.done else math.nan
 
 

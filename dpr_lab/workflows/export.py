@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ExportRequest:
-    """What to write, and what to try it on."""
+    """Options of an export."""
 
     model: Path
     """A model that `identify` or `diagnose` wrote, or the folder of a diagnosis."""
@@ -35,7 +35,7 @@ class ExportRequest:
 
 @dataclass(frozen=True, slots=True)
 class ExportResult:
-    """What was written, and how it does."""
+    """Written files and the error of the exported model."""
 
     files: dict[str, str]
     """Format -> the file that a program reads first."""
@@ -56,7 +56,7 @@ class ExportResult:
     """The same in words."""
 
     def to_json(self) -> dict[str, Any]:
-        """What `dpr-lab export --json` prints."""
+        """Output of `dpr-lab export --json`."""
         return {"schema": 1, **asdict(self)}
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class IdentifiabilityRequest:
-    """What to judge."""
+    """Options of an identifiability analysis."""
 
     rig: str
     """Rig file, or the name of a built-in one."""
@@ -26,7 +26,7 @@ class IdentifiabilityRequest:
 
 @dataclass(frozen=True, slots=True)
 class IdentifiabilityResult:
-    """What is fixed, what is free, and what to measure next."""
+    """Determined and free parameters, and recommended measurements."""
 
     rig: str
     """Its name."""

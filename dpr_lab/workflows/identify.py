@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class IdentifyRequest:
-    """What to identify, and how."""
+    """Options of an identification."""
 
     runs: tuple[Path, ...]
     rig: str
@@ -43,7 +43,7 @@ class IdentifyRequest:
 
 @dataclass(frozen=True, slots=True)
 class IdentifyResult:
-    """What was identified. A model that failed its own checks says so in `model.failures`, and is written too."""
+    """Result of an identification. A model that failed its own checks is written too; see `model.failures`."""
 
     model: "Model"
     file: Path
@@ -51,7 +51,7 @@ class IdentifyResult:
 
 @dataclass(frozen=True, slots=True)
 class MovingArmResult:
-    """What was identified of a rig whose arm was free or driven, and the file that holds it."""
+    """Identified model of a rig with a free or driven arm, and its file."""
 
     model: "MovingArmModel"
     file: Path

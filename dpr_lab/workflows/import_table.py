@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ImportRequest:
-    """What to import, and where it goes."""
+    """Options of an import."""
 
     table: Path
     """A file of a kind in `dpr_lab.storage.readers`, or the folder of a ROS 2 bag."""
@@ -48,7 +48,7 @@ class ImportResult:
 
     @property
     def info(self) -> "RunInfo":
-        """What the run file says; reads all of it."""
+        """Metadata of the run file; reads the whole file."""
         from dpr_lab.storage.inspect import info
 
         return info(self.file)
@@ -75,7 +75,7 @@ def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportRe
 
 
 def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Preview":
-    """What would be imported; nothing is written.
+    """Interpretation of a table; nothing is written.
 
     Events: `ImportProgress`.
 

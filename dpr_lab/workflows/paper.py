@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PaperRequest:
-    """How much of it to run."""
+    """Options of the reproduction."""
 
     out: Path
     """Folder of paper.md, paper.json, tables and figures."""
@@ -36,7 +36,7 @@ class PaperResult:
 
 
 def paper(request: PaperRequest, on_event: OnEvent = ignore) -> PaperResult:
-    """Run the published experiment, and say what does not reproduce.
+    """Run the published experiment and list the results that do not reproduce.
 
     Events: `PaperSearchDone`.
 

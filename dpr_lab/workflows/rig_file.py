@@ -24,7 +24,7 @@ class Measure:
 
 @dataclass(frozen=True, slots=True)
 class RigMeasures:
-    """What somebody knows of a rig who has a ruler and a balance."""
+    """Values measured with ruler and balance."""
 
     name: str
     L1: float
@@ -57,7 +57,7 @@ class RigMeasures:
 
 @dataclass(frozen=True, slots=True)
 class DraftSettings:
-    """How wide bounds are drawn around what is known of a rod; all but the masses follow from a uniform one."""
+    """Width of the bounds around measured values; all but the masses follow from a uniform rod."""
 
     mass: tuple[float, float] = (0.7, 1.4)
     """Bounds of a mass that was estimated, relative."""
@@ -227,7 +227,7 @@ def _poses(m: RigMeasures) -> str:
 
 @dataclass(frozen=True, slots=True)
 class RigFinding:
-    """One thing about a rig file."""
+    """One remark on a rig file."""
 
     state: Literal["wrong", "missing", "odd"]
     """`wrong`: it cannot be used; `missing`: something cannot be done with it; `odd`: perhaps a slip."""
@@ -237,7 +237,7 @@ class RigFinding:
 
 @dataclass(frozen=True, slots=True)
 class Usual:
-    """What a rig on a bench is like; what lies outside is asked about."""
+    """Usual ranges of a rig on a bench; values outside are questioned."""
 
     gravity: tuple[float, float] = (9.76, 9.84)
     """m/s^2, on earth."""
@@ -259,7 +259,7 @@ USUAL = Usual()
 
 
 def check_rig(name: str | Path) -> list[RigFinding]:
-    """What is wrong, missing or odd in a rig file; none where nothing is."""
+    """Errors, missing values and unusual values of a rig file; empty if there are none."""
     from dpr_lab.rig import load_rig
 
     try:

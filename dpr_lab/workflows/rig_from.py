@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RigFromModel:
-    """What was read, and what the rig file cannot hold."""
+    """Imported values, and parts of the model that a rig file cannot express."""
 
     file: Path
     model: str
@@ -31,7 +31,7 @@ class RigFromModel:
     notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """What `dpr-lab rig from --json` prints."""
+        """Output of `dpr-lab rig from --json`."""
         return {"schema": 1, **asdict(self), "file": str(self.file)}
 
 

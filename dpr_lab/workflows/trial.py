@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class TrialRequest:
-    """What plant to draw, and where the trial is kept."""
+    """Options of a blind trial."""
 
     plant: "PlantRequest"
     folder: Path
@@ -27,7 +27,7 @@ class TrialRequest:
 
 @dataclass(frozen=True, slots=True)
 class DiagnoseTrialRequest:
-    """Which trial to diagnose."""
+    """Options of the diagnosis of a trial."""
 
     folder: Path
     model: Path | None = None
@@ -43,7 +43,7 @@ class DiagnoseTrialResult:
 
 
 def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
-    """Have a plant drawn and sealed, and record it through the protocol, once from each of its poses.
+    """Draw and seal a plant, and record it through the protocol, one release per pose.
 
     Events: `TrialSealed`, then `CaptureDone` for each recording.
 

@@ -18,11 +18,11 @@ class Board(Protocol):
         ...
 
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
-        """What the board has to send by the wall time `wall`, s; `blocked` when the link does not take more."""
+        """Messages to send by the wall time `wall`, s; `blocked` if the link accepts no more."""
         ...
 
     def receive(self, frame: Frame, wall: float) -> list[Frame]:
-        """Obey one frame that arrived at the wall time `wall`, s; returns the answers."""
+        """Process a frame that arrived at the wall time `wall`, s; return the answers."""
         ...
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:

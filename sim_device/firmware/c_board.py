@@ -41,7 +41,7 @@ class CBoard:
         return self._firmware.state in STREAMS
 
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
-        """What the board has to send by the wall time `wall`, s; `blocked` when the link does not take more."""
+        """Messages to send by the wall time `wall`, s; `blocked` if the link accepts no more."""
         now = self._clock.advance(wall, self._firmware.state, self._ticks.rate_hz, blocked)
         frames = self._firmware.poll(self._millis(wall))
         self._act(now)

@@ -44,7 +44,7 @@ class _Identity(Structure):
 
 
 class HardwareActions(Structure):
-    """What the firmware did to latch and timer since it was last asked."""
+    """Actions of the firmware on latch and timer since the last call."""
 
     release_tick: int
     rate_hz: int
@@ -115,7 +115,7 @@ class Firmware:
 
     @property
     def state(self) -> State:
-        """Where it stands."""
+        """State of the firmware."""
         return State(self._library.dpr_host_state(self._host))
 
     @property
@@ -138,7 +138,7 @@ class Firmware:
     def poll(
         self, millis: int, readings: NDArray[np.int64] | None = None, torques: NDArray[np.int64] | None = None
     ) -> list[Frame]:
-        """Let it look after lease and faults and take readings; what it says.
+        """Run lease, fault and reading checks; return the messages.
 
         Args:
             millis: now
@@ -164,7 +164,7 @@ class Firmware:
         return rows
 
     def hardware_actions(self) -> HardwareActions:
-        """What it did to latch and timer since the last call."""
+        """Actions on latch and timer since the last call."""
         return self._library.dpr_host_actions(self._host)
 
     def set_fault(self, fault: int) -> None:

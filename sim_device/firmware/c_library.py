@@ -40,7 +40,7 @@ def library_path() -> Path:
 
 
 def compile_to(target: Path, *flags: str) -> None:
-    """Compile core and host port; the file appears whole or not at all.
+    """Compile core and host port; the file is written atomically.
 
     Raises:
         ConfigError: there is no C compiler, or it refused.

@@ -33,7 +33,7 @@ REPORTS_HZ = 10
 
 
 def identity(rig: Rig, uid: int, rate_max_hz: int, simulated_time: bool) -> DeviceInfo:
-    """What the simulated board says it is."""
+    """Identity that the simulated board reports."""
     return DeviceInfo(
         firmware=FIRMWARE,
         uid=f"{uid:016x}",
@@ -126,7 +126,7 @@ class PythonBoard:
         return self._session.streams
 
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
-        """What the board has to send by the wall time `wall`, s; `blocked` when the link does not take more."""
+        """Messages to send by the wall time `wall`, s; `blocked` if the link accepts no more."""
         now = self._clock.advance(wall, self._session.state, self._ticks.rate_hz, blocked)
         frames = self._carry_out(self._session.check_lease(self._clock.watch(wall), self._next_tick), now)
         first, self._next_tick = self._next_tick, max(self._next_tick, int(self._ticks.at(now)) + 1)

@@ -22,7 +22,7 @@ class Port(Protocol):
         ...
 
     def write(self, data: bytes | bytearray) -> int:
-        """How many of the bytes were taken, without waiting."""
+        """Write without waiting; return the number of accepted bytes."""
         ...
 
     def wait(self, timeout: float, to_write: bool) -> None:
@@ -42,7 +42,7 @@ class FrameCodec(Protocol):
         ...
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Frames in the host's bytes, and bytes to answer at once."""
+        """Frames in the bytes of the host, and bytes of the immediate answer."""
         ...
 
 
@@ -95,7 +95,7 @@ class ByteLink:
         return self._faults.frames(frames)
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        """Queue frames and write what the port takes."""
+        """Queue frames and write as many bytes as the port accepts."""
         dropped, fresh = list[Frame](), bytearray()
         for frame in self._faults.frames(frames):
             data = self._faults.framed(self._codec.encode(frame))

@@ -8,7 +8,7 @@ from firmware_protocol.messages import Frame
 
 @dataclass(frozen=True, slots=True)
 class LinkLimits:
-    """What links and the simulated board carry."""
+    """Capacities of links and of the simulated board."""
 
     rate_max_hz: int = 4000
     """What the simulated board can sample, on any link."""
@@ -37,7 +37,7 @@ LIMITS = LinkLimits()
 
 @dataclass(frozen=True, slots=True)
 class HostAddress:
-    """What a host connects to."""
+    """Address for the host."""
 
     url: str
     rate_max_hz: int
@@ -46,7 +46,7 @@ class HostAddress:
 
 
 class DeviceLink(Protocol):
-    """Frames to and from at most one host."""
+    """Link to at most one host."""
 
     address: HostAddress
 
@@ -60,7 +60,7 @@ class DeviceLink(Protocol):
         ...
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        """Queue frames and pass on what the link takes; returns those that found no room and were dropped."""
+        """Queue frames and write what the link accepts; return the frames that are dropped."""
         ...
 
     def wait(self, timeout: float) -> None:

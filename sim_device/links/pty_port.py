@@ -57,7 +57,7 @@ class PtyPort:
         return data
 
     def write(self, data: bytes | bytearray) -> int:
-        """How many bytes were taken; without a host they are gone, as on an unplugged cable."""
+        """Write; return the number of accepted bytes. Without a host they are lost, as on an unplugged cable."""
         if not self.connected:
             return len(data)
         try:
@@ -79,7 +79,7 @@ class PtyPort:
         return events_ready[0][1] if events_ready else 0
 
     def close(self) -> None:
-        """Hang up: the host's end fails from now on, as when the cable is pulled."""
+        """Close the port; the host's end then fails, as with an unplugged cable."""
         os.close(self._master)
 
 

@@ -50,7 +50,7 @@ class TcpServerPort:
         return data
 
     def write(self, data: bytes | bytearray) -> int:
-        """How many bytes were taken; without a host they are gone."""
+        """Write; return the number of accepted bytes. Without a host they are lost."""
         if not self.connected:
             return len(data)
         assert self._host is not None

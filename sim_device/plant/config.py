@@ -37,7 +37,7 @@ Share = Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)]
 
 
 class EncoderConfig(_Table):
-    """What encoders and board add to the truth."""
+    """Errors of encoders and board."""
 
     noise_counts: NotNegative | tuple[NotNegative, NotNegative, NotNegative] = 0.5
     """Standard deviation of Gaussian noise before rounding, of all encoders or of each."""
@@ -52,14 +52,14 @@ class EncoderConfig(_Table):
 
 
 class OperatorConfig(_Table):
-    """How well the operator places the rods (rad) and how still they are let go (rad/s), as standard deviations."""
+    """Standard deviations of the operator: pose error (rad) and speed at the release (rad/s)."""
 
     placement_std: NotNegative = 0.01
     release_speed_std: NotNegative = 0.002
 
 
 class DriveConfig(_Table):
-    """How joint drives are, where the device is given torques to replay."""
+    """Properties of the joint drives of a device that replays torques."""
 
     tells: tuple[Literal["measured", "commanded"], ...] = ("measured", "commanded")
     """Which torques the board sends."""

@@ -42,7 +42,7 @@ class JointDrives:
 
     @property
     def kinds(self) -> tuple[TorqueKind, ...]:
-        """Which torques they tell."""
+        """Kinds of torques that the drives report."""
         return tuple(kind for kind in TorqueKind if kind.name.lower() in self.config.tells)
 
     @property

@@ -10,7 +10,7 @@ HiddenSwing = Swing | ForeignSwing
 
 
 def plant_of(config: PlantConfig, rig: Rig) -> HiddenPlant:
-    """The plant that a plant file describes.
+    """Plant of a plant file.
 
     Raises:
         ConfigError: effects that there are not, or not together.

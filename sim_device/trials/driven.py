@@ -50,7 +50,7 @@ DRIVING = Driving()
 
 @dataclass(frozen=True, slots=True)
 class DriveFault:
-    """What a drive does that its torques do not tell, and the effect of the library that is a right name for it."""
+    """Fault of a drive that its torques do not show, and the library effect that names it correctly."""
 
     name: str
     drives: dict[str, Any]

@@ -36,7 +36,7 @@ class DrawnTrial:
     """On its joints; none: free swings."""
 
     def report(self, direct: bool) -> dict[str, Any]:
-        """`seal`; `rig`, the rig file as TOML text; `runs` where asked for: pose, rate, lost, time, counts, torques."""
+        """Report of a drawn trial: `seal`; `rig`, the rig file as TOML text; `runs`, if requested."""
         public = {"seal": seal(self.kept["truth"], self.kept["salt"]), "rig": _rig_file(self.rig)}
         return public | ({"runs": _runs(self)} if direct else {})
 

@@ -59,7 +59,7 @@ def excess(model: Hypothesis) -> float:
 
 
 def at_noise_floor(model: Hypothesis) -> bool:
-    """Whether nothing but noise is left."""
+    """Whether the residual is consistent with noise."""
     return model.residuals.z < THRESHOLDS.noise_floor
 
 

@@ -24,7 +24,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class InstantSettings:
-    """What decides that stamps are wrong, and by how much."""
+    """Limits of the test of time stamps."""
 
     uneven: float = 1e-3
     """Standard deviation of the stamps about an even clock, in periods, below which they are even."""

@@ -121,7 +121,7 @@ class Recordings:
         )
 
     def only(self, chosen: Sequence[Record]) -> "Recordings":
-        """Other runs of the same rig."""
+        """Copy with other runs of the same rig."""
         return replace(self, records=tuple(chosen))
 
 

@@ -50,7 +50,7 @@ RULES = DiscrepancyRules()
 
 @dataclass(frozen=True, slots=True)
 class Discrepancy:
-    """A discrepancy term of the likeliest size."""
+    """Discrepancy term with its maximum-likelihood size."""
 
     columns: Array
     """(segments, m, q) whitened change of the readings, one standard deviation of the prior each."""

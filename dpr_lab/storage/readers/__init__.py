@@ -28,7 +28,7 @@ from dpr_lab.whole_file import regular
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """How one kind of file is known and read."""
+    """One file format: how it is recognised and read."""
 
     kind: str
     begins: tuple[bytes, ...]

@@ -29,7 +29,7 @@ KIND = "ROS 2 bag"
 
 @dataclass(frozen=True, slots=True)
 class BagLimits:
-    """What is believed of a bag."""
+    """Limits of a bag."""
 
     record_bytes: int = 64 << 20
     """Of one record or chunk, packed and unpacked: pictures may lie in one chunk with the joints."""

@@ -21,7 +21,7 @@ HEADER, TAG, COMPRESSED = 128, 8, 15
 
 
 def object_sentence(path: Path, class_name: str) -> RunError:
-    """What to do with an object of MATLAB's."""
+    """Message about a MATLAB object in the file."""
     how = "s.time = ts.Time; s.data = ts.Data; save('swing.mat', '-struct', 's')"
     return RunError(
         f"{path}: holds an object of MATLAB's class {class_name}, which MATLAB alone can read:"

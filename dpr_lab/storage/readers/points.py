@@ -24,7 +24,7 @@ from dpr_lab.storage.tables.table import Table, read_table
 
 @dataclass(frozen=True, slots=True)
 class PointSettings:
-    """When a point is believed."""
+    """Limits for tracked points."""
 
     likelihood: float = 0.6
     """At least; DeepLabCut draws no others (its pcutoff)."""

@@ -38,7 +38,7 @@ _NO_NAME = re.compile(r"\d+|.+\[\d+\]")
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Which column is what, and in what unit."""
+    """Meaning and unit of each column."""
 
     names: Mapping[str, str]
     """Of t and the axes, the column's name."""
@@ -53,7 +53,7 @@ def is_time(name: str) -> bool:
 
 
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
-    """Which column is what, by the names loggers use; quantities without exactly one match are left out."""
+    """Columns by the names that loggers use; quantities without exactly one match are omitted."""
     patterns = {"t": re.compile(_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit]))}
     for axis, quantity in enumerate(AXES):
         patterns[quantity] = re.compile((_COUNT_NAME if unit == "counts" else _ANGLE_NAME).format(axis=axis))
@@ -64,7 +64,7 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
 def find_columns(
     table: Table, given: Mapping[str, str], unit: str | None, time_unit: str | None, rate_hz: float | None
 ) -> Columns:
-    """Which column is what.
+    """Columns by options, by names, or by position.
 
     Args:
         table: the table

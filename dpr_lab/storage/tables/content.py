@@ -73,7 +73,7 @@ class Content:
         self._packed.close()
 
     def lines(self) -> Iterator[Line]:
-        """The lines that hold something, with their numbers; comments are set aside."""
+        """Non-empty lines with their numbers; comments are kept separately."""
         while self._at < len(self._text) or self._read_block():
             end = self._text.find("\n", self._at)
             end = len(self._text) if end < 0 else end
@@ -83,7 +83,7 @@ class Content:
                 yield kept
 
     def blocks(self) -> Iterator[Line]:
-        """What `lines` left, in whole lines of about a block, with the number of the first.
+        """Lines of `lines` in blocks of whole lines, with the number of the first.
 
         Comments and empty lines are among them. The last block need not end with a line end.
         """

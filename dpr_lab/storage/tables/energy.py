@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class EnergySettings:
-    """How a swing's energy is followed."""
+    """Settings of the energy test."""
 
     looked_at_s: float = 10.0
     """Of a table; a wrong reading is wrong from the start."""
@@ -50,7 +50,7 @@ ENERGY = EnergySettings()
 
 @dataclass(frozen=True, slots=True)
 class EnergyFit:
-    """How well a reading of a table keeps its energy."""
+    """Energy balance of one interpretation of a table."""
 
     residual: float
     """Root mean square of the energy that appears or disappears, over that of the exchanged potential energy."""
@@ -71,7 +71,7 @@ def periods(rig: Rig) -> tuple[float, float]:
 def energy_fit(
     t: Array, rods: Array, torques: Array | None, rig: Rig, settings: EnergySettings = ENERGY
 ) -> EnergyFit | None:
-    """How well a reading of a table keeps its energy; None where too little is seen.
+    """Energy balance of one interpretation of a table; None if the motion is too small.
 
     Args:
         t: (n,) s

@@ -12,7 +12,7 @@ from dpr_lab.errors import RunError
 
 @dataclass(frozen=True, slots=True)
 class Plausible:
-    """What a table of a swing is taken for; beyond it a unit is wrong or the file is no recording."""
+    """Limits of a plausible table; beyond them a unit is wrong or the file is not a recording."""
 
     nan_share: float = 0.1
     """Rows without a value, at most."""

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class QuestionSettings:
-    """When a table is doubted."""
+    """Limits beyond which an import asks for confirmation."""
 
     fewest_rows: int = 10
     """Rows of a swing below which a table is refused: the noise alone takes seven."""
@@ -335,7 +335,7 @@ def _apart(rods: Array, pose: Array) -> float:
 
 
 def refuse_push(asked: Asked, origin: float, settings: QuestionSettings = SETTINGS) -> None:
-    """Refuse rods that hang at rest and then swing although nothing is known to drive them.
+    """Refuse rods that swing from the hanging rest without a known drive.
 
     Raises:
         RunError: they were pushed; names the option that leaves the push out.

@@ -23,7 +23,7 @@ TO_RADIANS = {"rad": 1.0, "deg": np.pi / 180}
 
 @dataclass(frozen=True, slots=True)
 class ReadingSettings:
-    """When a table is read otherwise."""
+    """Limits beyond which another interpretation of a table is proposed."""
 
     right: float = 0.15
     """Residual of the energy up to which a table is read right: 0.01 in simulations, 0.02 to 0.12 on real rigs, above
@@ -67,7 +67,7 @@ class OtherReading:
 
     @property
     def sentence(self) -> str:
-        """What is so instead of what the options say, and the options that say so."""
+        """The other interpretation, and the options that select it."""
         return " and ".join(self.causes) + (f" ({' '.join(self.mend)})" if self.mend else "")
 
     @property
@@ -80,7 +80,7 @@ class OtherReading:
 
 
 def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, NDArray[np.int64] | None]:
-    """(n, 3) absolute angles, rad, each axis contiguous, and the counts that they were read from, if any.
+    """(n, 3) absolute angles, rad, each axis contiguous, and the counts they come from, if any.
 
     Raises:
         RunError: counts with fractions.
@@ -105,7 +105,7 @@ def wrap_notes(values: Values, options: ImportOptions) -> list[str]:
 
 
 def in_radians(values: Values, options: ImportOptions) -> dict[str, Array]:
-    """The values of a table that holds no counts, rad."""
+    """Values of a table without counts, rad."""
     assert options.unit is not None
     return {axis: column * TO_RADIANS[options.unit] for axis, column in values.items()}
 
@@ -137,7 +137,7 @@ def better_readings(
 
 
 def other_readings(values: Values, options: ImportOptions, columns: Mapping[str, str]) -> Iterator[OtherReading]:
-    """Ways to read a table otherwise than its options say."""
+    """Other interpretations of a table than its options state."""
     counted = options.unit == "counts"
     zeros, references = ((False,), (False,)) if counted else ((False, True), (False, True))
     for zero, reference, sign, swap in product(zeros, references, (False, True), (False, True)):

@@ -29,7 +29,7 @@ from dpr_lab.storage.tables.table import Table
 
 @dataclass(frozen=True, slots=True)
 class Understood:
-    """What was understood of a table."""
+    """Interpretation of a table."""
 
     since_first_s: NDArray[np.float64]
     """(n,) s since the first row that is kept."""
@@ -74,7 +74,7 @@ class Understood:
 def understand(
     file: Path | str, rig: Rig, options: ImportOptions | None = None, on_progress: OnImport = unwatched
 ) -> Understood:
-    """What a table is understood as, before it is a run; arguments and errors as of `import_csv`."""
+    """Interpret a table before it becomes a run; arguments and errors as of `import_csv`."""
     options = options or ImportOptions()
     if options.pose is not None and options.pose not in rig.poses:
         raise RunError(f"{file}: pose {options.pose!r} is not one of the rig's: {', '.join(rig.poses) or 'none'}")

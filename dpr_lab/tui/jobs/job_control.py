@@ -16,7 +16,7 @@ from dpr_lab.tui.jobs.job_events import JobCompiling, JobEvent, JobFailed, JobFi
 
 
 class JobControl:
-    """What the work sees of whoever started it."""
+    """Connection of a job to its owner."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -31,12 +31,12 @@ class JobControl:
         self.send(JobProgress(value))
 
     def proceed(self) -> bool:
-        """Wait while paused; false once asked to stop and keep what there is."""
+        """Wait while paused; return False after a request to stop and keep the result so far."""
         self._going.wait()
         return not self._stop.is_set()
 
     def questions(self) -> Iterator[Any]:
-        """What is asked from now on, without end; of questions that piled up meanwhile only the newest."""
+        """Yield questions without end; only the newest of those that arrived meanwhile."""
         while True:
             question = self._asked.get()
             while not self._asked.empty():
@@ -44,7 +44,7 @@ class JobControl:
             yield question
 
     def listen(self) -> None:
-        """Obey until the other end is gone; then there is nobody left to work for."""
+        """Execute orders until the connection closes; then end the process."""
         with contextlib.suppress(EOFError, OSError):
             while True:
                 match self._connection.recv():

@@ -15,7 +15,7 @@ from dpr_lab.tui.read_only import refuse_job
 
 
 class JobProcess:
-    """A function at work in its own process, from the moment it is made.
+    """A function that runs in its own process from its construction.
 
     Args:
         function: called there as `function(control, **arguments)`; importable by name
@@ -33,7 +33,7 @@ class JobProcess:
         return self._process.alive
 
     def events(self, patience_s: float = 5.0) -> Iterator[JobEvent]:
-        """What it reports, ending with its end; waits for each, so read it in a thread.
+        """Yield the events of the job until its end; blocks, so call it in a thread.
 
         Args:
             patience_s: how long the process may take to be gone after that before it is ended
@@ -49,7 +49,7 @@ class JobProcess:
         self._process.end(patience_s)
 
     def pause(self) -> None:
-        """Hold it at the next point where it can wait."""
+        """Pause the job at the next possible point."""
         self._send("pause")
         self.paused = True
 
@@ -59,16 +59,16 @@ class JobProcess:
         self.paused = False
 
     def stop(self) -> None:
-        """Ask it to end early and keep the best so far."""
+        """End the job early and keep the best result so far."""
         self._send("stop")
         self.paused = False
 
     def ask(self, question: Any) -> None:
-        """Ask work that takes questions; the answer comes as progress."""
+        """Send a question to the job; the answer arrives as progress."""
         self._send(("ask", question))
 
     def cancel(self) -> None:
-        """End it at once; nothing is kept."""
+        """End the job at once without a result."""
         self._cancelled = True
         self._process.terminate()
 
@@ -94,7 +94,7 @@ class JobHeard(Message, bubble=False):
 
 
 def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) -> JobProcess:
-    """Start a job as `JobProcess` does; what it tells comes to its owner as `JobHeard`.
+    """Start a job as `JobProcess` does; its events reach its owner as `JobHeard`.
 
     Raises:
         SafetyStop: the page is read-only, and the job does more than read.

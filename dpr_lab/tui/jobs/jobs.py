@@ -36,7 +36,7 @@ def diagnose(control: JobControl, *, request: DiagnoseRequest) -> DiagnoseResult
 
 @dataclass(frozen=True, slots=True)
 class FreeRunStart:
-    """Where a free run is to start: in which run, and when after the release."""
+    """Start of a free run: run and time after the release."""
 
     run: int
     at_s: float
@@ -44,21 +44,21 @@ class FreeRunStart:
 
 @dataclass(frozen=True, slots=True)
 class ComparisonSaved:
-    """All runs are compared; the job goes on to answer every `FreeRunStart` that it is asked."""
+    """All runs are compared; the job continues to answer each `FreeRunStart`."""
 
     left_out: tuple[Path, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class FreeRunFrom:
-    """The free run from where it was asked for."""
+    """Free run from the requested start."""
 
     start: FreeRunStart
     free_run: "FreeRun"
 
 
 def compare(control: JobControl, *, request: CompareRequest, keep: KeptComparison | None = None) -> None:
-    """Compare, and keep that; then answer each `FreeRunStart` with a free run until it is cancelled."""
+    """Compare and save the result; then answer each `FreeRunStart` with a free run until cancelled."""
     result = compare_runs(request, control.report)
     if keep is not None and not result.left_out:
         with suppress(DprError):  # for convenience alone: what is not kept is simulated again
@@ -70,7 +70,7 @@ def compare(control: JobControl, *, request: CompareRequest, keep: KeptCompariso
 
 @dataclass(frozen=True, slots=True)
 class RunSurveyed:
-    """A file of a folder of runs: what it says about itself, or why it says nothing."""
+    """Metadata of a file in a folder of runs, or the reason why it cannot be read."""
 
     path: Path
     info: "RunInfo | None"

@@ -23,7 +23,7 @@ class KeptComparison:
     """Model and runs, as they are now: what was kept of others does not count."""
 
     def save(self, comparisons: "Sequence[Comparison]") -> None:
-        """Keep these, whole or not at all.
+        """Save the comparisons in one file, atomically.
 
         Raises:
             DprError: they cannot be written.
@@ -41,7 +41,7 @@ class KeptComparison:
         write_whole(self.file, write)
 
     def load(self) -> "list[Comparison]":
-        """What was kept of the same subject; nothing where there is none, or a file that is something else."""
+        """Saved comparisons of the same subject; empty if there are none or the file has another content."""
         from dpr_lab.identification.compare import Comparison
 
         try:

@@ -25,11 +25,11 @@ class StagePace:
         self._stage, self._since, self._compiled = stage, now, False
 
     def compiling(self, now: float) -> None:
-        """A kernel is being compiled: what that takes tells nothing."""
+        """A kernel is being compiled: exclude this time from the estimate."""
         self._since, self._compiled = now, True
 
     def left(self, now: float) -> float | None:
-        """How long it will go on, s; None where the stage takes longer than is typical."""
+        """Estimated remaining time, s; None if the stage takes longer than usual."""
         pace = self._took / self._expected if self._took > 0 else 1.0
         names = list(self._typical)
         here, *coming = (pace * self._typical[name] for name in names[names.index(self._stage) :])

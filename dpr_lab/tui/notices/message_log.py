@@ -11,7 +11,7 @@ from dpr_lab.errors import printable
 
 @dataclass(frozen=True, slots=True)
 class MessageLogSettings:
-    """How much is kept."""
+    """Limits of the message log."""
 
     shown: int = 500
     """Messages in the list: more than an operator scrolls through."""

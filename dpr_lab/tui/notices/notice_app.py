@@ -23,7 +23,7 @@ class NoticeApp(App[None]):
         super().notify(message, severity=severity, **options)
 
     def on_notify(self, event: Notify) -> None:
-        """Log a message, unless it still stands; of those that stand, errors make room last."""
+        """Log a message unless it is still shown; when space is short, errors are removed last."""
         new, standing = event.notification, [*self._notifications]
         if any(notice.message == new.message for notice in standing):
             event.prevent_default()

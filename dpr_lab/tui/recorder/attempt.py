@@ -14,7 +14,7 @@ from dpr_lab.tui.recorder.messages import AttemptFinished, AttemptSeen, GoAheadA
 
 
 class Phase(Enum):
-    """Where an attempt is; the value says what the operator does now."""
+    """Phase of an attempt; the value describes the next action of the operator."""
 
     PLACING = "bring both rods to the pose and hold them there"
     SETTLING = "at the pose: let the rods come to rest"
@@ -25,7 +25,7 @@ class Phase(Enum):
 
 @dataclass(slots=True)
 class Attempt:
-    """What is known of it so far."""
+    """State of an attempt."""
 
     number: int
     name: str

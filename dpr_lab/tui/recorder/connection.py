@@ -87,7 +87,7 @@ class DeviceConnection:
             yield report
 
     def note(self, report: RecorderReport) -> None:
-        """Keep what a report says of the device."""
+        """Store a report on the device."""
         match report:
             case Connected():
                 self.connected, self.opening, self.lost = report, None, None

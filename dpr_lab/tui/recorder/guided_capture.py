@@ -19,7 +19,7 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 def carry_out(
     order: CaptureAttempt, device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox
 ) -> AttemptFinished:
-    """Capture as ordered; raises what `capture` does."""
+    """Execute an order to capture; raises as `capture` does."""
     guided = _GuidedCapture(order, device, inbox, outbox)
     captured = capture(device, rig, order.pose, order.options, runs, guided.on_progress, guided.confirm)
     return AttemptFinished(order.attempt, captured, device.clock_fit())

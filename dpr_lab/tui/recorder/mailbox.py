@@ -10,7 +10,7 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 
 
 class Inbox:
-    """What the screen wants; a cancel is heard at any time."""
+    """Orders of the screen; a cancel is received at any time."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -22,13 +22,13 @@ class Inbox:
         threading.Thread(target=self._listen, name="orders", daemon=True).start()
 
     def next(self) -> Exercise | CaptureAttempt | None:
-        """The next thing to do, if there is one."""
+        """Next order, if any."""
         with contextlib.suppress(queue.Empty):
             return self._waiting.get_nowait()
         return None
 
     def take_go_ahead(self) -> GoAhead | None:
-        """The latest go-ahead, once."""
+        """Return the latest go-ahead and remove it."""
         latest = None
         with contextlib.suppress(queue.Empty):
             while True:

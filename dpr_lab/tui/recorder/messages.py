@@ -12,7 +12,7 @@ from firmware_protocol.identity import DeviceInfo
 
 @dataclass(frozen=True, slots=True)
 class Exercise:
-    """Stream for a moment and stop, to see what the link is worth; closes the latch."""
+    """Test the link by a short stream; closes the latch."""
 
     rate_hz: int
     seconds: float = 2.0
@@ -39,7 +39,7 @@ class GoAhead:
 
 @dataclass(frozen=True, slots=True)
 class CancelAttempt:
-    """End an attempt; what was recorded until then is kept."""
+    """End an attempt and keep the samples recorded so far."""
 
     attempt: int
 
@@ -67,7 +67,7 @@ class Connected:
 
 @dataclass(frozen=True, slots=True)
 class Idle:
-    """Where the rods are while nothing is under way."""
+    """Position of the rods without an attempt."""
 
     theta: tuple[float, float, float]
     """Absolute angles, rad."""
@@ -78,7 +78,7 @@ class Idle:
 
 @dataclass(frozen=True, slots=True)
 class Exercised:
-    """What the link is worth."""
+    """Result of the link test."""
 
     samples: int
     lost: Mapping[str, int]
@@ -88,7 +88,7 @@ class Exercised:
 
 @dataclass(frozen=True, slots=True)
 class AttemptSeen:
-    """How far an attempt is."""
+    """Progress of an attempt."""
 
     attempt: int
     progress: Progress

@@ -127,7 +127,7 @@ class _IdleWatch:
         self._last: Idle | None = None
 
     def look(self) -> None:
-        """Take in what the device says, for a moment."""
+        """Receive messages of the device for a short time."""
         for batch in self._device.poll(SETTINGS.look_s):
             self._counts |= {m.joint: m.position for m in batch.messages if isinstance(m, Position)}
         status = self._device.status

@@ -10,7 +10,7 @@ from dpr_lab.tui.recorder.process import serve
 
 
 class Recorder:
-    """A process with a device, from the moment it is made until `close`.
+    """A process that controls a device, from its construction until `close`.
 
     Args:
         url: the link to open; empty for the rig file's
@@ -30,7 +30,7 @@ class Recorder:
             self._process.pipe.send(order)
 
     def reports(self) -> Iterator[RecorderReport]:
-        """What has come since the last call, without waiting."""
+        """Reports since the last call, without waiting."""
         while not self._over and self._process.pipe.poll():
             try:
                 report = self._process.pipe.recv()
@@ -40,6 +40,6 @@ class Recorder:
             yield report
 
     def close(self, patience_s: float = 5.0) -> None:
-        """Let the process finish its file, which may take so long, and end it; closing twice is harmless."""
+        """Let the process finish its file within a time limit, then end it; closing twice is harmless."""
         self._over = True
         self._process.end(patience_s)

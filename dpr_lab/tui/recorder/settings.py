@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class RecorderSettings:
-    """Times and amounts, each chosen by what an operator notices."""
+    """Time limits and amounts of the recorder."""
 
     go_ahead_lasts_s: float = 2.0
     """A go-ahead that was stuck in a pipe for longer is not what the operator wants now."""

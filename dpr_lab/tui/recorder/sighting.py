@@ -10,7 +10,7 @@ from dpr_lab.tui.recorder.messages import AttemptSeen, Idle
 
 @dataclass(frozen=True, slots=True)
 class SightingSettings:
-    """How long a sighting is fact."""
+    """Validity of the last readings."""
 
     fresh_s: float = 1.5
     """A device reports ten times a second and counts as lost after one; beyond that nobody knows."""
@@ -49,7 +49,7 @@ class Sighting:
 
 
 def seen_in(report: Idle | AttemptSeen, before: Sighting) -> Sighting:
-    """What a report shows; of what it does not show, what was known before."""
+    """Update the last readings by a report; values that it lacks are kept."""
     if isinstance(report, Idle):
         return Sighting(report.theta, report.latched, report.at)
     theta = before.theta

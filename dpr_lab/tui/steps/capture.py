@@ -38,7 +38,7 @@ from dpr_lab.tui.widgets.status_line import RecordingNow
 
 @dataclass(frozen=True, slots=True)
 class CaptureChoices:
-    """What the operator can choose from."""
+    """Choices of the operator."""
 
     durations: tuple[float, ...] = (5.0, 10.0, 20.0, 30.0, 60.0)
     """How long to record, s; after the last comes until rest, and then the first again."""
@@ -120,7 +120,7 @@ What is grey is old: the device was not heard since, and the latch may have open
             self._rig = load_rig(self.workspace.rig)
 
     def outcome(self) -> str:
-        """How many runs there are."""
+        """Number of runs, in words."""
         count = len(self.workspace.runs)
         return counted_runs(count) if count else ""
 
@@ -150,7 +150,7 @@ What is grey is old: the device was not heard since, and the latch may have open
 
     @property
     def recording(self) -> RecordingNow | None:
-        """What is recorded now."""
+        """State of the current recording."""
         attempt = self.attempt
         if attempt is None or attempt.phase is not Phase.RECORDING:
             return None
@@ -207,7 +207,7 @@ What is grey is old: the device was not heard since, and the latch may have open
         self._draw()
 
     def action_release(self) -> None:
-        """Count down, then order the release of this attempt; refused unless the rods are in place and still."""
+        """Count down, then order the release; refused unless the rods are at the pose and at rest."""
         attempt = self.attempt
         obstacle = self._obstacle()
         if attempt is None or obstacle:
@@ -263,7 +263,7 @@ What is grey is old: the device was not heard since, and the latch may have open
         self._draw()
 
     def action_repeats(self) -> None:
-        """Record every pose once more, or only once again."""
+        """Increase the number of recordings of each pose; after the largest it is one again."""
         self._repeats = self._repeats % CHOICES.most_repeats + 1
         self._draw()
 

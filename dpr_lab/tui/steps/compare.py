@@ -38,7 +38,7 @@ VIEWS = ("angle", "free-run error", "segment residual")
 
 @dataclass(frozen=True, slots=True)
 class CompareSettings:
-    """How runs and model are drawn."""
+    """Settings of the comparison charts."""
 
     noise_sigmas: int = 2
     """Half the noise band; 95 % of what is only noise lies inside."""
@@ -121,7 +121,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         return super().missing() or ("" if known else none)
 
     def outcome(self) -> str:
-        """How many runs were compared."""
+        """Number of compared runs, in words."""
         return counted_runs(len(self._comparisons)) if self._comparisons and self._of is not None else ""
 
     def enter(self) -> None:
@@ -174,7 +174,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         self.begin(jobs.compare, request=request, keep=self._kept)
 
     def progressed(self, value: Any) -> None:
-        """A compared run or one left out, all of them saved, or a free run that was asked for."""
+        """Show a compared or skipped run, the saved comparison, or a requested free run."""
         match value:
             case RunCompared(comparison):
                 self._comparisons.append(comparison)
@@ -361,7 +361,7 @@ numbers are written to `report/` in the bench's folder, as `dpr-lab compare` wri
         return [Series(name, second.t[near], self.workspace.unit.small_per_rad * error, "accent")]
 
     def say(self, text: str) -> None:
-        """Show a sentence in the place of the figures."""
+        """Show a sentence instead of the figures."""
         self.query_one("#figures", Static).update(text)
 
 

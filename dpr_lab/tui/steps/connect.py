@@ -76,7 +76,7 @@ follows this computer's. That closes the latch, and leaves it closed.
         self.action_look()
 
     def outcome(self) -> str:
-        """Which device."""
+        """Name of the connected device."""
         connected = self.device.connected
         if connected is None:
             return ""
@@ -155,7 +155,7 @@ follows this computer's. That closes the latch, and leaves it closed.
         self._draw()
 
     def action_edit(self) -> None:
-        """Go to the field."""
+        """Focus the field."""
         self.query_one(Input).focus()
 
     def action_exercise(self) -> None:

@@ -174,7 +174,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             self._pace.compiling(now)
 
     def progressed(self, value: Any) -> None:
-        """What is being done."""
+        """Show the progress of the diagnosis."""
         match value:
             case StageBegan(number, of, name):
                 self._stage = value
@@ -205,7 +205,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         return self._shown.with_name("diagnosis.html") if self._shown is not None else None
 
     def action_hold_out(self) -> None:
-        """Choose the runs that take no part."""
+        """Choose the held-out runs."""
         held_out, runs = self.workspace.held_out, self.workspace.runs
         browser = RunBrowser(self.services, held_out, runs, "Runs to hold out", take_here=False)
         self.app.push_screen(browser, self._hold_out)

@@ -99,7 +99,7 @@ bench's folder.
                     yield Static(id=f"{name}-text")
 
     def outcome(self) -> str:
-        """How many runs the model rests on."""
+        """Number of fitted runs, in words."""
         if self.workspace.model is None:
             return ""
         return f"model of {counted_runs(len(self.model.runs))}" if self.model is not None else "model"
@@ -134,7 +134,7 @@ bench's folder.
         self.begin(jobs.identify, request=request)
 
     def pace(self, now: float) -> str:
-        """By generations: a search may end sooner, and the local fit comes after it."""
+        """Progress by generations; a search may end sooner, and the local fit follows."""
         if self._fitting or not self._history:
             return ""
         left = time_left(self._instants, self._history[-1].at_most - self._history[-1].number)

@@ -57,7 +57,7 @@ class JobStep(Step):
 
     @dataclass
     class JobDone(Message):
-        """The job brought a result: a step shown meanwhile may need it, and the operator has not seen it."""
+        """A job finished with a result."""
 
         step: "JobStep"
 
@@ -71,7 +71,7 @@ class JobStep(Step):
         self._basis: dict[str, str] = {}
 
     def stale(self) -> str:
-        """What changed since its result was made."""
+        """Changes since the result was computed."""
         made, now = self.workspace.made_from.get(self.NAME, {}), self.workspace.basis()
         changed = [kind for kind in self.RESTS_ON if made.get(kind, now[kind]) != now[kind]]
         if not changed or not self.outcome() or self.job is not None:
@@ -80,7 +80,7 @@ class JobStep(Step):
 
     @property
     def work(self) -> str:
-        """What runs, for how long, and about how long it will go on."""
+        """Running job, its elapsed and remaining time."""
         if self.job is None or self.job.paused:
             return "" if self.job is None else f"{self.NAME} PAUSED"
         now = time.monotonic()
@@ -120,7 +120,7 @@ class JobStep(Step):
             self.say(self.worded(f"{{{self.NAME.lower()}.start}}: {self.PURPOSE}"))
 
     def start_work(self) -> None:
-        """Begin what the form says; called when nothing is missing and nothing runs."""
+        """Start the job of the form; called only if nothing is missing and no job runs."""
 
     def compiling(self, now: float) -> None:
         """The job waits for a kernel, or a further one, to be compiled."""
@@ -142,7 +142,7 @@ class JobStep(Step):
         return f"{self.WORK.capitalize()} ends without a result." if self.WORK and self.job is not None else ""
 
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:
-        """Start a job in the place of the one that may run, of which nothing more is heard."""
+        """Start a job and drop the events of a previous one."""
         self._stop_job()
         self._begun, self._basis = time.monotonic(), self.workspace.basis()
         self._kernels, self._compiling, self._compiled_s = 0, None, 0.0
@@ -153,7 +153,7 @@ class JobStep(Step):
         self.post_message(self.Done())
 
     def take_keys(self) -> None:
-        """Have the step's keys work where what had the focus is no longer shown."""
+        """Keep the keys of the step active after the focused widget disappears."""
         if self.display and (self.app.focused is None or not self.app.focused.is_on_screen):
             self.focus()
 
@@ -182,7 +182,7 @@ class JobStep(Step):
         self.post_message(self.Done())
 
     def action_start(self) -> None:
-        """Begin, or say what must come first."""
+        """Start the job, or report what is missing."""
         if missing := self.missing():
             raise DprError(missing)
         self.start_work()
@@ -193,12 +193,12 @@ class JobStep(Step):
             self.job.resume() if self.job.paused else self.job.pause()
 
     def action_stop(self) -> None:
-        """End early, keep the best so far."""
+        """End the job early and keep the best result so far."""
         if self.job is not None:
             self.job.stop()
 
     def action_cancel(self) -> None:
-        """End at once, keep nothing."""
+        """End the job at once without a result."""
         if self.job is not None:
             self.say("cancelling")
             self._stop_job()
@@ -219,7 +219,7 @@ class JobStep(Step):
         return int(text)
 
     def action_view(self) -> None:
-        """The next tab."""
+        """Show the next tab."""
         tabs = self.query_one(TabbedContent)
         names = [pane.id or "" for pane in tabs.query(TabPane)]
         tabs.active = names[(names.index(tabs.active) + 1) % len(names)]

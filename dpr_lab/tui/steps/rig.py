@@ -30,7 +30,7 @@ CORRECT = "correct it, then press {rig.read}"
 
 
 class TableGiven(Message):
-    """A table was named in the place of a rig file."""
+    """A table was entered instead of a rig file."""
 
     def __init__(self, file: Path) -> None:
         super().__init__()
@@ -144,7 +144,7 @@ rig that is chosen.
         names.highlighted = next((i for i, option in enumerate(options) if option.id == self.workspace.rig), 0)
 
     def action_edit(self) -> None:
-        """Go to the field."""
+        """Focus the field."""
         self.query_one(Input).focus()
 
     def _read(self) -> None:

@@ -44,7 +44,7 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
         self._text = source.read_text(encoding="utf-8")
 
     def compose(self) -> ComposeResult:
-        """Where to save it, its text, what is wrong with it."""
+        """Build the fields for path and text, and the list of errors."""
         own = self._source.parent != BUILTIN / "rigs"
         with Vertical() as page:
             page.border_title = "Rig file"

@@ -59,7 +59,7 @@ class SecondCurve(Guarded, Horizontal):
         self._offered: list[tuple[Content, int]] = []
 
     def compose(self) -> ComposeResult:
-        """List and field."""
+        """Build list and field."""
         yield Select([("second curve: none", NOTHING)], value=NOTHING, allow_blank=False, id="beside", compact=True)
         hint = self._services.keys.fill("another model ({compare.edit})")
         yield Input(placeholder=hint, id="other", suggester=PathSuggester(".json"), compact=True)

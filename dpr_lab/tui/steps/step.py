@@ -38,7 +38,7 @@ class Step(Guarded, Vertical, can_focus=True):
 
     @property
     def workspace(self) -> Workspace:
-        """What the operator works on."""
+        """Workspace of the operator."""
         return self.services.workspace
 
     @property
@@ -52,7 +52,7 @@ class Step(Guarded, Vertical, can_focus=True):
 
     @property
     def recording(self) -> RecordingNow | None:
-        """What the step records now."""
+        """State of the current recording of this step."""
         return None
 
     @property
@@ -61,16 +61,16 @@ class Step(Guarded, Vertical, can_focus=True):
         return False
 
     def outcome(self) -> str:
-        """A few words for the stepper once there is a result; empty before."""
+        """Result in a few words for the stepper; empty without a result."""
         return ""
 
     def stale(self) -> str:
-        """What changed since the result was made, and the key that repeats it; empty while it is current."""
+        """Changes since the result was computed, and the key that repeats it; empty while it is current."""
         return ""
 
     @property
     def work(self) -> str:
-        """What runs and for how long; empty when nothing does."""
+        """Running job and its elapsed time; empty without a job."""
         return ""
 
     def report(self) -> Path | None:
@@ -78,14 +78,14 @@ class Step(Guarded, Vertical, can_focus=True):
         return None
 
     def missing(self) -> str:
-        """A sentence naming what must come first, and how; empty when the step can be worked on."""
+        """Sentence that names the missing prerequisite and how to provide it; empty if there is none."""
         return ""
 
     def enter(self) -> None:
         """Called each time the step is shown."""
 
     def hear(self, report: RecorderReport) -> None:
-        """Called with everything that the recorder says."""
+        """Handle a report of the recorder."""
 
     def at_stake(self) -> str:
         """A sentence: what becomes of work that is not finished if the operator quits now; empty when there is none."""

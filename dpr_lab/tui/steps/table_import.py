@@ -124,7 +124,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
 
 
 def warnings_of(preview: Preview) -> list[str]:
-    """What is doubtful of a table, to be confirmed before its run is used."""
+    """Doubts about a table, to be confirmed before its run is used."""
     return [question.sentence for question in preview.questions]
 
 

@@ -13,7 +13,7 @@ from dpr_lab.storage.tables.options import ImportOptions, TypedOption, typed_opt
 
 @dataclass(frozen=True, slots=True)
 class TypedOptions:
-    """What was typed."""
+    """Typed options of an import."""
 
     options: ImportOptions
     rods: str | None

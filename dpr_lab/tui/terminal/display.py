@@ -77,7 +77,7 @@ class Display:
 
     @property
     def multiplexer(self) -> str:
-        """As `Sight.multiplexer` says; a browser's terminal answers for itself."""
+        """Terminal multiplexer as of `Sight.multiplexer`; none in a browser."""
         driver = self._driver()
         if driver is None or driver.is_web:
             return ""

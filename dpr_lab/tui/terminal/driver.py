@@ -27,7 +27,7 @@ class BenchDriver(LinuxDriver):
         return self._out is None or self._out.idle
 
     def start_application_mode(self) -> None:
-        """Start, and ask the terminal what it is; it replies before it confirms the first frame."""
+        """Start, and query the type of the terminal; it replies before it confirms the first frame."""
         super().start_application_mode()
         self.write(QUERY)
 
@@ -39,7 +39,7 @@ class BenchDriver(LinuxDriver):
         self._out.write(data)
 
     def close(self) -> None:
-        """Restore the terminal, whether it takes what is left or not."""
+        """Restore the terminal, even if it does not accept the remaining output."""
         super().close()
         if self._out is not None:
             self._out.stop(RESTORE)

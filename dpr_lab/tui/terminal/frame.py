@@ -15,7 +15,7 @@ ATTRIBUTES = {"bold": "1", "dim": "2", "italic": "3", "underline": "4", "blink":
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How a character looks, as SGR parameters; empty for the terminal's own."""
+    """Style of a character as SGR parameters; empty for the default."""
 
     attributes: str = ""
     colour: str = ""
@@ -33,7 +33,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class FrameSettings:
-    """What is cheaper to send."""
+    """Costs of terminal output."""
 
     bridge: int = 4
     """Unchanged cells between two changed ones that cost less than moving the cursor over them."""
@@ -88,7 +88,7 @@ class CellFrame:
                         self._put(max(x, begin), y, strip.crop(max(begin - x, 0), end - x))
 
     def changes(self) -> str:
-        """What to send so that the terminal shows what it should; from then on it counts as sent."""
+        """Output that updates the terminal to the new frame; it then counts as sent."""
         out: list[str] = []
         pen: Look | None = None
         for y, (wanted, sent) in enumerate(zip(self._wanted, self._sent, strict=True)):

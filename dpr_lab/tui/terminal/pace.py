@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class PaceSettings:
-    """What a terminal is trusted with."""
+    """Limits of unconfirmed output."""
 
     bytes_per_cell_s: float = 3.5
     """What moving pictures may take of a line: 6.7 kB/s at 80x24, under what 115200 baud carry."""
@@ -19,7 +19,7 @@ SETTINGS = PaceSettings()
 
 
 class Pace:
-    """Frames sent and confirmed; time comes in as an argument, s.
+    """Frames sent and confirmed; all times are arguments, s.
 
     Args:
         cells: of the terminal
@@ -32,13 +32,13 @@ class Pace:
         self._out: dict[int, float] = {}
 
     def wait(self, now: float) -> float:
-        """How long until the next frame may be sent, s; 0 for at once."""
+        """Time until the next frame may be sent, s; 0 for at once."""
         self._count(now)
         budget = max(-self._credit, 0.0) / (SETTINGS.bytes_per_cell_s * self._cells)
         return max(budget, *(at + SETTINGS.lost_after_s - now for at in self._out.values()), 0.0)
 
     def refill(self) -> None:
-        """The operator pressed a key: the answer comes at once."""
+        """Allow an immediate frame after a key press."""
         self._credit = SETTINGS.burst_per_cell * self._cells
 
     def sent(self, frame: int, size: int, now: float) -> None:
@@ -48,7 +48,7 @@ class Pace:
         self._out[frame] = now
 
     def confirmed(self, frame: int, now: float) -> float | None:
-        """A frame is drawn, and so are those before it; the round trip, s, or None for one that was not sent."""
+        """Confirm a frame and all before it; return the round trip time, s, or None for an unknown frame."""
         sent = self._out.get(frame)
         self._out = {other: at for other, at in self._out.items() if other > frame}
         return None if sent is None else now - sent

@@ -11,7 +11,7 @@ from dpr_lab.tui.terminal.signals import SETTINGS
 
 
 class PageDriver(WebDriver):
-    """Ends the screen when the server is gone; until then what cannot be written any more is dropped.
+    """Driver that ends the screen when the server is gone and drops the remaining output.
 
     A server that was killed cannot end its screens. Its end of the pipes is closed then: input ends, output fails.
     """

@@ -8,7 +8,7 @@ from dpr_lab.errors import printable
 
 
 class Plain(LineFilter):
-    """Spells control characters out; a line keeps its width, and what does not fit into it then goes."""
+    """Replaces control characters by visible text and cuts the line to its width."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
         """The same line without them."""

@@ -14,7 +14,7 @@ VERSION_BEGINS, VERSION_ENDS = "\x1bP>|", "\x1b\\"
 
 @dataclass(frozen=True, slots=True)
 class ReplySettings:
-    """What counts as a reply."""
+    """Format of replies of the terminal."""
 
     longest: int = 64
     """Characters of a version; known ones have 8 to 30."""
@@ -24,7 +24,7 @@ SETTINGS = ReplySettings()
 
 
 class ReplyParser(XTermParser):
-    """Textual's parser, which would take an unknown reply for keys.
+    """Textual's parser, extended by replies that it would take for keys.
 
     Args:
         identified: called with the name of a multiplexer that replied

@@ -6,7 +6,7 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class SightSettings:
-    """How quick a terminal has to be."""
+    """Required speed of a terminal."""
 
     round_trip_s: float = 0.3
     """From a frame until the terminal has confirmed that it drew it: what an eye takes for at once."""
@@ -25,7 +25,7 @@ SIGHT = SightSettings()
 
 
 class Sight(Protocol):
-    """What can tell whether the screen was seen."""
+    """Evidence that the screen was displayed."""
 
     @property
     def multiplexer(self) -> str:

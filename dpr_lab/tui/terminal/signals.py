@@ -10,7 +10,7 @@ from types import FrameType
 
 @dataclass(frozen=True, slots=True)
 class EndSettings:
-    """How the end goes."""
+    """Time limits of the shutdown."""
 
     exit_code: int = 130
     """The command line's for an interruption."""

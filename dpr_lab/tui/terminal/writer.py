@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class TerminalWriterSettings:
-    """How it writes and ends."""
+    """Settings of the output to the terminal."""
 
     at_once: int = 512
     """Bytes handed to the terminal at a time; between two of them it can be stopped."""

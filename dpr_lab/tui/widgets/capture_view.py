@@ -38,7 +38,7 @@ TONES = {Phase.READY: "bold $success", Phase.RECORDING: "bold $primary"}
 
 @dataclass(frozen=True, slots=True)
 class CaptureState:
-    """What is to be seen."""
+    """Displayed state of a capture."""
 
     rig: Rig
     pose: str
@@ -85,7 +85,7 @@ class CaptureView(Vertical):
     """Shows the state of a capture."""
 
     def compose(self) -> ComposeResult:
-        """What to do on top, rods and read-outs below, the swing at the foot."""
+        """Build the instruction at the top, rods and readouts in the middle, and the swing at the bottom."""
         yield Static(id="headline")
         with Horizontal(id="rods"):
             yield Pendulum(id="pendulum")
@@ -129,7 +129,7 @@ class CaptureView(Vertical):
 
 
 def headline(state: CaptureState) -> Content:
-    """What to do now, in one line."""
+    """Next action of the operator, in one line."""
     attempt = state.attempt
     if state.countdown and state.live:
         return Content.styled(f"{state.pose}: {state.keys.fill(RELEASING)}", "bold $background on $warning")

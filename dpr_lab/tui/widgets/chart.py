@@ -28,7 +28,7 @@ Tone = Literal["primary", "secondary", "accent", "foreground", "success", "warni
 
 @dataclass(frozen=True, slots=True)
 class ChartSettings:
-    """How a chart looks."""
+    """Appearance of a chart."""
 
     tick_columns: int = 11
     """Columns for a number on the x axis, with room to the next."""
@@ -114,7 +114,7 @@ class _Plot(PlotWidget, can_focus=False):
             canvas.write_text(x + 1, y, f"[{label.colour}]{label.text}")
 
     def compose(self) -> ComposeResult:
-        """The canvases where `PlotWidget` looks for them."""
+        """Build the legend above the chart."""
         with Grid():
             for name in ("margin-top", "margin-left", "plot", "margin-bottom"):
                 yield PlainCanvas(1, 1, id=name)
@@ -122,7 +122,7 @@ class _Plot(PlotWidget, can_focus=False):
 
 
 class Chart(Vertical, can_focus=True):
-    """A line chart; `show` may be called at any rate, before it is mounted, and while it is taken down."""
+    """A line chart; `show` may be called at any time and rate."""
 
     DEFAULT_CSS = """
     Chart { height: 1fr; min-height: 6; }
@@ -192,7 +192,7 @@ class Chart(Vertical, can_focus=True):
 
     @property
     def view(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """What is shown of x and of y."""
+        """Displayed ranges of x and y."""
         x_view = self._x_view or self._content.x_range or range_of(s.x for s in self._content.series)
         return x_view, self._y_view or self._content.y_range or self._y_fitting(x_view)
 
@@ -237,7 +237,7 @@ class Chart(Vertical, can_focus=True):
         self._draw_soon()
 
     def action_cursors(self) -> None:
-        """Two cursors, the first to be moved; then the second; then none."""
+        """Switch the cursors: show them and move the first one, move the second one, hide them."""
         cursors = self._cursors
         self._cursors = (
             first_cursors(self.view[0]) if cursors is None else cursors.second() if cursors.moving == 0 else None

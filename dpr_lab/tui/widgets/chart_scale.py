@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ViewSettings:
-    """How a view moves."""
+    """Settings of zoom and pan."""
 
     zoom: float = 1.5
     """How much shorter a view gets by one press of its key."""
@@ -54,7 +54,7 @@ def moved(view: tuple[float, float], direction: int) -> tuple[float, float]:
 
 
 def visible(x: Array, y: Array, x_view: tuple[float, float], columns: int) -> tuple[Array, Array]:
-    """What a view shows of a line: at most two points a column, the extremes, NaN where the line breaks."""
+    """Visible part of a line: at most two points per column, the extremes, NaN at breaks."""
     first, last = np.searchsorted(x, x_view)
     shown = slice(max(int(first) - 1, 0), int(last) + 1)
     return trace(x[shown], y[shown], points=2 * columns)

@@ -13,7 +13,7 @@ ASIDE = "aside"
 
 
 def kept(runs: Iterable[Path], poses: Iterable[str]) -> dict[str, int]:
-    """How many runs there are of each pose, by the names of their files."""
+    """Number of runs of each pose, by the names of their files."""
     names = [parts[1] for run in runs if len(parts := run.stem.split("_")) > 2]
     return {pose: names.count(in_file_name(pose)) for pose in poses}
 

@@ -25,7 +25,7 @@ def new_code(chance: random.Random, without: frozenset[str]) -> str:
 
 
 class Countdown(ModalScreen[bool]):
-    """Answers true once it has run out and every number of it was seen.
+    """Countdown that returns True after all numbers were displayed.
 
     It begins when the terminal has confirmed that it drew it; a number that is not confirmed in time, any key but the
     release key, a click, or leaving the terminal answer false. A multiplexer confirms with nobody attached: there the
@@ -53,7 +53,7 @@ class Countdown(ModalScreen[bool]):
         """Why nothing is released."""
 
     def compose(self) -> ComposeResult:
-        """What is asked for, the number and how to stop it."""
+        """Build the announcement, the number, and the hint how to stop it."""
         with Vertical(classes="dialog small"):
             yield Static(id="asked", markup=False)
             yield Digits(str(self.SECONDS))
@@ -90,13 +90,13 @@ class Countdown(ModalScreen[bool]):
             self.stop("the window became too small to show the countdown")
 
     def on_screen_suspend(self) -> None:
-        """Stop when something else comes on top."""
+        """Stop when another screen covers this one."""
         if not self._over:
             self._over = self._covered = True
             self.why = "another dialog opened"
 
     def on_screen_resume(self) -> None:
-        """Go once what was on top is gone."""
+        """Close after the covering screen is gone."""
         if self._covered:
             self._covered = False
             self.dismiss(False)

@@ -13,7 +13,7 @@ NAMES = ("A", "B")
 
 @dataclass(frozen=True, slots=True)
 class Cursors:
-    """Where they stand."""
+    """Positions of the cursors."""
 
     at: tuple[float, float]
     """On the x axis."""
@@ -21,23 +21,23 @@ class Cursors:
     """Which of them is moved: 0 or 1."""
 
     def moved(self, by: float) -> "Cursors":
-        """The same with the one that is moved further on."""
+        """Copy with the active cursor moved."""
         a, b = self.at
         return replace(self, at=(a + by, b) if self.moving == 0 else (a, b + by))
 
     def second(self) -> "Cursors":
-        """The same with the second to be moved."""
+        """Copy with the second cursor active."""
         return replace(self, moving=1)
 
 
 def first_cursors(x_view: tuple[float, float]) -> Cursors:
-    """Both in view: at a third and two thirds of it."""
+    """Initial cursors, at one and two thirds of the view."""
     low, high = x_view
     return Cursors((low + (high - low) / 3, high - (high - low) / 3))
 
 
 def readings(cursors: Cursors, x_label: str, lines: Sequence[tuple[str, Array, Array]], colours: Sequence[str]) -> Text:
-    """Where the cursors are, what each line is there, and the differences; a row for each, and one between two lines.
+    """Cursor positions, values of each line there, and their differences; one row per cursor and per pair of lines.
 
     Args:
         cursors: where they stand

@@ -13,7 +13,7 @@ HELP_KEY = Binding("f1,question_mark", "app.help", "Help", id="app.help")
 
 
 class HelpScreen(ModalScreen[None]):
-    """What a step is for, and all keys."""
+    """Purpose of a step, and all keys."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,f1,question_mark", "dismiss", "Close", id="help.close")]
 

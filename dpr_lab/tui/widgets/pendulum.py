@@ -16,7 +16,7 @@ Angles = Sequence[float]
 
 @dataclass(frozen=True, slots=True)
 class Lengths:
-    """What is drawn how long, m."""
+    """Drawn lengths, m."""
 
     arm: float = 0.3
     inner: float = 0.4

@@ -45,7 +45,7 @@ def _rod(name: str, wanted: float, error: float, tolerance: float, unit: AngleUn
 
 
 def bar(error: float, tolerance: float, cells_wide: int = 21, reach: float = 3.0) -> str:
-    """Where an error lies: `[ ]` is the tolerance, the mark changes inside it, arrows show that it is off the bar.
+    """Bar of an error: `[ ]` is the tolerance, the mark moves inside it, arrows show that it is outside.
 
     Args:
         error: what is off, rad
@@ -107,7 +107,7 @@ def ordered_text(ordered: float, now: float) -> Content:
 
 
 def old_text(seen: Sighting, ordered: float | None, now: float, unit: AngleUnit) -> Content:
-    """What was last seen, marked as old; the latch may have opened or closed since, or opened by an order."""
+    """Last readings, marked as old; the latch may have moved since."""
     lines = [latch_text(None) if ordered is None else ordered_text(ordered, now)]
     if seen.latched is not None and ordered is None:
         was = "CLOSED" if seen.latched else "OPEN"

@@ -36,7 +36,7 @@ CHOSEN, LEFT = "✔", " "
 
 
 class RunBrowser(Guarded, ModalScreen[list[Path] | None]):
-    """Choose runs; dismissed with the new selection, or None where it stays as it was.
+    """Selection of runs; returns the new selection, or None if it is unchanged.
 
     Args:
         services: whose workspace says where runs are recorded, with subfolders
@@ -110,7 +110,7 @@ none. The reason stands below the list.
         self._jobs: list[JobProcess] = []
 
     def compose(self) -> ComposeResult:
-        """Filter, table, what the run under the cursor says, keys."""
+        """Build the filter, the table, the metadata of the current run, and the keys."""
         with Vertical() as page:
             page.border_title = self._purpose
             yield Input(placeholder="filter: words of pose, file, state, gate or note", id="filter", compact=True)

@@ -10,7 +10,7 @@ from textual.widget import Widget
 
 
 class Slider(Widget, can_focus=True):
-    """A value between 0 and a maximum, with a mark that says how far it means something."""
+    """A value between 0 and a maximum, with a mark at the end of its meaningful range."""
 
     DEFAULT_CSS = """
     Slider { height: 1; }
@@ -27,7 +27,7 @@ class Slider(Widget, can_focus=True):
     mark: reactive[float | None] = reactive(None)
 
     class Changed(Message):
-        """The value was moved by hand."""
+        """The operator moved the slider."""
 
         def __init__(self, slider: "Slider") -> None:
             super().__init__()
@@ -55,7 +55,7 @@ class Slider(Widget, can_focus=True):
         self._move_to(self.value + steps * self._step)
 
     def action_to(self, share: float) -> None:
-        """Move to a share of the whole."""
+        """Move to a fraction of the range."""
         self._move_to(share * self.maximum)
 
     def render(self) -> Text:

@@ -12,7 +12,7 @@ DONE, HERE, OPEN, BLOCKED, STALE = "✔", "▶", "○", "·", "≠"
 
 @dataclass(frozen=True, slots=True)
 class StepStatus:
-    """Where one step stands."""
+    """Status of one step."""
 
     name: str
     outcome: str
