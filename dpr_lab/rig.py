@@ -215,7 +215,7 @@ class Rig(Shown, RigTable):
 
     @property
     def searched(self) -> NDArray[np.bool_]:
-        """(9,) which parameters the search may move: those without a measured value."""
+        """(9,) mask of the parameters without a measured value, which the search varies."""
         return np.array([p.measured is None for p in self._ordered()])
 
     @property

@@ -24,7 +24,7 @@ class Torques:
 
     @property
     def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(n + 2,) instants and (n + 2, 2) the impulse on theta1, theta2 up to each, N m s; linear between."""
+        """(n + 2,) instants and (n + 2, 2) impulse on theta1, theta2 until each, N m s; linear between them."""
         return _knots(self)
 
     def mean_before(self, at: ArrayLike) -> NDArray[np.float64]:

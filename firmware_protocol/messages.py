@@ -111,7 +111,7 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """Where the device stands; the counters are samples since STREAM, low 16 bits."""
+    """State of the device; the counters are samples since STREAM, low 16 bits."""
 
     state: State
     fault: Fault

@@ -365,6 +365,38 @@ def test_an_effect_with_memory_or_a_continuous_shape_is_a_file_and_a_row(copy: C
     assert said == "".join(f"{name} True named ['{name}'] True\n" for name in ("cable_joint2", "magnet_joint1"))
 
 
+def test_an_export_format_is_a_file_and_a_row(copy: Copy) -> None:
+    copy.add(
+        "dpr_lab/exports/parameter_list.py",
+        '''
+        """The parameters of the corrected model, one line each."""
+
+
+        def parameter_list(model, rig, lost):
+            return {"parameters.txt": "".join(f"{name} {p.value!r}\\n" for name, p in model.parameters.items())}
+        ''',
+    )
+    copy.row(
+        "dpr_lab/exports/__init__.py",
+        "FORMATS",
+        '"list": ExportFormat("parameter list", "parameters.txt", parameter_list, in_python)',
+        "from dpr_lab.exports.parameter_list import parameter_list",
+    )
+    printed = copy.run(
+        """
+        from dpr_lab.cli.checks import EXPORT_NAMES
+        from dpr_lab.exports import FORMATS
+        from dpr_lab.identification.model import Model, ParameterValue
+        from dpr_lab.rig import load_rig
+
+        values = {"m1": ParameterValue(value=0.1, std=None, fixed_by="measured")}
+        model = Model.model_construct(parameters=values, effects={})
+        print(EXPORT_NAMES.check("parameter list"), FORMATS["list"].written(model, load_rig("paper")))
+        """
+    )
+    assert printed == "list {'parameters.txt': 'm1 0.1\\n'}\n"
+
+
 def test_a_kind_of_check_is_a_file_and_a_row(copy: Copy) -> None:
     copy.add(
         "dpr_lab/gap/advice/observation.py",

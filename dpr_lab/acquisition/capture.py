@@ -130,7 +130,7 @@ class Captured:
 
 
 def refuse() -> bool | None:
-    """The default go-ahead: none is given."""
+    """Default go-ahead: never release."""
     return False
 
 

@@ -241,7 +241,7 @@ class Device:
         return self.info.simulated_time and self._software
 
     def clock(self) -> tuple[ClockFit | None, str]:
-        """Device ticks of the last stream to `time.monotonic()`, or None and why; simulated time has neither."""
+        """Clock fit from device ticks of the last stream to `time.monotonic()`, or None and the reason."""
         if self.simulated_time:
             return None, ""
         with self._lock:

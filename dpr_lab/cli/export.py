@@ -18,7 +18,7 @@ def export(
     to: Annotated[
         str,
         typer.Option(
-            help="Formats, by comma: mjcf, python, urdf, sdf, fmu, fmu2.",
+            help="Formats, by comma: python, mjcf, urdf, sdf, fmu, fmu2.",
             callback=EXPORT_NAMES.check,
             autocompletion=EXPORT_NAMES.complete,
         ),

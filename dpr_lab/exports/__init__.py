@@ -1,4 +1,4 @@
-"""The corrected model for other programs; a new format is one file and one line in `FORMATS`.
+"""The corrected model for other programs; a new format is one file and one row of `FORMATS`.
 
 Each effect says in `Effect.exported` what it is in the words that programs share; a program that can call functions is
 given its kernel. What is left over is lost there, and named with the reason.
@@ -35,6 +35,8 @@ class ExportFormat:
     """Words of effects that it has."""
     calls: tuple[str, ...] = ()
     """Stages of the effects whose kernels it calls."""
+    optional: bool = False
+    """Whether it requires optional packages; `diagnose --out` then does not write it."""
 
     def lost(self, model: Model, rig: Rig) -> dict[str, str]:
         """Effect -> why the format cannot express it."""
@@ -89,6 +91,7 @@ FORMATS: dict[str, ExportFormat] = {
         lambda model, rig, _: {"corrected_model.fmu": fmu(model, rig)},
         in_fmu,
         calls=_ALL,
+        optional=True,
     ),
     "fmu2": ExportFormat(
         "FMI 2",
@@ -96,6 +99,7 @@ FORMATS: dict[str, ExportFormat] = {
         lambda model, rig, _: {"corrected_model_fmi2.fmu": fmu(model, rig, "2.0")},
         in_fmu,
         calls=_ALL,
+        optional=True,
     ),
 }
 """Name of a format -> how it is written."""

@@ -67,7 +67,7 @@ class Replay:
         return self.torques[min(round((t - self.start) / REPLAY.step_s), len(self.torques) - 1)].tolist()
 
     def error(self, theta: Array) -> float:
-        """Mean square error of another simulation, rad^2."""
+        """Mean square error of a simulation, rad^2."""
         return float(np.mean((self.measured - theta) ** 2))
 
 

@@ -25,9 +25,6 @@ from dpr_lab.whole_file import write_whole
 
 AXES = ("theta1", "theta2")
 
-BINARY = ("fmu", "fmu2")
-"""Formats that a diagnosis does not write: they need optional packages."""
-
 
 def save_comparison(model: Model, comparisons: Sequence[Comparison], out: Path) -> dict[str, Any]:
     """Write figures and report of a comparison; return what `dpr-lab compare --json` prints.
@@ -79,7 +76,7 @@ def save_exports(
     A format that cannot represent an effect gets a refitted, simpler model that is not worse than the bare model.
     Arguments and errors as of `save_diagnosis`.
     """
-    formats = [name for name in FORMATS if name not in BINARY]
+    formats = [name for name, form in FORMATS.items() if not form.optional]
     models = fitted_for(formats, corrected, runs, rig)
     reference = None
     if any(model is not corrected for model in models.values()):

@@ -68,7 +68,7 @@ class XmlEdit:
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and t.parent == parent), None)
 
     def set(self, index: int, label: str, **attributes: str) -> None:
-        """Give an element these attributes."""
+        """Set attributes of an element."""
         for name, value in attributes.items():
             before = self.tags[index].attributes.get(name, "")
             if before != value:

@@ -28,7 +28,7 @@ class ChunkIndices:
         self._count = 0
 
     def append(self, index: ChunkIndex) -> None:
-        """Keep one more."""
+        """Append one chunk."""
         record = RecordBuilder()
         index.write(record)
         self._file.write(record.end())

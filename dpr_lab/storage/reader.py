@@ -57,7 +57,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     arm_input = None
     if mode == "driven":
         if torques is None:
-            raise RunError(f"{path}: its arm is driven, but no input of it is stored: import the table again")
+            raise RunError(f"{path}: its arm is driven, but the run holds no input of the arm: import the table again")
         torques, arm_input = None, torques[:, 0]
     run = Run(
         name=stored.path.stem,

@@ -57,7 +57,7 @@ class SlcanDecoder:
 
 
 class SlcanBus:
-    """A `Transport` over one adapter, whose port this process has for itself.
+    """A `Transport` over one adapter, whose port this process uses exclusively.
 
     Args:
         url: as the operator wrote it

@@ -18,7 +18,7 @@ Coefficients = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """A plant, opened."""
+    """Revealed truth of a plant."""
 
     effects: Coefficients
     """Library effects and their parameters, SI; torques at the plant's own scale."""
@@ -43,7 +43,7 @@ class Truth:
 
     @property
     def outside(self) -> bool:
-        """Whether a cause is there for which the library has no name."""
+        """Whether the plant has a cause outside the library."""
         return self.foreign is not None and not self.family
 
     @property

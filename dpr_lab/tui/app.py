@@ -44,7 +44,7 @@ from dpr_lab.tui.terminal.plain import Plain
 from dpr_lab.tui.terminal.sight import Sight
 from dpr_lab.tui.terminal.signals import SETTINGS as ENDING
 from dpr_lab.tui.terminal.signals import end_on_signals
-from dpr_lab.tui.texts import NOTICES
+from dpr_lab.tui.texts import ABOUT_TERMS, NOTICES
 from dpr_lab.tui.themes import THEMES
 from dpr_lab.tui.viewed_app import ViewedApp
 from dpr_lab.tui.widgets.chart import Chart
@@ -131,7 +131,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.set_keymap(keymap or {})
 
     def compose(self) -> ComposeResult:
-        """Stepper, what is true of the rig now, step, keys."""
+        """Build stepper, status line, current step and key line."""
         yield Stepper(id="stepper")
         yield StatusLine(id="status", markup=False)
         with ContentSwitcher(id="steps"):
@@ -286,7 +286,9 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             if active.binding.description and not active.binding.system
         )
         text = self.services.keys.fill(shown.HELP or "")
-        self.push_screen(HelpScreen(f"# {shown.NAME}\n\n{text}\n\nAll keys here: {keys}\n\n{about_keys()}"))
+        self.push_screen(
+            HelpScreen(f"# {shown.NAME}\n\n{text}\n\nAll keys here: {keys}\n\n{about_keys()}\n\n{ABOUT_TERMS}")
+        )
 
     def action_browse(self) -> None:
         """Look at the runs, and choose those to work on."""

@@ -22,7 +22,7 @@ NARROWEST = 16
 
 
 def keep_units_whole() -> None:
-    """From now on `0.80 mN m` is one word to all code that breaks lines: Rich, and Textual by Rich's rule."""
+    """Make Rich and Textual keep a number and its unit, such as `0.80 mN m`, on one line."""
     _wrap.re_word = _WORD
 
 

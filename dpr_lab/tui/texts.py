@@ -31,6 +31,10 @@ class NoticeTimes:
     """So many stand at once: more would cover what they are about."""
 
 
+ABOUT_TERMS = (
+    "The glossary (docs/glossary.md) defines the terms; the section Terms of every report has those that it uses."
+)
+
 NOTICES = NoticeTimes()
 
 

@@ -67,7 +67,7 @@ class KnownPlant:
 
 @dataclass(frozen=True, slots=True)
 class HiddenEffect:
-    """A plant with an effect that only the device knew: its trial, from seal to score."""
+    """Trial of a plant with a hidden effect, from seal to score."""
 
     trial: "Trial"
     model: "Model"

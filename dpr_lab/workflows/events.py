@@ -193,5 +193,5 @@ def ignore(event: Event) -> None:
 
 
 def always() -> bool:
-    """Nobody pauses or stops the job."""
+    """Default job control: neither pause nor stop."""
     return True

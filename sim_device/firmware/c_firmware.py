@@ -125,7 +125,7 @@ class Firmware:
 
     @property
     def next_tick(self) -> int:
-        """Tick of the reading it expects next."""
+        """Tick of the next expected reading."""
         return self._library.dpr_host_next_tick(self._host)
 
     def receive(self, frame: Frame, millis: int, ticks: float) -> list[Frame]:

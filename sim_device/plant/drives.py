@@ -56,7 +56,7 @@ class JointDrives:
         return asked * np.array(self.config.gain) + np.array(self.config.offset_Nm)
 
     def told(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
-        """(count, kinds, 2) what TORQUE says of these ticks, in units; `release` is the number of the release."""
+        """(count, kinds, 2) torques that TORQUE reports for these ticks, in units; `release` is the release number."""
         commanded = self._asked(first, count, rate_hz, 0.0)
         noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, count)[:, :2] * self.config.noise_Nm
         given = self._asked(first, count, rate_hz, self.config.delay_s) + np.rint(noise / self.unit_Nm)

@@ -100,6 +100,14 @@ def test_every_format_is_written(paper: Rig, tmp_path: Path):
         assert all(Path(file).name == file and content for file, content in files.items())
 
 
+def test_every_format_is_in_the_help_and_on_its_page() -> None:
+    root = Path(__file__).parents[2]
+    shown = (root / "dpr_lab/cli/export.py").read_text(encoding="utf-8")
+    page = (root / "docs/exports.md").read_text(encoding="utf-8")
+    assert f'help="Formats, by comma: {", ".join(FORMATS)}."' in shown
+    assert [name for name in FORMATS if f"| `{name}` |" not in page] == []
+
+
 def in_xml(said: str) -> str:
     """What XML can hold of a text."""
     gone = {"\x00", "\x1b", "\ufffe", "\ud800"}

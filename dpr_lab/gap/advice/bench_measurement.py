@@ -23,11 +23,16 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
         checks = [_check(question, name) for name in question.causes]
         texts = " ".join(dict.fromkeys(check.text for check in checks[:2]))
         start = f"{'A' if proposed else 'Only a'} bench measurement distinguishes"
-        return [NextStep(f"{start} {' from '.join(question.causes)}: {texts}", tuple(checks))]
+        return [NextStep(f"{start} {_listed(question.causes)}: {texts}", tuple(checks))]
     if proposed:
         return []
     check = _check(question, question.about)
     return [NextStep(f"No available recording distinguishes {' from '.join(question.causes)}. {check.text}", (check,))]
+
+
+def _listed(causes: Sequence[str]) -> str:
+    """`a from b`, or `a, b and c`."""
+    return " from ".join(causes) if len(causes) == 2 else f"{', '.join(causes[:-1])} and {causes[-1]}"
 
 
 def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:

@@ -56,7 +56,7 @@ class Hypothesis:
 
 
 def hypothesis(problem: Problem, effects: Iterable[str], found: Fit) -> Hypothesis:
-    """Judge a fit."""
+    """Compute residual statistics and cost of a fit."""
     left = residual_statistics(problem, found)
     return Hypothesis(tuple(effects), found, left, predictive_loss(found, folds(problem), left.inflation))
 

@@ -77,7 +77,7 @@ def _not_needed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> De
     chance = significance(sets.bare, proposal.model, current)
     if proposal.model.cost - current.cost > chance:
         return Decision(False, f"needed: {proposal.value:.3g} times what keeps an effect")
-    return Decision(True, f"the criterion grows by less than {chance:.3g}, which chance may do")
+    return Decision(True, f"the criterion grows by less than {chance:.3g}, which is not significant")
 
 
 def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -235,7 +235,7 @@ def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) ->
         return Decision(False, "leaves more than noise")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
-    return Decision(False, f"the criterion falls by less than {chance:.3g}, which chance may do")
+    return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
 
 
 def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:

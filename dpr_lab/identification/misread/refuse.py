@@ -37,7 +37,7 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     ]
     if causes:
         raise IdentificationError(
-            f"these recordings are not of this rig as they are read; tried otherwise, they fit: {', or '.join(causes)}"
+            f"these recordings do not fit this rig as interpreted; another interpretation fits: {', or '.join(causes)}"
         )
     if refused is not None:
         raise refused

@@ -65,7 +65,7 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
-    """The mean squared residual of the bare model by what is reproducible; None where there is no gap."""
+    """Bar of the mean squared residual by reproducibility; None without a gap."""
     parts = [(f"{label}: {share:.1%}", share) for label, share in repeatability_parts(diagnosis)]
     title = "Repeatability: mean squared residual of the bare model on recordings left out"
     return ShareBar(title, parts) if parts else None

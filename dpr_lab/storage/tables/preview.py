@@ -53,7 +53,7 @@ class Preview:
     """(n, 3) absolute angles, 0 = upright, as the run would hold them, rad."""
 
     def facts(self) -> dict[str, str]:
-        """In words, one line each."""
+        """Interpretation of the table, one line per property."""
         by_rig = self.unit == "counts"
         reading = f"{self.unit}, by the rig's encoders" if by_rig else f"{self.unit}, {self.angles}, {self.zero} is 0"
         axes = ", ".join(f"{axis} = {name}" for axis, name in self.columns.items())

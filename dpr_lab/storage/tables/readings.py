@@ -72,7 +72,7 @@ class OtherReading:
 
     @property
     def mirrored(self) -> "OtherReading":
-        """The same rods seen from behind, whose energy is the same."""
+        """The same rods seen from behind; their energy is equal."""
         turned = {axis: -self.values[axis] for axis in AXES[1:]}
         signs = -self.scale[0], -self.scale[1]
         causes = self.causes if signs == (-1.0, 1.0) else (*self.causes, "both angles have the other sign")

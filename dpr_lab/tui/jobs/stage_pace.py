@@ -18,7 +18,7 @@ class StagePace:
         self._took = self._expected = 0.0
 
     def begin(self, stage: str, now: float) -> None:
-        """The next stage began."""
+        """Start the next stage."""
         if self._stage in self._steady and not self._compiled:
             self._took += now - self._since
             self._expected += self._typical[self._stage]

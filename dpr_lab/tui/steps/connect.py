@@ -140,7 +140,7 @@ follows this computer's. That closes the latch, and leaves it closed.
         if connected is None or connected.simulated:
             await self._simulate(True)
         else:
-            question = f"Let go of the rig at {connected.url} and connect the simulator?"
+            question = f"Disconnect from {connected.url} and connect the simulator?"
             self.app.push_screen(Question(question, "Simulate", "Stay"), self._simulate)
 
     async def _simulate(self, sure: bool | None) -> None:

@@ -197,7 +197,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         from dpr_lab.report.gap.tables import sentence
 
         found = self._found
-        before = f"; this is the one from before. {sentence(found)}" if found is not None else ""
+        before = f"; the previous one is shown. {sentence(found)}" if found is not None else ""
         self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
 
     def report(self) -> Path | None:

@@ -32,7 +32,7 @@ TABS = ("convergence", "ratios", "nine", "seen")
 
 
 class IdentifyStep(JobStep):
-    """Runs in, model.json out."""
+    """Identification of the selected runs; writes model.json."""
 
     NAME = "Identify"
     PURPOSE = "finds the parameters of the rig from these runs, inside the bounds of its file"
@@ -170,7 +170,7 @@ bench's folder.
         if self.model is None:
             self.say(f"ended without a model: {why}")
         else:
-            self.show_model(self.model, f"Ended without a new model ({why}); this is the one from before. ")
+            self.show_model(self.model, f"Ended without a new model ({why}); the previous one is shown. ")
 
     def action_pause(self) -> None:
         """Pause, or go on."""

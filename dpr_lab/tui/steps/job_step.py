@@ -19,7 +19,7 @@ from dpr_lab.tui.steps.step import Step
 
 
 def job_keys(place: str) -> list[Binding]:
-    """The keys that steer a step's job, as actions of that place."""
+    """Keys that control the job of a step."""
     return [
         Binding("s", "start", "Start", id=f"{place}.start"),
         Binding("w", "pause", "Wait/go on", id=f"{place}.pause"),

@@ -79,7 +79,7 @@ rig that is chosen.
         self._offer()
 
     def outcome(self) -> str:
-        """Its name."""
+        """Name of the rig."""
         return self._rig.name if self._rig is not None else ""
 
     def enter(self) -> None:

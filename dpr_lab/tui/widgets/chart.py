@@ -218,7 +218,7 @@ class Chart(Vertical, can_focus=True):
         self._draw_soon()
 
     def action_zoom_y(self, direction: int) -> None:
-        """Shorten or lengthen what is shown of y, around its middle."""
+        """Zoom the y axis around its middle."""
         self._y_view = zoomed(self.view[1], direction)
         self._draw_soon()
 

@@ -31,7 +31,7 @@ COUNTDOWN = "RELEASING"
 
 
 class StatusLine(Static):
-    """Never states what is not known now."""
+    """Status line; it shows only what is known at present."""
 
     def show(self, device: DeviceConnection, urgent: str, work: Sequence[str], folder: Path, now: float) -> None:
         """Draw, where something changed; what has no room goes in the order in which it is missed least.

@@ -224,7 +224,7 @@ async def test_cancelled_work_keeps_the_verdict_from_before(lab, fixed_diagnosis
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
         step(pilot.app).ended("cancelled")
         said = " ".join(text(pilot.app, "#state").split())
-        assert "Ended without a new diagnosis: cancelled; this is the one from before." in said
+        assert "Ended without a new diagnosis: cancelled; the previous one is shown." in said
         assert sentence(load_diagnosis(fixed_diagnosis)) in said
 
 
