@@ -3,7 +3,7 @@
 python benchmarks/driven.py FOLDER [DESIGN ...] [--torque commanded]
 
 FOLDER holds dfki_driven. Of each design two records are fitted, with friction, rotor, drives and zeros of the encoders
-of each record, and the third is foretold in windows of 2 s: by that fit, and by the authors' equations with the
+of each record, and the third is predicted in windows of 2 s: by that fit, and by the authors' equations with the
 parameters they printed, in a code of their own here. Both start each window from the state that brings them nearest to
 its first 0.3 s, which do not count. The first window of the third record does not count either: it tells how its
 encoders were zeroed.
@@ -159,7 +159,7 @@ def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
 
 
 def compared(folder: Path, design: str, torque: str) -> list[Bar]:
-    """One design: two records fitted, the third foretold."""
+    """One design: two records fitted, the third predicted."""
     rig, model, runs = records(folder, design, torque)
     at, unseen = fitted(runs[:2], rig), runs[2]
     print(f"{design}, {torque} torques: b {at.base[1]:.4g} kg m^2, the authors' {model['I2']:.4g}")
