@@ -101,6 +101,21 @@ def test_a_value_of_the_other_torque_is_recognised() -> None:
         update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0061, std=1e-4))
 
 
+def test_a_value_of_another_quantity_is_questioned_where_the_one_to_measure_is_not_determined() -> None:
+    name, simple = "coulomb_joint2", "stribeck_joint2"
+    effect = {"name": name, "class": [name, simple], "probability": 0.98, "share": 0.9}
+    check = {**measurement(CLOCK, name, 1), "measures": simple, "splits": [name, simple], "expected": None}
+    effect |= {"parameters": {"torque_Nm": interval(0.00091)}}
+    check |= {"quantity": "extra_at_rest_Nm, N m"}
+    diagnosis = made(effects=[effect], checks=[check], model_effects={}, remedies=[])
+    asked = r"do not determine the extra friction torque at rest.*Did you measure the Coulomb friction torque of"
+    with pytest.raises(RunError, match=asked):
+        update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0009, std=5e-5))
+    confirmed = CheckAnswer(value=0.0009, std=5e-5, confirmed=True)
+    assert update(diagnosis, diagnosis.checks[0], confirmed).checks_done
+    assert update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0004, std=5e-5)).checks_done
+
+
 def test_friction_is_not_negative() -> None:
     diagnosis = friction()
     with pytest.raises(RunError, match="cannot be negative"):

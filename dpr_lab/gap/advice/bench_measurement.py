@@ -52,16 +52,15 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     """Predictive densities of the measured value.
 
     Raises:
-        RunError: no number with a unit, an impossible value, or one that no candidate predicts and that is not
-            confirmed.
+        RunError: no number with a unit, an impossible value, or one that is questioned and not confirmed.
     """
     assert check.quantity is not None
     value, std = _read(check, answer)
     predicted = predictions(diagnosis, check, prior)
     _refuse_impossible(check, value, std, predicted.largest)
     explained = predicted.nearest(value, std) <= SETTINGS.questioned
-    if not explained and not answer.confirmed:
-        raise RunError(_question(diagnosis, check, value, predicted))
+    if not answer.confirmed and (doubt := _question(diagnosis, check, value, explained, predicted)):
+        raise RunError(doubt)
     words = f"{check.quantity.name} = {check.quantity.shown(value)} ± {check.quantity.shown(std)}"
     return Result(words, predicted.log_densities(value, std), value, std, explained)
 
@@ -116,22 +115,30 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
             raise RunError(f"check {check.id}: {quantity.name} cannot be negative: {quantity.shown(value)}")
 
 
-def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, predicted: Predictions) -> str:
-    """What to check about a value that no candidate predicts, and how to confirm it."""
+def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained: bool, predicted: Predictions) -> str:
+    """What to check about a value, and how to confirm it; empty where nothing is to be asked.
+
+    Asked is about a value that no candidate predicts, and about one that the recordings give for another quantity while
+    they do not determine the one that was to be measured.
+    """
     assert check.quantity is not None
     quantity, estimate = check.quantity, predicted.estimate
-    contradicts = f"check {check.id}: no candidate cause predicts a {quantity.name} of {quantity.shown(value)}."
-    if estimate:
-        low, high = map(quantity.shown, estimate.interval90)
-        contradicts += (
-            f" It is {value / estimate.value:.3g} times the estimate of this quantity, {quantity.shown(estimate.value)}"
-            f" (90 % interval {low} to {high})."
-        )
     confused = [
         f" Did you measure {name}, whose estimate is {quantity.shown(size)}?"
         for name, size in _same_unit(diagnosis, check)
         if abs(value - size) <= SETTINGS.questioned * SETTINGS.model_error * abs(size)
     ]
+    if explained and (estimate or not confused):
+        return ""
+    contradicts = f"check {check.id}: no candidate cause predicts a {quantity.name} of {quantity.shown(value)}."
+    if explained:
+        contradicts = f"check {check.id}: the recordings do not determine the {quantity.name}."
+    elif estimate:
+        low, high = map(quantity.shown, estimate.interval90)
+        contradicts += (
+            f" It is {value / estimate.value:.3g} times the estimate of this quantity, {quantity.shown(estimate.value)}"
+            f" (90 % interval {low} to {high})."
+        )
     return (
         f"{contradicts}{''.join(confused[:1])} Check what was measured, its unit and its sign. If the value is right,"
         " repeat the command with --force (in Python: confirmed=True)"
