@@ -10,6 +10,7 @@ from firmware_protocol.messages import (
     FIRST_HOST_NUMBER,
     NUMBERS,
     Ack,
+    ArmInput,
     ClearFault,
     Command,
     Event,
@@ -138,6 +139,10 @@ class DeviceSession:
         """A TORQUE of joint 1 and 2 at the tick of a sample, in the identity's unit; cut to what it can carry."""
         first, second = (min(max(torque, -0x8000), 0x7FFF) for torque in torques)
         return self._frame(Torque(kind, tick & 0xFFFF, first, second))
+
+    def arm_input(self, kind: TorqueKind, tick: int, value: int) -> Frame:
+        """An ARM_INPUT at the tick of a sample, in the identity's unit; cut to what it can carry."""
+        return self._frame(ArmInput(kind, tick & 0xFFFF, min(max(value, -(1 << 31)), (1 << 31) - 1)))
 
     def positions(self, tick: int, positions: Sequence[int]) -> tuple[Frame, ...]:
         """The three POSITION frames of counters, counts, latched at a tick."""

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 
 from firmware_protocol.definition import PROTOCOL_VERSION, SCHEMA_HASH
 from firmware_protocol.errors import VersionMismatch
-from firmware_protocol.messages import Info, TorqueKind
+from firmware_protocol.messages import ArmQuantity, Info, TorqueKind
 
 PAGES = 8
-"""INFO pages of a whole identity; a device with drives tells one more, before them."""
+"""INFO pages of a whole identity; a device with drives on its joints tells one more, before them."""
+ARM_PAGE = PAGES + 1
+"""INFO page of a device whose arm has a drive."""
 _TORQUE_FLAGS = {"torque_measured": TorqueKind.MEASURED, "torque_commanded": TorqueKind.COMMANDED}
+_INPUT_FLAGS = {"input_measured": TorqueKind.MEASURED, "input_commanded": TorqueKind.COMMANDED}
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,23 +33,35 @@ class DeviceInfo:
     """Which torques follow every sample; none of a device without drives."""
     torque_unit_uNm: int = 0
     """What 1 in TORQUE is."""
+    input_kinds: tuple[TorqueKind, ...] = ()
+    """Which inputs of the arm's drive follow every sample; none of a device without one."""
+    input_unit: int = 0
+    """What 1 in ARM_INPUT is, uN m, uA or uV."""
+    input_quantity: ArmQuantity | None = None
+    """What that input is."""
     major: int = PROTOCOL_VERSION[0]
     minor: int = PROTOCOL_VERSION[1]
     schema_hash: int = SCHEMA_HASH
 
     @property
     def frames(self) -> int:
-        """Frames that a sample takes: its own, and one of each kind of torques."""
-        return 1 + len(self.torque_kinds)
+        """Frames that a sample takes: its own, and one of each kind of torques and inputs."""
+        return 1 + len(self.torque_kinds) + len(self.input_kinds)
 
 
 def info_pages(info: DeviceInfo) -> list[Info]:
     """INFO messages of an identity."""
     firmware = [int(part) for part in info.firmware.split(".")]
     flags = {flag: int(kind in info.torque_kinds) for flag, kind in _TORQUE_FLAGS.items()}
+    of_arm = {flag: int(kind in info.input_kinds) for flag, kind in _INPUT_FLAGS.items()}
     uid = int(info.uid, 16)
     return [
         *([Info(PAGES, {"torque_unit": info.torque_unit_uNm, **flags})] if info.torque_kinds else []),
+        *(
+            [Info(ARM_PAGE, {"input_unit": info.input_unit, **of_arm, "input_quantity": info.input_quantity})]
+            if info.input_quantity is not None
+            else []
+        ),
         Info(0, {"major": info.major, "minor": info.minor, "schema_hash": info.schema_hash}),
         Info(
             1,
@@ -64,11 +79,11 @@ def info_pages(info: DeviceInfo) -> list[Info]:
 
 def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
     """The identity that INFO pages tell, in any order; None while one is missing."""
-    known = {page.page: page.fields for page in pages if page.page <= PAGES}
-    if len(known.keys() - {PAGES}) < PAGES:
+    known = {page.page: page.fields for page in pages if page.page <= ARM_PAGE}
+    if len(known.keys() - {PAGES, ARM_PAGE}) < PAGES:
         return None
     values = {name: value for fields in known.values() for name, value in fields.items()}
-    unit = values.get("torque_unit", 0)
+    unit, input_unit = values.get("torque_unit", 0), values.get("input_unit", 0)
     return DeviceInfo(
         firmware=f"{values['firmware_major']}.{values['firmware_minor']}.{values['firmware_patch']}",
         uid=f"{values['uid_high']:08x}{values['uid_low']:08x}",
@@ -78,6 +93,9 @@ def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
         simulated_time=bool(values["simulated_time"]),
         torque_kinds=tuple(kind for flag, kind in _TORQUE_FLAGS.items() if unit and values[flag]),
         torque_unit_uNm=unit,
+        input_kinds=tuple(kind for flag, kind in _INPUT_FLAGS.items() if input_unit and values[flag]),
+        input_unit=input_unit,
+        input_quantity=ArmQuantity(values["input_quantity"]) if input_unit else None,
         major=values["major"],
         minor=values["minor"],
         schema_hash=values["schema_hash"],

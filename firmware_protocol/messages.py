@@ -75,10 +75,18 @@ class EventKind(IntEnum):
 
 
 class TorqueKind(IntEnum):
-    """Which torques a TORQUE tells."""
+    """Which torques a TORQUE tells, and which input an ARM_INPUT."""
 
     MEASURED = 1
     COMMANDED = 2
+
+
+class ArmQuantity(IntEnum):
+    """What the input of an arm's drive is."""
+
+    TORQUE = 1
+    CURRENT = 2
+    VOLTAGE = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +174,15 @@ class Torque:
 
 
 @dataclass(frozen=True, slots=True)
+class ArmInput:
+    """Input of the arm's drive, in the unit that INFO names, at the tick of a SAMPLE; low 16 bits of that tick."""
+
+    kind: TorqueKind
+    tick: int
+    input: int
+
+
+@dataclass(frozen=True, slots=True)
 class Hello:
     """Opens a conversation."""
 
@@ -228,7 +245,9 @@ class Ping:
 Command: TypeAlias = Hello | Hold | Release | Stream | Stop | ClearFault
 """What the host asks for and the device answers by ACK or NAK."""
 
-Message: TypeAlias = Event | Sample | Position | Status | Pong | Ack | Nak | Info | Torque | Command | KeepAlive | Ping
+Message: TypeAlias = (
+    Event | Sample | Position | Status | Pong | Ack | Nak | Info | Torque | ArmInput | Command | KeepAlive | Ping
+)
 
 MESSAGES: dict[str, type[Message]] = {
     "EVENT": Event,
@@ -240,6 +259,7 @@ MESSAGES: dict[str, type[Message]] = {
     "NAK": Nak,
     "INFO": Info,
     "TORQUE": Torque,
+    "ARM_INPUT": ArmInput,
     "HELLO": Hello,
     "HOLD": Hold,
     "RELEASE": Release,

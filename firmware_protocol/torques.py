@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from firmware_protocol.messages import Torque, TorqueKind
+from firmware_protocol.messages import ArmInput, Torque, TorqueKind
 from firmware_protocol.stream import Row, unwrap
 
 LATE = 2
@@ -20,7 +20,7 @@ class DrivenRow(NamedTuple):
     tick: int
     counts: tuple[int, int, int]
     torques: tuple[Pair, ...]
-    """Of joint 1 and 2, in the device's unit, one of each kind that it tells."""
+    """Of joint 1 and 2, or of the arm's drive and 0, in the device's unit, one of each kind that it tells."""
 
 
 class TorquePairs:
@@ -42,11 +42,11 @@ class TorquePairs:
         """Begin again at tick 0."""
         self._told, self._waiting, self._newest = {}, [], 0
 
-    def note(self, torque: Torque) -> None:
-        """Take a TORQUE."""
+    def note(self, torque: Torque | ArmInput) -> None:
+        """Take a TORQUE or an ARM_INPUT."""
         tick = unwrap(torque.tick, self._newest, 16)
         kinds_seen = self._told.setdefault(tick, {})
-        pair = torque.torque1, torque.torque2
+        pair = (torque.input, 0) if isinstance(torque, ArmInput) else (torque.torque1, torque.torque2)
         kinds_seen[torque.kind] = pair if kinds_seen.get(torque.kind, pair) == pair else None
         for old in sorted(self._told)[: max(0, len(self._told) - KEPT)]:
             del self._told[old]

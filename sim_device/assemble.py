@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from dpr_lab.errors import ConfigError
 from dpr_lab.rig import load_rig
 from firmware_protocol.identity import DeviceInfo
 from sim_device.faults import Faults, parse_faults
@@ -14,6 +15,7 @@ from sim_device.links.byte_link import Framing, SerialCodec
 from sim_device.links.link import DeviceLink
 from sim_device.links.open_link import open_link
 from sim_device.options import SEALED_FILE, SEALED_PLANT, SEALED_TORQUES, Options
+from sim_device.plant.arm_drive import ArmDrive
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.plant.drives import JointDrives, load_drives
 from sim_device.plant.hidden import HiddenPlant, plant_of
@@ -55,7 +57,7 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
     """
     rig, plant = load_rig(options.rig), hidden_plant(options)
     drives = _drives(options, plant.config)
-    if drives is not None:
+    if isinstance(drives, JointDrives):
         plant.refuse_drives()
     frames = 1 if drives is None else 1 + len(drives.kinds)
     faults = parse_faults(options.fault, plant.config.seed)
@@ -77,8 +79,12 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
     return board(faults.identity(with_drives(info, drives)), rods, clock, faults), link, faults
 
 
-def _drives(options: Options, plant: PlantConfig) -> JointDrives | None:
-    """Drives that replay the table that is given, was sealed, or is drawn; None for free swings."""
+def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | None:
+    """Drives that replay the table that is given, was sealed, or is drawn, or that of the arm; None for free swings."""
+    if plant.arm_drive is not None:
+        if options.torques is not None:
+            raise ConfigError(f"--torques: plant {plant.name} has a driven arm, whose joints have no drives besides")
+        return ArmDrive(plant.arm_drive, plant.seed)
     sealed = Path(options.rig).parent / SEALED_TORQUES
     table = options.torques or (sealed if options.plant == SEALED_PLANT and sealed.is_file() else None)
     if table is not None:
@@ -87,10 +93,13 @@ def _drives(options: Options, plant: PlantConfig) -> JointDrives | None:
     return drawn_drives(plant) if asked == "driven" else None
 
 
-def with_drives(info: DeviceInfo, drives: JointDrives | None) -> DeviceInfo:
+def with_drives(info: DeviceInfo, drives: JointDrives | ArmDrive | None) -> DeviceInfo:
     """What a board says it is that has these drives."""
     if drives is None:
         return info
+    if isinstance(drives, ArmDrive):
+        unit = drives.config.unit_micro
+        return replace(info, input_kinds=drives.kinds, input_unit=unit, input_quantity=drives.quantity)
     return replace(info, torque_kinds=drives.kinds, torque_unit_uNm=drives.config.unit_uNm)
 
 

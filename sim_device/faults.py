@@ -11,7 +11,7 @@ from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import NUMBERS, Event, Frame, Pong, Status, Torque, decode, encode
+from firmware_protocol.messages import NUMBERS, ArmInput, Event, Frame, Pong, Status, Torque, decode, encode
 from sim_device.random_streams import RandomStream, generator
 
 
@@ -29,7 +29,7 @@ FAULTS: dict[str, FaultKind] = {
     "drop": FaultKind("frame", "probability that a frame is lost, either way"),
     "duplicate": FaultKind("frame", "probability that a frame arrives twice, either way"),
     "reorder": FaultKind("frame", "probability that a frame changes places with the next, either way"),
-    "lose_torques": FaultKind("frame", "probability that a TORQUE frame is lost"),
+    "lose_torques": FaultKind("frame", "probability that a TORQUE or ARM_INPUT frame is lost"),
     "lose_events": FaultKind("frame", "how many of the first EVENT frames are lost", np.inf, whole=True),
     "lose_pongs": FaultKind("frame", "probability that a PONG frame is lost"),
     "pong_scale": FaultKind("frame", "factor on the tick that PONG tells; 0: frozen", 10.0),
@@ -81,7 +81,8 @@ class Faults:
         """The frames that arrive."""
         drop, twice, swap = (self._values.get(name, 0.0) for name in ("drop", "duplicate", "reorder"))
         frames = self._without_events(frames) if self._events_to_lose else frames
-        frames = self._without("lose_torques", NUMBERS[Torque], frames)
+        for drive in (Torque, ArmInput):
+            frames = self._without("lose_torques", NUMBERS[drive], frames)
         frames = self._without("lose_pongs", NUMBERS[Pong], frames)
         if self._values.keys() & {"pong_scale", "stuck_latch"}:
             frames = [self._untrue(frame) for frame in frames]

@@ -28,7 +28,12 @@ class Batch:
 
 
 def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> NDArray[np.float64] | None:
-    """(kinds, n, 2) torques of joint 1 and 2, N m, of the samples of a device with drives."""
+    """(kinds, n, 2) torques of joint 1 and 2, N m, of the samples of a device with drives; None without a unit.
+
+    Of a driven arm its input, N m, A or V, and 0.
+    """
+    if not unit_uNm:
+        return None
     driven = [row.torques for row in rows if isinstance(row, DrivenRow)]
     return np.round(np.array(driven).swapaxes(0, 1) * (unit_uNm * 1e-6), 6) if driven else None
 

@@ -239,12 +239,30 @@ def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str)
         protocol=f"{info.major}.{info.minor}",
         schema_hash=f"{info.schema_hash:08x}",
         note=note,
-        extra={"simulated_time": str(device.simulated_time).lower(), **_drives(info)},
+        extra={"simulated_time": str(device.simulated_time).lower(), **_drives(info, rig)},
     )
 
 
-def _drives(info: DeviceInfo) -> dict[str, str]:
-    """What a run says of the torques in it; nothing of a device without drives."""
+def _drives(info: DeviceInfo, rig: Rig) -> dict[str, str]:
+    """What a run says of the torques in it, or of the input of its arm; nothing of a device without drives.
+
+    Raises:
+        ConfigError: the device tells another input than the rig file says, or torques of the joints besides.
+    """
+    if info.input_quantity is not None and rig.arm.mode == "driven" and rig.motor is not None:
+        quantity = info.input_quantity.name.lower()
+        if quantity != rig.motor.input:
+            raise ConfigError(
+                f"{rig.path or rig.name}: motor.input is {rig.motor.input}, and the device tells a {quantity}:"
+                " correct the rig file"
+            )
+        if info.torque_kinds:
+            raise ConfigError(
+                "the device tells torques of joints 1 and 2 besides the input of its arm, and a run holds one of both:"
+                " switch one of them off in its firmware"
+            )
+        kind = info.input_kinds[0].name.lower()
+        return {"arm": "driven", "input_kind": kind, "input_unit_micro": str(info.input_unit)}
     if not info.torque_kinds:
         return {}
     return {"torque_kind": info.torque_kinds[0].name.lower(), "torque_unit_uNm": str(info.torque_unit_uNm)}

@@ -14,10 +14,11 @@ from typing import Any
 from dpr_lab.errors import DprError, LinkTimeout
 from dpr_lab.transports.transport import Transport
 from firmware_protocol.errors import RemoteProtocolError
-from firmware_protocol.identity import PAGES
+from firmware_protocol.identity import ARM_PAGE, PAGES
 from firmware_protocol.messages import (
     DEVICE_NODE,
     MESSAGES,
+    ArmInput,
     ClearFault,
     Event,
     EventKind,
@@ -73,6 +74,9 @@ class Conformity:
     """What was wrong, or found."""
 
 
+DRIVES = {"joints": PAGES, "arm": ARM_PAGE}
+"""Which drives a trace is about -> the page of INFO that only a device with them has."""
+
 MARK = 0xBA00
 """Tokens of the pings behind what was asked: a device works in the order of what it hears."""
 
@@ -90,7 +94,7 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
     peer = _Peer(link, settings)
     pages = [page for page in peer.ask(Hello(token=1)) if isinstance(page, Info)]
     simulated_time = any(page.fields.get("simulated_time") for page in pages)
-    peer.driven = any(page.page == PAGES for page in pages)
+    peer.drives = {name for name, number in DRIVES.items() if any(page.page == number for page in pages)}
     traces = json.loads(files("firmware_protocol").joinpath("traces.json").read_text(encoding="utf-8"))
     for trace in traces["traces"]:
         steps: Sequence[Step] = trace["steps"]
@@ -98,9 +102,9 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
             continue  # needs a hand on the hardware
         if simulated_time and any("silent_s" in step for step in steps):
             continue  # its clock stands still while nothing is sent
-        if "drives" in trace and not peer.driven:
+        if trace.get("drives", "") not in {"", *peer.drives}:
             continue
-        peer.drives_are_news = "drives" not in trace
+        peer.topic = trace.get("drives", "")
         peer.to_idle()
         wrong = next((error for n, step in enumerate(steps, 1) if (error := _step(peer, step, f"step {n}"))), "")
         yield Conformity(trace["why"], not wrong, wrong or f"{len(steps)} steps")
@@ -115,10 +119,10 @@ class _Peer:
     def __init__(self, link: Transport, settings: ConformanceSettings) -> None:
         self.link, self.settings = link, settings
         self.meaningless = 0
-        self.driven = False
-        """Whether it has drives."""
-        self.drives_are_news = False
-        """Whether what is asked of it is of devices without drives, which have a page of INFO less."""
+        self.drives: set[str] = set()
+        """Those of `DRIVES` that it has."""
+        self.topic: str | None = None
+        """Which of them the trace is about, empty for none; None before any trace."""
         self._mark = 0
         self._released: Event | None = None
         self._heard: list[Message] = []
@@ -188,10 +192,10 @@ class _Peer:
             self.read()
 
     def _is_answer(self, message: Message) -> bool:
-        if isinstance(message, Sample | Torque | Position | Status):
+        if isinstance(message, Sample | Torque | ArmInput | Position | Status):
             return False
-        if isinstance(message, Info) and message.page == PAGES:
-            return not self.drives_are_news
+        if isinstance(message, Info) and message.page in DRIVES.values():
+            return self.topic is None or message.page == DRIVES.get(self.topic)
         if isinstance(message, Pong):
             return message.token & 0xFF00 != MARK
         if isinstance(message, Event) and message.kind is EventKind.RELEASED:
@@ -246,7 +250,7 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
         fresh = peer.read()
         now = time.monotonic()
         arrived += [(now, message.tick) for message in fresh if isinstance(message, Sample)]
-        torques += [message.tick for message in fresh if isinstance(message, Torque)]
+        torques += [message.tick for message in fresh if isinstance(message, Torque | ArmInput)]
         reports += sum(isinstance(message, Status) for message in fresh)
     if len(arrived) < 2:
         yield Conformity("samples come", False, f"{len(arrived)} in {settings.timing_s:g} s")
@@ -254,10 +258,10 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
     steps = [(b - a) & 0xFFFF for (_, a), (_, b) in pairwise(arrived)]
     missing = sum(step != 1 for step in steps)
     yield Conformity("every tick has a sample", not missing, f"{len(arrived)} samples, {missing} steps that are not 1")
-    if peer.driven:
+    if peer.drives:
         without = len({tick for _, tick in arrived[:-1]} - set(torques))  # those of the last may be under way
         yield Conformity(
-            "every sample has its torques", not without, f"{len(torques)} TORQUE, {without} samples without"
+            "every sample has its torques", not without, f"{len(torques)} of drives, {without} samples without"
         )
     if not simulated_time:
         rate = sum(steps) / (arrived[-1][0] - arrived[0][0])

@@ -33,6 +33,7 @@ from firmware_protocol.messages import (
     DEVICE_NODE,
     NUMBERS,
     Ack,
+    ArmInput,
     ClearFault,
     Command,
     Hello,
@@ -187,7 +188,8 @@ class Device:
         self.check_rate(rate_hz)
         with self._lock:
             self._held = None
-            self._torques = TorquePairs(self.info.torque_kinds) if self.info.torque_kinds else None
+            kinds = self.info.torque_kinds or self.info.input_kinds
+            self._torques = TorquePairs(kinds) if kinds else None
             self._stream.restart(blind_ticks(rate_hz, self.info.counts_per_rev))
             self._rate_hz = rate_hz
         self._command(Stream(rate_hz=rate_hz))
@@ -324,7 +326,7 @@ class Device:
             if isinstance(message, Sample):
                 rows += self._driven(self._trusted(message))
                 continue
-            if isinstance(message, Torque):
+            if isinstance(message, Torque | ArmInput):
                 self._note_torque(message)
                 continue
             self._stream.feed(message)
@@ -358,10 +360,12 @@ class Device:
         """Samples with their torques, some samples later, of a device with drives."""
         return rows if self._torques is None else self._torques.take(rows)
 
-    def _note_torque(self, torque: Torque) -> None:
-        if self._session.info is not None and not self._session.info.torque_kinds:
+    def _note_torque(self, torque: Torque | ArmInput) -> None:
+        info, of_arm = self._session.info, isinstance(torque, ArmInput)
+        if info is not None and not (info.input_kinds if of_arm else info.torque_kinds):
             raise LinkError(
-                f"{self.url}: the device sends torques, but the page of its INFO that tells their unit was lost:"
+                f"{self.url}: the device sends {'inputs of its arm' if of_arm else 'torques'}, but the page of its INFO"
+                " that tells their unit was lost:"
                 " connect again"
             )
         if self._torques is not None:

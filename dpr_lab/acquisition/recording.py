@@ -109,7 +109,8 @@ class Recording:
                 rows = [row for row in rows if row.tick <= self._end_tick]
             if rows:
                 ticks, counts = arrays(rows)
-                unit = int(self._writer.metadata.extra.get("torque_unit_uNm", 0))
+                extra = self._writer.metadata.extra
+                unit = int(extra.get("torque_unit_uNm", extra.get("input_unit_micro", 0)))
                 self._writer.samples(ticks, counts, torques_of(rows, unit))
                 self.samples.extend(ticks, counts)
 

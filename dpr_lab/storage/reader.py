@@ -58,7 +58,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     if mode == "driven":
         if torques is None:
             raise RunError(f"{path}: its arm is driven, but the run holds no input of the arm: import the table again")
-        torques, arm_input = None, torques[:, 0]
+        torques, commanded, arm_input = None, None, torques[:, 0]
     run = Run(
         name=stored.path.stem,
         t=t,
@@ -134,7 +134,7 @@ def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.f
 
 
 def _arm_mode(stored: Scan) -> ArmMode:
-    """What the arm did: as the run says, or its rig does. A device sends no input of a driven arm, only its angle."""
+    """What the arm did: as the run says, or its rig does. A device may send the angle of a driven arm alone."""
     of_rig = stored.metadata.rig.arm.mode
     stated = stored.metadata.extra.get("arm", "prescribed" if of_rig == "driven" else of_rig)
     for mode in get_args(ArmMode):

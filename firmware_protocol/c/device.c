@@ -99,6 +99,9 @@ static void send_sample(dpr_device_t *device, const dpr_reading_t *reading, uint
         if (device->session.identity->torques[kind]) {
             emit(device, dpr_torque(node_of(device), reading, kind));
         }
+        if (device->session.identity->inputs[kind]) {
+            emit(device, dpr_arm_input(node_of(device), reading, kind));
+        }
     }
 }
 

@@ -24,6 +24,7 @@ typedef struct {
     uint32_t tick;
     int32_t counts[DPR_JOINTS];
     int16_t torques[DPR_TORQUE_KINDS][2]; /* of joint 1 and 2, in the unit of the identity; of no meaning without */
+    int32_t inputs[DPR_TORQUE_KINDS];     /* of the drive of the arm, likewise */
 } dpr_reading_t;
 
 /* Milliseconds of a clock that never jumps; may wrap. */

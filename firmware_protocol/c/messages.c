@@ -46,6 +46,19 @@ dpr_frame_t dpr_torque(uint8_t node, const dpr_reading_t *reading, uint8_t kind)
     return frame;
 }
 
+/* `kind` is an index of `inputs`. */
+dpr_frame_t dpr_arm_input(uint8_t node, const dpr_reading_t *reading, uint8_t kind)
+{
+    dpr_frame_t frame = empty(node, DPR_ARM_INPUT_FRAME_ID, DPR_ARM_INPUT_LENGTH);
+    struct dpr_arm_input_t input = {
+        .kind = (uint8_t)(DPR_ARM_INPUT_KIND_MEASURED_CHOICE + kind),
+        .tick = (uint16_t)(reading->tick & 0xFFFFu),
+        .input = reading->inputs[kind],
+    };
+    dpr_arm_input_pack(frame.data, &input, DPR_MAX_DATA);
+    return frame;
+}
+
 dpr_frame_t dpr_position(uint8_t node, const dpr_reading_t *reading, uint8_t joint)
 {
     dpr_frame_t frame = empty(node, DPR_POSITION_FRAME_ID, DPR_POSITION_LENGTH);
@@ -120,6 +133,10 @@ dpr_frame_t dpr_info(const dpr_identity_t *identity, uint8_t page)
         .torque_unit = identity->torque_unit_uNm,
         .torque_measured = identity->torques[0],
         .torque_commanded = identity->torques[1],
+        .input_unit = identity->input_unit,
+        .input_measured = identity->inputs[0],
+        .input_commanded = identity->inputs[1],
+        .input_quantity = identity->input_quantity,
     };
     dpr_info_pack(frame.data, &info, DPR_MAX_DATA);
     return frame;

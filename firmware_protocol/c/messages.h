@@ -32,6 +32,9 @@ typedef struct {
     bool simulated_time;
     bool torques[DPR_TORQUE_KINDS]; /* which are known of the joint drives; none without drives */
     uint32_t torque_unit_uNm;
+    bool inputs[DPR_TORQUE_KINDS]; /* which are known of the arm's drive; none without */
+    uint8_t input_quantity;        /* torque, current or voltage, by its number in dpr.dbc */
+    uint32_t input_unit;           /* uN m, uA or uV */
 } dpr_identity_t;
 
 /* Samples since STREAM. */
@@ -44,6 +47,7 @@ typedef struct {
 dpr_frame_t dpr_event(uint8_t node, uint8_t kind, uint8_t detail, uint32_t tick);
 dpr_frame_t dpr_sample(uint8_t node, const dpr_reading_t *reading);
 dpr_frame_t dpr_torque(uint8_t node, const dpr_reading_t *reading, uint8_t kind);
+dpr_frame_t dpr_arm_input(uint8_t node, const dpr_reading_t *reading, uint8_t kind);
 dpr_frame_t dpr_position(uint8_t node, const dpr_reading_t *reading, uint8_t joint);
 dpr_frame_t dpr_status(uint8_t node, uint8_t state, uint8_t fault, bool latched, const dpr_counters_t *counters);
 dpr_frame_t dpr_pong(uint8_t node, uint16_t token, uint32_t tick, uint16_t fraction);

@@ -163,6 +163,9 @@ static void greet(dpr_session_t *session, const command_t *hello, dpr_answer_t *
     if (session->identity->torques[0] || session->identity->torques[1]) {
         add(answer, dpr_info(session->identity, DPR_INFO_PAGE_TORQUES_CHOICE));
     }
+    if (session->identity->inputs[0] || session->identity->inputs[1]) {
+        add(answer, dpr_info(session->identity, DPR_INFO_PAGE_ARM_INPUT_CHOICE));
+    }
     for (uint8_t page = 0; page < DPR_INFO_PAGES; page++) {
         add(answer, dpr_info(session->identity, page));
     }

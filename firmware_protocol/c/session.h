@@ -25,7 +25,7 @@ typedef enum {
 } dpr_task_t;
 
 typedef struct {
-    dpr_frame_t frames[2u + DPR_INFO_PAGES];
+    dpr_frame_t frames[3u + DPR_INFO_PAGES];
     uint8_t count;
     dpr_task_t task;
     uint8_t pose;

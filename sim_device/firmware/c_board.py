@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import NUMBERS, Frame, Sample, State, Torque
+from firmware_protocol.messages import NUMBERS, ArmInput, Frame, Sample, State, Torque
 from firmware_protocol.session import STREAMS
 from sim_device.faults import Faults
 from sim_device.firmware.c_firmware import Firmware
@@ -86,9 +86,10 @@ class CBoard:
         ticks, in_time = np.arange(first, first + count), self._faults.taken(count)
         released_at = self._release_tick if self._firmware.state is State.RELEASED else None
         counts, missing = streamed(self._rods, self._ticks, released_at, first, count)
-        torques = np.array(self._rods.torques(None if released_at is None else first - released_at, count))
+        reported = self._rods.torques(None if released_at is None else first - released_at, count)[in_time]
+        torques, inputs = (None, reported) if self._info.input_kinds else (reported, None)
         readings = np.column_stack([ticks, counts])[in_time]
-        frames = self._firmware.poll(self._millis(wall), readings, torques[in_time])
+        frames = self._firmware.poll(self._millis(wall), readings, torques, inputs)
         self.streamed += count / self._ticks.rate_hz
         return _arrived(frames, missing[in_time].tolist())
 
@@ -99,6 +100,6 @@ def _arrived(frames: Iterable[Frame], missing: Iterable[bool]) -> list[Frame]:
     following, gone = iter(missing), False
     for frame in frames:
         gone = next(following) if is_sample(frame) else gone
-        if not (gone and frame.number in (NUMBERS[Sample], NUMBERS[Torque])):
+        if not (gone and frame.number in (NUMBERS[Sample], NUMBERS[Torque], NUMBERS[ArmInput])):
             arrived.append(frame)
     return arrived

@@ -15,14 +15,21 @@ from sim_device.firmware.c_library import library_path
 FRAMES = 2048
 """Frames that the library keeps until they are taken (`DPR_HOST_FRAMES`)."""
 
-READINGS = FRAMES // 8
+READINGS = FRAMES // 16
 """Readings that one poll takes, so that what it says fits."""
 
 SHORTEST_LINE = 5
 """Bytes of the shortest frame on a byte stream."""
 
 _FRAME = struct.Struct(f"=HB{MAX_DATA}sx")
-_READING = np.dtype([("tick", np.int32), ("counts", np.int32, 3), ("torques", np.int16, (len(TorqueKind), 2))])
+_READING = np.dtype(
+    [
+        ("tick", np.int32),
+        ("counts", np.int32, 3),
+        ("torques", np.int16, (len(TorqueKind), 2)),
+        ("inputs", np.int32, len(TorqueKind)),
+    ]
+)
 
 
 class _Frame(Structure):
@@ -40,6 +47,9 @@ class _Identity(Structure):
         ("simulated_time", c_bool),
         ("torques", c_bool * len(TorqueKind)),
         ("torque_unit_uNm", c_uint32),
+        ("inputs", c_bool * len(TorqueKind)),
+        ("input_quantity", c_uint8),
+        ("input_unit", c_uint32),
     )
 
 
@@ -110,6 +120,7 @@ class Firmware:
         self._host = ctypes.create_string_buffer(self._library.dpr_host_size())
         self._frames = ctypes.create_string_buffer(FRAMES * _FRAME.size)
         self._told = [list(TorqueKind).index(kind) for kind in info.torque_kinds]
+        self._inputs = [list(TorqueKind).index(kind) for kind in info.input_kinds]
         self._library.dpr_host_start(self._host, byref(_identity(info, node)))
         self._library.dpr_host_claim(self._host, info.major, info.schema_hash)
 
@@ -136,7 +147,11 @@ class Firmware:
         return self._taken()
 
     def poll(
-        self, millis: int, readings: NDArray[np.int64] | None = None, torques: NDArray[np.int64] | None = None
+        self,
+        millis: int,
+        readings: NDArray[np.int64] | None = None,
+        torques: NDArray[np.int64] | None = None,
+        inputs: NDArray[np.int64] | None = None,
     ) -> list[Frame]:
         """Run lease, fault and reading checks; return the messages.
 
@@ -144,8 +159,9 @@ class Firmware:
             millis: now
             readings: (n, 4) of tick and counters
             torques: (n, kinds, 2) in units, of the kinds of its identity
+            inputs: (n, kinds) of the arm's drive, likewise
         """
-        rows = self._rows(readings, torques)
+        rows = self._rows(readings, torques, inputs)
         frames: list[Frame] = []
         for first in range(0, max(len(rows), 1), READINGS):
             some = rows[first : first + READINGS]
@@ -154,13 +170,20 @@ class Firmware:
             frames += self._taken()
         return frames
 
-    def _rows(self, readings: NDArray[np.int64] | None, torques: NDArray[np.int64] | None) -> NDArray[np.void]:
+    def _rows(
+        self,
+        readings: NDArray[np.int64] | None,
+        torques: NDArray[np.int64] | None,
+        inputs: NDArray[np.int64] | None,
+    ) -> NDArray[np.void]:
         """(n,) of `dpr_reading_t`."""
         rows = np.zeros(0 if readings is None else len(readings), _READING)
         if readings is not None:
             rows["tick"], rows["counts"] = readings[:, 0].astype(np.int32), readings[:, 1:].astype(np.int32)
         if torques is not None and torques.size:
             rows["torques"][:, self._told] = torques.clip(-0x8000, 0x7FFF)
+        if inputs is not None and inputs.size:
+            rows["inputs"][:, self._inputs] = inputs.clip(-(1 << 31), (1 << 31) - 1)
         return rows
 
     def hardware_actions(self) -> HardwareActions:
@@ -216,6 +239,9 @@ def _identity(info: DeviceInfo, node: int) -> _Identity:
         info.simulated_time,
         tuple(kind in info.torque_kinds for kind in TorqueKind),
         info.torque_unit_uNm,
+        tuple(kind in info.input_kinds for kind in TorqueKind),
+        info.input_quantity or 0,
+        info.input_unit,
     )
 
 

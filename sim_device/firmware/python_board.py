@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,17 +181,23 @@ class PythonBoard:
         released_at = self._release_tick if self._session.state is State.RELEASED else None
         streamed_counts, missing = streamed(self._rods, self._ticks, released_at, first, count)
         sent = in_time & ~missing
-        torques = self._rods.torques(None if released_at is None else first - released_at, count)
+        torques = self._rods.torques(None if released_at is None else first - released_at, count).tolist()
         for tick, counts in enumerate(streamed_counts.tolist(), first):
             if self._reports_due(tick):
                 frames += self._report(tick, counts)
             if sent[tick - first]:
                 frames.append(self._session.sample(tick, counts))
-                by_kind = zip(self._info.torque_kinds, torques[tick - first], strict=True)
-                frames += [self._session.torque(kind, tick, torques) for kind, torques in by_kind]
+                frames += self._drives(tick, torques[tick - first])
             self._counters.count(bool(in_time[tick - first]))
         self.streamed += count / self._ticks.rate_hz
         return frames
+
+    def _drives(self, tick: int, by_kind: list[Any]) -> list[Frame]:
+        if self._info.input_kinds:
+            inputs = zip(self._info.input_kinds, by_kind, strict=True)
+            return [self._session.arm_input(kind, tick, value) for kind, value in inputs]
+        torques = zip(self._info.torque_kinds, by_kind, strict=True)
+        return [self._session.torque(kind, tick, pair) for kind, pair in torques]
 
     def _reports(self, first: int, count: int, now: float) -> list[Frame]:
         last = first + count - 1

@@ -25,9 +25,9 @@ class _Table(BaseModel):
 
 
 class ArmConfig(_Table):
-    """The arm: held by its brake, or free about the vertical with inertia J0, friction c0 and spring k0."""
+    """The arm: held by its brake, free about the vertical with inertia J0, friction c0 and spring k0, or driven too."""
 
-    mode: Literal["clamped", "free"] = "clamped"
+    mode: Literal["clamped", "free", "driven"] = "clamped"
     J0: Positive = 0.05
     c0: NotNegative = 0.0
     k0: NotNegative = 0.0
@@ -79,18 +79,66 @@ class DriveConfig(_Table):
     """Step in which torques are commanded and reported."""
 
 
+class ArmDriveConfig(_Table):
+    """The motor of an arm whose mode is `driven`, its driver, and the program that the device runs."""
+
+    input: Literal["torque", "current", "voltage"]
+    """What the driver sets and the device tells: N m at the arm, A or V."""
+    kt: Positive = 1.0
+    """Torque constant, N m/A."""
+    ke: NotNegative = 0.0
+    """Back-EMF constant, V s/rad."""
+    R: Positive = 1.0
+    """Resistance, ohm."""
+    gear: Positive = 1.0
+    """Turns of the motor for one turn of the arm."""
+    limit: Positive
+    """Largest input that the driver gives."""
+    program: Literal["sines", "chirp", "prbs"] = "sines"
+    """Two sines, a sweep of one, or a pseudo-random binary sequence."""
+    amplitude: Positive
+    """Of the program, in units of the input."""
+    rates_hz: tuple[Positive, Positive] = (0.5, 1.3)
+    """Of the sines; or where the sweep begins and ends; half the second is the rate of bits of a sequence."""
+    sweep_s: Positive = 10.0
+    """Duration of the sweep."""
+    tells: Annotated[tuple[Literal["measured", "commanded"], ...], Field(min_length=1)] = ("measured", "commanded")
+    """Which inputs the board sends."""
+    delay_s: NotNegative = 0.0
+    """How much later than commanded an input acts."""
+    noise: NotNegative = 0.0
+    """Standard deviation of the measured input."""
+    gain: Finite = 1.0
+    """Torque that acts over the one of the constants above: a wrong torque constant."""
+    offset_Nm: Finite = 0.0
+    """Torque that acts from the release on and is not reported."""
+    unit_micro: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
+    """Step in which the input is set and reported: uN m, uA or uV."""
+
+    @property
+    def torque_per_input(self) -> float:
+        """N m at the arm over the input."""
+        return {"torque": 1.0, "current": self.gear * self.kt, "voltage": self.gear * self.kt / self.R}[self.input]
+
+    @property
+    def back_emf(self) -> float:
+        """Friction of the arm by the back-EMF of a voltage drive, N m s/rad."""
+        return self.ke * self.kt * self.gear**2 / self.R * self.gain if self.input == "voltage" else 0.0
+
+
 class PlantConfig(_Table):
     """A plant file (`configs/plants/*.toml`).
 
     Args of the file: `name`, `seed`, `[parameters]` with one value for each of `PARAMETERS` (SI), `[arm]`,
-    `[effects.NAME]` or, at most one, `[foreign.NAME]` with the effect's own parameters, `[encoders]`, `[drives]`,
-    `[hand]`.
+    `[arm_drive]` of a driven one, `[effects.NAME]` or, at most one, `[foreign.NAME]` with the effect's own parameters,
+    `[encoders]`, `[drives]`, `[hand]`.
     """
 
     name: Annotated[str, Field(min_length=1)]
     seed: Annotated[int, Field(ge=0)] = 1
     parameters: dict[str, Positive]
     arm: ArmConfig = ArmConfig()
+    arm_drive: ArmDriveConfig | None = None
     effects: dict[str, dict[str, Finite]] = {}
     foreign: dict[str, dict[str, Finite]] = {}
     encoders: EncoderConfig = EncoderConfig()
@@ -100,6 +148,14 @@ class PlantConfig(_Table):
     @model_validator(mode="after")
     def _nine_parameters(self) -> "PlantConfig":
         refuse_other_parameters(self.parameters)
+        return self
+
+    @model_validator(mode="after")
+    def _arm_is_driven(self) -> "PlantConfig":
+        if (self.arm.mode == "driven") != (self.arm_drive is not None):
+            raise ValueError('[arm] mode = "driven" and [arm_drive] go together')
+        if self.foreign and self.arm.mode == "driven":
+            raise ValueError("[foreign] is of rigs whose arm is not driven")
         return self
 
     @property

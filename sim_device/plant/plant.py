@@ -33,7 +33,10 @@ LOOK = 5e-4
 """How often an encoder with play or delay looks at its joint, s."""
 
 Driven = Callable[[int, int], NDArray[np.float64]]
-"""(first, count) -> (count, 2) torques of joint 1 and 2 from each of these ticks to the next, N m."""
+"""(first, count) -> (count, 2) torques of joint 1 and 2 from each of these ticks to the next, N m.
+
+(count, 1) of the arm where that is what is driven.
+"""
 
 CONSTANT = [param_index(effect.name, "constant_Nm") for effect in SPRING]
 """Where a joint's constant torque stands: what a drive is between two ticks."""
@@ -105,7 +108,9 @@ class Plant:
     def _moving(self) -> tuple[RigModel, int]:
         """The rig for `integrate`, and how its arm is held; its kernels are compiled when this is first asked for."""
         of_arm = self.config.arm
-        arm = ArmParameters(of_arm.J0, of_arm.c0, of_arm.k0, of_arm.mode)
+        back_emf = self.config.arm_drive.back_emf if self.config.arm_drive is not None else 0.0
+        mode = "clamped" if of_arm.mode == "clamped" else "free"  # of a driven one the torque is known
+        arm = ArmParameters(of_arm.J0, of_arm.c0 + back_emf, of_arm.k0, mode)
         try:
             effects = effects_of_run(effect_params(self.config.effects), self._setup)
             return rig_model(self._Z, self._frame, arm, effects, self._constants)
@@ -152,7 +157,9 @@ class Plant:
         return integrate(*self._moving, state, t, MAX_STEP)
 
     def driven_on(self, state: RigState, t: Theta, torques: Theta) -> NDArray[np.float64]:
-        """As `goes_on`, under torques (n - 1, 2) of joint 1 and 2 that hold from each instant to the next, N m."""
+        """As `goes_on`, under torques of `Driven` (n - 1, ...) that hold from each instant to the next, N m."""
+        if self.config.arm_drive is not None:
+            return integrate(*self._moving, state, t, MAX_STEP, np.append(torques[:, 0], 0.0))
         changes = 1 + np.flatnonzero((np.diff(torques, axis=0) != 0).any(axis=1))
         (model, mode), ripple = self._driven, np.array(self.config.drives.ripple)
         states = [np.array([[*state[:6], *state.internal]])]
@@ -206,6 +213,7 @@ class Plant:
             "ratios": dict(zip(RATIOS, true_ratios.tolist(), strict=True)),
             "effects": {name: dict(values) for name, values in self.config.effects.items()},
             "arm": self.config.arm.model_dump(),
+            **({"arm_drive": self.config.arm_drive.model_dump()} if self.config.arm_drive is not None else {}),
         }
 
 

@@ -12,6 +12,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 from sim_device.faults import Faults
 from sim_device.plant import sampling_faults
+from sim_device.plant.arm_drive import ArmDrive
 from sim_device.plant.drives import JointDrives
 from sim_device.plant.encoders import NoisyEncoders
 from sim_device.plant.hidden import HiddenPlant, HiddenSwing
@@ -36,7 +37,7 @@ class SimulatedRods:
         hand_error: how far off every pose the operator leaves both rods, on purpose, rad
         clock_rate: device seconds per true second
         faults: what is wrong with the encoders
-        drives: what drives the joints while they swing; None for nothing
+        drives: what drives the joints or the arm while they swing; None for nothing
         ready: whether the rods can be let go; the operator waits for that before he takes them to a pose
     """
 
@@ -48,7 +49,7 @@ class SimulatedRods:
         hand_error: float = 0.0,
         clock_rate: float = 1.0,
         faults: Faults | None = None,
-        drives: JointDrives | None = None,
+        drives: JointDrives | ArmDrive | None = None,
         ready: Callable[[], bool] = lambda: True,
     ) -> None:
         self._plant, self._config, self._faults = plant, plant.config, faults or Faults()
@@ -99,13 +100,17 @@ class SimulatedRods:
         since = np.arange(first, first + count) / self._rate_hz
         return self._faults.counts(counts, self._at_release, since)
 
-    def torques(self, first: int | None, count: int) -> list[list[list[int]]]:
-        """What the drives tell at each tick from `first` since the release on, by kind; None while they stand still."""
+    def torques(self, first: int | None, count: int) -> NDArray[np.int64]:
+        """(count, kinds, ...) what the drives tell at each tick from `first` since the release on.
+
+        The last axis is that of joints 1 and 2, and is not there for the drive of the arm. `first` is None while the
+        drives stand still.
+        """
         if self._drives is None:
-            return [[]] * count
+            return np.zeros((count, 0), dtype=np.int64)
         if first is None:
-            return [[[0, 0]] * len(self._drives.kinds)] * count
-        return self._drives.told(self._release, first, count, self._rate_hz).tolist()
+            return 0 * self._drives.told(self._release, 0, count, self._rate_hz)
+        return self._drives.told(self._release, first, count, self._rate_hz)
 
     def missing(self, first: int, count: int) -> NDArray[np.bool_]:
         """(count,) which samples of the swing the board never sends."""

@@ -65,7 +65,9 @@ def keep(plant: "PlantConfig", truth: dict[str, Any], folder: Path, drives: "Joi
 
     try:
         folder.mkdir(mode=0o700, parents=True)
-        (folder / SEALED_FILE.name).write_text(toml_text(plant.model_dump(mode="json")), encoding="utf-8")
+        (folder / SEALED_FILE.name).write_text(
+            toml_text(plant.model_dump(mode="json", exclude_none=True)), encoding="utf-8"
+        )
         if drives is not None:
             write_table(drives, folder / SEALED_TORQUES.name)
         (folder / TRUTH).write_text(json.dumps(truth), encoding="utf-8")

@@ -24,6 +24,7 @@ from firmware_protocol.framing import FrameDecoder, encode_frame
 from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import (
     MESSAGES,
+    ArmQuantity,
     Event,
     EventKind,
     Fault,
@@ -45,7 +46,11 @@ from sim_device.firmware.c_firmware import Firmware
 
 SOURCES = Path(firmware_protocol.__file__).parent / "c"
 INFO = DeviceInfo("1.0.0", "00a385000000dead", (16384, 16384, 16384), rate_max_hz=4000, rate_default_hz=1000)
-DRIVEN = replace(INFO, torque_kinds=tuple(TorqueKind), torque_unit_uNm=100)
+WITH_DRIVES = {
+    "": INFO,
+    "joints": replace(INFO, torque_kinds=tuple(TorqueKind), torque_unit_uNm=100),
+    "arm": replace(INFO, input_kinds=tuple(TorqueKind), input_unit=100, input_quantity=ArmQuantity.VOLTAGE),
+}
 
 PATIENCE_S = 60.0
 """For something that is sure to come."""
@@ -64,8 +69,8 @@ class Role(Protocol):
 
 
 class PythonRole:
-    def __init__(self, drives: bool) -> None:
-        self.session, self.now = DeviceSession(DRIVEN if drives else INFO), 0.0
+    def __init__(self, drives: str) -> None:
+        self.session, self.now = DeviceSession(WITH_DRIVES[drives]), 0.0
 
     def send(self, frame: Frame) -> list[Message]:
         return self._carry_out(self.session.receive(frame, self.now))
@@ -92,8 +97,8 @@ class PythonRole:
 
 
 class CRole:
-    def __init__(self, library: ctypes.PyDLL, drives: bool) -> None:
-        self.firmware, self.millis = Firmware(DRIVEN if drives else INFO, library=library), 0
+    def __init__(self, library: ctypes.PyDLL, drives: str) -> None:
+        self.firmware, self.millis = Firmware(WITH_DRIVES[drives], library=library), 0
 
     def send(self, frame: Frame) -> list[Message]:
         return [decode(answer) for answer in self.firmware.receive(frame, self.millis, 9.5)]
@@ -306,12 +311,12 @@ def board(image: Path) -> Iterator[QemuBoard]:
 
 
 @pytest.fixture
-def python_role() -> Callable[[bool], Role]:
+def python_role() -> Callable[[str], Role]:
     return PythonRole
 
 
 @pytest.fixture
-def c_role(library: ctypes.PyDLL) -> Callable[[bool], Role]:
+def c_role(library: ctypes.PyDLL) -> Callable[[str], Role]:
     return partial(CRole, library)
 
 

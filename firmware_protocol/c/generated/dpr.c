@@ -818,6 +818,16 @@ int dpr_info_pack(
         dst_p[5] |= pack_left_shift_u8(src_p->torque_commanded, 1u, 0x02u);
         break;
 
+    case 9:
+        dst_p[1] |= pack_left_shift_u32(src_p->input_unit, 0u, 0xffu);
+        dst_p[2] |= pack_right_shift_u32(src_p->input_unit, 8u, 0xffu);
+        dst_p[3] |= pack_right_shift_u32(src_p->input_unit, 16u, 0xffu);
+        dst_p[4] |= pack_right_shift_u32(src_p->input_unit, 24u, 0xffu);
+        dst_p[5] |= pack_left_shift_u8(src_p->input_measured, 0u, 0x01u);
+        dst_p[5] |= pack_left_shift_u8(src_p->input_commanded, 1u, 0x02u);
+        dst_p[6] |= pack_left_shift_u8(src_p->input_quantity, 0u, 0xffu);
+        break;
+
     default:
         break;
     }
@@ -905,6 +915,16 @@ int dpr_info_unpack(
         dst_p->torque_commanded = unpack_right_shift_u8(src_p[5], 1u, 0x02u);
         break;
 
+    case 9:
+        dst_p->input_unit = unpack_right_shift_u32(src_p[1], 0u, 0xffu);
+        dst_p->input_unit |= unpack_left_shift_u32(src_p[2], 8u, 0xffu);
+        dst_p->input_unit |= unpack_left_shift_u32(src_p[3], 16u, 0xffu);
+        dst_p->input_unit |= unpack_left_shift_u32(src_p[4], 24u, 0xffu);
+        dst_p->input_measured = unpack_right_shift_u8(src_p[5], 0u, 0x01u);
+        dst_p->input_commanded = unpack_right_shift_u8(src_p[5], 1u, 0x02u);
+        dst_p->input_quantity = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
+        break;
+
     default:
         break;
     }
@@ -923,12 +943,12 @@ int dpr_info_init(struct dpr_info_t *msg_p)
 
 bool dpr_info_page_is_in_range(uint8_t value)
 {
-    return (value <= 8u);
+    return (value <= 9u);
 }
 
 bool dpr_info_page_is_in_phys_range(double value)
 {
-    return ((value >= 0.0) && (value <= 8.0));
+    return ((value >= 0.0) && (value <= 9.0));
 }
 
 bool dpr_info_major_is_in_range(uint8_t value)
@@ -1029,6 +1049,16 @@ bool dpr_info_torque_unit_is_in_phys_range(double value)
     return ((value >= 1.0) && (value <= 4294967295.0));
 }
 
+bool dpr_info_input_unit_is_in_range(uint32_t value)
+{
+    return (value >= 1u);
+}
+
+bool dpr_info_input_unit_is_in_phys_range(double value)
+{
+    return ((value >= 1.0) && (value <= 4294967295.0));
+}
+
 bool dpr_info_minor_is_in_range(uint8_t value)
 {
     (void)value;
@@ -1107,6 +1137,16 @@ bool dpr_info_torque_measured_is_in_phys_range(double value)
     return ((value >= 0.0) && (value <= 1.0));
 }
 
+bool dpr_info_input_measured_is_in_range(uint8_t value)
+{
+    return (value <= 1u);
+}
+
+bool dpr_info_input_measured_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 1.0));
+}
+
 bool dpr_info_torque_commanded_is_in_range(uint8_t value)
 {
     return (value <= 1u);
@@ -1115,6 +1155,26 @@ bool dpr_info_torque_commanded_is_in_range(uint8_t value)
 bool dpr_info_torque_commanded_is_in_phys_range(double value)
 {
     return ((value >= 0.0) && (value <= 1.0));
+}
+
+bool dpr_info_input_commanded_is_in_range(uint8_t value)
+{
+    return (value <= 1u);
+}
+
+bool dpr_info_input_commanded_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 1.0));
+}
+
+bool dpr_info_input_quantity_is_in_range(uint8_t value)
+{
+    return ((value >= 1u) && (value <= 3u));
+}
+
+bool dpr_info_input_quantity_is_in_phys_range(double value)
+{
+    return ((value >= 1.0) && (value <= 3.0));
 }
 
 int dpr_torque_pack(
@@ -1222,6 +1282,97 @@ bool dpr_torque_torque2_is_in_range(int16_t value)
 bool dpr_torque_torque2_is_in_phys_range(double value)
 {
     return ((value >= -32768.0) && (value <= 32767.0));
+}
+
+int dpr_arm_input_pack(
+    uint8_t *dst_p,
+    const struct dpr_arm_input_t *src_p,
+    size_t size)
+{
+    uint32_t input;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    memset(&dst_p[0], 0, 8);
+
+    dst_p[0] |= pack_left_shift_u8(src_p->kind, 0u, 0xffu);
+    dst_p[2] |= pack_left_shift_u16(src_p->tick, 0u, 0xffu);
+    dst_p[3] |= pack_right_shift_u16(src_p->tick, 8u, 0xffu);
+    input = (uint32_t)src_p->input;
+    dst_p[4] |= pack_left_shift_u32(input, 0u, 0xffu);
+    dst_p[5] |= pack_right_shift_u32(input, 8u, 0xffu);
+    dst_p[6] |= pack_right_shift_u32(input, 16u, 0xffu);
+    dst_p[7] |= pack_right_shift_u32(input, 24u, 0xffu);
+
+    return (8);
+}
+
+int dpr_arm_input_unpack(
+    struct dpr_arm_input_t *dst_p,
+    const uint8_t *src_p,
+    size_t size)
+{
+    uint32_t input;
+
+    if (size < 8u) {
+        return (-EINVAL);
+    }
+
+    dst_p->kind = unpack_right_shift_u8(src_p[0], 0u, 0xffu);
+    dst_p->tick = unpack_right_shift_u16(src_p[2], 0u, 0xffu);
+    dst_p->tick |= unpack_left_shift_u16(src_p[3], 8u, 0xffu);
+    input = unpack_right_shift_u32(src_p[4], 0u, 0xffu);
+    input |= unpack_left_shift_u32(src_p[5], 8u, 0xffu);
+    input |= unpack_left_shift_u32(src_p[6], 16u, 0xffu);
+    input |= unpack_left_shift_u32(src_p[7], 24u, 0xffu);
+    dst_p->input = (int32_t)input;
+
+    return (0);
+}
+
+int dpr_arm_input_init(struct dpr_arm_input_t *msg_p)
+{
+    if (msg_p == NULL) return -1;
+
+    memset(msg_p, 0, sizeof(struct dpr_arm_input_t));
+
+    return 0;
+}
+
+bool dpr_arm_input_kind_is_in_range(uint8_t value)
+{
+    return ((value >= 1u) && (value <= 2u));
+}
+
+bool dpr_arm_input_kind_is_in_phys_range(double value)
+{
+    return ((value >= 1.0) && (value <= 2.0));
+}
+
+bool dpr_arm_input_tick_is_in_range(uint16_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool dpr_arm_input_tick_is_in_phys_range(double value)
+{
+    return ((value >= 0.0) && (value <= 65535.0));
+}
+
+bool dpr_arm_input_input_is_in_range(int32_t value)
+{
+    (void)value;
+
+    return (true);
+}
+
+bool dpr_arm_input_input_is_in_phys_range(double value)
+{
+    return ((value >= -2147483648.0) && (value <= 2147483647.0));
 }
 
 int dpr_hello_pack(

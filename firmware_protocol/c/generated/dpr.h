@@ -54,6 +54,7 @@ extern "C" {
 #define DPR_NAK_FRAME_ID (0x07u)
 #define DPR_INFO_FRAME_ID (0x08u)
 #define DPR_TORQUE_FRAME_ID (0x09u)
+#define DPR_ARM_INPUT_FRAME_ID (0x0au)
 #define DPR_HELLO_FRAME_ID (0x20u)
 #define DPR_HOLD_FRAME_ID (0x21u)
 #define DPR_RELEASE_FRAME_ID (0x22u)
@@ -73,6 +74,7 @@ extern "C" {
 #define DPR_NAK_LENGTH (3u)
 #define DPR_INFO_LENGTH (8u)
 #define DPR_TORQUE_LENGTH (8u)
+#define DPR_ARM_INPUT_LENGTH (8u)
 #define DPR_HELLO_LENGTH (7u)
 #define DPR_HOLD_LENGTH (2u)
 #define DPR_RELEASE_LENGTH (3u)
@@ -92,6 +94,7 @@ extern "C" {
 #define DPR_NAK_IS_EXTENDED (0)
 #define DPR_INFO_IS_EXTENDED (0)
 #define DPR_TORQUE_IS_EXTENDED (0)
+#define DPR_ARM_INPUT_IS_EXTENDED (0)
 #define DPR_HELLO_IS_EXTENDED (0)
 #define DPR_HOLD_IS_EXTENDED (0)
 #define DPR_RELEASE_IS_EXTENDED (0)
@@ -158,9 +161,17 @@ extern "C" {
 #define DPR_INFO_PAGE_COUNTS_PER_REV2_CHOICE (6u)
 #define DPR_INFO_PAGE_RATES_CHOICE (7u)
 #define DPR_INFO_PAGE_TORQUES_CHOICE (8u)
+#define DPR_INFO_PAGE_ARM_INPUT_CHOICE (9u)
+
+#define DPR_INFO_INPUT_QUANTITY_TORQUE_CHOICE (1u)
+#define DPR_INFO_INPUT_QUANTITY_CURRENT_CHOICE (2u)
+#define DPR_INFO_INPUT_QUANTITY_VOLTAGE_CHOICE (3u)
 
 #define DPR_TORQUE_KIND_MEASURED_CHOICE (1u)
 #define DPR_TORQUE_KIND_COMMANDED_CHOICE (2u)
+
+#define DPR_ARM_INPUT_KIND_MEASURED_CHOICE (1u)
+#define DPR_ARM_INPUT_KIND_COMMANDED_CHOICE (2u)
 
 /* Frame Names. */
 #define DPR_EVENT_NAME "EVENT"
@@ -172,6 +183,7 @@ extern "C" {
 #define DPR_NAK_NAME "NAK"
 #define DPR_INFO_NAME "INFO"
 #define DPR_TORQUE_NAME "TORQUE"
+#define DPR_ARM_INPUT_NAME "ARM_INPUT"
 #define DPR_HELLO_NAME "HELLO"
 #define DPR_HOLD_NAME "HOLD"
 #define DPR_RELEASE_NAME "RELEASE"
@@ -216,6 +228,7 @@ extern "C" {
 #define DPR_INFO_COUNTS_PER_REV2_NAME "counts_per_rev2"
 #define DPR_INFO_RATE_MAX_HZ_NAME "rate_max_hz"
 #define DPR_INFO_TORQUE_UNIT_NAME "torque_unit"
+#define DPR_INFO_INPUT_UNIT_NAME "input_unit"
 #define DPR_INFO_MINOR_NAME "minor"
 #define DPR_INFO_FIRMWARE_MINOR_NAME "firmware_minor"
 #define DPR_INFO_SCHEMA_HASH_NAME "schema_hash"
@@ -223,11 +236,17 @@ extern "C" {
 #define DPR_INFO_RATE_DEFAULT_HZ_NAME "rate_default_hz"
 #define DPR_INFO_SIMULATED_TIME_NAME "simulated_time"
 #define DPR_INFO_TORQUE_MEASURED_NAME "torque_measured"
+#define DPR_INFO_INPUT_MEASURED_NAME "input_measured"
 #define DPR_INFO_TORQUE_COMMANDED_NAME "torque_commanded"
+#define DPR_INFO_INPUT_COMMANDED_NAME "input_commanded"
+#define DPR_INFO_INPUT_QUANTITY_NAME "input_quantity"
 #define DPR_TORQUE_KIND_NAME "kind"
 #define DPR_TORQUE_TICK_NAME "tick"
 #define DPR_TORQUE_TORQUE1_NAME "torque1"
 #define DPR_TORQUE_TORQUE2_NAME "torque2"
+#define DPR_ARM_INPUT_KIND_NAME "kind"
+#define DPR_ARM_INPUT_TICK_NAME "tick"
+#define DPR_ARM_INPUT_INPUT_NAME "input"
 #define DPR_HELLO_TOKEN_NAME "token"
 #define DPR_HELLO_MAJOR_NAME "major"
 #define DPR_HELLO_MINOR_NAME "minor"
@@ -540,7 +559,7 @@ struct dpr_nak_t {
 /**
  * Signals in message INFO.
  *
- * What the device is; every page is sent in answer to HELLO: TORQUES by a device with drives alone, before the others.
+ * What the device is; every page is sent in answer to HELLO: TORQUES and ARM_INPUT by a device with such drives alone, before the others.
  *
  * All signal values are as on the CAN bus.
  */
@@ -548,7 +567,7 @@ struct dpr_info_t {
     /**
      * Which of the fields below this frame carries.
      *
-     * Range: 0..8 (0..8 -)
+     * Range: 0..9 (0..9 -)
      * Scale: 1
      * Offset: 0
      */
@@ -636,6 +655,15 @@ struct dpr_info_t {
     uint32_t torque_unit;
 
     /**
+     * What 1 in ARM_INPUT is: micronewton metres, microamperes or microvolts.
+     *
+     * Range: 1..4294967295 (1..4294967295 uN m, uA or uV)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint32_t input_unit;
+
+    /**
      * Protocol version, minor: may differ.
      *
      * Range: 0..255 (0..255 -)
@@ -699,6 +727,15 @@ struct dpr_info_t {
     uint8_t torque_measured;
 
     /**
+     * 1 when an ARM_INPUT of that kind follows every SAMPLE.
+     *
+     * Range: 0..1 (0..1 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t input_measured;
+
+    /**
      * 1 when a TORQUE of that kind follows every SAMPLE.
      *
      * Range: 0..1 (0..1 -)
@@ -706,6 +743,24 @@ struct dpr_info_t {
      * Offset: 0
      */
     uint8_t torque_commanded;
+
+    /**
+     * 1 when an ARM_INPUT of that kind follows every SAMPLE.
+     *
+     * Range: 0..1 (0..1 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t input_commanded;
+
+    /**
+     * TORQUE: At the arm's joint. CURRENT: Of its motor. VOLTAGE: At its motor.
+     *
+     * Range: 1..3 (1..3 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t input_quantity;
 };
 
 /**
@@ -751,6 +806,42 @@ struct dpr_torque_t {
      * Offset: 0
      */
     int16_t torque2;
+};
+
+/**
+ * Signals in message ARM_INPUT.
+ *
+ * What drives the arm at one tick, held until the next. A device whose arm has a drive sends one after the SAMPLE of that tick for every kind that INFO names; others send none. It tells what the device's own program does, and nothing on this wire commands it.
+ *
+ * All signal values are as on the CAN bus.
+ */
+struct dpr_arm_input_t {
+    /**
+     * MEASURED: What the drive gives, by a sensor. COMMANDED: What its controller asked it for.
+     *
+     * Range: 1..2 (1..2 -)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint8_t kind;
+
+    /**
+     * Low 16 bits of the tick, as in the SAMPLE it follows.
+     *
+     * Range: 0..65535 (0..65535 ticks)
+     * Scale: 1
+     * Offset: 0
+     */
+    uint16_t tick;
+
+    /**
+     * Positive where it turns the arm to larger angles; in input_unit of INFO.
+     *
+     * Range: -2147483648..2147483647 (-2147483648..2147483647 input_unit)
+     * Scale: 1
+     * Offset: 0
+     */
+    int32_t input;
 };
 
 /**
@@ -1998,6 +2089,28 @@ bool dpr_info_torque_unit_is_in_phys_range(double value);
  *
  * @return true if in range, false otherwise.
  */
+bool dpr_info_input_unit_is_in_range(uint32_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_input_unit_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
 bool dpr_info_minor_is_in_range(uint8_t value);
 
 /**
@@ -2152,6 +2265,28 @@ bool dpr_info_torque_measured_is_in_phys_range(double value);
  *
  * @return true if in range, false otherwise.
  */
+bool dpr_info_input_measured_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_input_measured_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
 bool dpr_info_torque_commanded_is_in_range(uint8_t value);
 
 /**
@@ -2166,6 +2301,50 @@ bool dpr_info_torque_commanded_is_in_range(uint8_t value);
  * @return true if in range, false otherwise.
  */
 bool dpr_info_torque_commanded_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_input_commanded_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_input_commanded_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_input_quantity_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_info_input_quantity_is_in_phys_range(double value);
 
 /**
  * Pack message TORQUE.
@@ -2291,6 +2470,109 @@ bool dpr_torque_torque2_is_in_range(int16_t value);
  * @return true if in range, false otherwise.
  */
 bool dpr_torque_torque2_is_in_phys_range(double value);
+
+/**
+ * Pack message ARM_INPUT.
+ *
+ * @param[out] dst_p Buffer to pack the message into.
+ * @param[in] src_p Data to pack.
+ * @param[in] size Size of dst_p.
+ *
+ * @return Size of packed data, or negative error code.
+ */
+int dpr_arm_input_pack(
+    uint8_t *dst_p,
+    const struct dpr_arm_input_t *src_p,
+    size_t size);
+
+/**
+ * Unpack message ARM_INPUT.
+ *
+ * @param[out] dst_p Object to unpack the message into.
+ * @param[in] src_p Message to unpack.
+ * @param[in] size Size of src_p.
+ *
+ * @return zero(0) or negative error code.
+ */
+int dpr_arm_input_unpack(
+    struct dpr_arm_input_t *dst_p,
+    const uint8_t *src_p,
+    size_t size);
+
+/**
+ * Init message fields to default values from ARM_INPUT.
+ *
+ * @param[in] msg_p Message to init.
+ *
+ * @return zero(0) on success or (-1) in case of nullptr argument.
+ */
+int dpr_arm_input_init(struct dpr_arm_input_t *msg_p);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_arm_input_kind_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_arm_input_kind_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_arm_input_tick_is_in_range(uint16_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_arm_input_tick_is_in_phys_range(double value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_arm_input_input_is_in_range(int32_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool dpr_arm_input_input_is_in_phys_range(double value);
 
 /**
  * Pack message HELLO.

@@ -4,7 +4,7 @@
 
 #include "../../device.h"
 
-#define DPR_HOST_FRAMES 2048u /* that wait to be taken; a reading makes at most eight */
+#define DPR_HOST_FRAMES 2048u /* that wait to be taken; a reading makes at most ten */
 
 /* What the firmware did to latch and timer; whoever plays the hardware acts on it after every call. */
 typedef struct {
@@ -41,7 +41,7 @@ void dpr_host_claim(dpr_host_t *host, uint8_t major, uint32_t schema_hash);
 void dpr_host_receive(
     dpr_host_t *host, const dpr_frame_t *frame, uint32_t millis, uint32_t tick, uint16_t fraction);
 
-/* At most DPR_HOST_FRAMES / 8 readings. */
+/* At most DPR_HOST_FRAMES / 16 readings. */
 void dpr_host_poll(dpr_host_t *host, uint32_t millis, const dpr_reading_t *readings, size_t count);
 
 /* The fault that the hardware has from now on; 0 none. */

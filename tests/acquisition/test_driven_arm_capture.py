@@ -1,0 +1,120 @@
+"""A Furuta pendulum with a driven arm over the wire: samples with the motor's voltage, and identification."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.acquisition.capture import CaptureOptions, capture
+from dpr_lab.acquisition.conformance import ConformanceSettings, conformity
+from dpr_lab.errors import ConfigError, LinkError
+from dpr_lab.identification.moving_arm.identify import identify_moving_arm
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.storage.reader import load_run
+from dpr_lab.transports import open_transport
+from sim_device.plant.config import load_plant
+
+OPTIONS = CaptureOptions(duration=3.0, pose_timeout=3.0, rest_timeout=3.0)
+FURUTA = {"rig": "furuta", "plant": "furuta"}
+
+
+@pytest.fixture
+def furuta() -> Rig:
+    return load_rig("furuta")
+
+
+def changed(tmp_path: Path, old: str, new: str) -> Path:
+    """The plant file with another line."""
+    text = (Path(__file__).parents[2] / "configs/plants/furuta.toml").read_text()
+    assert old in text
+    file = tmp_path / "plant.toml"
+    file.write_text(text.replace(old, new))
+    return file
+
+
+@pytest.mark.parametrize("firmware", ["python", "c"])
+def test_a_captured_run_identifies_rod_arm_and_motor(furuta: Rig, tmp_path: Path, bench, agree, firmware: str) -> None:
+    runs = []
+    for pose in ("X1", "X2"):
+        with bench(**FURUTA, firmware=firmware) as (device, spy):
+            captured = capture(device, furuta, pose, OPTIONS, tmp_path / pose, confirm=agree)
+            assert max(spy.sent) <= 39  # no command that moves a drive
+            assert device.info.input_unit == 100
+        assert captured.quality.ok, captured.quality.sentence
+        runs.append(load_run(captured.run_file, furuta))
+    t, voltage = runs[0].swing.t, runs[0].swing.arm_input
+    expected = 2 * (np.sin(2 * np.pi * 0.7 * t) + np.sin(2 * np.pi * 1.9 * t))
+    assert voltage == pytest.approx(expected, abs=1e-4)
+    assert runs[0].arm_mode == "driven"
+    assert runs[0].torques is None
+    model, plant = identify_moving_arm(runs, furuta), load_plant("furuta")
+    of_rod, arm, drive = plant.parameters, plant.arm, plant.arm_drive
+    assert drive is not None
+    a = of_rod["J1"] + of_rod["m1"] * of_rod["l1"] ** 2
+    truth = {
+        "e1/a": of_rod["m1"] * of_rod["l1"] * 9.81 / a,
+        "A/a": (arm.J0 + (of_rod["m1"] + of_rod["mb"]) * furuta.L0**2) / a,
+        "c0/a": (arm.c0 + drive.ke * drive.kt / drive.R) / a,
+        "kt/(R a)": drive.kt / drive.R / a,
+    }
+    assert not model.failures
+    for name, value in truth.items():
+        assert model.ratios[name].value == pytest.approx(value, abs=4 * model.ratios[name].std, rel=1e-9), name
+        assert model.ratios[name].std < 1e-3 * value
+
+
+def test_what_the_driver_cuts_off_is_commanded_and_not_measured(furuta: Rig, tmp_path: Path, bench, agree) -> None:
+    plant = changed(tmp_path, "limit = 10.0", "limit = 2.5")
+    with bench(rig="furuta", plant=plant) as (device, _):
+        captured = capture(device, furuta, "X1", OPTIONS, tmp_path, confirm=agree)
+    run = load_run(captured.run_file, furuta)
+    assert run.arm_input is not None
+    assert np.abs(run.arm_input).max() == pytest.approx(2.5)
+    model = identify_moving_arm([run], furuta)
+    assert model.fit.chi2_per_dof < 1.2
+
+
+def test_inputs_that_never_came_are_counted_and_not_made_up(furuta: Rig, tmp_path: Path, bench, agree) -> None:
+    with bench(**FURUTA, fault=("lose_torques=0.02",)) as (device, _):
+        captured = capture(device, furuta, "X1", OPTIONS, tmp_path, confirm=agree)
+    run = load_run(captured.run_file, furuta)
+    assert run.lost["torque"] > 20
+    assert identify_moving_arm([run], furuta).fit.chi2_per_dof < 1.2
+
+
+def test_another_input_than_the_rig_file_says_is_refused(furuta: Rig, tmp_path: Path, bench, agree) -> None:
+    table = furuta.model_dump(exclude_none=True) | {"motor": {"input": "current"}}
+    with bench(**FURUTA) as (device, _), pytest.raises(ConfigError, match=r"motor\.input is current.*tells a voltage"):
+        capture(device, Rig.model_validate(table), "X1", OPTIONS, tmp_path, confirm=agree)
+
+
+def test_a_plant_whose_arm_is_driven_needs_its_drive(tmp_path: Path, bench) -> None:
+    plant = changed(tmp_path, 'mode = "driven"', 'mode = "free"')
+    with pytest.raises((LinkError, ConfigError), match="go together"), bench(rig="furuta", plant=plant):
+        pass
+
+
+@pytest.mark.parametrize("program", ["chirp", "prbs"])
+def test_other_programs_excite_the_arm_too(furuta: Rig, tmp_path: Path, bench, agree, program: str) -> None:
+    plant = changed(tmp_path, "amplitude = 4.0", f'program = "{program}"\namplitude = 4.0')
+    with bench(rig="furuta", plant=plant) as (device, _):
+        captured = capture(device, furuta, "X1", OPTIONS, tmp_path, confirm=agree)
+    model = identify_moving_arm([load_run(captured.run_file, furuta)], furuta)
+    assert model.fit.chi2_per_dof < 1.2
+    assert model.ratios["kt/(R a)"].std < 1e-2 * model.ratios["kt/(R a)"].value
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("firmware", ["python", "c"])
+def test_a_device_whose_arm_has_a_drive_conforms(simulated, firmware: str) -> None:
+    link = open_transport(simulated(**FURUTA, clock="realtime", firmware=firmware).url)
+    try:
+        patient = ConformanceSettings(patience_s=60.0, rate_off=0.5, reports_hz=(1.0, 30.0))
+        answers = list(conformity(link, replace(patient, rate_hz=500)))
+    finally:
+        link.close()
+    assert [(one.what, one.message) for one in answers if not one.ok] == []
+    assert any("whose arm has a drive says so" in one.what for one in answers)
+    assert {"every sample has its torques"} < {one.what for one in answers}
