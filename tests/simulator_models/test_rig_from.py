@@ -177,7 +177,10 @@ BAD = {
         '<robot name="r"><link name="a"><inertial><mass value="x"/></inertial></link></robot>',
         "valid URDF",
     ),
-    "bare sdf": ('<sdf version="1.10"><include><uri>model://x</uri></include></sdf>', "SDFormat's library|no hinge"),
+    "bare sdf": (
+        '<sdf version="1.10"><include><uri>model://x</uri></include></sdf>',
+        "SDFormat's library|no hinge|needs Drake",
+    ),
 }
 
 

@@ -1,0 +1,56 @@
+"""Commands on a system without the POSIX parts of Python, as Windows is: modules and functions are taken away."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+WITHOUT = """
+import os, signal, subprocess, sys
+import platformdirs.unix  # a library that asks for the user here, and not on Windows
+for name in ("fcntl", "termios", "pty", "tty", "resource", "pwd", "grp", "readline"):
+    sys.modules[name] = None
+for name in ("fork", "forkpty", "getuid", "geteuid", "getgid", "killpg", "setsid", "openpty", "getpgid", "mkfifo"):
+    delattr(os, name)
+for name in ("SIGHUP", "SIGKILL", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGWINCH", "SIGCONT", "SIGTSTP"):
+    delattr(signal, name)
+for name in ("pthread_kill", "setitimer", "alarm", "pthread_sigmask"):
+    delattr(signal, name)
+from dpr_lab.cli import main
+main()
+"""
+IMPORT = ("--rig", "tables/bench.toml", "--angles", "relative", "--zero", "hanging", "--out", "runs")
+
+
+def run(folder: Path, *words: str) -> str:
+    command = [sys.executable, "-c", WITHOUT, *words]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, encoding="utf-8")
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder whose name is neither ASCII nor one word, with runs that were imported there."""
+    folder = tmp_path_factory.mktemp("Prüfstand 双摆")
+    run(folder, "demo", "--table", "--out", "tables")
+    for pose in ("side", "elbow", "low"):
+        run(folder, "import", "table", f"tables/{pose}.csv", *IMPORT, "--pose", pose)
+    return folder
+
+
+def test_help_rigs_schemas_and_tables(tables: Path) -> None:
+    assert "diagnose" in run(tables, "--help")
+    assert "paper" in run(tables, "rig", "list")
+    assert "2020-12" in run(tables, "schema", "drift")
+    assert len(list((tables / "runs").glob("*.mcap"))) == 3
+
+
+@pytest.mark.long
+def test_identify_and_diagnose(tables: Path) -> None:
+    runs = sorted(str(file) for file in (tables / "runs").glob("*.mcap"))
+    run(tables, "identify", *runs, "--rig", "tables/bench.toml", "--out", "model.json")
+    assert "coulomb_joint2" in run(tables, "diagnose", *runs, "--rig", "tables/bench.toml", "--json")
