@@ -2,6 +2,7 @@
 
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -55,6 +56,13 @@ def tui(
         allowed = ["--allow-release"] if allow_release else []
         serve_page([sys.executable, "-m", "dpr_lab", "tui", *options, *allowed], serve)
         return
+    try:
+        import_module("termios")
+    except ModuleNotFoundError as missing:
+        message = (
+            "the bench screen runs on Linux and macOS, and in WSL on Windows; here use capture, identify and diagnose"
+        )
+        raise DprError(message) from missing
     served = "web_driver" in os.environ.get("TEXTUAL_DRIVER", "")
     if not sys.stdout.isatty() and not served:
         raise DprError("the bench screen needs a terminal; without one use capture, identify, compare and diagnose")
