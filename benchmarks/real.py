@@ -295,7 +295,7 @@ as the others. Ratios under friction that the library lacks, or that a record ca
 from the published ones by more than their intervals, which hold for the model that is fitted.
 """
 
-OPEN = """## What stays open
+OPEN = """## Open questions
 
 Rigs of which only a length and a mass are known are drafted as `dpr-lab rig new` drafts them; a single rod shows two
 ratios. What geared drives do beyond friction, rotor, torque constant, offset and delay leaves most driven records
