@@ -8,6 +8,7 @@ import pytest
 
 from dpr_lab.acquisition.capture import CaptureOptions, capture
 from dpr_lab.acquisition.conformance import ConformanceSettings, conformity
+from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.errors import ConfigError, LinkError
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.rig import Rig, load_rig
@@ -118,3 +119,24 @@ def test_a_device_whose_arm_has_a_drive_conforms(simulated, firmware: str) -> No
     assert [(one.what, one.message) for one in answers if not one.ok] == []
     assert any("whose arm has a drive says so" in one.what for one in answers)
     assert {"every sample has its torques"} < {one.what for one in answers}
+
+
+def test_a_free_arm_with_both_rods_is_captured_and_identified(tmp_path: Path, bench, agree) -> None:
+    table = load_rig("paper").model_dump(exclude_none=True)
+    table["arm"] = {"mode": "free", "A": {"nominal": 0.1, "lower": 0.01, "upper": 1.0}}
+    rig = Rig.model_validate(table)
+    text = (Path(__file__).parents[2] / "configs/plants/arm.toml").read_text()
+    plant = tmp_path / "plant.toml"
+    plant.write_text(text.replace("k0 = 400.0", "k0 = 0.0"))
+    with bench(plant=plant) as (device, _):
+        captured = capture(device, rig, "X1", OPTIONS, tmp_path, confirm=agree)
+    assert captured.quality.ok, captured.quality.sentence
+    run = load_run(captured.run_file, rig)
+    assert run.arm_mode == "free"
+    assert run.arm_input is None
+    model, config = identify_moving_arm([run], rig), load_plant(plant)
+    base = base_parameters(config.Z, rig.L1, rig.g)
+    total = config.arm.J0 + config.Z[2:5].sum() * rig.L0**2
+    for name, value in (("a/b", base[0]), ("d/b", base[2]), ("A/b", total), ("c0/b", config.arm.c0)):
+        estimate = model.ratios[name]
+        assert estimate.value == pytest.approx(value / base[1], abs=4 * estimate.std), name

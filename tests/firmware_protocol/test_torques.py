@@ -1,11 +1,12 @@
 """Torques and samples of one tick find each other; what never came is counted."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from firmware_protocol.device_role import DeviceSession
 from firmware_protocol.host_role import HostSession
 from firmware_protocol.identity import DeviceInfo, assemble, info_pages
-from firmware_protocol.messages import Hello, Sample, Torque, TorqueKind, decode, encode
+from firmware_protocol.messages import ArmInput, ArmQuantity, Hello, Sample, Torque, TorqueKind, decode, encode
 from firmware_protocol.stream import Row
 from firmware_protocol.torques import DrivenRow, TorquePairs
 
@@ -13,6 +14,7 @@ PLAIN = DeviceInfo("1.0.0", "00000000000000ff", (16384, 16384, 16384), 4000, 100
 DRIVEN = DeviceInfo(
     "1.0.0", "00000000000000ff", (16384, 16384, 16384), 4000, 100, torque_kinds=tuple(TorqueKind), torque_unit_uNm=100
 )
+WITH_ARM = replace(PLAIN, input_kinds=tuple(TorqueKind), input_unit=50, input_quantity=ArmQuantity.CURRENT)
 MEASURED, COMMANDED = TorqueKind
 TICKS = range(65530, 65545)
 """Across the turn of the low 16 bits."""
@@ -65,6 +67,21 @@ def test_the_identity_tells_of_drives_and_one_without_is_as_before():
     for frame in (*pages[:1], *pages[2:], pages[1]):
         late.receive(frame)
     assert late.info == DRIVEN
+
+
+def test_the_identity_tells_of_a_drive_of_the_arm_and_devices_of_older_versions_are_greeted():
+    assert assemble(info_pages(WITH_ARM)) == WITH_ARM
+    assert [page.page for page in info_pages(WITH_ARM)] == [9, *range(8)]
+    for info in (replace(PLAIN, minor=0, schema_hash=1), replace(DRIVEN, minor=1, schema_hash=2)):
+        host, device = HostSession(), DeviceSession(info)
+        for frame in device.receive(host.hello(0.0), 0.0).frames:
+            host.receive(frame)
+        assert host.info == info
+
+
+def test_every_sample_gets_the_input_of_the_arm_of_its_own_tick():
+    usual = [item for row in rows() for item in (row, ArmInput(MEASURED, row.tick & 0xFFFF, 65530 - row.tick))]
+    assert paired([MEASURED], usual) == ([DrivenRow(t, (t, 0, 0), ((65530 - t, 0),)) for t in TICKS], 0)
 
 
 def test_the_device_cuts_what_its_unit_cannot_tell_and_obeys_no_torque():
