@@ -5,6 +5,15 @@ from dpr_lab.effects.quantities import EncoderReading, RigConstants
 from dpr_lab.kernels import inlined
 
 
+USUAL_LINES = (
+    *(100, 128, 200, 250, 256, 300, 360, 400, 500, 512, 600, 720, 800, 1000, 1024, 1200, 1250, 1500, 1800, 2000),
+    *(2048, 2500, 3000, 3600, 4000, 4096, 5000, 8192, 10_000),
+)
+"""Lines a turn of incremental encoders that are sold; a counter counts four edges of each."""
+NEAR = 2e-3
+"""Relative distance up to which a fitted resolution is taken for a usual one."""
+
+
 @inlined
 def stretched(encoder: EncoderReading, excess: float) -> float:
     """Error of the reading, x times the angle from hanging, rad."""
@@ -15,7 +24,11 @@ def remedy(params: Params, rig: RigConstants, joint: int) -> str:
     """How to correct the counts per turn."""
     configured = abs(rig.counts_per_rev2 if joint else rig.counts_per_rev1)
     correct = configured * (1.0 + params["excess"])
-    return f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"
+    words = f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"
+    usual = min((4.0 * lines for lines in USUAL_LINES), key=lambda counts: abs(counts / correct - 1.0))
+    if abs(usual / correct - 1.0) < NEAR < abs(usual / configured - 1.0):
+        words += f"; an encoder of {usual / 4:.0f} lines, read fourfold, has {usual:.0f}"
+    return words
 
 
 ENCODER_SCALE = pair(

@@ -24,3 +24,10 @@ def test_a_wrong_setting_is_told_by_its_right_value(named, paper: Rig):
     assert "set counts_per_rev of joint 2 in the rig file to 16412 (now 16384)" in scale
     assert "first rule out spring_joint2" in scale
     assert "Give the simulator coulomb_joint1: model.json in the folder of this diagnosis" in simulate
+
+
+@pytest.mark.parametrize(("excess", "usual"), [(-0.0242, True), (-0.05, False), (0.0012, False)])
+def test_a_usual_resolution_near_the_fitted_one_is_named(named, paper: Rig, excess: float, usual: bool):
+    rig = rig_constants(paper)._replace(counts_per_rev1=4096.0)
+    (sentence,) = remedies([named("encoder_scale_joint1")], {"encoder_scale_joint1": {"excess": excess}}, rig, ())
+    assert ("an encoder of 1000 lines, read fourfold, has 4000" in sentence) is usual
