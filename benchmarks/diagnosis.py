@@ -44,6 +44,7 @@ GROUPS: dict[str, str] = {
     "form, held back": "form:clear:held_back",
     "outside": "outside:clear:tuning",
     "outside, held back": "outside:clear:held_back",
+    "background": "background:clear",
 }
 """Group of trials -> what is drawn."""
 
@@ -107,6 +108,10 @@ def bars(done: Sequence[Scored]) -> list[Bar]:
         *seldom("dirty encoders, clean rig: false alarms", dirty_clean, alarm, 0.02),
         *seldom("dirty encoders: a fault not named", groups["dirty"], lambda o: bool(o.faults_missed), 0.02),
         *often("dirty encoders, single: first right", dirty_single, right, 0.96),
+        *often("one effect among small ones: first right", groups["background"], right, 0.93),
+        *seldom(
+            "one effect among small ones: wrong name above 0.5", groups["background"], lambda o: o.wrong_name, 0.02
+        ),
         *(bar for name in ("form", "form, held back") for bar in form_bars(name, groups[name])),
         *(bar for name in ("outside", "outside, held back") for bar in outside_bars(name, groups[name])),
         *measure_bars([s.outcome for s in done]),

@@ -4,7 +4,6 @@ from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, pair
 from dpr_lab.effects.quantities import EncoderReading, RigConstants
 from dpr_lab.kernels import inlined
 
-
 USUAL_LINES = (
     *(100, 128, 200, 250, 256, 300, 360, 400, 500, 512, 600, 720, 800, 1000, 1024, 1200, 1250, 1500, 1800, 2000),
     *(2048, 2500, 3000, 3600, 4000, 4096, 5000, 8192, 10_000),

@@ -37,9 +37,11 @@ class Kind(StrEnum):
     """One or none, and faulty encoders."""
     DRIVEN = "driven"
     """Joints that are driven by torques the device tells, their drives with a fault or none; never in place of any."""
+    BACKGROUND = "background"
+    """One effect among several small ones, sometimes with a fault of the logger; never in place of any."""
 
 
-DRAWN: tuple[Kind, ...] = tuple(kind for kind in Kind if kind not in (Kind.ANY, Kind.DRIVEN))
+DRAWN: tuple[Kind, ...] = tuple(kind for kind in Kind if kind not in (Kind.ANY, Kind.DRIVEN, Kind.BACKGROUND))
 """Those of free swings: what `ANY` stands for."""
 
 

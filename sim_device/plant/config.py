@@ -45,6 +45,12 @@ class EncoderConfig(_Table):
     """Counters move by this many counts at a time, as those of a coarser encoder."""
     jitter_ms: NotNegative = 0.0
     """Standard deviation of the instants at which the encoders are read."""
+    late_every: Annotated[int, Field(ge=0)] = 0
+    """Every so many samples of a swing one is read late, as by a multiplexer; 0 for none,"""
+    late_ms: Annotated[float, Field(ge=0, le=50, allow_inf_nan=False)] = 0.0
+    """by so much."""
+    stale_every: Annotated[int, Field(ge=0)] = 0
+    """Every so many samples of a swing one repeats the one before; 0 for none."""
     repeated_share: Share = 0.0
     """Share of the samples of a swing that repeat the one before."""
     missing_share: Share = 0.0

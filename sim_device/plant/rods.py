@@ -147,11 +147,9 @@ class SimulatedRods:
         since = np.arange(first, first + count) / self._rate_hz
         if not later.any():
             return self._read(self._swing.theta(first, count), RandomStream.SWING, self._release, first, since)
-        edge = min(first, 1)
-        theta = self._swing.theta(first - edge, count + 1 + edge)
-        theta = sampling_faults.between_ticks(
-            theta if edge else np.concatenate([theta[:1], theta]), later * self._rate_hz
-        )
+        edge, ticks = min(first, 1), later * self._rate_hz
+        theta = self._swing.theta(first - edge, count + 1 + edge + max(0, math.floor(ticks.max())))
+        theta = sampling_faults.between_ticks(theta if edge else np.concatenate([theta[:1], theta]), ticks)
         return self._read(theta, RandomStream.SWING, self._release, first, since + later)
 
     def _read(

@@ -15,12 +15,14 @@ _JITTER, _REPEATED, _MISSING = range(3)
 
 def instants(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.float64]:
     """(count,) how much later than its tick each sample of a swing is read, s."""
-    return config.encoders.jitter_ms * 1e-3 * _noise(config, release, first, count)[:, _JITTER]
+    jitter = config.encoders.jitter_ms * 1e-3 * _noise(config, release, first, count)[:, _JITTER]
+    return jitter + config.encoders.late_ms * 1e-3 * _in_cycle(config.encoders.late_every, first, count)
 
 
 def repeated(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.bool_]:
     """(count,) which samples of a swing say what the one before says."""
-    return _noise(config, release, first, count)[:, _REPEATED] < _threshold(config.encoders.repeated_share)
+    by_chance = _noise(config, release, first, count)[:, _REPEATED] < _threshold(config.encoders.repeated_share)
+    return by_chance | _in_cycle(config.encoders.stale_every, first, count)
 
 
 def missing(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.bool_]:
@@ -29,18 +31,27 @@ def missing(config: PlantConfig, release: int, first: int, count: int) -> NDArra
 
 
 def between_ticks(theta: NDArray[np.float64], later: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles a fraction of a tick away from the ticks, on the parabola through three neighbours.
+    """Angles between the ticks, on the parabola through three neighbours.
 
     Args:
-        theta: (n + 2, 3) angles at the ticks and at one more on either side, rad
-        later: (n,) how much later than the ticks, in ticks
+        theta: (n + 2 + k, 3) angles at the ticks, at one more before, and at k + 1 more after, rad
+        later: (n,) how much later than the ticks, in ticks, less than k + 1
 
     Returns:
         (n, 3) rad
     """
-    before, at, after = theta[:-2], theta[1:-1], theta[2:]
-    u = later[:, None]
+    whole = np.maximum(np.floor(later), 0.0)
+    near = np.arange(1, len(later) + 1) + whole.astype(np.int64)
+    before, at, after = theta[near - 1], theta[near], theta[near + 1]
+    u = (later - whole)[:, None]
     return at + u * (after - before) / 2 + u * u * (after - 2 * at + before) / 2
+
+
+def _in_cycle(every: int, first: int, count: int) -> NDArray[np.bool_]:
+    """(count,) which samples end a cycle of `every`; none for 0."""
+    if not every:
+        return np.zeros(count, dtype=np.bool_)
+    return np.arange(first, first + count) % every == every - 1
 
 
 def _noise(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.float64]:

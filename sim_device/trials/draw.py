@@ -1,5 +1,7 @@
 """Draw a plant whose effects nobody chose: what there is to find in a blind trial (`sim_device.trials.request`)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
@@ -15,6 +17,21 @@ from sim_device.trials.sizing import Coefficients, sized
 
 LARGEST = 40.0
 """Gap over the noise of the largest effect of a pair or triple, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Background:
+    """What is on every real rig next to its largest effect."""
+
+    effects: tuple[int, int] = (3, 6)
+    """Least and largest number of small effects."""
+    gap: tuple[float, float] = (0.1, 0.6)
+    """Gap over the noise of each."""
+    logger: float = 1 / 3
+    """Probability of a fault of the logger."""
+
+
+BACKGROUND = Background()
 
 
 def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfig:
@@ -35,7 +52,31 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
     gap = _log_uniform(rng, lower, min(upper, LARGEST * min(shares))) / min(shares)
     for name, share in zip(effects, shares, strict=False):
         plant = _with_effect(plant, rig, name, gap * share, rng)
+    return _with_background(plant, rig, rng) if wanted.kind == "background" else plant
+
+
+def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
+    """The plant with small effects, none of them alike, and perhaps a logger that fails."""
+    least, most = BACKGROUND.effects
+    wanted = len(plant.effects) + int(rng.integers(least, most, endpoint=True))
+    for name in rng.permutation(visible_effects()).tolist():
+        if len(plant.effects) < wanted and not any(alike(name, other) for other in plant.effects):
+            plant = _with_effect(plant, rig, name, _log_uniform(rng, *BACKGROUND.gap), rng)
+    if rng.random() < BACKGROUND.logger:
+        plant = plant.model_copy(update={"encoders": logger_fault(rng)})
     return plant
+
+
+def logger_fault(rng: np.random.Generator) -> EncoderConfig:
+    """Encoders whose readings come late in a cycle, are repeated in a cycle or at random, or jitter."""
+    cycle = int(rng.integers(5, 41))
+    faults: list[dict[str, float]] = [
+        {"late_every": cycle, "late_ms": float(rng.uniform(0.5, 4.0))},
+        {"stale_every": cycle},
+        {"repeated_share": float(rng.uniform(0.01, 0.05))},
+        {"jitter_ms": 0.2},
+    ]
+    return EncoderConfig.model_validate(faults[int(rng.integers(len(faults)))])
 
 
 def dirty(rng: np.random.Generator) -> EncoderConfig:

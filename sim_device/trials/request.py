@@ -5,6 +5,7 @@
     triple   three, 1 : 0.45 : 0.2                 clean     none
     dirty    one or none, and faulty encoders       any       one of these
     driven   joints driven by torques that are reported, their drives with a fault or none; only where asked for
+    background   one, three to six others near or below the noise, one in three with a logger's fault; only likewise
 
 Sizes are drawn as the gap they open (`sim_device.trials.gap_size`): at least twice the noise where they should be
 `clear`, half to one and a half times where they should be `subtle`.
@@ -18,7 +19,7 @@ from dpr_lab.errors import ConfigError
 from sim_device.plant.foreign import FOREIGN
 from sim_device.random_streams import RandomStream, generator
 
-Kind = Literal["single", "pair", "triple", "clean", "form", "outside", "dirty", "driven"]
+Kind = Literal["single", "pair", "triple", "clean", "form", "outside", "dirty", "driven", "background"]
 Level = Literal["clear", "subtle"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 LEVELS: dict[Level, tuple[float, float]] = {"clear": (2.0, 20.0), "subtle": (0.5, 1.5)}
@@ -30,7 +31,7 @@ _LEVEL_NAMED: dict[str, Level] = {level: level for level in LEVELS}
 ANY = "any"
 """Instead of a kind: the seed chooses it too."""
 
-FREE_SWINGS: tuple[Kind, ...] = tuple(kind for kind in KINDS if kind != "driven")
+FREE_SWINGS: tuple[Kind, ...] = tuple(kind for kind in KINDS if kind not in ("driven", "background"))
 """The kinds that `ANY` stands for."""
 
 SHARES: dict[Kind, tuple[float, ...]] = {"pair": (1.0, 0.2), "triple": (1.0, 0.45, 0.2)}

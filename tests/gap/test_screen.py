@@ -83,6 +83,15 @@ def test_jitter_is_measured(recorded, paper: Rig):
     assert screened.jitter_s == pytest.approx(2e-4, rel=0.2)
 
 
+def test_late_and_stale_samples_of_the_device_are_named(recorded, paper: Rig):
+    for fault, name in (
+        ({"late_every": 26, "late_ms": 2.5}, "periodic_delay"),
+        ({"stale_every": 8}, "repeated_sample"),
+    ):
+        found = screen(recorded({}, duration=4.0, **fault)[1], paper).findings
+        assert [finding.name for finding in found if finding.axis is None] == [name]
+
+
 def test_counts_that_stand_still_at_rest_are_no_noise_free_measurement(clean: Run, paper: Rig):
     coarse = paper.model_copy(update={"encoders": paper.encoders.model_copy(update={"counts_per_rev": (4096,) * 3})})
     theta = clean.theta.copy()

@@ -13,6 +13,7 @@ from sim_device.trials.draw import (
     alike,
     dirty,
     draw_plant,
+    logger_fault,
     visible_effects,
 )
 from sim_device.trials.noiseless import plant_gap
@@ -157,6 +158,42 @@ def test_repeated_samples_say_what_the_one_before_said(paper):
     changed = np.flatnonzero((whole.counts != doubled.counts).any(axis=1))
     assert 8 < len(changed) < 40
     assert np.array_equal(doubled.counts[changed], whole.counts[changed - 1])
+
+
+@pytest.mark.parametrize("ticks", [1, 3])
+def test_late_samples_say_what_a_later_one_says(paper, ticks):
+    whole, late = (
+        encoders(paper, noise_counts=0.0, **fault).swing for fault in ({}, {"late_every": 7, "late_ms": float(ticks)})
+    )
+    at = np.arange(6, len(whole.t) - ticks, 7)
+    rest = np.delete(np.arange(len(whole.t)), np.arange(6, len(whole.t), 7))
+    assert np.abs(late.counts[at] - whole.counts[at + ticks]).max() <= 1
+    assert np.array_equal(late.counts[rest], whole.counts[rest])
+
+
+def test_stale_samples_repeat_the_one_before_in_a_cycle(paper):
+    whole, stale = encoders(paper).swing, encoders(paper, stale_every=9).swing
+    at = np.arange(8, len(whole.t), 9)
+    assert np.array_equal(stale.counts[at], whole.counts[at - 1])
+
+
+@pytest.mark.slow
+def test_an_effect_with_background_is_the_most_visible_of_several(paper):
+    first, again, other = (drawn(EffectRequest("background"), seed, paper) for seed in (3, 3, 4))
+    assert first == again != other
+    name, *small = first.effects
+    assert 3 <= len(small) <= 6
+    gaps = [plant_gap(first.model_copy(update={"effects": {n: v}}), paper) for n, v in first.effects.items()]
+    assert gaps[0] > 1.9
+    assert max(gaps[1:]) < 0.7
+    assert not any(alike(one, two) for one in small for two in (name, *small) if one != two)
+
+
+def test_a_logger_fails_in_one_of_four_ways():
+    kinds = [logger_fault(generator(seed, RandomStream.DRAW)).model_dump(exclude_defaults=True) for seed in range(40)]
+    assert {frozenset(kind) for kind in kinds} == {
+        frozenset(names) for names in (("late_every", "late_ms"), ("stale_every",), ("repeated_share",), ("jitter_ms",))
+    }
 
 
 def test_jitter_reads_the_swing_a_little_earlier_or_later(paper):
