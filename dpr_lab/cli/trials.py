@@ -31,7 +31,7 @@ app = typer.Typer(help=HELP, cls=Listing, no_args_is_help=True, rich_markup_mode
 HIDDEN = (
     "one effect of the library, two (pair) or three (triple); none (clean); one of the library in another form; one"
     " outside the library; none or one, with faulty encoders (dirty); driven joints whose drives have a fault or none"
-    " (driven, only where asked for)"
+    " (driven, only where asked for); one among several small ones (background, only where asked for)"
 )
 
 RigName = Annotated[

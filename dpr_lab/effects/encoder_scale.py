@@ -9,8 +9,6 @@ USUAL_LINES = (
     *(2048, 2500, 3000, 3600, 4000, 4096, 5000, 8192, 10_000),
 )
 """Lines a turn of incremental encoders that are sold; a counter counts four edges of each."""
-NEAR = 2e-3
-"""Relative distance up to which a fitted resolution is taken for a usual one."""
 
 
 @inlined
@@ -24,10 +22,16 @@ def remedy(params: Params, rig: RigConstants, joint: int) -> str:
     configured = abs(rig.counts_per_rev2 if joint else rig.counts_per_rev1)
     correct = configured * (1.0 + params["excess"])
     words = f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"
-    usual = min((4.0 * lines for lines in USUAL_LINES), key=lambda counts: abs(counts / correct - 1.0))
-    if abs(usual / correct - 1.0) < NEAR < abs(usual / configured - 1.0):
-        words += f"; an encoder of {usual / 4:.0f} lines, read fourfold, has {usual:.0f}"
+    usual = usual_counts(correct)
+    if usual and usual != usual_counts(configured):
+        words += f"; an encoder of {usual // 4} lines, read fourfold, has {usual}"
     return words
+
+
+def usual_counts(counts: float, near: float = 2e-3) -> int | None:
+    """Counts a turn of the usual encoder within a relative distance; None if there is none."""
+    nearest = min((4 * lines for lines in USUAL_LINES), key=lambda usual: abs(usual / counts - 1.0))
+    return nearest if abs(nearest / counts - 1.0) < near else None
 
 
 ENCODER_SCALE = pair(

@@ -29,17 +29,24 @@ Array = NDArray[np.float64]
 PRIOR = 10.0
 """Standard deviation of an effect before the data, in typical sizes: wide enough for any rig, and finite."""
 
-ALONE = 1e4
-"""Growth of the variance of a shape parameter without a run, from which hardly any other run can see it."""
 
-QUARTERS = 4
-"""Folds of a single recording."""
+@dataclass(frozen=True, slots=True)
+class FoldSettings:
+    """How recordings are left out."""
+
+    quarters: int = 4
+    """Folds of a single recording."""
+    alone: float = 1e4
+    """Growth of the variance of a shape parameter without a run, from which hardly any other run can see it."""
+
+
+FOLDS = FoldSettings()
 
 
 def folds(problem: Problem) -> NDArray[np.int64]:
     """(segments,) the fold of each: its run, or the quarter of the only one."""
     run = problem.segments.run
-    return run if run.min() < run.max() else (np.arange(len(run)) * QUARTERS) // len(run)
+    return run if run.min() < run.max() else (np.arange(len(run)) * FOLDS.quarters) // len(run)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +81,7 @@ class _Folds:
         zeros = self.zeros & (np.diag(self.H) - np.diag(one.H) <= 1.0)
         if not self.shapes.any():
             return zeros
-        return zeros | (self.shapes & (np.diag(V) > ALONE * np.diag(np.linalg.inv(self.H))))
+        return zeros | (self.shapes & (np.diag(V) > FOLDS.alone * np.diag(np.linalg.inv(self.H))))
 
     def _fold(self, mine: NDArray[np.bool_]) -> _Fold:
         A, e = self.A[mine].reshape(-1, self.A.shape[2]), self.e[mine].ravel()
