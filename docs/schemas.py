@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from dpr_lab.workflows.schemas import SCHEMAS, schema
+from dpr_lab.report.schemas import SCHEMAS, schema
 
 FOLDER = Path(__file__).with_name("schemas")
 

@@ -20,8 +20,8 @@ def identify(
     objective: Annotated[
         str,
         typer.Option(
-            help="residuals of short segments, which tolerates chaos [segments], or the published E(Z) of whole"
-            " runs [paper].",
+            help="Objective of the search: short segments, insensitive to chaos [segments], or published E(Z) of"
+            " whole runs [paper].",
             callback=OBJECTIVE_NAMES.check,
             autocompletion=OBJECTIVE_NAMES.complete,
         ),

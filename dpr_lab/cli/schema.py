@@ -10,7 +10,7 @@ from dpr_lab.cli.console import emit, json_mode, table
 
 
 def _schemas() -> Iterable[str]:
-    from dpr_lab.workflows.schemas import SCHEMAS
+    from dpr_lab.report.schemas import SCHEMAS
 
     return SCHEMAS
 
@@ -34,8 +34,8 @@ def schema(
     Example: dpr-lab schema diagnosis > diagnosis.schema.json
     """
     json_mode(as_json or name is not None)
-    from dpr_lab.workflows.schemas import SCHEMAS
-    from dpr_lab.workflows.schemas import schema as schema_of
+    from dpr_lab.report.schemas import SCHEMAS
+    from dpr_lab.report.schemas import schema as schema_of
 
     if name is not None:
         emit(schema_of(name))

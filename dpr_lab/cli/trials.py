@@ -29,9 +29,10 @@ Example:
 app = typer.Typer(help=HELP, cls=Listing, no_args_is_help=True, rich_markup_mode=None)
 
 HIDDEN = (
-    "one effect of the library, two (pair) or three (triple); none (clean); one of the library in another form; one"
-    " outside the library; none or one, with faulty encoders (dirty); driven joints whose drives have a fault or none"
-    " (driven, only where asked for); one among several small ones (background, only where asked for)"
+    "one effect of the library (single), two (pair), three (triple) or none (clean); one of the library in another"
+    " form (form); one outside the library (outside); none or one, with faulty encoders (dirty); driven joints whose"
+    " drives have a fault or none (driven, only where asked for); one among several small ones (background, only where"
+    " asked for)"
 )
 
 RigName = Annotated[
@@ -161,7 +162,9 @@ def campaign(
     n: Annotated[int, typer.Option(min=1, help="Number of trials.")] = 500,
     kind: Annotated[
         list[Kind] | None,
-        typer.Option(help=f"Hidden effect, may be repeated: {HIDDEN}. All these in turn when left out."),
+        typer.Option(
+            metavar="<kind>", help=f"Hidden effect, may be repeated: {HIDDEN}. All these in turn when left out."
+        ),
     ] = None,
     level: Size = Level.CLEAR,
     rig: RigName = "paper",

@@ -90,7 +90,7 @@ def identify(
     Args:
         runs: what was recorded, one run or several; two of the three poses are enough
         rig: bounds, measured values, encoders
-        objective: a name of `OBJECTIVES`: `segments` (chaos-safe, default) or `paper` (E(Z), docs/theory.md equation 2)
+        objective: a name of `OBJECTIVES`: `segments` (default) or `paper` (E(Z), docs/theory.md equation 2)
         search: a name of `ALGORITHMS`
         settings: of the search; the objective's own by default
         seed: of everything random; same seed, same answer, for any number of threads

@@ -110,14 +110,14 @@ def paper_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
 
 
 OBJECTIVES = {
-    "segments": ObjectiveChoice(segment_objective, "segments", "short segments, chaos-safe"),
-    "paper": ObjectiveChoice(paper_objective, "paper", "published E(Z), whole runs"),
+    "segments": ObjectiveChoice(segment_objective, "segments", "short segments, insensitive to chaos"),
+    "paper": ObjectiveChoice(paper_objective, "paper", "published E(Z) of whole runs"),
 }
 """Every objective by the name that `--objective` takes."""
 
 
 def objective_words(name: str) -> str:
-    """`short segments, chaos-safe [segments]` of `segments`; other names are returned unchanged."""
+    """`short segments, insensitive to chaos [segments]` of `segments`; other names are returned unchanged."""
     return f"{OBJECTIVES[name].words} [{name}]" if name in OBJECTIVES else name
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig_tables import Encoders
 from dpr_lab.whole_file import write_text
 from dpr_lab.workflows.rig_file import DRAFT, Bounds, parameter_table, toml_number, toml_text
 
@@ -140,6 +139,8 @@ def _text(
     source: str,
 ) -> str:
     """The rig file; completes the notes."""
+    from dpr_lab.rig_tables import Encoders
+
     bounds = _bounds(chain, values, notes)
     counts = list(Encoders().counts_per_rev)
     zeros = _zeros(chain, counts[0], notes)

@@ -38,7 +38,7 @@ def test_a_rate_that_cannot_be_is_refused_before_anyone_moves(cli, tmp_path: Pat
     ("words", "known"),
     [
         (("identify", "x", "--rig", "paper", "--search", "luck"), "covariance matrix adaptation [cma_es]"),
-        (("identify", "x", "--rig", "paper", "--objective", "luck"), "short segments, chaos-safe [segments]"),
+        (("identify", "x", "--rig", "paper", "--objective", "luck"), "short segments, insensitive to chaos [segments]"),
         (("diagnose", "x", "--rig", "paper", "--library", "luck,coulom"), "nearest of"),
         (("diagnose", "x", "--rig", "paper", "--without", "luck of coulomb"), "friction, joint 1 [coulomb_joint1]"),
         (("export", "x", "--to", "luck"), "MuJoCo [mjcf]"),

@@ -215,5 +215,5 @@ def covariance_of(fit: ArmFit) -> Array:
     if not fit.misfit:
         return inverse * max(1.0, fit.chi2_per_dof)
     n = len(fit.scores)
-    spread = fit.scores.T @ fit.scores * n / max(n - len(fit.values), 1)
-    return inverse @ spread @ inverse
+    moved = fit.scores @ inverse  # (segment, free); its square keeps every variance positive, whatever the rounding
+    return moved.T @ moved * n / max(n - len(fit.values), 1)

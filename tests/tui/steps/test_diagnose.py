@@ -95,7 +95,7 @@ async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis
         low, high = found.gap.closed_held_out.interval90
         said = " ".join(text(pilot.app, "#far-text").split())
         assert f"90 % interval {low:.1%} to {high:.1%}" in said
-        assert "A bar is what stands above the noise floor" in said
+        assert "Each bar is the part above the noise floor" in said
         for number, advice in enumerate(next_steps(found), 1):
             assert f"{number}. {advice}" in " ".join(text(pilot.app, "#next-text").split())
         assert step(pilot.app).outcome() == "2 effects named"

@@ -155,7 +155,7 @@ async def test_the_bench_is_resumed_with_its_model(lab, fixed_model: Path) -> No
 async def test_search_and_objective_stand_in_words_before_their_identifiers(lab, tmp_path: Path) -> None:
     async with lab(IdentifyStep) as pilot:
         shown = [str(pilot.app.query_one(f"#{name} Static#label", Static).render()) for name in ("objective", "search")]
-        assert shown == ["short segments, chaos-safe [segments]", "improved genetic algorithm [iga]"]
+        assert shown == ["short segments, insensitive to chaos [segments]", "improved genetic algorithm [iga]"]
         assert pilot.app.query_one("#search", Select).value == "iga"
 
 

@@ -10,7 +10,7 @@ import pytest
 from jsonschema import ValidationError
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.workflows.schemas import SCHEMAS, schema
+from dpr_lab.report.schemas import SCHEMAS, schema
 from tests.schemas import FOLDER, validator
 
 ROOT = Path(__file__).parents[2]
