@@ -36,7 +36,7 @@ async def test_links_are_listed_and_the_one_under_the_cursor_is_connected(app: D
         await until(pilot, lambda: "angles" in shown(app, "#device"))
         said = " ".join(shown(app, "#device").split())  # its rows are wrapped
         assert app.steps[0].outcome() == "simulated"
-    assert "000051d000000001, firmware 1.0.0, protocol 1.1" in said
+    assert "000051d000000001, firmware 1.0.0, protocol 1.2" in said
     assert "1000 Hz needs 140,000 bit/s, 15 % of 921600 baud (at most 80 % may be used)" in said
     assert "open, the rods are free" in said
     assert app.workspace.link.startswith("sim://")

@@ -22,6 +22,7 @@ static const dpr_identity_t IDENTITY = {
     1,                     /* node */
     false,                 /* real time */
     {false, false}, 0,     /* no joint drives */
+    {false, false}, 0, 0,  /* no drive of the arm */
 };
 
 static dpr_device_t device;
