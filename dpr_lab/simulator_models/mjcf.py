@@ -11,8 +11,15 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.simulator_models.numbers import refuse_bad_attributes
 from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_file import with_includes
+
+NUMBERS = frozenset(
+    "mass density diaginertia fullinertia pos quat euler axisangle xyaxes zaxis fromto size axis damping frictionloss"
+    " armature stiffness springref ref range gravity wind viscosity gear kp kv".split()
+)
+"""Attributes that are read as numbers, in any element."""
 
 IGNORED = {"asset", "visual", "statistic", "sensor", "keyframe", "size", "custom", "extension", "camera", "light"}
 """Elements without a meaning for the motion of rods, or which name other files."""
@@ -91,6 +98,7 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
         raise ConfigError("reading MJCF needs MuJoCo: pip install dpr-lab[exports]") from missing
     root = with_includes(path, text)
     notes = _bared(root, path)
+    refuse_bad_attributes(root, NUMBERS, path)
     degrees = [compiler.get("angle", "degree") for compiler in root.iter("compiler")][-1:] != ["radian"]
     try:
         spec = mujoco.MjSpec.from_string(tostring(root, encoding="unicode"))

@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.simulator_models.numbers import refuse_bad_texts
 from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel
 from dpr_lab.simulator_models.xml_file import read_xml
 
@@ -24,6 +25,20 @@ EARTH = "0 0 -9.8"
 
 KINDS = {"revolute": "hinge", "prismatic": "slide", "ball": "ball", "quaternion_floating": "free"}
 """Type of a joint in Drake -> what it lets happen."""
+
+NUMBERS = {
+    "inertial": frozenset({"mass", "pose"}),
+    "inertia": frozenset({"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}),
+    "axis": frozenset({"xyz"}),
+    "dynamics": frozenset({"damping", "friction", "spring_stiffness", "spring_reference"}),
+    "limit": frozenset({"lower", "upper"}),
+    "world": frozenset({"gravity"}),
+    **dict.fromkeys(("model", "link", "joint", "frame"), frozenset({"pose"})),
+}
+"""Element -> its children that are read as numbers."""
+
+UNBOUNDED = frozenset({"lower", "upper"})
+"""Children that may be infinite: a joint without a stop."""
 
 
 def read_sdf(path: Path) -> SimulatorModel:
@@ -40,6 +55,7 @@ def read_sdf(path: Path) -> SimulatorModel:
     root = read_xml(path)
     counts: Counter[str] = Counter()
     _strip(root, counts)
+    refuse_bad_texts(root, NUMBERS, UNBOUNDED, path)
     plant = plants.MultibodyPlant(0.0)
     try:
         parsing.Parser(plant).AddModelsFromString(tostring(root, encoding="unicode"), "sdf")
@@ -52,7 +68,7 @@ def read_sdf(path: Path) -> SimulatorModel:
         parts = tuple(_parts(plant, context, {j.get("name", ""): j for j in root.iter("joint")}))
         pull = root.findtext("world/gravity") or EARTH
         gravity = np.array(pull.split(), dtype=np.float64)
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, SystemExit) as error:  # Drake exits where a condition of its own fails
         text = " ".join(str(error).replace("<literal-string>.sdf:", "").split())
         raise ConfigError(f"{path}: SDFormat's library cannot read it: {text}") from error
     model = next((element.get("name") for element in root.iter("model")), None)

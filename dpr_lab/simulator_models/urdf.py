@@ -12,11 +12,15 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.simulator_models.numbers import refuse_bad_attributes
 from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, SimulatorModel, Vector, frame
 from dpr_lab.simulator_models.xml_file import read_xml
 
 KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free", "fixed": "fixed"}
 """Type of a joint -> what it lets happen."""
+
+NUMBERS = frozenset("xyz rpy value ixx ixy ixz iyy iyz izz damping friction lower upper multiplier offset".split())
+"""Attributes that are read as numbers, in any element of a link's inertial or of a joint."""
 
 
 def read_urdf(path: Path) -> SimulatorModel:
@@ -41,6 +45,7 @@ def read_urdf(path: Path) -> SimulatorModel:
             root.remove(child)
         for shape in [part for part in child if part.tag not in _READ[child.tag]] if child.tag in _READ else ():
             child.remove(shape)
+    refuse_bad_attributes(root, NUMBERS, path)
     try:
         robot = urdf.URDF.from_xml_string(tostring(root))
         parts = tuple(_parts(robot, shapes, path))

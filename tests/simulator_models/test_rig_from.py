@@ -174,7 +174,7 @@ BAD = {
         "0 links without a parent",
     ),
     "half a robot": (
-        '<robot name="r"><link name="a"><inertial><mass value="x"/></inertial></link></robot>',
+        '<robot name="r"><link name="a"><inertial><mass/></inertial></link></robot>',
         "valid URDF",
     ),
     "bare sdf": (
