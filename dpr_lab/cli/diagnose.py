@@ -11,22 +11,36 @@ from dpr_lab.cli.checks import (
     HeldOut,
     Library,
     MaxEffects,
-    RigName,
     TorqueKind,
     Without,
+    complete_rig,
     names_in,
 )
-from dpr_lab.cli.console import emit, json_mode, line, say, table
+from dpr_lab.cli.console import emit, json_mode, line, say, table, text
 
 if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.workflows.diagnose_simulator import SimulatorDiagnosis
 
 
 def diagnose(
     runs: Annotated[
         list[Path], typer.Argument(help="Run files (.mcap); three releases or more distinguish more effects.")
     ],
-    rig: RigName,
+    rig: Annotated[
+        str,
+        typer.Option(
+            help="Rig file, or the name of a built-in one; with --simulator it may be left out.",
+            autocompletion=complete_rig,
+        ),
+    ] = "",
+    simulator: Annotated[
+        Path | None,
+        typer.Option(help="Your MJCF, URDF or SDFormat model: start from it and say what to change in it."),
+    ] = None,
+    joints: Annotated[
+        str | None, typer.Option(help="With --simulator: joints of the inner and the outer rod, by comma.")
+    ] = None,
     model: Annotated[Path | None, typer.Option(help="Model that `identify` wrote; the start of the fit.")] = None,
     held_out: HeldOut = None,
     library: Library = None,
@@ -64,8 +78,13 @@ def diagnose(
     """Explain the gap between simulation and rig: location, causes, probabilities and gap reduction on held-out data.
 
     Example: dpr-lab diagnose runs/*.mcap --rig paper --out out/diagnosis
+    Example: dpr-lab diagnose runs/*.mcap --simulator robot.xml --out out/diagnosis
     """
     json_mode(as_json)
+    if not rig and simulator is None:
+        raise typer.BadParameter("give --rig, or --simulator with a model of yours")
+    if joints and simulator is None:
+        raise typer.BadParameter("--joints belongs to --simulator")
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.diagnose import DiagnoseRequest, failures
     from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
@@ -84,14 +103,23 @@ def diagnose(
         torque=torque,
         trust=trust,
     )
+    changed = None
     with Listener() as listener:
-        done = diagnose_runs(request, listener)
+        if simulator is not None:
+            from dpr_lab.workflows.diagnose_simulator import diagnose_simulator
+
+            changed = diagnose_simulator(request, simulator, names_in(joints) or (), listener)
+            done = changed.result
+        else:
+            done = diagnose_runs(request, listener)
     if as_json:
-        emit(done.to_json())
+        emit((changed or done).to_json())
     else:
         show(done.diagnosis)
         if explain:
             show_search(done.diagnosis)
+        if changed is not None:
+            show_simulator(changed, request.out)
         for name, path in done.files.items():
             say(f"{name}: {path}")
     if failed := failures(done.diagnosis, names_in(fail_on) or ()):
@@ -144,6 +172,31 @@ def show(found: "Diagnosis") -> None:
     line("Next recordings and checks")
     for number, step in enumerate(tables.next_steps(found), 1):
         line(f"{number}. {step}")
+
+
+def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
+    """Print what to change in the user's model, the first cause first."""
+    from dpr_lab.report.words import in_words
+
+    name, least = done.simulator.name, done.least
+    line(f"Joint 1 is {done.joints[0]!r} and joint 2 is {done.joints[1]!r} in {name}.")
+    rows = [
+        (cause.joint, cause.quantity, f"{cause.before:.5g}", f"{cause.after:.5g}", cause.unit, f"{cause.share:.0%}")
+        for cause in least.causes
+    ]
+    if rows:
+        columns = ("joint", "quantity", f"in {name}", "identified", "unit", "error that returns without it")
+        table(f"What to change in {name}", columns, rows)
+    else:
+        line(f"No number of {name} needs a change: all differ by less than 1 % or their uncertainty.")
+    for effect in least.unnamed:
+        line(f"not a number of a body or joint: {in_words(effect)}")
+    if done.refused:
+        line(f"{name} cannot be changed: {done.refused}")
+    if done.diff:
+        text(done.diff.rstrip())
+    if done.format == "MJCF" and done.changes and out is None:
+        line(f"With --out FOLDER the changed {name} is written there.")
 
 
 def show_search(diagnosis: "Diagnosis") -> None:

@@ -114,7 +114,7 @@ def into_mjcf(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) ->
         ConfigError: the file cannot be read or changed, or its L1 or g is not that of the rig.
     """
     file = _read(path, joints)
-    _refuse_other_rig(file.chain, model, path)
+    refuse_other_rig(file.chain, model.rig.L1, model.rig.g, path)
     expressed = in_words(model, rig, WORDS)
     made = bodies(model, rig, expressed)
     edits = [XmlEdit(path.read_bytes(), str(path))]
@@ -132,8 +132,13 @@ def into_mjcf(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) ->
     return PatchedModel(text, changes, left_out(model, expressed, "MJCF"))
 
 
-def _refuse_other_rig(chain: ModelChain, model: Model, path: Path) -> None:
-    for name, own, wanted in (("L1", chain.rods[0].length, model.rig.L1), ("g", chain.gravity, model.rig.g)):
+def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None:
+    """Compare the double pendulum of a file with L1, m, and g, m/s^2, of a rig.
+
+    Raises:
+        ConfigError: they differ.
+    """
+    for name, own, wanted in (("L1", chain.rods[0].length, L1), ("g", chain.gravity, g)):
         if own is None or abs(own - wanted) > PATCH.same * wanted:
             raise ConfigError(
                 f"{path}: its {name} is {own:.6g}, that of the model {wanted:.6g}: start from the rig file that"

@@ -12,11 +12,72 @@ from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 
 
+class PrintedCause(BaseModel):
+    """One number of the user's model that differs from the rig."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    joint: str
+    """Name of the joint in the model."""
+    quantity: str
+    """What it is, in words."""
+    before: float
+    """In the model, SI."""
+    after: float
+    """Identified, SI."""
+    unit: str
+    """SI."""
+    effect: str
+    """The named effect that it is; empty for damping, centroids and inertias."""
+    share: float
+    """Growth of the error over segments where it stays as in the model, over that with nothing corrected."""
+
+
+class PrintedChange(BaseModel):
+    """One attribute of the model's file that was changed."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    element: str
+    """The element, in words."""
+    attribute: str
+    """Its attribute."""
+    before: str
+    """Empty for an attribute that was not there."""
+    after: str
+    """What it is now."""
+
+
+class PrintedSimulator(BaseModel):
+    """What `diagnose --simulator` adds."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    file: str
+    """The user's model."""
+    format: str
+    """`MJCF`, `URDF` or `SDFormat`."""
+    joints: list[str]
+    """Of inner rod and outer rod, as the model names them."""
+    causes: list[PrintedCause]
+    """What to change, the first cause first."""
+    unnamed: list[str]
+    """Named effects that no number of a body or joint expresses."""
+    changes: list[PrintedChange]
+    """Of a MJCF file: the attributes that change."""
+    diff: str
+    """Of a MJCF file: unified diff."""
+    refused: str
+    """Why a MJCF file cannot be changed; empty where it can."""
+
+
 class PrintedDiagnosis(Diagnosis):
     """What `dpr-lab diagnose --json` prints, and `diagnosis.json` of its folder."""
 
     files: dict[str, str] = Field(default={})
     """Name of each file that was written -> its path."""
+    simulator: PrintedSimulator | None = None
+    """With `--simulator`: the causes in the words of the user's model, and its changes."""
 
 
 class CheckedDiagnosis(Diagnosis):

@@ -1,0 +1,294 @@
+"""The fewest numbers of a simulator's model that must change, so that it swings as the corrected model does.
+
+A free swing fixes ratios of the base parameters alone. The common scale s of all masses, inertias and torques is
+therefore free where neither recordings nor measured values fix it, and is chosen so that most base parameters of the
+file stay: with u the estimated base parameters at b = 1 and x those of the file, x_i stays where |s u_i / x_i - 1| is
+within its tolerance, and s is one of x_i / u_i.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import BASE, base_parameters, ratios
+from dpr_lab.effects import EFFECTS
+from dpr_lab.exports.bodies import words_of
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.identification.compare import compare_run
+from dpr_lab.identification.model import Model, ParameterValue
+from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.run import Run
+from dpr_lab.simulator_models.chain import ModelChain
+from dpr_lab.simulator_models.tree import ModelJoint
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeSettings:
+    """When a number of the file stays."""
+
+    same: float = 0.01
+    """Relative difference that never counts as a change: the softened friction of an engine moves the others by it."""
+    stds: float = 3.0
+    """Standard deviations of a ratio within which it counts as unchanged."""
+    idle: float = 1e-6
+    """Share of the typical damping below which damping counts as none."""
+
+
+CHANGE = ChangeSettings()
+
+BODY_TERMS = (("a", "e1"), ("b", "d"))
+"""Base parameters that the inertia and the centroid of each rod's body determine."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelCause:
+    """One number of the file that differs from the rig, in the words of the file."""
+
+    joint: str
+    """Name of the joint in the file."""
+    quantity: str
+    """What it is: `Coulomb friction`, `centroid of the body`."""
+    before: float
+    """In the file, SI."""
+    after: float
+    """Identified, SI."""
+    unit: str
+    effect: str = ""
+    """The named effect that it is; empty for a base parameter."""
+    share: float = 0.0
+    """Growth of the mean square error over segments where this cause alone is left as in the file, over that with no
+    cause corrected. All numbers of one body share it; the largest is that of the first cause."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeastChange:
+    """The corrected model with the file's own numbers wherever they fit, and the causes, the first one first."""
+
+    model: Model
+    causes: tuple[ModelCause, ...]
+    unnamed: tuple[str, ...]
+    """Named effects that no number of a body or joint expresses."""
+
+
+def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain, runs: Sequence[Run]) -> LeastChange:
+    """Change as few numbers as the recordings ask for.
+
+    Args:
+        diagnosis: for the intervals of its effects
+        model: its corrected model
+        rig: its rig, of the file
+        chain: the double pendulum of the file
+        runs: those that were diagnosed, to rank the causes
+    """
+    effects = {name: _without_chance(diagnosis, name, values) for name, values in model.effects.items()}
+    longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
+    own = _base_of(chain, longer)
+    base = _with_own_numbers(chain, _base(own, model, diagnosis), own, longer)
+    factor = base[1] / model.base["b"].value
+    effects = {name: _as_in_file(diagnosis, chain, name, _scaled(name, v, factor)) for name, v in effects.items()}
+    least = _with(model, chain, base, effects)
+    causes: dict[str, tuple[list[ModelCause], Model]] = {}
+    file = {name: {key: 0.0 for key in values} | _in_file(chain, name) for name, values in effects.items()}
+    for name in effects:
+        if rows := _effect_rows(chain, name, effects[name], file[name]):
+            causes[name] = rows, _with(model, chain, base, {**effects, name: file[name]})
+    for number, terms in enumerate(BODY_TERMS):
+        places = [BASE.index(term) for term in terms]
+        if np.any(base[places] != own[places]):
+            rows = _body_rows(chain, base, own, number, longer)
+            causes[f"body{number}"] = rows, _with(model, chain, _replaced(base, own, places), effects)
+        damping = 4 + number
+        if base[damping] != own[damping]:
+            row = _cause(chain, number, "damping", own[damping], base[damping], "N m s/rad")
+            causes[f"damping{number}"] = [row], _with(model, chain, _replaced(base, own, [damping]), effects)
+    nothing = _with(model, chain, _base_of(chain, 0.0), {name: file[name] for name in effects})
+    shares = _shares(least, {key: without for key, (_, without) in causes.items()}, nothing, runs, rig)
+    ranked = sorted(causes, key=lambda key: -shares[key])
+    rows = tuple(_ranked(row, shares[key]) for key in ranked for row in causes[key][0])
+    return LeastChange(least, rows, tuple(name for name in effects if not words_of({name: effects[name]})))
+
+
+def _base_of(chain: ModelChain, longer: float) -> Array:
+    """(6,) base parameters of the file, its rod longer by so much, m."""
+    inner, outer = chain.rods
+    values = {"l1": inner.centroid, "l2": outer.centroid, "m1": inner.mass, "m2": outer.mass, "mb": chain.elbow_mass}
+    values |= {"c1": inner.joint.damping, "c2": outer.joint.damping, "J1": inner.inertia, "J2": outer.inertia}
+    return base_parameters([values[name] for name in PARAMETERS], (inner.length or 0.0) + longer, chain.gravity)
+
+
+def _base(own: Array, model: Model, diagnosis: Diagnosis) -> Array:
+    """(6,) base parameters: those of the file that fit, and the others as estimated, at one scale."""
+    u = np.insert(model.ratio_values, 1, 1.0)
+    std = np.insert(np.sqrt(np.diag(np.array(diagnosis.ratio_covariance))), 1, 0.0)
+    tolerance = np.maximum(CHANGE.same, CHANGE.stds * std / u)
+    floor = CHANGE.idle * np.sqrt(own[1] * own[3])  # a file without damping; both in N m s
+    x = np.where(own > 0, own, floor)
+    b = model.base["b"].value
+    scales = [b] if diagnosis.scale is not None and diagnosis.scale.known else (x / u)[:4].tolist()
+
+    def stays(s: float) -> NDArray[np.bool_]:
+        return np.abs(s * u / x - 1) < tolerance
+
+    s = max(scales, key=lambda scale: (np.sum(stays(scale)), -np.abs(np.log(scale * u / x)[:4]).sum()))
+    return np.where(stays(s), own, s * u)
+
+
+def _with_own_numbers(chain: ModelChain, base: Array, own: Array, longer: float) -> Array:
+    """(6,) base parameters with the file's own centroid or inertia of a body where only the other one changed."""
+    length, carried = (chain.rods[0].length or 0.0) + longer, chain.rods[1].mass + chain.elbow_mass
+    changed = base.copy()
+    for number, terms in enumerate(BODY_TERMS):
+        places = [BASE.index(term) for term in terms]
+        if np.all(base[places] == own[places]):
+            continue
+        file, estimated = (_bodies(chain, values, longer)[number] for values in (own, base))
+        centroid, inertia = (
+            one if abs(other / one - 1) < CHANGE.same else other for one, other in zip(file, estimated, strict=True)
+        )
+        mass = chain.rods[number].mass
+        about = inertia + mass * centroid**2
+        if number:
+            changed[places] = about, mass * length * centroid
+        else:
+            changed[places] = about + carried * length**2, (mass * centroid + carried * length) * chain.gravity
+    return changed
+
+
+def _without_chance(diagnosis: Diagnosis, name: str, values: Mapping[str, float]) -> dict[str, float]:
+    """The values of an effect; an amplitude whose interval holds zero is zero, unless it is the only one."""
+    sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
+    chance = {key for key, size in sizes.items() if size.interval90[0] <= 0 <= size.interval90[1]}
+    own = {p.name for p in EFFECTS[name].amplitudes}
+    chance = chance & own if chance & own != own else set()
+    return {key: 0.0 if key in chance else value for key, value in values.items()}
+
+
+def _scaled(name: str, values: Mapping[str, float], factor: float) -> dict[str, float]:
+    powers = {p.name: p.scale_power for p in EFFECTS[name].parameters}
+    return {key: value * factor ** powers.get(key, 0) for key, value in values.items()}
+
+
+_TERMS = {
+    "coulomb": ("friction", "torque_Nm", "Coulomb friction", "N m"),
+    "rotor_inertia": ("armature", "inertia_kgm2", "rotor inertia (armature)", "kg m^2"),
+    "spring": ("stiffness", "stiffness_Nm_per_rad", "spring stiffness", "N m/rad"),
+}
+"""Kind of effect -> attribute of `ModelJoint`, parameter, words and unit."""
+
+
+def _term(name: str) -> tuple[int, tuple[str, str, str, str] | None]:
+    kind, _, joint = name.rpartition("_joint")
+    return (int(joint) - 1 if joint in ("1", "2") else 0), _TERMS.get(kind)
+
+
+def _in_file(chain: ModelChain, name: str) -> dict[str, float]:
+    """The values of an effect in the file, of those that a joint holds."""
+    number, term = _term(name)
+    return {term[1]: _attribute(chain.rods[number].joint, term[0])} if term else {}
+
+
+def _attribute(joint: ModelJoint, attribute: str) -> float:
+    return float(getattr(joint, attribute))
+
+
+def _as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[str, float]) -> dict[str, float]:
+    """The values of an effect, with that of the file where it lies in the interval."""
+    sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
+    for key, own in _in_file(chain, name).items():
+        half = np.ptp(sizes[key].interval90) / 2 / abs(sizes[key].value) if key in sizes and sizes[key].value else 0.0
+        if own and abs(values.get(key, 0.0) / own - 1) < max(CHANGE.same, half):
+            values = {**values, key: own}
+    return values
+
+
+def _with(model: Model, chain: ModelChain, base: Array, effects: Mapping[str, Mapping[str, float]]) -> Model:
+    """The model with other base parameters, and the masses of the file."""
+    inner, outer = chain.rods
+    known = {"m1": inner.mass, "m2": outer.mass, "mb": chain.elbow_mass, "l1": inner.centroid, "l2": outer.centroid}
+    known |= {"J1": inner.inertia, "J2": float(base[1]) - outer.mass * outer.centroid**2}
+    nine = {
+        name: value.model_copy(update={"value": known.get(name, value.value)})
+        for name, value in model.parameters.items()
+    }
+    estimates = {
+        name: value.model_copy(update={"value": float(ratio)})
+        for (name, value), ratio in zip(model.ratios.items(), ratios(base), strict=True)
+    }
+    absolute = {
+        name: ParameterValue(value=float(value), std=model.base[name].std, fixed_by=model.base[name].fixed_by)
+        for name, value in zip(BASE, base, strict=True)
+    }
+    p_over_b = outer.mass * (inner.length or 0.0) ** 2 / float(base[1])
+    effects = {name: dict(values) for name, values in effects.items()}
+    update = {"parameters": nine, "ratios": estimates, "base": absolute, "p_over_b": p_over_b, "effects": effects}
+    return model.model_copy(update=update)
+
+
+def _replaced(base: Array, own: Array, places: Sequence[int]) -> Array:
+    changed = base.copy()
+    changed[list(places)] = own[list(places)]
+    return changed
+
+
+def _cause(
+    chain: ModelChain, number: int, quantity: str, before: float, after: float, unit: str, effect: str = ""
+) -> ModelCause:
+    return ModelCause(chain.rods[number].joint.name, quantity, float(before), float(after), unit, effect)
+
+
+def _ranked(cause: ModelCause, share: float) -> ModelCause:
+    return ModelCause(cause.joint, cause.quantity, cause.before, cause.after, cause.unit, cause.effect, share)
+
+
+def _effect_rows(
+    chain: ModelChain, name: str, values: Mapping[str, float], file: Mapping[str, float]
+) -> list[ModelCause]:
+    """What of an effect differs from the file."""
+    number, term = _term(name)
+    rows = []
+    for key, after in values.items():
+        if after != file.get(key, 0.0):
+            parameter = next((p for p in EFFECTS[name].parameters if p.name == key), None)
+            words, unit = (term[2], term[3]) if term and term[1] == key else (EFFECTS[name].words, "")
+            unit = unit or (parameter.unit if parameter else "")
+            rows.append(_cause(chain, number, words, file.get(key, 0.0), after, unit, name))
+    return rows
+
+
+def _body_rows(chain: ModelChain, base: Array, own: Array, number: int, longer: float) -> list[ModelCause]:
+    """Centroid and inertia of the body that a joint turns, with the masses of the file."""
+    before, after = (_bodies(chain, values, longer)[number] for values in (own, base))
+    names = ("centroid of the body along the rod", "m"), ("inertia of the body about its centroid", "kg m^2")
+    return [
+        _cause(chain, number, words, one, other, unit)
+        for (words, unit), one, other in zip(names, before, after, strict=True)
+        if abs(other - one) > 1e-9 * abs(one)
+    ]
+
+
+def _bodies(chain: ModelChain, base: Array, longer: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Centroid and inertia of both rods by (6,) base parameters."""
+    inner, outer = chain.rods
+    a, b, d, e1 = base[:4]
+    length, carried = (inner.length or 0.0) + longer, outer.mass + chain.elbow_mass
+    first, second = (e1 / chain.gravity - carried * length) / inner.mass, d / (outer.mass * length)
+    about = a - carried * length**2 - inner.mass * first**2, b - outer.mass * second**2
+    return (first, about[0]), (second, about[1])
+
+
+def _shares(
+    least: Model, without: Mapping[str, Model], nothing: Model, runs: Sequence[Run], rig: Rig
+) -> dict[str, float]:
+    """Growth of the mean square error over short segments without each cause, over that without any."""
+    error = {key: _error(model, runs, rig) for key, model in without.items()}
+    floor, all_left = _error(least, runs, rig), _error(nothing, runs, rig)
+    whole = max(all_left - floor, max((value - floor for value in error.values()), default=0.0), 1e-30)
+    return {key: max(value - floor, 0.0) / whole for key, value in error.items()}
+
+
+def _error(model: Model, runs: Sequence[Run], rig: Rig) -> float:
+    return float(np.mean([np.mean(compare_run(run, rig, model).segment_rms_rad ** 2) for run in runs]))

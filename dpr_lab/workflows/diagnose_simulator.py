@@ -1,0 +1,122 @@
+"""Runs and the user's simulator model in, a diagnosis in the words of that model out, and the changed model."""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from difflib import unified_diff
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.diagnose import RECORD, DiagnoseRequest, DiagnoseResult, diagnose
+from dpr_lab.workflows.events import OnEvent, ignore
+
+if TYPE_CHECKING:
+    from dpr_lab.exports.least_change import LeastChange
+    from dpr_lab.simulator_models.xml_edit import ChangedAttribute
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatorDiagnosis:
+    """A diagnosis, what of the user's model it changes, and the files that were written."""
+
+    result: DiagnoseResult
+    simulator: Path
+    format: str
+    joints: tuple[str, ...]
+    least: "LeastChange"
+    changes: "tuple[ChangedAttribute, ...]" = ()
+    """Of a MJCF file."""
+    diff: str = ""
+    """Of a MJCF file: unified diff."""
+    refused: str = ""
+    """Why a MJCF file cannot be changed; empty where it can."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Output of `diagnose --simulator --json`: that of `diagnose`, and `simulator`."""
+        return self.result.to_json() | {
+            "simulator": {
+                "file": str(self.simulator),
+                "format": self.format,
+                "joints": list(self.joints),
+                "causes": [asdict(cause) for cause in self.least.causes],
+                "unnamed": list(self.least.unnamed),
+                "changes": [asdict(change) for change in self.changes],
+                "diff": self.diff,
+                "refused": self.refused,
+            }
+        }
+
+
+def diagnose_simulator(
+    request: DiagnoseRequest, simulator: Path, joints: Sequence[str] = (), on_event: OnEvent = ignore
+) -> SimulatorDiagnosis:
+    """Explain the gap between the user's simulator model and the rig, and change the model where the cause is.
+
+    Args:
+        request: as for `diagnose`; an empty `rig` stands for the rig file that `rig_from_model` writes from the model
+        simulator: MJCF, URDF or SDFormat file; it stays as it is
+        joints: of the inner and the outer rod in it; none: found
+        on_event: as for `diagnose`
+
+    Raises:
+        ConfigError: the model cannot be read, has an arm, or is not that of the rig; and as for `diagnose`.
+        RunError: as for `diagnose`.
+        IdentificationError: as for `diagnose`.
+        DprError: a result cannot be written.
+    """
+    from dpr_lab.exports.corrected import corrected_model
+    from dpr_lab.exports.into_mjcf import into_mjcf, refuse_other_rig
+    from dpr_lab.exports.least_change import least_change
+    from dpr_lab.rig import load_rig
+    from dpr_lab.simulator_models import read_model
+    from dpr_lab.simulator_models.chain import double_pendulum
+    from dpr_lab.workflows.reading import read_runs
+    from dpr_lab.workflows.rig_from import rig_from_model
+
+    if request.out:
+        refuse_file(request.out)
+        if (request.out / simulator.name).resolve() == simulator.resolve():
+            raise ConfigError(f"{request.out}: is the folder of {simulator.name}, which is not overwritten")
+    read = read_model(simulator)
+    with tempfile.TemporaryDirectory() as folder:
+        file = request.rig or str(rig_from_model(simulator, Path(folder) / "rig.toml", joints).file)
+        rig = load_rig(file)
+        try:
+            chain = double_pendulum(read, joints, rig.g if read.gravity is None else None)
+        except ConfigError as error:
+            raise ConfigError(f"{simulator}: {error}") from error
+        if chain.arm is not None:
+            raise ConfigError(f"{simulator}: its rods are on an arm: give a model of the rods alone")
+        refuse_other_rig(chain, rig.L1, rig.g, simulator)
+        result = diagnose(replace(request, rig=file), on_event)
+    runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
+    model = corrected_model(result.diagnosis, runs, rig)
+    least = least_change(result.diagnosis, model, rig, chain, runs)
+    names = tuple(rod.joint.name for rod in chain.rods)
+    done = SimulatorDiagnosis(result, simulator, read.format, names, least)
+    if read.format != "MJCF":
+        return done
+    try:
+        patched = into_mjcf(least.model, rig, simulator, joints)
+    except ConfigError as error:  # the diagnosis holds nevertheless
+        return replace(done, refused=str(error))
+    before, after = (text.decode("utf-8") for text in (simulator.read_bytes(), patched.text))
+    old, new = (text.splitlines(keepends=True) for text in (before, after))
+    diff = "".join(unified_diff(old, new, str(simulator), f"corrected {simulator.name}", n=1))
+    done = replace(done, changes=patched.changes, diff=diff)
+    return _written(done, request.out, after) if request.out else done
+
+
+def _written(done: SimulatorDiagnosis, out: Path, text: str) -> SimulatorDiagnosis:
+    from dpr_lab.report.files import write_json
+    from dpr_lab.whole_file import write_text
+
+    file, diff = out / done.simulator.name, out / f"{done.simulator.name}.diff"
+    write_text(file, text)
+    write_text(diff, done.diff)
+    files = {**done.result.files, "simulator model": str(file), "difference": str(diff)}
+    done = replace(done, result=replace(done.result, files=files))
+    write_json(done.to_json(), out / RECORD)
+    return done

@@ -1,0 +1,91 @@
+"""`dpr-lab diagnose --simulator`: recordings of MuJoCo, the model that misses a term, and what to change in it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.exports import FORMATS
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.workflows.rig_from import rig_from_model
+from tests.exports.models import model_of
+
+pytest.importorskip("mujoco")
+from tests.exports.planted_errors import PLANTED, ROBOT, held_out_error, recordings
+
+
+@pytest.fixture(scope="module")
+def bench(cli, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rig]:
+    """A folder with the model, its rig file and three run files of the truth."""
+    folder = tmp_path_factory.mktemp("simulator")
+    (folder / "robot.xml").write_text(ROBOT, encoding="utf-8")
+    rig_from_model(folder / "robot.xml", folder / "rig.toml")
+    rig = load_rig(folder / "rig.toml")
+    for run in recordings(PLANTED["damping wrong"].truth, rig, seconds=6.0):
+        rows = np.column_stack([run.swing.t, run.swing.theta[:, 1:]])
+        np.savetxt(folder / f"{run.name}.csv", rows, delimiter=",", header="t_s,theta1_rad,theta2_rad", comments="")
+        words = ("import", "table", f"{run.name}.csv", "--rig", "rig.toml", "--out", "runs")
+        done = cli(*words, cwd=folder)
+        assert done.code == 0, done.err
+        assert (folder / "runs" / f"{run.name}.mcap").is_file()
+    return folder, rig
+
+
+RUNS = ("runs/r0.mcap", "runs/r1.mcap", "runs/r2.mcap")
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_the_damping_of_the_file_is_changed_and_nothing_else(cli, bench: tuple[Path, Rig]) -> None:
+    folder, rig = bench
+    done = cli("diagnose", *RUNS, "--simulator", "robot.xml", "--out", "out", "--json", cwd=folder)
+    assert done.code == 0, done.err
+    said = done.json["simulator"]
+    assert (said["format"], said["joints"], said["refused"]) == ("MJCF", ["shoulder", "elbow"], "")
+    (cause,) = said["causes"]
+    assert (cause["joint"], cause["quantity"]) == ("shoulder", "damping")
+    assert cause["after"] == pytest.approx(0.005, rel=2e-3)
+    (change,) = said["changes"]
+    assert (change["element"], change["attribute"], change["before"]) == ("joint shoulder", "damping", "0.002")
+    text = (folder / "out" / "robot.xml").read_text(encoding="utf-8")
+    truth = PLANTED["damping wrong"].truth
+    assert held_out_error(text, truth, rig) < 0.1 * held_out_error(ROBOT, truth, rig)
+    assert (folder / "out" / "robot.xml.diff").read_text(encoding="utf-8") == said["diff"]
+    assert (folder / "robot.xml").read_text(encoding="utf-8") == ROBOT
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_it_speaks_the_names_of_the_file(cli, bench: tuple[Path, Rig]) -> None:
+    folder, _ = bench
+    done = cli("diagnose", *RUNS, "--rig", "rig.toml", "--simulator", "robot.xml", cwd=folder)
+    assert done.code == 0, done.err
+    assert "Joint 1 is 'shoulder' and joint 2 is 'elbow' in robot.xml." in done.out
+    assert "What to change in robot.xml" in done.out
+    assert "With --out FOLDER the changed robot.xml is written there." in done.out
+
+
+def test_what_does_not_fit_is_refused_first(cli, bench: tuple[Path, Rig], paper: Rig) -> None:
+    folder, _ = bench
+    assert cli("diagnose", *RUNS, cwd=folder).code == 2
+    assert cli("diagnose", *RUNS, "--rig", "rig.toml", "--joints", "a,b", cwd=folder).code == 2
+    other = cli("diagnose", *RUNS, "--rig", "paper", "--simulator", "robot.xml", cwd=folder)
+    assert (other.code, "its L1 is 0.3, that of the model 0.4" in other.err) == (3, True)
+    own = cli("diagnose", *RUNS, "--simulator", "robot.xml", "--out", ".", cwd=folder)
+    assert (own.code, "is not overwritten" in own.err) == (3, True)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_urdf_is_compared_and_not_changed(cli, bench: tuple[Path, Rig]) -> None:
+    pytest.importorskip("urdf_parser_py")
+    folder, rig = bench
+    text = FORMATS["urdf"].written(model_of(rig, {}, rig.name), rig)[FORMATS["urdf"].main]
+    assert isinstance(text, str)
+    (folder / "robot.urdf").write_text(text, encoding="utf-8")
+    words = ("diagnose", *RUNS, "--simulator", "robot.urdf", "--rig", "rig.toml", "--json")
+    done = cli(*words, cwd=folder)
+    assert done.code == 0, done.err
+    said = done.json["simulator"]
+    assert (said["format"], said["changes"], said["diff"]) == ("URDF", [], "")
+    assert [cause["quantity"] for cause in said["causes"]] == ["damping"]

@@ -1,0 +1,80 @@
+"""A planted error in a MJCF model is the first cause; the corrected file swings as the truth; nothing else changes."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from dpr_lab.exports.corrected import corrected_model
+from dpr_lab.exports.into_mjcf import into_mjcf
+from dpr_lab.exports.least_change import LeastChange, least_change
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.simulator_models import read_model
+from dpr_lab.simulator_models.chain import double_pendulum
+from dpr_lab.workflows.rig_from import rig_from_model
+from tests.thinned import thinned
+
+pytest.importorskip("mujoco")
+from tests.exports.planted_errors import MISSED, PLANTED, ROBOT, held_out_error, recordings
+
+ATTRIBUTES = {
+    "Coulomb friction": "frictionloss",
+    "rotor inertia (armature)": "armature",
+    "damping": "damping",
+    "spring stiffness": "stiffness",
+    "centroid of the body along the rod": "pos",
+    "length error, inner rod": "pos",
+}
+
+
+def corrected(folder: Path, file: str, truth: str) -> tuple[LeastChange, str, Rig]:
+    """Causes, the corrected file and the rig."""
+    (folder / "robot.xml").write_text(file, encoding="utf-8")
+    rig_from_model(folder / "robot.xml", folder / "rig.toml")
+    rig = load_rig(folder / "rig.toml")
+    runs = recordings(truth, rig)
+    diagnosis = diagnose(runs, rig)
+    chain = double_pendulum(read_model(folder / "robot.xml"))
+    least = least_change(diagnosis, corrected_model(diagnosis, runs, rig), rig, chain, runs)
+    return least, into_mjcf(least.model, rig, folder / "robot.xml").text.decode(), rig
+
+
+def changed(before: str, after: str) -> list[str]:
+    """Attributes that differ; the elements are the same."""
+    old, new = (list(ElementTree.fromstring(text).iter()) for text in (before, after))
+    assert [element.tag for element in old] == [element.tag for element in new]
+    pairs = zip(old, new, strict=True)
+    return sorted(key for one, two in pairs for key in {*one.attrib, *two.attrib} if one.get(key) != two.get(key))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("name", thinned([name for name in PLANTED if name != MISSED], 4))
+def test_a_planted_error_is_the_first_cause_and_the_corrected_file_closes_the_gap(tmp_path: Path, name: str) -> None:
+    planted = PLANTED[name]
+    least, text, rig = corrected(tmp_path, planted.before, planted.truth)
+    first = least.causes[0]
+    assert (first.quantity, first.joint) == (planted.cause, planted.joint)
+    assert changed(planted.before, text) == [ATTRIBUTES[planted.cause]]
+    assert 'drawn > weighed: "keep" me' in text
+    before, after = (held_out_error(file, planted.truth, rig) for file in (planted.before, text))
+    assert after < 0.1 * before
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_right_model_stays_as_it_is(tmp_path: Path) -> None:
+    least, text, _ = corrected(tmp_path, ROBOT, ROBOT)
+    assert (least.causes, text) == ((), ROBOT)
+
+
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_law_that_no_attribute_holds_is_listed_and_changes_nothing(tmp_path: Path) -> None:
+    planted = PLANTED[MISSED]
+    least, text, _ = corrected(tmp_path, planted.before, planted.truth)
+    assert least.unnamed == ("stribeck_joint1",)
+    assert {cause.effect for cause in least.causes} == {"stribeck_joint1"}
+    assert text == planted.before
