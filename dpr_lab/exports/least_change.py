@@ -6,7 +6,7 @@ file stay: with u the estimated base parameters at b = 1 and x those of the file
 within its tolerance, and s is one of x_i / u_i.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +36,8 @@ class ChangeSettings:
     """Standard deviations of a ratio within which it counts as unchanged."""
     idle: float = 1e-6
     """Share of the typical damping below which damping counts as none."""
+    felt: float = 0.01
+    """Growth of the mean square error over segments below which an effect stays as it is in the file."""
 
 
 CHANGE = ChangeSettings()
@@ -87,12 +89,21 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     effects = {name: _without_chance(diagnosis, name, values) for name, values in model.effects.items()}
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     own = _base_of(chain, longer)
-    base = _with_own_numbers(chain, _base(own, model, diagnosis), own, longer)
+    rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # a free swing shows it in a alone
+    total = _base(own + rotor, model, diagnosis)
+    base = _with_own_numbers(chain, np.where(total == own + rotor, own, total - rotor), own, longer)
     factor = base[1] / model.base["b"].value
     effects = {name: _as_in_file(diagnosis, chain, name, _scaled(name, v, factor)) for name, v in effects.items()}
+    effects |= _unseen(diagnosis, chain, effects)
+    file = {name: {key: 0.0 for key in values} | _in_file(chain, name) for name, values in effects.items()}
+    for name in list(effects):
+        without = {**effects, name: file[name]}
+        models = (_with(model, chain, base, some) for some in (effects, without))
+        error, more = (_error(one, runs, rig) for one in models)
+        if more < (1 + CHANGE.felt) * error:
+            effects = {other: values for other, values in without.items() if any(values.values())}
     least = _with(model, chain, base, effects)
     causes: dict[str, tuple[list[ModelCause], Model]] = {}
-    file = {name: {key: 0.0 for key in values} | _in_file(chain, name) for name, values in effects.items()}
     for name in effects:
         if rows := _effect_rows(chain, name, effects[name], file[name]):
             causes[name] = rows, _with(model, chain, base, {**effects, name: file[name]})
@@ -188,7 +199,25 @@ def _term(name: str) -> tuple[int, tuple[str, str, str, str] | None]:
 def _in_file(chain: ModelChain, name: str) -> dict[str, float]:
     """The values of an effect in the file, of those that a joint holds."""
     number, term = _term(name)
-    return {term[1]: _attribute(chain.rods[number].joint, term[0])} if term else {}
+    if term is None:
+        return {}
+    rod = chain.rods[number]
+    value = _attribute(rod.joint, term[0])
+    if name.startswith("spring"):
+        return {term[1]: value, "constant_Nm": value * rod.direction * (rod.joint.rest - rod.hanging)}
+    return {term[1]: value}
+
+
+def _unseen(diagnosis: Diagnosis, chain: ModelChain, named: Collection[str]) -> dict[str, dict[str, float]]:
+    """Effects of the file that are not named and below what the recordings show; they stay."""
+    kept = {}
+    for kind, (_, key, *_) in _TERMS.items():
+        for name in (f"{kind}_joint1", f"{kind}_joint2"):
+            values = _in_file(chain, name)
+            least = diagnosis.detectable.get(name, {}).get(key)
+            if name not in named and values[key] and (least is None or values[key] < least):
+                kept[name] = values
+    return kept
 
 
 def _attribute(joint: ModelJoint, attribute: str) -> float:

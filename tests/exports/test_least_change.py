@@ -16,7 +16,7 @@ from dpr_lab.workflows.rig_from import rig_from_model
 from tests.thinned import thinned
 
 pytest.importorskip("mujoco")
-from tests.exports.planted_errors import MISSED, PLANTED, ROBOT, held_out_error, recordings
+from tests.exports.planted_errors import ELBOW, MISSED, PLANTED, ROBOT, SHOULDER, held_out_error, recordings
 
 ATTRIBUTES = {
     "Coulomb friction": "frictionloss",
@@ -62,11 +62,21 @@ def test_a_planted_error_is_the_first_cause_and_the_corrected_file_closes_the_ga
     assert after < 0.1 * before
 
 
+RIGHT = {
+    "bare": ROBOT,
+    "friction": ROBOT.replace(ELBOW, ELBOW + ' frictionloss="0.004"'),
+    "friction too small to see": ROBOT.replace(ELBOW, ELBOW + ' frictionloss="1e-7"'),
+    "rotor in the shoulder": ROBOT.replace(SHOULDER, SHOULDER + ' armature="0.003"'),
+    "preloaded spring": ROBOT.replace(SHOULDER, SHOULDER + ' stiffness="0.08" springref="0.3"'),
+}
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-def test_a_right_model_stays_as_it_is(tmp_path: Path) -> None:
-    least, text, _ = corrected(tmp_path, ROBOT, ROBOT)
-    assert (least.causes, text) == ((), ROBOT)
+@pytest.mark.parametrize("name", RIGHT)
+def test_a_right_model_stays_as_it_is(tmp_path: Path, name: str) -> None:
+    least, text, _ = corrected(tmp_path, RIGHT[name], RIGHT[name])
+    assert (least.causes, text) == ((), RIGHT[name])
 
 
 @pytest.mark.long
