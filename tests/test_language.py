@@ -17,7 +17,6 @@ VAGUE = {"found", "item", "told", "said", "it", "begun", "beside"}
 """Names of values that do not say what they hold."""
 
 WITH_VAGUE_NAMES = {
-    "dpr_lab/cli": 15,
     "dpr_lab/gap": 134,
     "dpr_lab/tui": 22,
     "dpr_lab/workflows": 12,

@@ -36,8 +36,8 @@ class Choices:
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
         """Completions of the last name, after any comma, with their descriptions."""
         before, comma, prefix = incomplete.rpartition(",")
-        found = (name for name in self.names() if name.startswith(prefix))
-        return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in found]
+        matching = (name for name in self.names() if name.startswith(prefix))
+        return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in matching]
 
     def check(self, value: str | None) -> str | None:
         """A callback of an option: names with commas between, each a name or its words; returns names.

@@ -26,17 +26,17 @@ def conform(
     from dpr_lab.transports import open_transport
 
     refuse_with_rods(rods_off)
-    found: list[Conformity] = []
+    exchanges: list[Conformity] = []
     with Listener(), closing(open_transport(link)) as opened, progress("conform", None) as bar:
         for one in conformity(opened):
-            found.append(one)
+            exchanges.append(one)
             bar(None, one.what)
-    ok = all(one.ok for one in found)
+    ok = all(one.ok for one in exchanges)
     if as_json:
-        checks = [asdict(one) | {"said": one.message} for one in found]  # `said` is the key of earlier versions
+        checks = [asdict(one) | {"said": one.message} for one in exchanges]  # `said` is the key of earlier versions
         emit({"link": link, "ok": ok, "checks": checks})
     else:
-        rows = [(one.what, "ok" if one.ok else "wrong", one.message) for one in found]
+        rows = [(one.what, "ok" if one.ok else "wrong", one.message) for one in exchanges]
         table(f"Conformity of {link}", ("check", "", "result"), rows)
     if not ok:
         raise typer.Exit(1)

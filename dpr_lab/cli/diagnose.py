@@ -78,6 +78,7 @@ def diagnose(
     """Explain the gap between simulation and rig: location, causes, probabilities and gap reduction on held-out data.
 
     Example: dpr-lab diagnose runs/*.mcap --rig paper --out out/diagnosis
+
     Example: dpr-lab diagnose runs/*.mcap --simulator robot.xml --out out/diagnosis
     """
     json_mode(as_json)
@@ -128,7 +129,7 @@ def diagnose(
         raise typer.Exit(1)
 
 
-def show(found: "Diagnosis") -> None:
+def show(diagnosis: "Diagnosis") -> None:
     """Print the diagnosis, the verdict first."""
     from dpr_lab.report.gap import tables
     from dpr_lab.report.gap.sections.trust import trust_words
@@ -136,41 +137,41 @@ def show(found: "Diagnosis") -> None:
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences, summary_note
     from dpr_lab.report.words import in_words
 
-    line(tables.sentence(found))
-    if causes := tables.summary_rows(found):
-        note = f"{summary_note(found)} {scale_note(found)}".strip()
+    line(tables.sentence(diagnosis))
+    if causes := tables.summary_rows(diagnosis):
+        note = f"{summary_note(diagnosis)} {scale_note(diagnosis)}".strip()
         table("Causes", tables.SUMMARY_COLUMNS, causes, note=note)
-    for remedy in found.remedies:
+    for remedy in diagnosis.remedies:
         line(in_words(remedy))
-    line(in_words(found.where_sentence))
-    if found.effects:
+    line(in_words(diagnosis.where_sentence))
+    if diagnosis.effects:
         table(
             "Contributions of the effects",
             tables.CONTRIBUTION_COLUMNS,
-            tables.contribution_rows(found),
+            tables.contribution_rows(diagnosis),
             note=tables.EFFECT_NOTE,
         )
-    if len(found.effects) > 1:
-        table("Gap budget", tables.STEP_COLUMNS, tables.step_rows(found), note=tables.STEP_NOTE)
-    if rows := tables.standing_rows(found):
+    if len(diagnosis.effects) > 1:
+        table("Gap budget", tables.STEP_COLUMNS, tables.step_rows(diagnosis), note=tables.STEP_NOTE)
+    if rows := tables.standing_rows(diagnosis):
         table("Alternatives", tables.STANDING_COLUMNS, rows, note=tables.STANDING_NOTE)
-    if found.effects:
-        table("Gap reduction by run", tables.CLOSED_COLUMNS, tables.closed_rows(found), note=tables.CLOSED_NOTE)
-    elif found.where:
-        table("Residual maps", tables.PLACE_COLUMNS, tables.place_rows(found))
-    if parts := repeatability_parts(found):
+    if diagnosis.effects:
+        table("Gap reduction by run", tables.CLOSED_COLUMNS, tables.closed_rows(diagnosis), note=tables.CLOSED_NOTE)
+    elif diagnosis.where:
+        table("Residual maps", tables.PLACE_COLUMNS, tables.place_rows(diagnosis))
+    if parts := repeatability_parts(diagnosis):
         rows = [(label, f"{share:.1%}") for label, share in parts]
-        note = " ".join(repeatability_sentences(found))
+        note = " ".join(repeatability_sentences(diagnosis))
         table("Repeatability", ("part", "share of the mean square"), rows, note=note)
-    if found.sensor_findings:
-        table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(found))
-    if found.checks:
-        table("Recommended checks", tables.CHECK_COLUMNS, tables.check_rows(found), note=tables.CHECK_NOTE)
-    if found.trust:
-        for sentence in trust_words(found):
+    if diagnosis.sensor_findings:
+        table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(diagnosis))
+    if diagnosis.checks:
+        table("Recommended checks", tables.CHECK_COLUMNS, tables.check_rows(diagnosis), note=tables.CHECK_NOTE)
+    if diagnosis.trust:
+        for sentence in trust_words(diagnosis):
             line(sentence)
     line("Next recordings and checks")
-    for number, step in enumerate(tables.next_steps(found), 1):
+    for number, step in enumerate(tables.next_steps(diagnosis), 1):
         line(f"{number}. {step}")
 
 

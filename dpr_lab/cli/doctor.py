@@ -94,17 +94,19 @@ def _disk() -> SystemCheck:
 def _links() -> Iterator[SystemCheck]:
     from dpr_lab.transports.discover import discover
 
-    found = discover()
-    for port in found.serial:
+    hardware = discover()
+    for port in hardware.serial:
         url = f"serial://{port.device}"
         described = ", ".join(text for text in (port.description, port.serial_number) if text not in ("", "n/a"))
         yield SystemCheck(url, "wrong" if port.problem else "ok", port.problem or described or "serial port")
-    if not found.serial:
+    if not hardware.serial:
         yield SystemCheck("serial ports", "note", "none found: plug the device in, or use sim:// to try without one")
-    for interface in found.can_interfaces:
+    for interface in hardware.can_interfaces:
         yield SystemCheck(f"can://socketcan/{interface}", "ok", "CAN interface")
-    if not found.can_interfaces:
-        yield SystemCheck("CAN interfaces", "note", f"none up; adapters by python-can: {', '.join(found.can_backends)}")
+    if not hardware.can_interfaces:
+        yield SystemCheck(
+            "CAN interfaces", "note", f"none up; adapters by python-can: {', '.join(hardware.can_backends)}"
+        )
 
 
 def _try(what: str, look: Callable[[], str], failed: list[DprError]) -> SystemCheck:

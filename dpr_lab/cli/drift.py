@@ -40,15 +40,15 @@ def drift(
     from dpr_lab.workflows.drift import DriftRequest, watch_drift
 
     with Listener() as listener:
-        found = watch_drift(DriftRequest(tuple(runs), rig, by, diagnosis, model, out, any_clock, torque), listener)
+        result = watch_drift(DriftRequest(tuple(runs), rig, by, diagnosis, model, out, any_clock, torque), listener)
     if as_json:
-        emit(found.to_json())
+        emit(result.to_json())
     else:
         from dpr_lab.report.drift import COLUMNS, basis_sentence, rows, sentence
 
-        line(sentence(found.drift))
-        table("What moved", COLUMNS, rows(found.drift), note=basis_sentence(found.drift, found.torques))
-        if "report" in found.files:
-            line(f"report: {found.files['report']}")
-    if fail_on_drift and found.drift.moved:
+        line(sentence(result.drift))
+        table("What moved", COLUMNS, rows(result.drift), note=basis_sentence(result.drift, result.torques))
+        if "report" in result.files:
+            line(f"report: {result.files['report']}")
+    if fail_on_drift and result.drift.moved:
         raise typer.Exit(1)

@@ -46,6 +46,7 @@ def export(
     With --into, change the identified numbers in a copy of your own MJCF file instead, and show the difference.
 
     Example: dpr-lab export out/diagnosis --rig paper --to mjcf,python --check runs/x1.mcap --out export
+
     Example: dpr-lab export out/diagnosis --rig rig.toml --into robot.xml --out export
     """
     json_mode(as_json)

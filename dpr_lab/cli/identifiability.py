@@ -81,15 +81,15 @@ def show_arm(analysis: "ArmIdentifiability") -> None:
     _show_advice(analysis)
 
 
-def show(found: "Identifiability") -> None:
+def show(analysis: "Identifiability") -> None:
     """Print the findings as tables and sentences: as wide as the terminal, or 160 columns in a pipe."""
     from dpr_lab.identification.directions import described
     from dpr_lab.identification.identifiability import CRAMER_RAO_NOTE
     from dpr_lab.report.digits import plus_minus
     from dpr_lab.shown import FIXED_BY
 
-    sizes = ", ".join(f"{value:.2g}" for value in found.singular_values)
-    _print(f"The recordings see {found.rank} of 9 directions (singular values {sizes}; the others are 0).")
+    sizes = ", ".join(f"{value:.2g}" for value in analysis.singular_values)
+    _print(f"The recordings see {analysis.rank} of 9 directions (singular values {sizes}; the others are 0).")
     table(
         "What the recordings fix",
         ("combination", "value ± Cramér-Rao std", "relative std"),
@@ -97,7 +97,7 @@ def show(found: "Identifiability") -> None:
             (name, plus_minus(value, std), f"{std / value:.1e}")
             if isfinite(std)
             else (name, f"{value:.3g}", "not seen")
-            for (name, value), std in zip(found.unknowns.items(), found.cramer_rao_std.values(), strict=True)
+            for (name, value), std in zip(analysis.unknowns.items(), analysis.cramer_rao_std.values(), strict=True)
         ],
         note=CRAMER_RAO_NOTE,
     )
@@ -110,37 +110,37 @@ def show(found: "Identifiability") -> None:
                 plus_minus(p.value, p.std),
                 "" if p.interval90 is None else " to ".join(f"{end:.3g}" for end in p.interval90),
                 FIXED_BY[p.fixed_by],
-                ", ".join(_helping(found, name)),
+                ", ".join(_helping(analysis, name)),
             )
-            for name, p in found.parameters.items()
+            for name, p in analysis.parameters.items()
         ],
     )
-    if found.null_space:
+    if analysis.null_space:
         _print("Changes that no recording and no measured value can see:")
-    for direction in found.null_space:
+    for direction in analysis.null_space:
         _print(f"- {described(direction)}")
-    _show_length(found)
-    _show_advice(found)
+    _show_length(analysis)
+    _show_advice(analysis)
 
 
-def _helping(found: "Identifiability", name: str) -> list[str]:
+def _helping(analysis: "Identifiability", name: str) -> list[str]:
     """The measured values that help to fix a parameter."""
-    return [measured for measured, helped in found.helps.items() if name in helped]
+    return [measured for measured, helped in analysis.helps.items() if name in helped]
 
 
-def _show_length(found: "Identifiability") -> None:
-    if found.length_error is None:
+def _show_length(analysis: "Identifiability") -> None:
+    if analysis.length_error is None:
         return
-    shifts = ", ".join(f"{name} {shift:+.2%}" for name, shift in found.length_error.ratio_shift.items())
+    shifts = ", ".join(f"{name} {shift:+.2%}" for name, shift in analysis.length_error.ratio_shift.items())
     _print(
-        f"L1 is taken as measured. {1e3 * found.length_error.error:.2g} mm of error makes e2 = d g / L1 wrong, as an"
+        f"L1 is taken as measured. {1e3 * analysis.length_error.error:.2g} mm of error makes e2 = d g / L1 wrong, as an"
         f" error of g or of the sample clock does: it moves {shifts} and leaves"
-        f" {found.length_error.residual_over_noise:.1f} times the noise as residual."
+        f" {analysis.length_error.residual_over_noise:.1f} times the noise as residual."
     )
 
 
-def _show_advice(found: "Identifiability | ArmIdentifiability") -> None:
-    if not found.null_space:
+def _show_advice(analysis: "Identifiability | ArmIdentifiability") -> None:
+    if not analysis.null_space:
         _print("All parameters are fixed; a further measurement only makes them more exact.")
     table(
         "One more measurement on the bench",
@@ -152,14 +152,14 @@ def _show_advice(found: "Identifiability | ArmIdentifiability") -> None:
                 ", ".join(advice.frees),
                 f"{advice.gain_bits:z.1f}",
             )
-            for advice in found.advice
+            for advice in analysis.advice
         ],
     )
-    if found.advice:
-        _print(found.advice[0].sentence)
-    if found.sequence:
+    if analysis.advice:
+        _print(analysis.advice[0].sentence)
+    if analysis.sequence:
         _print("One after the other:")
-    for number, advice in enumerate(found.sequence, 1):
+    for number, advice in enumerate(analysis.sequence, 1):
         _print(f"{number}. {advice.how}: fixes {', '.join(advice.frees) or 'no parameter by itself'}")
 
 

@@ -34,9 +34,9 @@ def info(files: RunFiles, as_json: JsonEach = False) -> None:
     json_mode(as_json)
     from dpr_lab.storage.inspect import info as inspect_run
 
-    def show(found: dict[str, Any]) -> None:
-        rows = [(key, _readable(value)) for key, value in found.items()]
-        table(Path(found["file"]).name, ("", "value"), rows)
+    def show(summary: dict[str, Any]) -> None:
+        rows = [(key, _readable(value)) for key, value in summary.items()]
+        table(Path(summary["file"]).name, ("", "value"), rows)
 
     _each(files, lambda file: asdict(inspect_run(file)), show, as_json)
 
@@ -56,9 +56,9 @@ def verify(files: RunFiles, as_json: JsonEach = False) -> None:
             say(f"{file}: {fault}")
         return {"file": str(file), **asdict(checked)}
 
-    def show(found: dict[str, Any]) -> None:
-        if found["ok"]:
-            line(f"{found['file']}: whole and unchanged")
+    def show(outcome: dict[str, Any]) -> None:
+        if outcome["ok"]:
+            line(f"{outcome['file']}: whole and unchanged")
 
     _each(files, check, show, as_json)
 
@@ -112,27 +112,27 @@ def _each(
     files: Sequence[Path], look: Callable[[Path], dict[str, Any]], show: Callable[[dict[str, Any]], None], json: bool
 ) -> None:
     """Check every file, even after a damaged one, and exit with 3 when one is damaged."""
-    found: list[dict[str, Any]] = []
+    summaries: list[dict[str, Any]] = []
     for file in files:
         try:
-            found.append(look(file))
+            summaries.append(look(file))
         except RunError as error:
             if len(files) == 1:
                 raise
             say(str(error))
-            found.append({"file": str(file), "error": str(error), "exit_code": error.exit_code})
+            summaries.append({"file": str(file), "error": str(error), "exit_code": error.exit_code})
         else:
             if not json:
-                show(found[-1])
+                show(summaries[-1])
     if json:
-        emit(found if len(files) > 1 else found[0])
-    if not all(one.get("ok", "error" not in one) for one in found):
+        emit(summaries if len(files) > 1 else summaries[0])
+    if not all(one.get("ok", "error" not in one) for one in summaries):
         raise typer.Exit(RunError.exit_code)
 
 
 def _readable(value: object) -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{key} {_readable(item)}" for key, item in value.items()) or "-"
+        return ", ".join(f"{key} {_readable(entry)}" for key, entry in value.items()) or "-"
     if isinstance(value, list | tuple):
-        return ", ".join(_readable(item) for item in value) or "-"
+        return ", ".join(_readable(entry) for entry in value) or "-"
     return f"{value:.6g}" if isinstance(value, float) else "-" if value is None else str(value)

@@ -149,8 +149,8 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
     if rows := comparison_rows(opened, trial.rig):
         table("Truth and diagnosis", COLUMNS, rows)
     if opened.truth.drawn["kind"] == "dirty":
-        found, missed = outcome.sensor_findings, outcome.faults_missed
-        line(f"the encoders were faulty: found {effects_listed(found)}, missed {effects_listed(missed)}")
+        reported, missed = outcome.sensor_findings, outcome.faults_missed
+        line(f"the encoders were faulty: found {effects_listed(reported)}, missed {effects_listed(missed)}")
     line(f"hidden: {effects_listed(outcome.truth)}; diagnosis: {named_by(outcome)}: {outcome.grade}")
 
 
