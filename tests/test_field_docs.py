@@ -21,6 +21,8 @@ MODULES = (
     "identification.identifiability",
     "gap.result.diagnosis",
     "gap.result.gap_budget",
+    "acceptance.judge",
+    "acceptance.limits",
     "drift.changes",
     "drift.estimates",
     "drift.groups",

@@ -3,6 +3,7 @@
 import typer
 
 from dpr_lab.cli import rigs, runs, trials
+from dpr_lab.cli.accept import accept
 from dpr_lab.cli.capture import capture
 from dpr_lab.cli.certify import certify, verify
 from dpr_lab.cli.check import check
@@ -37,7 +38,8 @@ Exit codes:
   1 refused by a check        6 degraded capture (file kept)
   2 usage                     7 device lost (partial file kept)
   3 configuration or input    8 identification failed its own checks
-  4 device not found or busy  130 interrupted (file finalised)
+  4 device not found or busy  9 limits not decidable with these runs
+                              130 interrupted (file finalised)
 """
 
 app = typer.Typer(help=HELP, cls=Listing, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
@@ -68,6 +70,7 @@ for command in (
     certify,
     verify,
     drift,
+    accept,
     export,
     paper,
     schema,

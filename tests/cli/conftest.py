@@ -73,7 +73,14 @@ class Warm:
         self._server.communicate()
 
 
-SCHEMA_OF = {"diagnose": "diagnosis", "identify": "model", "check": "check", "certify": "certificate", "drift": "drift"}
+SCHEMA_OF = {
+    "diagnose": "diagnosis",
+    "identify": "model",
+    "check": "check",
+    "certify": "certificate",
+    "drift": "drift",
+    "accept": "accept",
+}
 
 
 def validate_printed(words: list[str], out: str) -> None:

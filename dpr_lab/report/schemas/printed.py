@@ -5,6 +5,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.certificate.document import Certificate
 from dpr_lab.drift.changes import Drift
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -144,5 +145,6 @@ SCHEMAS = {
     "check": PublishedSchema(CheckedDiagnosis, "check"),
     "certificate": PublishedSchema(Certificate, "certify"),
     "drift": PublishedSchema(PrintedDrift, "drift"),
+    "accept": PublishedSchema(Acceptance, "accept"),
 }
 """Name, as `dpr-lab schema` takes it -> what it describes."""

@@ -1,0 +1,194 @@
+"""Judge a diagnosis by limits: equivalence tests at 95 %.
+
+Two one-sided tests at 5 % each are one comparison with the 90 % interval [l, u] of a quantity:
+
+    pass           [l, u] lies inside the limits
+    fail           [l, u] lies outside the limits
+    not decidable  otherwise, or where these recordings do not give a valid interval
+
+A named effect has the interval of its fit. An effect that was not named has that of the score test around the corrected
+model, a -+ 1.645 s. Where the common scale b is uncertain, an absolute size is a ratio times b^k, and its interval
+holds at both ends of the interval of b.
+
+Source: D. J. Schuirmann (1987), A comparison of the two one-sided tests procedure and the power approach, J.
+Pharmacokinetics and Biopharmaceutics 15, 657-680.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from dpr_lab.acceptance.limits import Limits
+from dpr_lab.effects import EFFECTS
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
+from dpr_lab.gap.result.diagnosis import Diagnosis, NamedEffect
+
+SURE = 0.95
+"""Probability of a cause from which its size can fail a limit, and of its absence from which it can pass one."""
+
+Answer = Literal["pass", "fail", "not decidable"]
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedLimit:
+    """One limit and the answer of the recordings."""
+
+    quantity: str
+    """`coulomb_joint2.torque_Nm`, or a ratio."""
+    unit: str
+    """Of the numbers, SI."""
+    lower: float | None
+    """Lower limit; None where there is none."""
+    upper: float | None
+    """Upper limit; None where there is none."""
+    interval90: Range | None
+    """90 % interval of the quantity; None where the recordings give none."""
+    answer: Answer
+    """Result of the test."""
+    reason: str
+    """Why it is not decidable; empty otherwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Acceptance:
+    """Limits judged by one diagnosis."""
+
+    answer: Answer
+    """`fail` if a limit fails, else `not decidable` if one is, else `pass`."""
+    sentence: str
+    """The diagnosis that it rests on, in words."""
+    limits: tuple[JudgedLimit, ...]
+    """In the order of the file."""
+
+
+def judge(diagnosis: Diagnosis, limits: Limits) -> Acceptance:
+    """Judge every limit.
+
+    Args:
+        diagnosis: the diagnosis of the recordings, with its evidence
+        limits: what the rig must keep
+    """
+    judged = (*_effects(diagnosis, limits), *_ratios(diagnosis, limits))
+    answers = {limit.answer for limit in judged}
+    overall: Answer = "fail" if "fail" in answers else "not decidable" if "not decidable" in answers else "pass"
+    return Acceptance(overall, diagnosis.sentence, judged)
+
+
+def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
+    for name, amplitudes in limits.effects.items():
+        for parameter, limit in amplitudes.items():
+            interval = _size(diagnosis, name, parameter)
+            answer = _answer(interval, -limit.max, limit.max)
+            reason = _untrusted(diagnosis) or _confused(diagnosis, name)
+            if interval is None:
+                reason = reason or _unseen(diagnosis, name, parameter)
+            if answer == "fail":
+                reason = reason or _unsure(diagnosis, name)
+            yield _judged(f"{name}.{parameter}", limit.unit, (-limit.max, limit.max), interval, answer, reason)
+
+
+def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
+    for name, limit in limits.ratios.items():
+        interval = diagnosis.ratios[name].interval90
+        reason = _untrusted(diagnosis) or next(filter(None, map(_doubted, diagnosis.effects)), "")
+        yield _judged(name, limit.unit, limit.bounds, interval, _answer(interval, *limit.bounds), reason)
+
+
+def _judged(
+    quantity: str,
+    unit: str,
+    bounds: tuple[float | None, float | None],
+    interval: Range | None,
+    answer: Answer,
+    reason: str,
+) -> JudgedLimit:
+    if not reason and answer == "not decidable":
+        reason = "the interval contains a limit: record more releases"
+    return JudgedLimit(quantity, unit, *bounds, interval, "not decidable" if reason else answer, reason)
+
+
+def _answer(interval: Range | None, lower: float | None, upper: float | None) -> Answer:
+    if interval is None:
+        return "not decidable"
+    low, high = interval
+    if (lower is None or lower < low) and (upper is None or high < upper):
+        return "pass"
+    outside = (upper is not None and low > upper) or (lower is not None and high < lower)
+    return "fail" if outside else "not decidable"
+
+
+def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
+    """90 % interval of an amplitude, the uncertainty of the scale included."""
+    for named in diagnosis.effects:
+        if named.name == effect:
+            size = named.parameters.get(parameter)
+            return size and (size.interval90_with_scale or size.interval90)
+    if len(EFFECTS[effect].amplitudes) > 1 or diagnosis.evidence is None:
+        return None  # the score test gives each amplitude with the others at zero
+    for tested in diagnosis.evidence.exclusions:
+        if (tested.effect, tested.parameter) == (effect, parameter):
+            spread = NORMAL_Q90 * tested.size / SIGMAS
+            return _with_scale(diagnosis, effect, tested.estimate - spread, tested.estimate + spread)
+    return None
+
+
+def _with_scale(diagnosis: Diagnosis, effect: str, low: float, high: float) -> Range:
+    """An interval at the assumed b, widened to both ends of the interval of b."""
+    (amplitude,) = EFFECTS[effect].amplitudes
+    if diagnosis.scale is None:
+        return low, high
+    factors = [
+        (b / diagnosis.scale.b) ** amplitude.scale_power for b in (diagnosis.scale.b, *diagnosis.scale.interval90)
+    ]
+    return min(low * factor for factor in factors), max(high * factor for factor in factors)
+
+
+def _untrusted(diagnosis: Diagnosis) -> str:
+    """Why no interval of this diagnosis is valid; empty where they are."""
+    if diagnosis.hints:
+        return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
+    reasons = {
+        "inconclusive": "the recordings cannot show a gap",
+        "unexplained": "no effect explains the gap, so that the intervals are not valid",
+        "partly_explained": "part of the gap is unexplained, so that the intervals are not valid",
+    }
+    return reasons.get(diagnosis.verdict, "")
+
+
+def _confused(diagnosis: Diagnosis, effect: str) -> str:
+    """The named effect that this one may be instead; empty where there is none."""
+    if any(named.name == effect for named in diagnosis.effects):
+        return ""
+    for named in diagnosis.effects:
+        if effect in named.members:
+            return f"indistinguishable from {named.name}"
+    for rival in diagnosis.rivals:
+        if effect in (rival.name, *rival.members) and rival.probability > 1 - SURE:
+            return f"with probability {rival.probability:.0%} it is the cause instead of {rival.instead_of or 'none'}"
+    return "named before, but not confirmed on other recordings" if effect in diagnosis.withdrawn else ""
+
+
+def _doubted(named: NamedEffect) -> str:
+    """Why the ratios depend on whether a named effect is right; empty where its class is sure."""
+    if named.probability >= SURE:
+        return ""
+    return f"the ratios depend on the cause, and the probability of {named.name} is {named.probability:.0%}"
+
+
+def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
+    if other := diagnosis.absorbed.get(effect, {}).get(parameter):
+        return f"indistinguishable from {other}"
+    if len(EFFECTS[effect].amplitudes) > 1:
+        return "not named, and the score test does not separate its amplitudes"
+    return "does not change these recordings"
+
+
+def _unsure(diagnosis: Diagnosis, effect: str) -> str:
+    """Why an effect that is too large may be another one; empty where it is sure, or was not named."""
+    for named in diagnosis.effects:
+        if named.name == effect:
+            sure = named.probability * named.odds.get(effect, 1 / len(named.members))
+            return "" if sure >= SURE else f"the probability that it is the cause is {sure:.0%}"
+    return ""

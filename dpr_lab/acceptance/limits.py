@@ -1,0 +1,108 @@
+"""A limits file: largest sizes of effects and ranges of ratios.
+
+[effects.coulomb_joint2]
+torque_Nm = { max = 0.002, unit = "N m" }
+
+[ratios]
+"c2/b" = { nominal = 0.30, tolerance = 0.03, unit = "1/s" }
+"a/b" = { min = 3.5, max = 3.9, unit = "1" }
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from dpr_lab.configs import read_config
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import ConfigError, unknown_name
+from dpr_lab.rig_tables import Positive, RigTable
+
+RATIO_UNITS: dict[str, str] = dict[str, str](zip(RATIOS, ("1", "1", "1/s^2", "1/s", "1/s"), strict=True))
+"""Unit of each ratio."""
+
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+
+
+class EffectLimit(RigTable):
+    """Largest permitted size of one amplitude of an effect, of either sign."""
+
+    max: Positive
+    """In `unit`."""
+    unit: str
+    """Unit of the amplitude, as in docs/effects.md."""
+
+
+class RatioLimit(RigTable):
+    """Permitted range of a ratio: a nominal value with a tolerance, or bounds."""
+
+    nominal: Finite | None = None
+    """Centre of the range, with `tolerance`."""
+    tolerance: Positive | None = None
+    """Half the width of the range, with `nominal`."""
+    min: Finite | None = None
+    """Lower bound; without it there is none."""
+    max: Finite | None = None
+    """Upper bound; without it there is none."""
+    unit: str
+    """Unit of the ratio."""
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> "RatioLimit":
+        if (self.nominal is None) != (self.tolerance is None):
+            raise ValueError("nominal and tolerance go together")
+        if (self.nominal is None) == (self.min is None and self.max is None):
+            raise ValueError("needs either nominal and tolerance, or min, max or both")
+        if self.min is not None and self.max is not None and not self.min < self.max:
+            raise ValueError(f"bounds are reversed or equal: min = {self.min}, max = {self.max}")
+        return self
+
+    @property
+    def bounds(self) -> tuple[float | None, float | None]:
+        """Lower and upper bound; None where there is none."""
+        if self.nominal is None or self.tolerance is None:
+            return self.min, self.max
+        return self.nominal - self.tolerance, self.nominal + self.tolerance
+
+
+class Limits(RigTable):
+    """The limits that a rig must keep."""
+
+    effects: dict[str, dict[str, EffectLimit]] = Field(default={})
+    """Effect -> amplitude -> limit of its size."""
+    ratios: dict[str, RatioLimit] = Field(default={})
+    """Ratio -> its range."""
+
+
+def load_limits(path: Path) -> Limits:
+    """Read a limits file.
+
+    Raises:
+        ConfigError: not readable, no limit in it, or a wrong key, name, unit or value; the message names them.
+    """
+    limits = read_config(path, Limits)
+    if not limits.ratios and not any(limits.effects.values()):
+        raise ConfigError(f"{path}: has no limits: add a table [effects.NAME] or [ratios]")
+    for name, amplitudes in limits.effects.items():
+        _known(path, "effects", "effect", name, EFFECTS)
+        units = {p.name: p.unit for p in EFFECTS[name].amplitudes}
+        for parameter, limit in amplitudes.items():
+            _known(path, f"effects.{name}", f"amplitude of {name}", parameter, units)
+            _same_unit(path, f"effects.{name}.{parameter}", limit.unit, units[parameter])
+    for name, limit in limits.ratios.items():
+        _known(path, "ratios", "ratio", name, RATIO_UNITS)
+        _same_unit(path, f"ratios.{name}", limit.unit, RATIO_UNITS[name])
+    return limits
+
+
+def _known(path: Path, table: str, kind: str, name: str, names: Iterable[str]) -> None:
+    known = list(names)
+    if name not in known:
+        raise ConfigError(unknown_name(f"{path}: {table}: no {kind} named {name}", name, known))
+
+
+def _same_unit(path: Path, key: str, unit: str, right: str) -> None:
+    if unit != right:
+        raise ConfigError(f'{path}: {key}.unit = {unit!r}: must be "{right}"')

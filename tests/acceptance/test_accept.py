@@ -1,0 +1,125 @@
+"""Limits on simulated recordings of a known effect."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from dpr_lab.acceptance.judge import judge
+from dpr_lab.acceptance.limits import Limits, load_limits
+from dpr_lab.errors import ConfigError
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.rig import Rig
+
+TORQUE_NM = 1.5e-3
+
+
+@pytest.fixture(scope="module")
+def found(recorded: Callable[..., list], paper: Rig) -> Diagnosis:
+    return diagnose(recorded({"coulomb_joint1": {"torque_Nm": TORQUE_NM}}), paper)
+
+
+def limit(effect: str, parameter: str, size: float, unit: str) -> Limits:
+    return Limits.model_validate({"effects": {effect: {parameter: {"max": size, "unit": unit}}}})
+
+
+def answer(found: Diagnosis, size: float) -> str:
+    return judge(found, limit("coulomb_joint1", "torque_Nm", size, "N m")).answer
+
+
+def test_an_effect_just_above_its_limit_does_not_pass(found: Diagnosis) -> None:
+    assert answer(found, TORQUE_NM / 1.02) != "pass"
+
+
+def test_a_named_effect_is_judged_by_its_interval(found: Diagnosis) -> None:
+    (named,) = found.effects
+    low, high = named.parameters["torque_Nm"].interval90_with_scale or (0.0, 0.0)
+    assert 0 < low < TORQUE_NM < high
+    assert answer(found, 1.1 * high) == "pass"
+    alone = named.model_copy(update={"members": [named.name], "odds": {}})
+    assert answer(found.model_copy(update={"effects": [alone]}), 0.9 * low) == "fail"
+
+
+def test_an_effect_does_not_fail_where_another_may_be_the_cause(found: Diagnosis) -> None:
+    low, _ = found.effects[0].parameters["torque_Nm"].interval90_with_scale or (0.0, 0.0)
+    assert len(found.effects[0].members) > 1
+    (judged,) = judge(found, limit("coulomb_joint1", "torque_Nm", 0.9 * low, "N m")).limits
+    assert judged.answer == "not decidable"
+    assert "the probability that it is the cause" in judged.reason
+
+
+def test_an_effect_that_was_not_named_passes_only_by_its_interval(found: Diagnosis) -> None:
+    (seen,) = judge(found, limit("latency_joint2", "delay_s", 1e-3, "s")).limits
+    assert seen.answer == "pass"
+    assert seen.interval90 is not None
+    low, high = seen.interval90
+    assert low < 0 < high
+    (strict,) = judge(found, limit("latency_joint2", "delay_s", (high - low) / 20, "s")).limits
+    assert strict.answer == "not decidable"
+    assert strict.reason
+
+
+def test_nothing_passes_where_the_gap_is_not_explained(found: Diagnosis) -> None:
+    unexplained = found.model_copy(update={"verdict": "unexplained"})
+    (judged,) = judge(unexplained, limit("latency_joint2", "delay_s", 1e-3, "s")).limits
+    assert judged.answer == "not decidable"
+    assert "no effect explains" in judged.reason
+
+
+def test_an_alternative_of_the_named_effect_does_not_pass(found: Diagnosis) -> None:
+    named = found.effects[0].model_copy(update={"members": ["coulomb_joint1", "latency_joint2"]})
+    (judged,) = judge(
+        found.model_copy(update={"effects": [named]}), limit("latency_joint2", "delay_s", 1e-3, "s")
+    ).limits
+    assert judged.answer == "not decidable"
+    assert "coulomb_joint1" in judged.reason
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(0.0, "pass"), (10.0, "fail"), (1.0, "not decidable")])
+def test_a_ratio_is_judged_by_its_interval(found: Diagnosis, factor: float, expected: str) -> None:
+    low, high = found.ratios["c2/b"].interval90
+    width = high - low
+    nominal = (low + high) / 2 + factor * width
+    within = {"nominal": nominal, "tolerance": width, "unit": "1/s"}
+    assert judge(found, Limits.model_validate({"ratios": {"c2/b": within}})).answer == expected
+
+
+def test_a_ratio_is_not_decidable_where_the_cause_is_unsure(found: Diagnosis) -> None:
+    (named,) = found.effects
+    unsure = found.model_copy(update={"effects": [named.model_copy(update={"probability": 0.8})]})
+    wide = Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})
+    assert judge(found, wide).answer == "pass"
+    (judged,) = judge(unsure, wide).limits
+    assert judged.answer == "not decidable"
+    assert "depend on the cause" in judged.reason
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "has no limits"),
+        ('[effects.coulomb_jont2]\ntorque_Nm = {max = 1, unit = "N m"}', "coulomb_joint2"),
+        ('[effects.coulomb_joint2]\ntorque = {max = 1.0, unit = "N m"}', "torque_Nm"),
+        ('[effects.coulomb_joint2]\ntorque_Nm = {max = 1.0, unit = "mN m"}', 'must be "N m"'),
+        ('[effects.coulomb_joint2]\ntorque_Nm = {max = -1.0, unit = "N m"}', "torque_Nm.max = -1.0"),
+        ('[effects.coulomb_joint2]\ntorque_Nm = {max = nan, unit = "N m"}', "torque_Nm.max = nan"),
+        ('[effects.coulomb_joint2]\ntorque_Nm = {max = "1", unit = "N m"}', "torque_Nm.max = '1'"),
+        ('[ratios]\n"c3/b" = {max = 1.0, unit = "1/s"}', "no ratio named c3/b"),
+        ('[ratios]\n"c2/b" = {nominal = 1.0, unit = "1/s"}', "go together"),
+        ('[ratios]\n"c2/b" = {unit = "1/s"}', "needs either"),
+        ("[ratios", "not valid TOML"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_its_key_and_value(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "limits.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        load_limits(path)
+    assert str(path) in str(refused.value)
+    assert words in str(refused.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_limits(tmp_path / "none.toml")

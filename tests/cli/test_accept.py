@@ -1,0 +1,38 @@
+"""`dpr-lab accept` on three releases of a simulated rig: exit codes, JSON and refusals."""
+
+from pathlib import Path
+
+import pytest
+
+LIMITS = {
+    "pass": (0, '[effects.latency_joint2]\ndelay_s = { max = 0.01, unit = "s" }'),
+    "fail": (1, '[ratios]\n"c2/b" = { min = 100.0, unit = "1/s" }'),
+    "not decidable": (9, '[effects.latency_joint2]\ndelay_s = { max = 1e-9, unit = "s" }'),
+}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
+    out = tmp_path_factory.mktemp("accepted")
+    poses = ("--pose", "X1", "--pose", "X2", "--pose", "X3", "--duration", "3")
+    done = cli("capture", "--rig", "paper", "--link", "sim://?clock=fast&seed=1", *poses, "--out", out)
+    assert done.code == 0, done.err
+    return sorted(out.glob("*.mcap"))
+
+
+@pytest.mark.parametrize("answer", LIMITS)
+def test_each_answer_has_its_exit_code(runs: list[Path], tmp_path: Path, cli, answer: str) -> None:
+    code, text = LIMITS[answer]
+    file = tmp_path / "limits.toml"
+    file.write_text(text)
+    done = cli("accept", *runs, "--rig", "paper", "--limits", file, "--json")
+    assert done.code == code, done.err
+    assert done.json["answer"] == answer
+    assert [limit["answer"] for limit in done.json["limits"]] == [answer]
+
+
+def test_a_limits_file_that_is_not_there_is_refused_before_the_work(runs: list[Path], tmp_path: Path, cli) -> None:
+    done = cli("accept", *runs, "--rig", "paper", "--limits", tmp_path / "none.toml")
+    assert done.code == 3
+    assert "none.toml: cannot be read" in done.err
+    assert "Traceback" not in done.err
