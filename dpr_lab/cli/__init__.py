@@ -37,9 +37,7 @@ def main() -> None:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         _open_streams()
         sys.unraisablehook = _say_unraisable
-        from dpr_lab.cli.app import app
-
-        _run(lambda: app(prog_name="dpr-lab"))
+        _run(_command)
     except DprError as error:
         _end(str(error), error.exit_code)
     except KeyboardInterrupt as stopped:
@@ -80,6 +78,12 @@ def _leave_stdout() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
 
 
+def _command() -> None:
+    from dpr_lab.cli.app import app
+
+    app(prog_name="dpr-lab")
+
+
 def _run(app: Callable[[], object]) -> None:
     """Run the command, flush its output, and report an interrupt as such, whichever library it interrupted."""
     try:
@@ -90,7 +94,7 @@ def _run(app: Callable[[], object]) -> None:
         sys.stdout.flush()
         raise
     except Exception as error:
-        # A compiler that an interrupt broke off says that it failed.
+        # A compiler that an interrupt broke off says that it failed, and may not say why.
         if isinstance(error, DprError) or (stopped := _interrupt_behind(error)) is None:
             raise
         raise stopped from None
@@ -98,13 +102,13 @@ def _run(app: Callable[[], object]) -> None:
 
 
 def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """The interrupt that an exception came of."""
-    seen: BaseException | None = error
-    while seen is not None:
-        if isinstance(seen, KeyboardInterrupt):
-            return seen
-        seen = seen.__cause__ or seen.__context__
-    return None
+    """The interrupt that led to an exception: in its chain, or raised before and dropped on the way."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, KeyboardInterrupt):
+            return cause
+        cause = cause.__cause__ or cause.__context__
+    return Interrupt() if Interrupt.raised else None
 
 
 class Interrupt(KeyboardInterrupt):
@@ -114,7 +118,11 @@ class Interrupt(KeyboardInterrupt):
     again.
     """
 
+    raised = False
+    """Ctrl-C was pressed, or SIGTERM came."""
+
     heard = False
+    """`main` has it."""
 
     def __del__(self) -> None:
         if not Interrupt.heard:
@@ -137,6 +145,7 @@ def _interrupt_main_thread() -> None:
 
 
 def _interrupt(signum: int, frame: object) -> None:
+    Interrupt.raised = True
     raise Interrupt
 
 

@@ -153,6 +153,13 @@ def lost(**_):
     json_mode(True)
     Lost()
     time.sleep(60)
+def replaced(**_):
+    json_mode(True)
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        pass
+    raise AssertionError("a lock of the compiler")
 def dropped(**_):
     import time
     json_mode(True)
@@ -163,10 +170,10 @@ def dropped(**_):
     time.sleep(60)
 import dpr_lab.cli.app
 from tests.thinned import thinned
-dpr_lab.cli.app.app = {"wrapped": wrapped, "lost": lost, "dropped": dropped}[sys.argv[1]]
+dpr_lab.cli.app.app = {f.__name__: f for f in (wrapped, lost, replaced, dropped)}[sys.argv[1]]
 cli.main()
 """
-    for way in ("wrapped", "lost", "dropped"):
+    for way in ("wrapped", "lost", "replaced", "dropped"):
         done = subprocess.run([sys.executable, "-c", program, way], capture_output=True, text=True, timeout=100)
         assert done.returncode == 130, done.stderr
         assert done.stderr == "dpr-lab: interrupted\n"
