@@ -127,8 +127,9 @@ def _dfki(folder: Path) -> RealRig:
     effects |= {f"rotor_inertia_joint{i}": rotor for i in (1, 2)}
     return RealRig(
         "DFKI double pendulum, design A",
-        "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. A geared motor stays on each joint, its torque"
-        " zero; encoders zeroed before each recording; two releases of 5 s at 200 Hz.",
+        "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. Each joint has a geared motor with"
+        " zero"
+        " torque; encoders zeroed before each recording; two releases of 5 s at 200 Hz.",
         rig,
         [import_csv(file, rig, HANGING) for file in files],
         Published(Z, effects, "viscous and dry friction and rotor inertia at both joints"),
@@ -146,12 +147,14 @@ def _one_rod(folder: Path) -> Iterator[RealRig]:
     yield RealRig("MultiArm, one arm, the last 7 s until it stops", f"{made}; 2 kHz.", arm, [tail])
     cart, counts = _drafted("pendule_pi", 0.4, 0.1, 4096), replace(HANGING, unit="counts")
     packets = [import_csv(file, cart, counts) for file in sorted((folder / "pendule_pi").glob("*.csv"))]
-    known = "francofusco/pendule_pi, BSD-3-Clause. One rod on a cart that is taken to stand still; counts of an"
+    known = "francofusco/pendule_pi, BSD-3-Clause. One rod on a cart that is assumed fixed; counts of an"
     known += " incremental encoder at 200 Hz, packets of 5 s."
     yield RealRig("Pendule-Pi, one rod", known, cart, packets)
     rotary = _drafted("rotary", 0.124, 0.01225, 16384)
     swings = [import_csv(file, rotary, HANGING) for file in sorted((folder / "rotary_pendulum").glob("*.csv"))]
-    known = "jensen-benard/rotary-inverted-pendulum, MIT. One rod of a rotary pendulum, let go by hand, 1 kHz; no time"
+    known = (
+        "jensen-benard/rotary-inverted-pendulum, MIT. One rod of a rotary pendulum, released by hand, 1 kHz; no time"
+    )
     known += " stamps in the source."
     yield RealRig("Rotary pendulum, one rod", known, rotary, swings)
 

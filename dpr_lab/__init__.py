@@ -8,8 +8,8 @@
     found = dpr.diagnose(runs, rig)
     dpr.plot_response([dpr.compare(run, rig, model) for run in runs]).savefig("response.png")
 
-Names without an underscore in `__all__` are kept from one minor version to the next; one that is to go warns for a
-minor version before it does. Everything else may change.
+Names in `__all__` without an underscore stay the same from one minor version to the next; before a name is removed, it
+gives a warning for one minor version. Everything else may change.
 """
 
 from importlib import import_module
@@ -90,7 +90,9 @@ _PLACES = {
     "storage.csv_import": ("ImportOptions", "import_table=import_csv"),
     "storage.reader": ("load_run",),
 }
-"""Module -> its names here, each `name` or `name=name there`; imported when asked for: commands start fast."""
+"""Module -> names exported here, each `name` or `name=name there`; imported on first use, so that commands start
+fast.
+"""
 
 _FROM = {
     name.partition("=")[0]: (f"dpr_lab.{module}", name.rpartition("=")[2])
@@ -105,7 +107,7 @@ def __getattr__(name: str) -> Any:
     module, there = _FROM[name]
     value = getattr(import_module(module), there)
     if hasattr(value, "model_rebuild"):
-        value.model_rebuild()  # built when first used, a model shows its signature in `help` only afterwards
+        value.model_rebuild()  # built on first use; `help` shows the signature of a model only afterwards
     return value
 
 

@@ -1,11 +1,12 @@
-"""Child processes: started, talked to, and ended within a bounded time; none outlives this process.
+"""Child processes: start, communication, and end within a bounded time; none outlives this process.
 
-    ChildFunction    a function of ours with a pipe between: work that must not stop a screen, the owner of a device
-    ChildProgram     another program, its lines read from pipes: the simulated device
-    worker_pool      several processes that share out calls: campaigns
+    ChildFunction   a function in another process, connected by a pipe: work that must not block a screen, the owner of
+    a device
+    ChildProgram    another program, whose lines are read from pipes: the simulated device
+    worker_pool     several processes that share calls: campaigns
 
-A process that was killed cannot end its children, so each child watches for that itself: a `ChildFunction` by the end
-of its pipe (its `recv` raises EOFError), a `ChildProgram` by the end of its stdin, a worker by its parent's death.
+A process that was killed cannot end its children, so each child detects this itself: a `ChildFunction` by the end of
+its pipe (its `recv` raises EOFError), a `ChildProgram` by the end of its stdin, a worker by the death of its parent.
 """
 
 import contextlib
@@ -24,10 +25,10 @@ from typing import IO, Any
 
 
 def spawn_context() -> SpawnContext:
-    """The way to start a process that runs our code, also while a screen is drawn.
+    """Start method for processes that run this package, also while a screen is drawn.
 
-    Textual's stand-in for stderr has no file descriptor, yet the tracker that every spawned process needs would be
-    given one; so the tracker starts with the real stderr.
+    The object that Textual substitutes for stderr has no file descriptor, but the resource tracker, which every spawned
+    process needs, requires one. The tracker is therefore started with the real stderr.
     """
     if os.name == "posix":
         from multiprocessing import resource_tracker
@@ -38,18 +39,18 @@ def spawn_context() -> SpawnContext:
 
 
 class ChildFunction:
-    """A function that runs in its own process, connected by a pipe.
+    """A function that runs in a separate process, connected by a pipe.
 
     Args:
-        function: called there as `function(connection, *arguments)`; importable by name, and to return soon after the
-            other end of its pipe is gone
+        function: called there as `function(connection, *arguments)`; importable by name; must return soon after the
+        other end of its pipe is closed
         arguments: picklable
     """
 
     def __init__(self, function: Callable[..., None], *arguments: Any) -> None:
         context = spawn_context()
         self.pipe: Connection
-        """This process's end."""
+        """This end of the pipe."""
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=function, args=(theirs, *arguments), daemon=True)
         self._process.start()
@@ -57,7 +58,7 @@ class ChildFunction:
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
+        """Whether the process still runs."""
         return self._process.is_alive()
 
     @property
@@ -66,16 +67,16 @@ class ChildFunction:
         return self._process.exitcode
 
     def wait(self, patience_s: float) -> bool:
-        """Wait for the end of the process at most this long; return whether it ended."""
+        """Wait for the end of the process for at most this time; return whether it ended."""
         self._process.join(patience_s)
         return not self._process.is_alive()
 
     def terminate(self) -> None:
-        """Send the process a signal to end."""
+        """Send the process a termination signal."""
         self._process.terminate()
 
     def end(self, patience_s: float) -> None:
-        """Close the pipe; end it by signals, politely first, where that alone does not; ending twice is harmless.
+        """Close the pipe; if the process continues, end it by signals of increasing strength.
 
         Args:
             patience_s: how long to wait for each of these three to have an effect
@@ -84,7 +85,9 @@ class ChildFunction:
 
 
 class ChildProgram:
-    """Another program; its stdin is its life line, which breaks when this process is gone, however it went.
+    """Another program; it ends when its stdin is closed, which also happens when this process is killed.
+
+    Ctrl-C is not forwarded: this process receives it and ends the program.
 
     It hears no Ctrl-C: that is for this process, which ends it in its own time.
 
@@ -101,7 +104,7 @@ class ChildProgram:
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Process number."""
         return self._process.pid
 
     @property
@@ -111,7 +114,7 @@ class ChildProgram:
 
     @property
     def last_words(self) -> str:
-        """The last line on its stderr; empty when it wrote none."""
+        """Last line on its stderr; empty if there is none."""
         if not self._log.closed:
             self._log.seek(0)
             lines = [line.strip() for line in self._log.read().decode(errors="replace").split("\n")]
@@ -119,7 +122,7 @@ class ChildProgram:
         return self._last_words
 
     def line(self, timeout: float) -> str:
-        """The next line of its stdout; empty when it ended before, or did not write one within `timeout` s."""
+        """Next line of its stdout; empty if it ended, or wrote no line within `timeout` s."""
         stdout, lines = self._process.stdout, []
         assert stdout is not None
         reader = threading.Thread(target=lambda: lines.append(stdout.readline()), daemon=True)
@@ -128,7 +131,7 @@ class ChildProgram:
         return lines[0].decode(errors="replace") if lines else ""
 
     def end(self, patience_s: float) -> None:
-        """Close its stdin; end it by signals, politely first, where that alone does not; ending twice is harmless.
+        """Close stdin; if the program continues, end it by signals of increasing strength.
 
         Args:
             patience_s: how long to wait for each of these three to have an effect
@@ -148,7 +151,7 @@ class ChildProgram:
 
 
 def _insist(ways: Sequence[Callable[[], None]], ended: Callable[[], bool]) -> None:
-    """Try one way to end a process after the other, until one had an effect."""
+    """Try several ways to end a process in turn until one succeeds."""
     for way in ways:
         way()
         if ended():
@@ -157,9 +160,9 @@ def _insist(ways: Sequence[Callable[[], None]], ended: Callable[[], bool]) -> No
 
 @contextlib.contextmanager
 def worker_pool(processes: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes to submit calls to, each on one thread; they leave Ctrl-C to this process, and end with it.
+    """Pool of worker processes with one thread each; they ignore Ctrl-C and end with this process.
 
-    Left by an exception, they end at once: nobody waits for what was not asked for yet.
+    If the context is left by an exception, they end at once and pending calls are discarded.
     """
     others = active_children()
     with ProcessPoolExecutor(processes, spawn_context(), initializer=_begin_worker) as pool:
@@ -174,7 +177,7 @@ def worker_pool(processes: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin_worker() -> None:
-    # The libraries read these when they are imported, which the first call makes them do.
+    # The libraries read these variables when the first call imports them.
     for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[name] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""Find and read TOML configuration files; say file, key and value when one is wrong."""
+"""Find and read TOML configuration files; errors name file, key and value."""
 
 import hashlib
 import tomllib
@@ -11,14 +11,14 @@ from dpr_lab.errors import ConfigError, unknown_name
 from dpr_lab.whole_file import regular
 
 _PACKAGE = Path(__file__).parent
-# Installed as a wheel the built-in files lie inside the package; in a checkout they are the top-level folder.
+# In an installed wheel the built-in files are inside the package; in a checkout they are top-level folders.
 BUILTIN = _PACKAGE / "builtin" if (_PACKAGE / "builtin").is_dir() else _PACKAGE.parent / "configs"
 
 Model = TypeVar("Model", bound=BaseModel)
 
 
 def find_config(kind: str, name: str | Path) -> Path:
-    """The file meant by a path, or by the bare name of a built-in one.
+    """The file for a path, or for the bare name of a built-in one.
 
     Args:
         kind: folder of the built-in files, `rigs` or `search`
@@ -54,7 +54,7 @@ def read_config(path: Path, model: type[Model]) -> Model:
 
 
 def parse_config(text: str, source: str, model: type[Model]) -> Model:
-    """A pydantic model of TOML text; `source` is what sentences call it.
+    """Validate TOML text with a pydantic model; `source` is the name used in messages.
 
     Raises:
         ConfigError: not TOML, or a key that is unknown, missing or out of range.
@@ -63,7 +63,7 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
         table = tomllib.loads(text)
     except RecursionError as error:
         raise ConfigError(f"{source}: is nested too deeply") from error
-    except ValueError as error:  # a number of thousands of digits is one too
+    except ValueError as error:  # such as a number with thousands of digits
         raise ConfigError(f"{source}: is not valid TOML: {error}") from error
     try:
         return model.model_validate(table)

@@ -1,19 +1,19 @@
-"""Errors from outside the program, in words that an operator can act on.
+"""Errors caused from outside the program, with messages for the operator.
 
-    DprError                 base; the message says what happened, where, and what to do
-     +-- ConfigError         a rig, search or plant file: names file, key, value, range
-     +-- LinkError           a port or bus: cannot open, busy, lost; names the URL
-     |    +-- LinkUrlError   the URL itself is not written right
-     |    +-- LinkTimeout    it opened but nothing answered
-     |    +-- DeviceLost     it answered and then stopped (cable pulled, power gone)
-     +-- MismatchError       the device speaks another protocol version or schema
-     +-- DeviceFault         the device refused a command or reported a fault
-     +-- SafetyStop          we refused: a check before the release did not pass
-     +-- RunError            a recording that cannot be read or does not fit
-     +-- IdentificationError the fit ran and failed its own checks
+    DprError               base; the message says what happened, where, and what to do
+    +-- ConfigError        a rig, search or plant file: names file, key, value, range
+    +-- LinkError          a port or bus: cannot open, busy, lost; names the URL
+    |   +-- LinkUrlError   the URL is not valid
+    |   +-- LinkTimeout    it opened but nothing answered
+    |   +-- DeviceLost     it answered and then stopped (cable pulled, power gone)
+    +-- MismatchError      the device uses another protocol version or schema
+    +-- DeviceFault        the device refused a command or reported a fault
+    +-- SafetyStop         a check before the release did not pass, so the release was refused
+    +-- RunError           a recording that cannot be read or does not match
+    +-- IdentificationError  the fit ran and failed its own checks
 
-Each class carries the exit code that `dpr-lab` ends with. A wrong argument from a caller is a `ValueError`,
-a bad candidate in a search is a value (cost `inf`), a bug is an `assert`.
+Each class has the exit code with which `dpr-lab` ends. A wrong argument from a caller is a `ValueError`, a bad
+candidate in a search is a value (cost `inf`), a bug is an `assert`.
 """
 
 import difflib
@@ -21,16 +21,16 @@ import re
 from collections.abc import Callable, Iterable
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""What moves a terminal's cursor, turns the direction of text, or is no character."""
+"""Characters that move a terminal's cursor or change the direction of text, and code points without a character."""
 
 
 def printable(text: str) -> str:
-    """Text from a file, a device or a file name, made safe to show: control characters are spelled out."""
+    """Text from a file, a device or a file name, made safe for display: control characters are escaped."""
     return _CONTROL.sub(lambda control: control[0].encode("unicode_escape").decode(), text)
 
 
 def known_name(name: str, known: Iterable[str], worded: Callable[[str], str] = str) -> str | None:
-    """The known name that is meant by a name, by its words, or by both (`words [name]`); None if there is none."""
+    """Known name for an identifier, for its words, or for both (`words [name]`); None if there is none."""
     wanted, names = " ".join(name.lower().split()), list(known)
     for candidate in names:
         words = worded(candidate).lower()
@@ -47,15 +47,15 @@ def unknown_name(
     few: int = 8,
     nearest: int = 5,
 ) -> str:
-    """The message for a name that does not exist: all names where there are few, else the nearest.
+    """Message for an unknown name: lists all names if there are few, else the most similar ones.
 
     Args:
-        problem: what is wrong: `no effect named dust`
-        name: as it was given
-        known: the names that exist
-        worded: a known name as people read it
-        few: up to so many names are all listed
-        nearest: so many are listed otherwise
+        problem: the error, such as `no effect named dust`
+        name: the given name
+        known: the existing names
+        worded: a known name in words
+        few: up to this number all names are listed
+        nearest: number of names listed otherwise
     """
     names = list(known)
     shown = [worded(each) for each in names]
@@ -70,7 +70,7 @@ def unknown_name(
 
 
 def _similarity(given: str, known: str, words: str) -> float:
-    """Share of characters that a text has shared with a name or its words, 0 to 1; 1 for the start of either."""
+    """Similarity of a text to a name or its words, 0 to 1; 1 for the start of either."""
     given = given.lower().strip()
     texts = known.lower(), words.lower().removesuffix(f" [{known.lower()}]")
     if given and any(text.startswith(given) for text in texts):
@@ -79,7 +79,7 @@ def _similarity(given: str, known: str, words: str) -> float:
 
 
 class DprError(Exception):
-    """Anything the operator can act on."""
+    """Base class of errors that an operator can resolve."""
 
     exit_code = 1
 
@@ -100,7 +100,7 @@ class LinkError(DprError):
 
 
 class LinkUrlError(LinkError):
-    """A link URL that is not written right: an unknown kind, option or place, or a value out of range."""
+    """A link URL that is not valid: an unknown kind, option or port, or a value out of range."""
 
     exit_code = 2
 

@@ -1,8 +1,8 @@
-"""The one map between the absolute angles of the rods and what the encoders on their joints turn by.
+"""Map between the absolute angles of the rods and the angles of the encoders.
 
     joint 1 = theta1,    joint 2 = theta2 - r theta1,    r = 1 for an encoder on the joint, 0 for one fixed to the arm
 
-It is linear, so speeds, errors and sensitivities follow it as angles do.
+The map is linear, so it also applies to speeds, errors and sensitivities.
 """
 
 import math
@@ -30,11 +30,11 @@ class JointAngles:
         return self.of_rods([math.pi, math.pi])
 
     def of_rods(self, theta: ArrayLike) -> NDArray[np.float64]:
-        """(..., 2) joint angles, of theta (..., 2): theta1, theta2; or anything that follows angles linearly."""
+        """(..., 2) joint angles for theta (..., 2): theta1, theta2; also for other quantities linear in the angles."""
         inner, outer = np.moveaxis(np.asarray(theta, dtype=np.float64), -1, 0)
         return np.stack([inner, outer - self.relative2 * inner], axis=-1)
 
     def to_rods(self, joint: ArrayLike) -> NDArray[np.float64]:
-        """(..., 2) theta1, theta2, of joint angles (..., 2); the inverse of `of_rods`."""
+        """(..., 2) theta1, theta2 for joint angles (..., 2); the inverse of `of_rods`."""
         inner, turned = np.moveaxis(np.asarray(joint, dtype=np.float64), -1, 0)
         return np.stack([inner, turned + self.relative2 * inner], axis=-1)

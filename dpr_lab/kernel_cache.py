@@ -1,8 +1,8 @@
-"""The folder of compiled kernels, and callbacks for the start of a compilation; nothing here needs Numba.
+"""Folder of compiled kernels, and callbacks at the start of a compilation; does not import Numba.
 
-Numba's own cache looks only at the file of the function it compiles. A kernel that calls a function of another file
-keeps its old machine code when that other file changes. Here the cache lies in a folder named by a hash of every
-kernel source, so any change starts an empty one.
+The cache of Numba checks only the file of the compiled function. A kernel that calls a function of another file keeps
+its old machine code when that other file changes. Here the cache is in a folder named by a hash of all kernel sources,
+so any change starts with an empty folder.
 """
 
 import hashlib
@@ -17,10 +17,10 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation", "fitting")
-"""Files and folders of this package that hold compiled functions."""
+"""Files and folders of this package that contain compiled functions."""
 
 KEPT = 4
-PRUNE_AFTER_S = 7 * 86400.0  # another process may still be writing to a folder that is not ours
+PRUNE_AFTER_S = 7 * 86400.0  # another process may still write to a cache folder of another version
 
 
 def source_hash(package: Path, sources: Iterable[str] = KERNEL_SOURCES) -> str:
@@ -35,7 +35,7 @@ def source_hash(package: Path, sources: Iterable[str] = KERNEL_SOURCES) -> str:
 
 
 def prune(root: Path, now: float) -> None:
-    """Remove the cache folders under `root` that are neither among the newest `KEPT` nor of the last week."""
+    """Remove cache folders under `root`, except the newest `KEPT` and those of the last week."""
     aged = sorted(((folder.stat().st_mtime, folder) for folder in root.iterdir() if folder.is_dir()), reverse=True)
     for modified, folder in aged[KEPT:]:
         if now - modified > PRUNE_AFTER_S:
@@ -43,17 +43,17 @@ def prune(root: Path, now: float) -> None:
 
 
 class ForeignFolder(OSError):
-    """A folder of another user, who could have put code there."""
+    """A folder owned by another user, which could contain malicious code."""
 
 
 def open_cache(root: Path, name: str) -> Path | None:
-    """Make the folder `name` under `root`, for this user alone, and mark it as used.
+    """Make the folder `name` under `root`, accessible by this user only, and mark it as used.
 
-    Numba loads kernels with `pickle`, which runs what a file says. What another user could have written is therefore
-    not loaded: a folder of this user that was open to others is emptied and closed.
+    Numba loads kernels with `pickle`, which executes the content of a file. Files that another user could have written
+    are therefore not loaded: a folder of this user that was writable by others is emptied and its access restricted.
 
     Returns:
-        None where nothing can be written.
+        None if nothing can be written.
 
     Raises:
         ForeignFolder: one of both folders belongs to another user.
@@ -68,24 +68,24 @@ def open_cache(root: Path, name: str) -> Path | None:
             shutil.rmtree(folder)
             folder.mkdir(mode=0o700)
         with tempfile.TemporaryFile(dir=folder) as probe:
-            probe.write(bytes(1 << 20))  # a full disk has room for a name
+            probe.write(bytes(1 << 20))  # on a full disk a folder can still be created, but not a file
         os.utime(folder)
     except ForeignFolder:
         raise
     except OSError:
         return None
-    with suppress(OSError):  # two processes may prune at once
+    with suppress(OSError):  # two processes may remove folders at the same time
         prune(root, time.time())
     return folder
 
 
 def _close(folder: Path) -> bool:
-    """Keep a folder to this user; true if others could write to it.
+    """Restrict a folder to this user; true if others could write to it.
 
     Raises:
         ForeignFolder: it belongs to another user.
     """
-    if not hasattr(os, "getuid"):  # Windows: a profile's folders are its user's
+    if not hasattr(os, "getuid"):  # Windows: folders in a profile belong to its user
         return False
     status = folder.stat()
     if status.st_uid != os.getuid():
@@ -97,25 +97,26 @@ def _close(folder: Path) -> bool:
 
 
 def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
-    """The first folder `name` under `roots` that is this user's, and a sentence on those that are not.
+    """The first folder `name` under `roots` that belongs to this user, and a message about folders of other users.
 
     Returns:
-        None where nothing can be written, and an empty sentence where no folder belongs to another user.
+        None if nothing can be written; an empty message if no folder belongs to another user.
     """
     foreign = ""
     for root in roots:
         try:
             return open_cache(root, name), foreign
         except ForeignFolder as error:
-            foreign = f"{error}, so its compiled kernels are not loaded: they are code"
+            foreign = f"{error}, so its compiled kernels are not loaded, because they could contain malicious code"
     return None, foreign
 
 
 _NAMED = os.environ.get("NUMBA_CACHE_DIR")
 _ROOTS = [Path(folder) / "kernels" for folder in (_NAMED, user_cache_path("dpr-lab")) if folder]
 CACHE, FOREIGN = choose_cache(_ROOTS, source_hash(Path(__file__).parent))
-"""Folder of the machine code of this version, None on a read-only home: kernels are then compiled in every process;
-and a sentence where a folder of another user was passed over."""
+"""Folder of the machine code of this version, and a message if a folder of another user was skipped. None if the
+home folder is read-only: kernels are then compiled in every process.
+"""
 
 COMPILING = (f"{FOREIGN}. " if FOREIGN else "") + (
     "compiling the kernels, once on this computer: about a minute"

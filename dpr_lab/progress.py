@@ -1,4 +1,4 @@
-"""How far long work is: what the numerical core tells while it works, as values and never as text to be parsed."""
+"""Progress messages of the numerical core, as values that need no parsing."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,44 +10,44 @@ class StageBegan:
     """Start of a stage of a job."""
 
     number: int
-    """From 1."""
+    """Number of the stage, from 1."""
     of: int
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class FitBegan:
-    """A model is being fitted to the recordings."""
+    """Start of a fit of a model to the recordings."""
 
     effects: tuple[str, ...]
-    """The effects that it holds besides the rods; none for the bare model."""
+    """Effects in this model; none for the bare model."""
 
     @property
     def text(self) -> str:
-        """In words."""
+        """Text for the operator."""
         return f"fit {', '.join(self.effects) or 'the bare model'}"
 
 
 @dataclass(frozen=True, slots=True)
 class ScoreTestBegan:
-    """A score test of every effect of the library on a model."""
+    """Start of a score test of every effect of the library on a model."""
 
     effects: tuple[str, ...]
-    """The effects that this model holds; none for the bare model."""
+    """Effects in this model; none for the bare model."""
 
     @property
     def text(self) -> str:
-        """In words."""
+        """Text for the operator."""
         return f"score test on {', '.join(self.effects) or 'the bare model'}"
 
 
 @dataclass(frozen=True, slots=True)
 class GenerationDone:
-    """A generation of the search is done; number 0 is the initial population."""
+    """End of a generation of the search; number 0 is the initial population."""
 
     number: int
     at_most: int
-    """How many generations come at most."""
+    """Maximum number of generations."""
     evaluations: int
     """Candidates evaluated so far."""
     best_cost: float
@@ -57,18 +57,18 @@ class GenerationDone:
 
 @dataclass(frozen=True, slots=True)
 class LocalFitBegan:
-    """The search is over; the local fit goes from its best individual to the noise floor."""
+    """End of the search; the local fit starts from its best individual."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImportProgress:
-    """A table is being read, or the run of it written."""
+    """Progress of reading a table or writing its run."""
 
     step: Literal["read", "write"]
     done: int
     """Bytes read, or rows written."""
     of: int
-    """Bytes of the file, or rows of the run."""
+    """Total bytes of the file, or rows of the run."""
 
 
 OnImport = Callable[[ImportProgress], None]

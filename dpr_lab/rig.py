@@ -1,4 +1,4 @@
-"""The rig: what was measured on the bench, what is searched for, how its encoders are read."""
+"""The rig: measured quantities, searched parameters, and encoders."""
 
 import hashlib
 from collections.abc import Iterable
@@ -31,17 +31,17 @@ PARAMETERS = ("l1", "l2", "m1", "m2", "mb", "c1", "c2", "J1", "J2")
 """Names of the kinetic parameters Z, in the order of the published tables (docs/theory.md, section 1)."""
 
 MASSES = ("m1", "m2", "mb")
-"""Those of Z that a balance measures."""
+"""Parameters in Z that a balance measures."""
 
 JOINTS = 3
-"""Arm (0), inner rod (1), outer rod (2)."""
+"""Joints: arm (0), inner rod (1), outer rod (2)."""
 
 
 def refuse_other_parameters(names: Iterable[str]) -> None:
-    """Make sure that a file gives exactly the kinetic parameters.
+    """Check that a file contains exactly the kinetic parameters.
 
     Raises:
-        ValueError: one of `PARAMETERS` is missing, or another is there.
+        ValueError: one of `PARAMETERS` is missing, or there is an unknown one.
     """
     given = list(names)
     missing = [name for name in PARAMETERS if name not in given]
@@ -54,23 +54,23 @@ def refuse_other_parameters(names: Iterable[str]) -> None:
 
 
 NO_ENCODER = {"nominal": 1e-6, "measured": 1e-6, "std": 1e-7}
-"""The encoder of joint 2, kg, of a rig that has no joint 2."""
+"""Mass of the encoder at joint 2 of a rig without joint 2, kg."""
 
 
 def refuse_impossible_arm(rig: "Rig", mode: ArmMode) -> None:
-    """Make sure that the arm of a rig can be in a mode.
+    """Check that a mode of the arm is possible for a rig.
 
     Raises:
-        ValueError: the rig file lacks what the mode needs, or the rods cannot be modelled with it.
+        ValueError: a key that the mode needs is missing, or the mounted rods are not supported in this mode.
     """
     if mode not in ("free", "driven"):
         return
     if "L0" not in rig.rig.model_fields_set:
-        raise ValueError(f"an arm that is {mode} pushes the rods by its length: the rig file needs [rig] L0")
+        raise ValueError(f"a {mode} arm needs its length L0 in [rig]")
     if rig.rods.mounting in ("outer", "clamped"):
-        raise ValueError(f"an arm that is {mode} is modelled with both rods, or with the inner rod alone")
+        raise ValueError(f"a {mode} arm is supported with both rods, or with the inner rod alone")
     if mode == "driven" and rig.motor is None:
-        raise ValueError("an arm that is driven needs [motor] in the rig file, with its input")
+        raise ValueError("a driven arm needs [motor] with its input in the rig file")
 
 
 class Rig(Shown, RigTable):
@@ -84,23 +84,23 @@ class Rig(Shown, RigTable):
     rig: RigGeometry
     """Name, lengths (m) and gravity (m/s^2)."""
     parameters: dict[str, Parameter]
-    """The nine kinetic parameters by name, SI: nominal values, bounds, measured values."""
+    """Nine kinetic parameters by name, SI: nominal values, bounds, measured values."""
     encoders: Encoders = Encoders()
-    """How counts become angles."""
+    """Conversion of counts to angles."""
     poses: dict[Name, Pose] = Field(default_factory=dict)
-    """Name -> where the rods are held before a release, rad."""
+    """Name of a pose -> angles at which the rods are held before a release, rad."""
     added_mass: AddedMass | None = None
-    """A known mass while it is clamped on, kg and m; None without one."""
+    """Known attached mass, kg and m; None without one."""
     rods: Rods = Rods()
-    """Which rods hang on the rig."""
+    """Mounted rods."""
     joints: Joints = Joints()
     """Joints with geared motors."""
     arm: ArmTable = ArmTable()
-    """What the arm does."""
+    """Mode and constants of the arm."""
     motor: MotorTable | None = None
-    """What drives the arm; None without a drive."""
+    """Drive of the arm; None without a drive."""
     link: LinkSettings = LinkSettings()
-    """Where the device is, and its sample rate."""
+    """Address of the device and sample rate."""
     _path: Path | None = PrivateAttr(default=None)
     _sha256: str = PrivateAttr(default="")
 
@@ -120,10 +120,10 @@ class Rig(Shown, RigTable):
     @model_validator(mode="before")
     @classmethod
     def _of_one_rod(cls, table: Any) -> Any:
-        """A rod alone is placed by theta1, and theta2 follows it; a rig that has no other rod need not say what it is.
+        """Complete poses and parameters of a rig with a single rod, whose pose is given by theta1 alone.
 
-        The rod that is not there then counts as one like it, and the encoder of joint 2 as next to nothing: neither
-        moves what swings.
+        The missing rod gets the parameters of the mounted one, and the encoder of joint 2 a negligible mass: neither
+        affects the motion.
         """
         match table:
             case {"rods": {"mounted": "inner" | "outer" as mounted}, "parameters": dict(parameters)}:
@@ -152,22 +152,22 @@ class Rig(Shown, RigTable):
 
     @property
     def name(self) -> str:
-        """The rig's name, as runs and models carry it."""
+        """Name of the rig, as stored in runs and models."""
         return self.rig.name
 
     @property
     def L0(self) -> float:
-        """Length of the arm, m; it drops out of a swing with the arm clamped."""
+        """Length of the arm, m; without influence if the arm is clamped."""
         return self.rig.L0
 
     @property
     def L1(self) -> float:
-        """Distance of the two joints along the inner rod, m."""
+        """Distance between the two joints along the inner rod, m."""
         return self.rig.L1
 
     @property
     def unsure(self) -> tuple[str, ...]:
-        """Names of uncertain lengths that are therefore fitted: L1."""
+        """Names of uncertain lengths, which are therefore fitted: L1."""
         return ("L1",) if self.rig.L1_std is not None else ()
 
     @property
@@ -181,16 +181,16 @@ class Rig(Shown, RigTable):
         return self.rig.g
 
     def read_from(self, path: Path) -> "Rig":
-        """The same rig, remembering the file it came from."""
+        """The same rig with the file from which it was read."""
         rig = self.model_copy()
         rig._path, rig._sha256 = path, sha256_of(path)
         return rig
 
     def with_rods(self, mounted: str | None = None, elbow: str | None = None) -> "Rig":
-        """The rig with other rods on it; itself where nothing is given.
+        """The rig with other mounted rods; unchanged if nothing is given.
 
         Raises:
-            ValueError: an elbow clamped that is not there.
+            ValueError: a clamped elbow without joint 2.
         """
         changes = {key: value for key, value in (("mounted", mounted), ("elbow", elbow)) if value is not None}
         rods = {**self.rods.model_dump(), **changes}
@@ -200,17 +200,17 @@ class Rig(Shown, RigTable):
 
     @property
     def path(self) -> Path | None:
-        """The file this rig was read from."""
+        """File from which this rig was read."""
         return self._path
 
     @property
     def sha256(self) -> str:
-        """Hash of the rig file; empty for a rig made in memory."""
+        """Hash of the rig file; empty for a rig created in memory."""
         return self._sha256
 
     @property
     def nominal(self) -> NDArray[np.float64]:
-        """(9,) best known value of each parameter: the measured one where there is one, SI."""
+        """(9,) best known value of each parameter: the measured value if there is one, SI."""
         return np.array([p.measured or p.nominal for p in self._ordered()])
 
     @property
@@ -220,7 +220,7 @@ class Rig(Shown, RigTable):
 
     @property
     def bounds(self) -> NDArray[np.float64]:
-        """(2, 9) lower and upper bound of each parameter; both equal the value where it is measured, SI."""
+        """(2, 9) lower and upper bound of each parameter; both equal a measured value, SI."""
         pairs = [(p.measured, p.measured) if p.measured is not None else (p.lower, p.upper) for p in self._ordered()]
         return np.array(pairs, dtype=np.float64).T
 
@@ -275,7 +275,7 @@ def load_rig(name: str | Path) -> Rig:
 
 
 def parse_rig(text: str) -> Rig:
-    """The rig of a rig file's text, with the hash of that text.
+    """Parse the text of a rig file; stores the hash of this text.
 
     Raises:
         ConfigError: not valid.

@@ -1,4 +1,4 @@
-"""A run: one release recorded, or one table imported."""
+"""A run: one recorded release, or one imported table."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from dpr_lab.setup import ArmMotion, Setup, Torques
 from dpr_lab.shown import Shown
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
-"""Why a sample can be missing: the device was late, the link damaged it, the device sent two values for its tick, or it
-never arrived. Of a device with drives there is `torque` besides: its torques never arrived."""
+"""Causes of missing samples: late device, damaged on the link, two values for one tick, or never arrived. For a
+device with drives there is also `torque`: the torques of the sample never arrived.
+"""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -26,63 +27,64 @@ class Run(Shown):
     """One recorded release.
 
     Time is the device's, t = (tick - release tick) / rate, or that of an imported table. t = 0 is the release, and the
-    samples with t < 0 are the rest before it. Missing samples are simply absent from `t`; nothing is resampled.
+    samples with t < 0 are the rest before it. Missing samples are absent from `t`; nothing is resampled.
     """
 
     name: str
-    """Short name for tables and figures; the file's stem where there is one."""
+    """Short name for tables and figures; the stem of the file if there is one."""
     t: NDArray[np.float64]
     """(n,) device time since the release, s, strictly increasing."""
     theta: NDArray[np.float64]
     """(n, 3) measured absolute angles of arm, inner and outer rod, rad; 0 = upright, pi = hanging."""
     counts: NDArray[np.int64] | None
-    """(n, 3) unwrapped position counters; None for an imported table of angles."""
+    """(n, 3) complete position counts; None for an imported table of angles."""
     pose: str | None
-    """Name of the pose asked for."""
+    """Name of the requested pose."""
     rig_name: str
-    """Name of the rig it was recorded on."""
+    """Name of the rig."""
     rig_sha256: str
     """SHA-256 of that rig file; empty for a rig made in memory."""
     rate_hz: float
     """Nominal sample rate; the real instants are in `t`."""
     added_mass: AddedMass | None = None
-    """The known mass that was clamped on, if any."""
+    """The attached known mass, if any."""
     mounting: Mounting = "both"
-    """What swung; of one rod alone theta2 is theta1."""
+    """Mounted rods; for a single rod theta2 equals theta1."""
     torques: NDArray[np.float64] | None = None
     """(n, 2) known torques of joint 1 and 2, N m, each held until the next sample; None for a free swing."""
     torque_kind: str = ""
-    """`measured` or `commanded`, where that is known."""
+    """Kind of `torques`, `measured` or `commanded`, if known."""
     commanded: NDArray[np.float64] | None = None
-    """(n, 2) those that were commanded, where `torques` are the measured ones and both are known."""
+    """(n, 2) commanded torques, if `torques` are the measured ones and both are known."""
     input_delay_s: float = 0.0
-    """How much later than they were logged the torques act, as far as it is known."""
+    """Delay between the logged and the acting torque, s, as far as known."""
     arm: ArmMotion | None = None
-    """How the arm moved, where that is prescribed; None where it was clamped or moved by itself."""
+    """Motion of the arm if it is prescribed; None if it was clamped, free or driven."""
     arm_mode: ArmMode = "clamped"
-    """What the arm did."""
+    """Mode of the arm."""
     arm_input: NDArray[np.float64] | None = None
     """(n,) input of a driven arm in the unit of the rig's `[motor]` input, each held until the next sample."""
     complete: bool = True
-    """Whether the file was finished; a recovered or cut one is not."""
+    """Whether the recording was completed; false for a recovered or cut one."""
     lost: Mapping[str, int] = field(default_factory=dict)
     """Samples lost, by cause (`LOSS_CAUSES`)."""
     clock: Mapping[str, float] = field(default_factory=dict)
     """Rate of the device's clock against the host's, parts per million: by PING and PONG (`rate_ppm`, `rate_ppm_std`,
-    ...) and by the arrival of its samples (`arrival_ppm`, `arrival_margin_ppm`); empty where neither was seen."""
+    ...) and by the arrival of its samples (`arrival_ppm`, `arrival_margin_ppm`); empty if neither is known."""
     file: Path | None = None
-    """The run file or table that it was read from; None for a run made in memory."""
+    """Run file or table from which it was read; None for a run created in memory."""
     sha256: str = ""
-    """SHA-256 of that file; empty where there is none."""
+    """SHA-256 of this file; empty without a file."""
     recorded_utc: str = ""
-    """When it was recorded, ISO 8601 date, or date and time; empty where a table that was imported does not say it."""
+    """Time of recording, ISO 8601 date, or date and time; empty if unknown."""
     keep_rest: bool | None = None
-    """Of an imported table: whether all rows are taken as a swing, even where the rods seem to be held. None of a
-    recording by a device, which says when it released."""
+    """For an imported table: whether all rows are treated as a swing, even if the rods seem to be held. None for a
+    recording by a device, which reports its release.
+    """
     arm_read: bool | None = None
-    """Of an imported table: whether it has a column of the arm. None of a recording by a device."""
+    """For an imported table: whether it has a column of the arm. None for a recording by a device."""
     notes: tuple[str, ...] = ()
-    """What the reader or importer wants the operator to know (gaps kept, doubled rows left out)."""
+    """Notes of the reader or importer for the operator (gaps kept, duplicate rows removed)."""
 
     def _heading(self) -> str:
         pose = f", pose {self.pose}" if self.pose else ""
@@ -92,12 +94,12 @@ class Run(Shown):
 
     @property
     def elbow(self) -> float:
-        """Angle theta2 - theta1 of a clamped elbow, rad; else zero."""
+        """Angle theta2 - theta1 of a clamped elbow, rad; otherwise zero."""
         clamped = self.mounting == "clamped" and len(self.t)
         return float(np.median(self.theta[:, 2] - self.theta[:, 1])) if clamped else 0.0
 
     def driven_by(self, kind: str | None) -> Run:
-        """The same run with torques of one kind, `measured` or `commanded`; None: the stored ones.
+        """The same run with torques of one kind, `measured` or `commanded`; None: the default kind.
 
         Raises:
             RunError: it holds none of that kind.
@@ -108,8 +110,8 @@ class Run(Shown):
             return replace(self, torques=self.commanded, torque_kind=kind, commanded=None)
         if kind != self.torque_kind:
             raise RunError(
-                f"{self.file or self.name}: holds no {kind} torques, only {self.torque_kind or 'unnamed'} ones:"
-                " leave out --torque"
+                f"{self.file or self.name}: contains no {kind} torques, only"
+                f" {self.torque_kind or 'unnamed'} ones: remove the option --torque"
             )
         return replace(self, commanded=None)
 
@@ -137,12 +139,12 @@ class Run(Shown):
         return float(self.t[-1]) if len(self.t) else 0.0
 
     def between(self, start: float, stop: float) -> Run:
-        """The samples with start <= t < stop; t is kept as it is."""
+        """Samples with start <= t < stop; t is unchanged."""
         return self.only((self.t >= start) & (self.t < stop))
 
     @property
     def readings_sha256(self) -> str:
-        """Hash of everything that a fit reads of this run: equal after another import of the same table."""
+        """Hash of all data that a fit uses: equal after another import of the same table."""
         unread = ("name", "file", "sha256", "recorded_utc", "keep_rest", "arm_read", "notes")
         digest = hashlib.sha256()
         if self.arm_mode not in ("free", "driven"):
@@ -155,7 +157,7 @@ class Run(Shown):
         return digest.hexdigest()
 
     def only(self, keep: NDArray[np.bool_]) -> Run:
-        """The samples (n,) to keep."""
+        """Indices of the samples (n,) to keep."""
         counts = None if self.counts is None else self.counts[keep]
         torques = None if self.torques is None else self.torques[keep]
         commanded = None if self.commanded is None else self.commanded[keep]
@@ -177,7 +179,7 @@ def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
 
 
 def refuse_moving_arms(runs: Iterable[Run]) -> None:
-    """Make sure that the arm of no run moves by itself or by a drive.
+    """Check that the arm of no run is free or driven.
 
     Raises:
         RunError: the arm of a run was free or driven.
@@ -186,7 +188,7 @@ def refuse_moving_arms(runs: Iterable[Run]) -> None:
         if run.arm_mode in ("free", "driven"):
             raise RunError(
                 f"{run.file or run.name}: its arm was {run.arm_mode}. Only `identify`, `compare` and"
-                " `identifiability` take such a run so far; import the table with --arm prescribed to use the arm's"
+                " `identifiability` support such a run; import the table with --arm prescribed to use the arm's"
                 " encoder instead"
             )
 
@@ -197,7 +199,7 @@ def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
 
 
 def _flat(value: Any) -> Iterator[Any]:
-    """The numbers, texts and arrays of a value, through dataclasses, tuples and mappings."""
+    """Numbers, texts and arrays in a value, through dataclasses, tuples and mappings."""
     if is_dataclass(value) and not isinstance(value, type):
         value = {each.name: getattr(value, each.name) for each in fields(value)}
     if isinstance(value, Mapping):
@@ -220,9 +222,9 @@ class MountingSettings:
     """Limits beyond which readings contradict the mounted rods."""
 
     still: float = 0.1
-    """Turn of joint 2, rad, that a clamp or an encoder without a rod gives at most: play, and a bearing's drag."""
+    """Maximum range of joint 2, rad, with a clamp or an encoder without a rod: backlash and drag of a bearing."""
     tail: float = 0.01
-    """Share of the readings, at either end, that may lie beyond: single faults."""
+    """Share of the readings, at either end, that may be outside: single faults."""
 
 
 MOUNTED = MountingSettings()
@@ -231,32 +233,35 @@ MOUNTED = MountingSettings()
 def as_mounted(
     theta: NDArray[np.float64], mounting: Mounting, name: str, settings: MountingSettings = MOUNTED
 ) -> NDArray[np.float64]:
-    """(n, 3) angles of a run in which that was mounted: of one rod alone theta2 is theta1.
+    """(n, 3) angles of a run with this mounting: for a single rod theta2 equals theta1.
 
     Raises:
         RunError: joint 2 moves although no rod, or a clamped elbow, was given.
     """
     turned = elbow_turn(theta, mounting, settings)
     if turned > settings.still:
-        given = "the elbow was given as clamped" if mounting == "clamped" else f"only the {mounting} rod is mounted"
+        given = "the elbow is specified as clamped" if mounting == "clamped" else f"only the {mounting} rod is mounted"
         raise RunError(
-            f"{name}: joint 2 turns by {turned:.2f} rad although {given}: both rods swing here; leave out --rods and"
-            " --elbow, or name the column of the rod that swings theta1"
+            f"{name}: joint 2 turns by {turned:.2f} rad although {given}: both rods swing; remove --rods"
+            f" and --elbow, or name the column of the swinging rod theta1"
         )
     return theta[:, [0, 1, 1]] if mounting in ("inner", "outer") else theta
 
 
 def elbow_turn(theta: NDArray[np.float64], mounting: Mounting, settings: MountingSettings = MOUNTED) -> float:
-    """By how much joint 2 turns that cannot, rad; zero of both rods. Angles (n, 3)."""
+    """Impossible range of joint 2 for this mounting, rad; zero for both rods. Angles (n, 3)."""
     if mounting == "both" or not len(theta):
         return 0.0
     tails = [settings.tail, 1 - settings.tail]
     apart, outer = (float(np.diff(np.quantile(x, tails))[0]) for x in (theta[:, 2] - theta[:, 1], theta[:, 2]))
-    return apart if mounting == "clamped" else min(apart, outer)  # an absolute encoder without a rod stands still
+    return apart if mounting == "clamped" else min(apart, outer)  # an absolute encoder without a rod reads a constant
 
 
 def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tuple[float, float]]:
-    """Rate of a device's clock and the bound on its error, parts per million, by `pong` and by `arrival` of samples."""
+    """Clock rate error of a device and its uncertainty, ppm.
+
+    By PING and PONG (`pong`) and by the arrival of samples (`arrival`).
+    """
     rates = {"pong": ("rate_ppm", "rate_ppm_std", sigmas), "arrival": ("arrival_ppm", "arrival_margin_ppm", 1.0)}
     return {
         name: (clock[rate], factor * clock[margin])
@@ -266,9 +271,10 @@ def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tu
 
 
 def clock_error(clock: Mapping[str, float]) -> tuple[float, str]:
-    """By how much a device's clock runs wrong at least, parts per million, and the rate with its interval in words.
+    """Lower bound of the clock rate error of a device, ppm, and the rate with its interval in words.
 
-    At least: what the uncertainty of PING and PONG, or of the samples' arrival, cannot explain; the greater of both.
+    The bound is the part that the uncertainty of PING and PONG, or of the samples' arrival, does not explain; the
+    larger of both.
     """
     wrong = [(max(0.0, abs(rate) - margin), rate, margin) for rate, margin in clock_rates(clock).values()]
     least, rate, margin = max(wrong, default=(0.0, 0.0, 0.0))
@@ -288,10 +294,10 @@ def _clock_words(rate_ppm: float, margin_ppm: float) -> str:
 
 
 def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
-    """Make sure that the seconds of every recording are seconds.
+    """Check that the clock rate of every recording is correct.
 
     Raises:
-        RunError: the device's clock is further off the host's than any crystal.
+        RunError: the clock of a device differs from the host's by more than that of any crystal.
     """
     for run in runs:
         error, words = clock_error(run.clock)
@@ -305,14 +311,14 @@ def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
 
 
 def refuse_repeated(runs: Sequence[Run]) -> None:
-    """Make sure that no recording counts twice, or is held out from a fit that it takes part in.
+    """Check that no recording is given twice or is both fitted and held out.
 
     Raises:
-        RunError: two runs hold the same recording, by the hashes of their files.
+        RunError: two runs contain the same recording, by the hashes of their files.
     """
     seen: dict[str, Run] = {}
     for run in runs:
         if run.sha256 in seen:
-            raise RunError(f"{run.file}: the same recording as {seen[run.sha256].file}: give each run once")
+            raise RunError(f"{run.file}: is the same recording as {seen[run.sha256].file}: give each run once")
         if run.sha256:
             seen[run.sha256] = run

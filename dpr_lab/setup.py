@@ -1,4 +1,4 @@
-"""What is known of a run besides its readings: what hung on the rig, and what drove it."""
+"""Known conditions of a run besides its readings: mounting and drive."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from dpr_lab.rig_tables import AddedMass, Mounting
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Torques:
-    """Known joint torques: each holds from its instant to the next; the first and the last extend beyond the record."""
+    """Known joint torques; each value holds until the next instant, the first and the last beyond the record."""
 
     t: NDArray[np.float64]
     """(n,) increasing, s since the release."""
     joints: NDArray[np.float64]
     """(n, 2) torque of joint 1 on the inner rod, and of joint 2 on the outer one, N m."""
     kind: str = ""
-    """`measured` or `commanded`, where it is known."""
+    """`measured` or `commanded`, if known."""
 
     @property
     def knots(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(n + 2,) instants and (n + 2, 2) impulse on theta1, theta2 until each, N m s; linear between them."""
+        """(n + 2,) instants and (n + 2, 2) impulse on theta1, theta2 up to each, N m s; linear in between."""
         return _knots(self)
 
     def mean_before(self, at: ArrayLike) -> NDArray[np.float64]:
-        """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the one before, N m."""
+        """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m."""
         at, (t, impulse) = np.asarray(at, dtype=np.float64), self.knots
         until = np.stack([np.interp(at, t, column) for column in impulse.T], axis=1)
         passed = np.diff(at, prepend=at[0] - 1.0)
         return np.diff(until, axis=0, prepend=until[:1]) / np.where(passed > 0, passed, 1.0)[:, None]
 
 
-@lru_cache(maxsize=32)  # every prediction asks for them
+@lru_cache(maxsize=32)  # used by every prediction
 def _knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     onward = np.concatenate([torques.t[:1] - 1.0, torques.t, torques.t[-1:] + 1e6])
     joints = np.concatenate([torques.joints[:1], torques.joints])
@@ -46,19 +46,19 @@ def _knots(torques: Torques) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmMotion:
-    """Known motion of an arm: its speed is linear between instants and constant beyond them."""
+    """Known motion of an arm: its speed is linear between instants and constant outside them."""
 
     t: NDArray[np.float64]
     """(n,) increasing, s since the release."""
     theta: NDArray[np.float64]
     """(n,) theta0, rad."""
     omega: NDArray[np.float64]
-    """(n,) its speed, rad/s."""
+    """(n,) speed of the arm, rad/s."""
     noise: float = 0.0
-    """Standard deviation of the readings that it was estimated from, rad."""
+    """Standard deviation of the readings from which it was estimated, rad."""
 
     def mean_before(self, at: ArrayLike) -> NDArray[np.float64]:
-        """(m, 2) mean acceleration and squared speed between each of (m,) instants and the one before, rad, s."""
+        """(m, 2) mean acceleration and squared speed between each of (m,) instants and the previous one, rad, s."""
         at = np.asarray(at, dtype=np.float64)
         v = np.interp(at, self.t, self.omega)
         u, passed = np.append(v[:1], v[:-1]), np.diff(at, prepend=at[0] - 1.0)
@@ -67,45 +67,46 @@ class ArmMotion:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """Mounting of a run, and its known inputs."""
+    """Mounting of a run and its known inputs."""
 
     mounting: Mounting = "both"
-    """What swings: both rods, the inner or outer one alone, or both with the elbow clamped."""
+    """Moving parts: both rods, the inner or outer one alone, or both with the elbow clamped."""
     added: AddedMass | None = None
-    """The known mass that was clamped on."""
+    """The attached known mass."""
     elbow: float = 0.0
-    """Angle theta2 - theta1 of a clamped elbow, to a tenth of a radian: elbows that differ by less show nothing
-    new of the ratios. What swings takes it from its own initial state."""
+    """Angle theta2 - theta1 of a clamped elbow, rounded to 0.1 rad, because smaller differences add no information
+    about the ratios. The simulation takes the exact angle from its initial state.
+    """
     torques: Torques | None = None
-    """What drove the joints; None for a free swing."""
+    """Torques that drove the joints; None for a free swing."""
     arm: ArmMotion | None = None
-    """How the arm moved, where that is prescribed; None where it was clamped or moved by itself."""
+    """Motion of the arm if it is prescribed; None if it was clamped, free or driven."""
 
     @property
     def alone(self) -> bool:
-        """Whether one rod swung alone, so that the readings of joint 2 mean nothing."""
+        """Whether a single rod was mounted, so that the readings of joint 2 have no meaning."""
         return self.mounting in ("inner", "outer")
 
     @property
     def weighs(self) -> bool:
-        """Whether a known mass or torque makes the scale of all torques visible."""
+        """Whether a known mass or torque makes the scale of all torques identifiable."""
         return self.added is not None or self.torques is not None
 
     @property
     def free(self) -> bool:
-        """Whether nothing known drives the rods: no torque, and no arm that moves."""
+        """Whether there is no known input: no torque, and no moving arm."""
         return self.torques is None and self.arm is None
 
     @property
     def held(self) -> bool:
-        """Whether all that hung on joint 1 turned as one."""
+        """Whether all parts on joint 1 turn as one body."""
         return self.mounting != "both"
 
     @property
     def starts(self) -> int:
-        """Numbers of an initial state: two angles and two speeds, one speed of a clamped elbow, one rod's own."""
+        """Number of initial-state variables: two angles and two speeds, or one angle and one speed."""
         return {"both": 4, "clamped": 3}.get(self.mounting, 2)
 
 
 BOTH = Setup()
-"""Both rods swing, and nothing is clamped on."""
+"""Both rods mounted, without an attached mass."""

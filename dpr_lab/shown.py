@@ -1,4 +1,4 @@
-"""Results that a person reads at a prompt: a heading and a table, as text and as a notebook's HTML."""
+"""Display of results at a prompt: a heading and a table, as text and as HTML in a notebook."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -7,20 +7,20 @@ from html import escape
 Row = Sequence[str]
 
 FIXED_BY = {"data": "the recordings", "measured": "a measured value", "bound": "only its bounds"}
-"""What fixed a number: as files say it, and as people read it."""
+"""Origin of a number: key in files and text for readers."""
 
 
 class Shown(ABC):
-    """A result that prints itself as a heading and a table."""
+    """A result that is displayed as a heading and a table."""
 
     __slots__ = ()
 
     @abstractmethod
     def _heading(self) -> str:
-        """One line."""
+        """Heading, one line."""
 
     def _rows(self) -> Sequence[Row]:
-        """The table, its first row the names of the columns; [] for none."""
+        """The table; its first row contains the column names; [] for none."""
         return []
 
     def __repr__(self) -> str:
@@ -33,7 +33,7 @@ class Shown(ABC):
         return repr(self)
 
     def _repr_html_(self) -> str:
-        """As a notebook shows it."""
+        """HTML for a notebook."""
         rows = self._rows()
         head, body = rows[:1], rows[1:]
         table = "".join(_row(row, "th") for row in head) + "".join(_row(row, "td") for row in body)
@@ -41,7 +41,7 @@ class Shown(ABC):
 
 
 def listed(names: Sequence[str]) -> str:
-    """`a, b and c`."""
+    """Text of a list: `a, b and c`."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
 
 

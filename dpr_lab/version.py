@@ -1,3 +1,3 @@
-"""The version; it is defined here only."""
+"""Version of the package; defined only here."""
 
 __version__ = "0.2.0"

@@ -1,4 +1,4 @@
-"""Files that are read only where they are regular, and written whole or not at all."""
+"""Reading of regular files only, and atomic writing of files."""
 
 import stat
 from collections.abc import Callable
@@ -13,35 +13,35 @@ SPECIAL = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-"""What a reader would wait for, by the kind of its file."""
+"""Kinds of files on which a reader would block, in words."""
 
 
 def regular(path: Path, error: type[DprError] = DprError) -> Path:
-    """Give back a path that can be opened without waiting: a regular file, a folder, or nothing yet.
+    """Return a path that can be opened without blocking: a regular file, a folder, or a path that does not exist.
 
     Args:
         path: of an input
-        error: what is raised
+        error: class of the exception
 
     Raises:
-        DprError: a pipe, a socket or a device, whose content may never come or end.
+        DprError: a pipe, a socket or a device, which may never deliver data or never end.
     """
     try:
         kind = SPECIAL.get(stat.S_IFMT(path.stat().st_mode))
-    except OSError:  # nothing there, or not to be looked at: whoever opens it says so
+    except OSError:  # missing or not accessible: opening it will report the error
         return path
     if kind is not None:
-        raise error(f"{path}: is {kind}, not a file: save what it delivers in a file first")
+        raise error(f"{path}: is {kind}, not a regular file: save its data in a file first")
     return path
 
 
 def write_whole(path: Path, write: Callable[[Path], object], error: type[DprError] = DprError) -> None:
-    """Make the folder of `path` and let `write` fill a temporary file in it, which then replaces `path`.
+    """Create the folder of `path`, let `write` fill a temporary file in it, and replace `path` by this file.
 
     Args:
         path: the file
         write: fills the file that it is given, of the same suffix
-        error: what is raised
+        error: class of the exception
 
     Raises:
         DprError: the folder or the file cannot be written.
@@ -59,7 +59,7 @@ def write_whole(path: Path, write: Callable[[Path], object], error: type[DprErro
 
 
 def write_text(path: Path, text: str, error: type[DprError] = DprError) -> None:
-    """The same for text, in UTF-8 with plain line ends.
+    """Write a text atomically, in UTF-8 with LF line ends.
 
     Raises:
         DprError: the folder or the file cannot be written.

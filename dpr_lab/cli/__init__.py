@@ -14,26 +14,25 @@ from typing import NoReturn
 from dpr_lab.errors import DprError
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C or SIGTERM: 128 and the number of SIGINT, as shells have it."""
+"""Exit code after Ctrl-C or SIGTERM: 128 plus the number of SIGINT, as in shells."""
 
 
 REFUSED = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO, errno.EBADF)
-"""What a disk, a pipe or a closed stream says: no bug of ours."""
+"""Error codes of a full disk, a broken pipe or a closed stream: these are no bugs of this program."""
 
 
 def main() -> None:
-    """Run `dpr-lab`; end with the exit code its help names.
+    """Run `dpr-lab` and exit with the code documented in its help.
 
     Errors for the operator become one message on stderr; everything else is a bug and keeps its traceback.
     """
     signal.signal(signal.SIGTERM, _interrupt)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
-    for number in (signal.SIGINT, signal.SIGTERM):  # while Python is being taken down it is too late
+    for number in (signal.SIGINT, signal.SIGTERM):  # not possible while the interpreter shuts down
         atexit.register(signal.signal, number, signal.SIG_IGN)
     try:
-        # Our matrices are small: threads of the linear algebra cost more than they give, and lanes already use the
-        # cores.
+        # Our matrices are small: threads of the linear algebra slow them down, and lanes already use the cores.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         _open_streams()
         sys.unraisablehook = _say_unraisable
@@ -47,7 +46,7 @@ def main() -> None:
         if error.errno not in REFUSED:
             raise
         if error.filename is not None:
-            _end(f"{error.filename}: {error.strerror}: make room there, or choose another folder", 1)
+            _end(f"{error.filename}: {error.strerror}: free some disk space, or choose another folder", 1)
         _leave_stdout()
         if error.errno != errno.EPIPE:
             from dpr_lab.cli.console import say
@@ -57,12 +56,12 @@ def main() -> None:
 
 
 def _end(message: str, exit_code: int) -> NoReturn:
-    """Say why, and leave; whoever presses Ctrl-C again meanwhile has been heard."""
+    """Print the reason and exit; further Ctrl-C during this time is ignored."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         from dpr_lab.cli.console import complain, json_mode
 
-        if "--json" in sys.argv:  # the command may not have come to look
+        if "--json" in sys.argv:  # the command may not have imported it
             json_mode(True)
         complain(message, exit_code)
         sys.stdout.flush()
@@ -74,7 +73,7 @@ def _end(message: str, exit_code: int) -> NoReturn:
 
 
 def _leave_stdout() -> None:
-    """The reader of our output went away (`dpr-lab ... | head`), or its disk is full: Python is not to complain."""
+    """Handle a closed output (`dpr-lab ... | head`) or a full disk without an error message of Python."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
 
 
@@ -85,7 +84,7 @@ def _command() -> None:
 
 
 def _run(app: Callable[[], object]) -> None:
-    """Run the command, flush its output, and report an interrupt as such, whichever library it interrupted."""
+    """Run the command, flush its output, and report an interrupt as an interrupt in whichever library it occurred."""
     try:
         app()
     except SystemExit as ended:
@@ -94,7 +93,7 @@ def _run(app: Callable[[], object]) -> None:
         sys.stdout.flush()
         raise
     except Exception as error:
-        # A compiler that an interrupt broke off says that it failed, and may not say why.
+        # A compiler that is interrupted reports a failed compilation, possibly without the cause.
         if isinstance(error, DprError) or (stopped := _interrupt_behind(error)) is None:
             raise
         raise stopped from None
@@ -102,7 +101,7 @@ def _run(app: Callable[[], object]) -> None:
 
 
 def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """The interrupt that led to an exception: in its chain, or raised before and dropped on the way."""
+    """The interrupt that led to an exception: in its chain, or raised before and suppressed since."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, KeyboardInterrupt):
@@ -112,21 +111,24 @@ def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
 
 
 class Interrupt(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM on its way to `main`.
+    """Pending Ctrl-C or SIGTERM for `main`.
+
+    If a library suppresses it, for example in a callback of the compiler or in an import that catches all errors, it
+    is raised again.
 
     Dropped on the way, in a callback of the compiler or by what clears every error while it is imported, it strikes
     again.
     """
 
     raised = False
-    """Ctrl-C was pressed, or SIGTERM came."""
+    """Register that Ctrl-C was pressed or SIGTERM received."""
 
     heard = False
-    """`main` has it."""
+    """Register that `main` has received the interrupt."""
 
     def __del__(self) -> None:
         if not Interrupt.heard:
-            again = threading.Timer(0.05, _interrupt_main_thread)  # at once it would strike in here
+            again = threading.Timer(0.05, _interrupt_main_thread)  # an immediate timer would fire inside this handler
             again.daemon = True
             again.start()
 
@@ -141,7 +143,7 @@ def _interrupt_main_thread() -> None:
     if main is None or not hasattr(signal, "pthread_kill"):
         _thread.interrupt_main()
     else:
-        signal.pthread_kill(main, signal.SIGINT)  # ends a wait too
+        signal.pthread_kill(main, signal.SIGINT)  # also ends a blocking wait
 
 
 def _interrupt(signum: int, frame: object) -> None:
@@ -150,7 +152,7 @@ def _interrupt(signum: int, frame: object) -> None:
 
 
 def _open_streams() -> None:
-    """Streams that were closed before the start lead nowhere; what an output cannot spell is spelled out."""
+    """Redirect streams that were closed before the start to the null device; escape characters without an encoding."""
     for fd, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         if getattr(sys, name) is None:
             opened = os.open(os.devnull, os.O_RDWR)

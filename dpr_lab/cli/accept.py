@@ -1,4 +1,4 @@
-"""`dpr-lab accept`: whether a rig keeps its limits."""
+"""`dpr-lab accept`: test a rig against limits."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +20,7 @@ def accept(
     torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Test whether a rig keeps the limits of a file: pass, fail or not decidable, by equivalence tests at 95 %.
+    """Test whether a rig meets the limits in a file: pass, fail or not decidable, by equivalence tests at 95 %.
 
     Exit with 1 if a limit fails, with 9 if none fails but one is not decidable with these recordings.
 

@@ -1,4 +1,4 @@
-"""`dpr-lab capture`: guide the rods to each pose, release, record, judge."""
+"""`dpr-lab capture`: show how to reach each pose, release, record and check the recording."""
 
 import select
 import sys
@@ -49,8 +49,8 @@ def capture(
 ) -> None:
     """Record free swings: one run file for each release.
 
-    The rods are released only at the pose, at rest, and on the order of the operator: Enter on a terminal; without a
-    terminal, or with --yes, the poses named on the command line are that order.
+    The rods are released only at the pose, at rest, and on the operator's command. On a terminal this is Enter; without
+    a terminal, or with --yes, naming the poses on the command line is the command.
 
     Example: dpr-lab capture --rig paper --link sim:// --pose X1 --pose X2 --pose X3 --out runs
     """
@@ -79,7 +79,7 @@ def capture(
 
 
 def _operator(*, ask: bool) -> "Confirm":
-    """The operator's order to release: Enter on the terminal, looked for without blocking."""
+    """The operator's release command: Enter on the terminal, polled without blocking."""
     if not ask:
         return lambda: True
     asked = False

@@ -1,4 +1,4 @@
-"""`dpr-lab certify` and `dpr-lab verify`: a diagnosis that others can check."""
+"""`dpr-lab certify` and `dpr-lab verify`: diagnoses that others can verify."""
 
 import sys
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ def certify(
     max_effects: MaxEffects = 4,
     seed: Annotated[
         int,
-        typer.Option(min=0, max=(1 << 63) - 1, help="Seed of the random numbers; the same seed gives the same answer."),
+        typer.Option(min=0, max=(1 << 63) - 1, help="Seed of the random numbers; the same seed gives the same result."),
     ] = 0,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
@@ -36,11 +36,11 @@ def certify(
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="The certificate.")] = Path("certificate.json"),
-    as_json: Annotated[bool, typer.Option("--json", help="The certificate on stdout too.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the certificate on stdout as well.")] = False,
 ) -> None:
     """Diagnose runs and write a certificate: hashes of recordings, rig and code, choices, and every claim.
 
-    `dpr-lab verify` repeats the diagnosis and compares each claim. docs/certificates.md says what that proves.
+    `dpr-lab verify` repeats the diagnosis and compares each claim. docs/certificates.md explains what this proves.
 
     Example: dpr-lab certify runs/*.mcap --rig paper --out certificate.json
     """
@@ -101,8 +101,8 @@ def verify(
 ) -> None:
     """Repeat a certified diagnosis and compare every claim; exits with 1 if a claim does not hold.
 
-    The claims and their tolerances are rules of this program, not of the file. What the certificate declares and no
-    repetition can confirm (choices, code, origin) is shown first.
+    The claims and their tolerances are rules of this program, not of the file. The declarations that no repetition can
+    confirm (choices, code, origin) are shown first.
 
     Example: dpr-lab verify certificate.json
     """
@@ -123,7 +123,7 @@ def verify(
 
 
 def _show_verified(done: "VerifiedCertificate") -> None:
-    _show_declared("Choices: not verified, judge them", done.choices)
+    _show_declared("Choices: declared, not verified", done.choices)
     _show_declared("Origin: declared by the certificate", done.origin)
     files = [[each.claim, _cell(each.certified), _cell(each.now), _held(each)] for each in done.lines if _is_file(each)]
     table("Files and signature", ["what", "certified", "now", "result"], files)

@@ -53,7 +53,7 @@ def check(
 
 
 def show(updated: "Diagnosis", out: Path | None) -> None:
-    """The last check on stdout: the conclusion first, then the probabilities before and after."""
+    """Print the last check on stdout: conclusion, then probabilities before and after."""
     from dpr_lab.report.gap import tables
     from dpr_lab.workflows.diagnose import RECORD
 

@@ -1,4 +1,4 @@
-"""Check the arguments of a command before its work begins."""
+"""Checks of command-line arguments before a command starts."""
 
 import math
 import sys
@@ -14,10 +14,10 @@ from dpr_lab.errors import known_name, unknown_name
 
 
 def positive(value: float | None) -> float | None:
-    """A callback of an option: a number above zero, and finite; or none given.
+    """Callback of an option: a finite number above zero, or no value.
 
     Raises:
-        BadParameter: it is not.
+        BadParameter: any other value.
     """
     if value is not None and not 0 < value < math.inf:
         raise typer.BadParameter(f"must be above 0 and finite, not {value:g}")
@@ -26,21 +26,21 @@ def positive(value: float | None) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """The names that an option takes, perhaps several with commas between; looked up when they are needed."""
+    """Names that an option accepts, possibly several separated by commas; the list is loaded when needed."""
 
     what: str
     names: Callable[[], Iterable[str]]
     worded: Callable[[str], str] = str
-    """A name for people, with words before it."""
+    """A name in words, with an optional prefix."""
 
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
-        """Completions of the last name, after any comma, with their descriptions."""
+        """Completions of the last name after any comma, with their descriptions."""
         before, comma, prefix = incomplete.rpartition(",")
         matching = (name for name in self.names() if name.startswith(prefix))
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in matching]
 
     def check(self, value: str | None) -> str | None:
-        """A callback of an option: names with commas between, each a name or its words; returns names.
+        """Callback of an option with names separated by commas, each as identifier or in words; returns identifiers.
 
         Raises:
             BadParameter: an unknown name.
@@ -48,7 +48,7 @@ class Choices:
         return None if value is None else ",".join(map(self._known, self._split(value)))
 
     def check_each(self, value: list[str] | None) -> list[str] | None:
-        """A callback of an option that may be given again; each value is a name or its words; returns names.
+        """Callback of a repeatable option, each value as identifier or in words; returns identifiers.
 
         Raises:
             BadParameter: an unknown name.
@@ -56,7 +56,7 @@ class Choices:
         return None if value is None else [self._known(name) for name in value]
 
     def _split(self, value: str) -> list[str]:
-        """Names with commas between, some of whose words have commas themselves."""
+        """Names separated by commas, where names in words may contain commas themselves."""
         parts: list[str] = []
         for part in value.split(","):
             whole = f"{parts[-1]},{part}" if parts else ""
@@ -77,7 +77,7 @@ class Choices:
 
 
 def names_in(given: str | None) -> tuple[str, ...] | None:
-    """Names with commas between."""
+    """Names separated by commas."""
     return None if given is None else tuple(name.strip() for name in given.split(",") if name.strip())
 
 

@@ -1,4 +1,4 @@
-"""`dpr-lab compare`: measured and simulated curves side by side."""
+"""`dpr-lab compare`: comparison of measured and simulated curves."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +12,7 @@ from dpr_lab.workflows.compare import compare as compare_runs
 
 def compare(
     runs: Annotated[
-        list[Path], typer.Argument(help="Run files (.mcap); those that the model was not fitted to are held out.")
+        list[Path], typer.Argument(help="Run files (.mcap); runs that the model was not fitted to are held out.")
     ],
     model: Annotated[Path, typer.Option(help="Model that `identify` wrote.")],
     out: Annotated[Path, typer.Option(help="Folder of the figures and the report.")] = Path("report"),
@@ -37,7 +37,7 @@ def compare(
         if as_json:
             emit(moving)
         else:
-            table("Measured against simulated, from segment to segment", MOVING_ARM_COLUMNS, moving_arm_rows(moving))
+            table("Measured and simulated angles by segment", MOVING_ARM_COLUMNS, moving_arm_rows(moving))
             line(f"table: {moving['file']}")
         return
     with Listener() as listener:
@@ -46,5 +46,5 @@ def compare(
         emit(compared.saved)
         return
     rows = comparison_rows(compared.comparisons)
-    table("Measured against simulated", COMPARISON_COLUMNS, rows, note=COMPARISON_NOTE)
+    table("Measured and simulated angles", COMPARISON_COLUMNS, rows, note=COMPARISON_NOTE)
     line(f"report: {compared.saved['report']}")

@@ -1,4 +1,4 @@
-"""`dpr-lab conform`: whether a device of one's own keeps to the protocol."""
+"""`dpr-lab conform`: conformance test of a user's device."""
 
 from contextlib import closing
 from dataclasses import asdict
@@ -33,7 +33,7 @@ def conform(
             bar(None, one.what)
     ok = all(one.ok for one in exchanges)
     if as_json:
-        checks = [asdict(one) | {"said": one.message} for one in exchanges]  # `said` is the key of earlier versions
+        checks = [asdict(one) | {"said": one.message} for one in exchanges]  # `said` is the key in earlier versions
         emit({"link": link, "ok": ok, "checks": checks})
     else:
         rows = [(one.what, "ok" if one.ok else "wrong", one.message) for one in exchanges]

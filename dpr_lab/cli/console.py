@@ -1,4 +1,4 @@
-"""What the commands print: one JSON object or readable tables on stdout, everything else on stderr."""
+"""Output of the commands: one JSON object or readable tables on stdout, everything else on stderr."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -15,40 +15,40 @@ _state = {"json": False}
 
 
 def json_mode(on: bool) -> bool:
-    """Remember that this process was asked for JSON, so that errors are JSON too."""
+    """Set JSON output for this process, so that errors are printed as JSON as well."""
     _state["json"] = on
     return on
 
 
 def line(text: object = "") -> None:
-    """A line of the result, on stdout."""
+    """Print a line of the result on stdout."""
     print(folded(printable(str(text)), sys.stdout))
 
 
 def text(document: str) -> None:
-    """A document on stdout, its lines as they are."""
+    """Print a document on stdout without changes."""
     print(printable(document))
 
 
 def emit(result: dict[str, Any] | list[dict[str, Any]]) -> None:
-    """Print one JSON object or a list to stdout; numbers that are not finite become null."""
+    """Print one JSON object or a list to stdout; non-finite numbers become null."""
     print(as_json(result))
 
 
 def complain(message: str, exit_code: int) -> None:
-    """An error for the operator: on stderr, and with --json as an object on stdout too."""
+    """Print an error for the operator on stderr, and with --json also as an object on stdout."""
     if _state["json"]:
         emit({"error": message, "exit_code": exit_code})
     say(f"dpr-lab: {message}")
 
 
 def say(message: str) -> None:
-    """A line for the operator, on stderr: never mixed with a result."""
+    """Print a line for the operator on stderr, separate from the results."""
     print(folded(printable(message), sys.stderr), file=sys.stderr, flush=True)
 
 
 def folded(message: str, stream: TextIO, before: int = 0) -> str:
-    """Break a message between words on a terminal; `before` characters precede it on its first line."""
+    """Wrap a message at spaces to the width of the terminal; `before` characters precede it in the first line."""
     if not stream.isatty():
         return message
     width = get_terminal_size().columns
@@ -57,7 +57,7 @@ def folded(message: str, stream: TextIO, before: int = 0) -> str:
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, note: str = "") -> None:
-    """A table on stdout, as wide as the terminal at most; a `note` below says how to read it."""
+    """Print a table on stdout, at most as wide as the terminal; a `note` below explains it."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -66,7 +66,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], 
 
     cells = [[printable(str(cell)) for cell in row] for row in rows]
     down = list(zip(columns, *cells, strict=True))
-    # A pipe or a file has no width to wrap at.
+    # no wrapping in a pipe or file
     console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
     widths = _widths(down, console.width - 3 * len(columns) - 1)
     if widths is None:
@@ -84,7 +84,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], 
 
 
 def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
-    """So wide that no word breaks and nothing is cut; None where there is no room for that."""
+    """Column widths without broken words and without truncation; None if the terminal is too narrow."""
     from rich.cells import cell_len
 
     widths = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in columns]
@@ -93,14 +93,14 @@ def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
     if left < 0:
         return None
     missing = sorted(range(len(columns)), key=lambda i: wanted[i] - widths[i])
-    for done, i in enumerate(missing):  # who wants least is served first: the rest shares what is left
+    for done, i in enumerate(missing):  # narrow columns first; the others share the remaining width
         given = min(wanted[i] - widths[i], left // (len(columns) - done))
         widths[i], left = widths[i] + given, left - given
     return widths
 
 
 def _list(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> None:
-    """A table whose words do not fit side by side: a block for each row, a line for one of two columns."""
+    """Print a table that is too wide as one block per row, or one line per row for two columns."""
     lines = [_hanging(title, width, "")]
     for first, *rest in rows:
         if len(rest) == 1:
@@ -125,20 +125,20 @@ def _hanging(text: str, width: int, indent: str) -> str:
 
 
 class Bar(Protocol):
-    """A progress bar on a terminal, nothing elsewhere."""
+    """Progress bar on a terminal; no output elsewhere."""
 
     def __call__(self, done: float | None, text: str = "") -> None:
-        """Show `done` of the total, None for as much as before, with a text."""
+        """Show `done` of the total (None: unchanged) with a text."""
         ...
 
 
 def no_bar(done: float | None, text: str = "") -> None:
-    """A progress bar that shows nothing."""
+    """Progress bar without output."""
 
 
 @contextmanager
 def progress(title: str, total: float | None) -> Iterator[Bar]:
-    """A progress bar on stderr when it is a terminal; it moves without end where no `total` is known."""
+    """Progress bar on stderr if it is a terminal; indeterminate if `total` is unknown."""
     if not sys.stderr.isatty():
         yield no_bar
         return

@@ -1,4 +1,4 @@
-"""`dpr-lab demo`: the main job from cable to curve on a simulated rig, then a blind trial of the diagnosis."""
+"""`dpr-lab demo`: complete workflow on a simulated rig, then a blind trial of the diagnosis."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,24 +14,22 @@ if TYPE_CHECKING:
 def demo(
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the results; out/demo, or sample with --table, when left out."),
+        typer.Option(help="Folder of the results; default: out/demo, or sample with --table."),
     ] = None,
     sample: Annotated[
         bool, typer.Option("--table", help="Write three sample tables (CSV) and their rig file instead.")
     ] = False,
     seed: Annotated[
         int | None,
-        typer.Option(
-            min=0, help="The same seed gives the same demo; by default, new random numbers draw the plant of the trial."
-        ),
+        typer.Option(min=0, help="The same seed gives the same demo; by default the plant of the trial is random."),
     ] = None,
     realtime: Annotated[bool, typer.Option("--realtime", help="Simulate in real time: ten seconds per swing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is hidden.
 
-    The simulated device is another process with a plant of its own; its true values are asked for only when
-    everything else is done. The first demo on a computer compiles the kernels, which takes a minute or two.
+    The simulated device is a separate process with its own plant; its true values are requested only at the end. The
+    first demo on a computer compiles the kernels, which takes a minute or two.
 
     With --table: write three recorded releases as CSV tables and their rig file, to practise on (see the tutorial
     docs/tutorials/your-table.md). Nothing is simulated or diagnosed then.
@@ -89,14 +87,14 @@ def _show(done: "DemoResult") -> None:
     known, hidden = done.known, done.hidden
     show_model(known.model)
     table(
-        "Five ratios: identified, and the plant's own",
+        "Five ratios: identified and true values",
         ("ratio", "identified", "std", "plant", "deviation, std"),
         [(name, f"{v:.7g}", f"{s:.2g}", f"{p:.7g}", f"{z:+.2f}") for name, (v, s, p, z) in known.comparison.items()],
     )
     line(f"report: {known.report}")
     line()
     line("Blind trial: a plant with a hidden effect")
-    line(f"bare model: residual {hidden.model.fit.chi2_per_dof:.3g} times what the noise allows (1 is noise alone)")
+    line(f"bare model: residual {hidden.model.fit.chi2_per_dof:.3g} times the noise level (1 = noise alone)")
     line(f"diagnosis: {in_words(hidden.diagnosis.sentence)}")
     show_opened(hidden.opened, hidden.trial)
     line(f"report: {hidden.report}")

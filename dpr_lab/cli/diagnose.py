@@ -1,4 +1,4 @@
-"""`dpr-lab diagnose`: why simulation and rig differ."""
+"""`dpr-lab diagnose`: diagnosis of the difference between simulation and rig."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -30,24 +30,24 @@ def diagnose(
     rig: Annotated[
         str,
         typer.Option(
-            help="Rig file, or the name of a built-in one; with --simulator it may be left out.",
+            help="Rig file, or the name of a built-in one; optional with --simulator.",
             autocompletion=complete_rig,
         ),
     ] = "",
     simulator: Annotated[
         Path | None,
-        typer.Option(help="Your MJCF, URDF or SDFormat model: start from it and say what to change in it."),
+        typer.Option(help="Your MJCF, URDF or SDFormat model: start from it and list what to change in it."),
     ] = None,
     joints: Annotated[
-        str | None, typer.Option(help="With --simulator: joints of the inner and the outer rod, by comma.")
+        str | None, typer.Option(help="With --simulator: joints of the inner and the outer rod, separated by commas.")
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="Model that `identify` wrote; the start of the fit.")] = None,
+    model: Annotated[Path | None, typer.Option(help="Model written by `identify`; initial values of the fit.")] = None,
     held_out: HeldOut = None,
     library: Library = None,
     without: Without = None,
     max_effects: MaxEffects = 4,
     seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same answer.")
+        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same result.")
     ] = 0,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the report, figures, corrected model and exports.")
@@ -59,7 +59,7 @@ def diagnose(
         typer.Option(
             help="Exit with 1 on any of these, separated by commas: gap, unexplained, unsure, sensor."
             " Recordings that cannot show a"
-            " gap, or are probably described wrongly, always exit with 1.",
+            " gap, or whose description is probably wrong, always exit with 1.",
             callback=REASON_NAMES.check,
             autocompletion=REASON_NAMES.complete,
         ),
@@ -83,9 +83,9 @@ def diagnose(
     """
     json_mode(as_json)
     if not rig and simulator is None:
-        raise typer.BadParameter("give --rig, or --simulator with a model of yours")
+        raise typer.BadParameter("give --rig, or --simulator with your own model")
     if joints and simulator is None:
-        raise typer.BadParameter("--joints belongs to --simulator")
+        raise typer.BadParameter("--joints requires --simulator")
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.diagnose import DiagnoseRequest, failures
     from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
@@ -130,7 +130,7 @@ def diagnose(
 
 
 def show(diagnosis: "Diagnosis") -> None:
-    """Print the diagnosis, the verdict first."""
+    """Print the diagnosis, verdict first."""
     from dpr_lab.report.gap import tables
     from dpr_lab.report.gap.sections.trust import trust_words
     from dpr_lab.report.gap.sizes import scale_note
@@ -176,7 +176,7 @@ def show(diagnosis: "Diagnosis") -> None:
 
 
 def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
-    """Print what to change in the user's model, the first cause first."""
+    """Print the changes of the user's model, the most important cause first."""
     from dpr_lab.report.words import in_words
 
     name, least = done.simulator.name, done.least
@@ -186,22 +186,22 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
         for cause in least.causes
     ]
     if rows:
-        columns = ("joint", "quantity", f"in {name}", "identified", "unit", "error that returns without it")
-        table(f"What to change in {name}", columns, rows)
+        columns = ("joint", "quantity", f"in {name}", "identified", "unit", "error without this change")
+        table(f"Changes of {name}", columns, rows)
     else:
-        line(f"No number of {name} needs a change: all differ by less than 1 % or their uncertainty.")
+        line(f"No number of {name} needs a change: all differ by less than 1 % or less than their uncertainty.")
     for effect in least.unnamed:
-        line(f"not a number of a body or joint: {in_words(effect)}")
+        line(f"no attribute of a body or joint represents this effect: {in_words(effect)}")
     if done.refused:
         line(f"{name} cannot be changed: {done.refused}")
     if done.diff:
         text(done.diff.rstrip())
     if done.format == "MJCF" and done.changes and out is None:
-        line(f"With --out FOLDER the changed {name} is written there.")
+        line(f"With --out FOLDER the changed {name} is written to this folder.")
 
 
 def show_search(diagnosis: "Diagnosis") -> None:
-    """The model search on stdout, trial by trial."""
+    """Print all trials of the model search on stdout."""
     from dpr_lab.report.gap import tables
 
     table("Model search", tables.SEARCH_COLUMNS, tables.search_rows(diagnosis), note=tables.SEARCH_NOTE)

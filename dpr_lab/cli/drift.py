@@ -1,4 +1,4 @@
-"""`dpr-lab drift`: what changed since yesterday."""
+"""`dpr-lab drift`: changes of parameters between groups of runs."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -47,7 +47,7 @@ def drift(
         from dpr_lab.report.drift import COLUMNS, basis_sentence, rows, sentence
 
         line(sentence(result.drift))
-        table("What moved", COLUMNS, rows(result.drift), note=basis_sentence(result.drift, result.torques))
+        table("Changes of parameters", COLUMNS, rows(result.drift), note=basis_sentence(result.drift, result.torques))
         if "report" in result.files:
             line(f"report: {result.files['report']}")
     if fail_on_drift and result.drift.moved:

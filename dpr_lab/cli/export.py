@@ -1,4 +1,4 @@
-"""`dpr-lab export`: a model for other programs."""
+"""`dpr-lab export`: models for other programs."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,12 +13,14 @@ if TYPE_CHECKING:
 
 
 def export(
-    model: Annotated[Path, typer.Argument(help="A model that `identify` or `diagnose` wrote, or a diagnosis' folder.")],
+    model: Annotated[
+        Path, typer.Argument(help="Model written by `identify` or `diagnose`, or the folder of a diagnosis.")
+    ],
     rig: RigName,
     to: Annotated[
         str,
         typer.Option(
-            help="Formats, by comma: python, mjcf, urdf, sdf, fmu, fmu2.",
+            help="Formats, separated by commas: python, mjcf, urdf, sdf, fmu, fmu2.",
             callback=EXPORT_NAMES.check,
             autocompletion=EXPORT_NAMES.complete,
         ),
@@ -33,10 +35,10 @@ def export(
     torque: TorqueKind = None,
     into: Annotated[
         Path | None,
-        typer.Option(help="MJCF file of yours: write a copy with the identified numbers; see `rig from`."),
+        typer.Option(help="Your own MJCF file: write a copy with the identified numbers; see `rig from`."),
     ] = None,
     joints: Annotated[
-        str | None, typer.Option(help="With --into: joints of the inner and the outer rod, by comma.")
+        str | None, typer.Option(help="With --into: joints of the inner and the outer rod, separated by commas.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("export"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
@@ -52,11 +54,11 @@ def export(
     json_mode(as_json)
     if into is not None:
         if check:
-            raise typer.BadParameter("--check replays the formats of --to; leave it out with --into")
+            raise typer.BadParameter("--check replays the formats of --to; do not use it with --into")
         _into(model, rig, into, out, names_in(joints) or (), as_json)
         return
     if joints:
-        raise typer.BadParameter("--joints belongs to --into")
+        raise typer.BadParameter("--joints requires --into")
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.export import ExportRequest
     from dpr_lab.workflows.export import export as export_model
@@ -97,19 +99,19 @@ def _show(done: "ExportResult") -> None:
     from dpr_lab.report.words import in_words
 
     if done.lab is not None and done.bare_rad is not None:
-        rows = [["the lab's own simulation", f"{1e3 * done.lab.off_rad:.3g}", f"{100 * done.lab.closed:.0f} %"]]
+        rows = [["dpr-lab's own simulation", f"{1e3 * done.lab.off_rad:.3g}", f"{100 * done.lab.closed:.0f} %"]]
         rows += [
             [name, f"{1e3 * tried.off_rad:.3g}", f"{100 * tried.closed:.0f} %"] for name, tried in done.tried.items()
         ]
         rows.append(["bare model", f"{1e3 * done.bare_rad:.3g}", "0 %"])
         runs = ", ".join(done.lab.by_run)
         driven = "".join(f", {kind} torques" for kind in done.torques)
-        table(f"Replayed: {runs}{driven}", ["where", "off by, mrad", "gap closed"], rows)
+        table(f"Replayed: {runs}{driven}", ["where", "error, mrad", "gap closed"], rows)
     for name, reasons in done.lost.items():
         for effect, reason in reasons.items():
             line(f"{name}: without {in_words(effect)}: {reason}")
         if name in done.instead:
-            line(f"{name}: fitted again with {in_words(', '.join(done.instead[name])) or 'no effect'} instead")
+            line(f"{name}: refitted with {in_words(', '.join(done.instead[name])) or 'no effect'} instead")
     line(scaled_unit(done.scale_sentence))
     for sentence in done.refused.values():
         say(sentence)

@@ -1,4 +1,4 @@
-"""`dpr-lab identifiability`: what recordings can and cannot tell about a rig, and what to measure next."""
+"""`dpr-lab identifiability`: identifiable parameters of a rig, and recommended measurements."""
 
 import textwrap
 from math import isfinite
@@ -49,61 +49,64 @@ def identifiability(
 
 
 def show_arm(analysis: "ArmIdentifiability") -> None:
-    """Print the findings for a rig with a moving arm as tables and sentences."""
+    """Print the results for a rig with a moving arm as tables and sentences."""
     from dpr_lab.identification.directions import described
     from dpr_lab.shown import FIXED_BY
 
     _print(f"{analysis.heading}.")
     if analysis.simulated:
-        _print("No runs were given: recordings are simulated at the rig file's values. No value below is a result.")
+        _print(
+            "No runs were given: the recordings are simulated with the values of the rig file. The"
+            " values below are not results."
+        )
     valued = not analysis.simulated
     table(
-        "What the recordings fix",
+        "Quantities determined by the recordings",
         ("combination", *(("value",) if valued else ()), "relative std"),
         [
             (name, *((f"{analysis.values[name]:.5g}",) if valued else ()), f"{std:.1e}")
             for name, std in analysis.combinations.items()
         ]
-        + [(name, *(("",) if valued else ()), "not seen") for name in analysis.unseen],
+        + [(name, *(("",) if valued else ()), "not determined") for name in analysis.unseen],
     )
     table(
-        "Parameters, and what fixes each",
-        ("parameter", "relative std", "fixed by"),
+        "Parameters and what determines them",
+        ("parameter", "relative std", "determined by"),
         [
             (name, f"{analysis.spread[name]:.1e}" if name in analysis.spread else "", FIXED_BY[how])
             for name, how in analysis.fixed_by.items()
         ],
     )
     if analysis.null_space:
-        _print("Changes that no recording and no measured value can see:")
+        _print("Parameter changes that neither recordings nor measured values can detect:")
     for direction in analysis.null_space:
         _print(f"- {described(direction)}")
     _show_advice(analysis)
 
 
 def show(analysis: "Identifiability") -> None:
-    """Print the findings as tables and sentences: as wide as the terminal, or 160 columns in a pipe."""
+    """Print the results as tables and sentences, as wide as the terminal, or 160 columns in a pipe."""
     from dpr_lab.identification.directions import described
     from dpr_lab.identification.identifiability import CRAMER_RAO_NOTE
     from dpr_lab.report.digits import plus_minus
     from dpr_lab.shown import FIXED_BY
 
     sizes = ", ".join(f"{value:.2g}" for value in analysis.singular_values)
-    _print(f"The recordings see {analysis.rank} of 9 directions (singular values {sizes}; the others are 0).")
+    _print(f"The recordings determine {analysis.rank} of 9 directions (singular values {sizes}; the others are 0).")
     table(
-        "What the recordings fix",
+        "Quantities determined by the recordings",
         ("combination", "value ± Cramér-Rao std", "relative std"),
         [
             (name, plus_minus(value, std), f"{std / value:.1e}")
             if isfinite(std)
-            else (name, f"{value:.3g}", "not seen")
+            else (name, f"{value:.3g}", "not determined")
             for (name, value), std in zip(analysis.unknowns.items(), analysis.cramer_rao_std.values(), strict=True)
         ],
         note=CRAMER_RAO_NOTE,
     )
     table(
-        "Nine parameters, and what fixes each",
-        ("parameter", "value ± std", "90 % interval", "fixed by", "measured values that help"),
+        "Nine parameters and what determines them",
+        ("parameter", "value ± std", "90 % interval", "determined by", "contributing measured values"),
         [
             (
                 name,
@@ -116,7 +119,7 @@ def show(analysis: "Identifiability") -> None:
         ],
     )
     if analysis.null_space:
-        _print("Changes that no recording and no measured value can see:")
+        _print("Parameter changes that neither recordings nor measured values can detect:")
     for direction in analysis.null_space:
         _print(f"- {described(direction)}")
     _show_length(analysis)
@@ -124,7 +127,7 @@ def show(analysis: "Identifiability") -> None:
 
 
 def _helping(analysis: "Identifiability", name: str) -> list[str]:
-    """The measured values that help to fix a parameter."""
+    """Measured values that contribute to a parameter."""
     return [measured for measured, helped in analysis.helps.items() if name in helped]
 
 
@@ -133,7 +136,7 @@ def _show_length(analysis: "Identifiability") -> None:
         return
     shifts = ", ".join(f"{name} {shift:+.2%}" for name, shift in analysis.length_error.ratio_shift.items())
     _print(
-        f"L1 is taken as measured. {1e3 * analysis.length_error.error:.2g} mm of error makes e2 = d g / L1 wrong, as an"
+        f"L1 is assumed exact. {1e3 * analysis.length_error.error:.2g} mm of error makes e2 = d g / L1 wrong, as an"
         f" error of g or of the sample clock does: it moves {shifts} and leaves"
         f" {analysis.length_error.residual_over_noise:.1f} times the noise as residual."
     )
@@ -141,9 +144,9 @@ def _show_length(analysis: "Identifiability") -> None:
 
 def _show_advice(analysis: "Identifiability | ArmIdentifiability") -> None:
     if not analysis.null_space:
-        _print("All parameters are fixed; a further measurement only makes them more exact.")
+        _print("All parameters are determined; a further measurement only reduces their uncertainty.")
     table(
-        "One more measurement on the bench",
+        "Additional measurements on the bench",
         ("measurement", "reads", "fixes", "gain (bits)"),
         [
             (
@@ -158,9 +161,9 @@ def _show_advice(analysis: "Identifiability | ArmIdentifiability") -> None:
     if analysis.advice:
         _print(analysis.advice[0].sentence)
     if analysis.sequence:
-        _print("One after the other:")
+        _print("Recommended sequence:")
     for number, advice in enumerate(analysis.sequence, 1):
-        _print(f"{number}. {advice.how}: fixes {', '.join(advice.frees) or 'no parameter by itself'}")
+        _print(f"{number}. {advice.how}: determines {', '.join(advice.frees) or 'no parameter alone'}")
 
 
 def _print(text: str) -> None:

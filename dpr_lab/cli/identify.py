@@ -1,4 +1,4 @@
-"""`dpr-lab identify`: runs in, model.json out."""
+"""`dpr-lab identify`: identification of a model from runs."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -42,7 +42,7 @@ def identify(
         str | None, typer.Option(help="Search settings: a TOML file, or the name of a built-in one.")
     ] = None,
     seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same answer.")
+        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same result.")
     ] = 0,
     profile: Annotated[bool, typer.Option("--profile", help="Add profile likelihood intervals of the ratios.")] = False,
     out: Annotated[Path, typer.Option(help="File of the model.")] = Path("model.json"),
@@ -71,15 +71,17 @@ def identify(
             show_moving_arm(identified.model)
         line(f"model: {out}")
     if model.failures:
-        raise IdentificationError("; ".join(model.failures) + f" (the model is kept in {out}, not to be trusted)")
+        raise IdentificationError(
+            "; ".join(model.failures) + f" (the model was written to {out}, but it is not reliable)"
+        )
 
 
 def show_moving_arm(model: "MovingArmModel") -> None:
-    """The model of a rig with a moving arm as tables on stdout."""
+    """Print the model of a rig with a moving arm as tables on stdout."""
     from dpr_lab.report import moving_arm
 
     line(moving_arm.summary(model))
-    what = "the inner rod's own inertia a" if model.scale == "a" else "the outer rod's inertia b"
+    what = "the inertia a of the inner rod" if model.scale == "a" else "the inertia b of the outer rod"
     table(f"Ratios to {what}", moving_arm.RATIO_COLUMNS, moving_arm.ratio_rows(model))
     note = f"{model.scale_sentence} A is the total inertia about the arm's axis."
     table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model), note=note)
@@ -92,23 +94,23 @@ def show_moving_arm(model: "MovingArmModel") -> None:
 
 
 def show(model: "Model") -> None:
-    """The model as tables on stdout."""
+    """Print the model as tables on stdout."""
     from dpr_lab.report import tables
 
     line(tables.summary(model))
     table(
-        "Five ratios: all that a free swing fixes",
+        "Five ratios, which a free swing determines",
         tables.RATIO_COLUMNS,
         tables.ratio_rows(model),
         note=tables.ratio_note(model),
     )
     if absolute := tables.base_rows(model):
-        table("Base parameters: these runs show their scale too", tables.BASE_COLUMNS, absolute)
+        table("Base parameters, because these runs also determine the scale", tables.BASE_COLUMNS, absolute)
     profiled = [(name, e.profile90) for name, e in model.ratios.items() if e.profile90 is not None]
     if profiled:
         rows = [(name, *("none" if end is None else f"{end:.7g}" for end in ends)) for name, ends in profiled]
         table("90 % intervals by profile likelihood", ("ratio", "from", "to"), rows)
     nine = tables.parameter_rows(model)
-    table("Nine parameters, and what fixed each", tables.PARAMETER_COLUMNS, nine, note=tables.parameter_note(model))
+    table("Nine parameters and what determined them", tables.PARAMETER_COLUMNS, nine, note=tables.parameter_note(model))
     for warning in model.warnings:
         say(f"warning: {warning}")

@@ -1,4 +1,4 @@
-"""`dpr-lab import table`: a recording of any logger becomes a run."""
+"""`dpr-lab import table`: import of a table of any logger as a run."""
 
 import inspect
 import math
@@ -30,7 +30,7 @@ def _group() -> None:
 
 def import_table(
     file: Annotated[
-        Path, typer.Argument(help="A table, .csv.gz, .mat, .npz, .h5, .parquet, .mcap, or a bag's folder.")
+        Path, typer.Argument(help="A table, .csv.gz, .mat, .npz, .h5, .parquet, .mcap, or the folder of a ROS 2 bag.")
     ],
     rig: RigName,
     rods: Rods = None,
@@ -44,7 +44,7 @@ def import_table(
 ) -> None:
     """Import a table of any logger as a run; gaps and uneven time stamps are kept, repeated rows are dropped.
 
-    Text in any form, .mat, .npz, Parquet, HDF5, JointState in MCAP or a ROS 2 bag, points of Tracker or DeepLabCut.
+    Formats: text tables, .mat, .npz, Parquet, HDF5, JointState in MCAP or a ROS 2 bag, points of Tracker or DeepLabCut.
 
     Example: dpr-lab import table swing.mat --rig paper --pose X1 --angles relative --zero hanging --dry-run
     """
@@ -72,7 +72,7 @@ def import_table(
 
 
 def _with_options(command: Callable[..., None]) -> inspect.Signature:
-    """The signature of the command with an option for each field of `ImportOptions`, after the rig."""
+    """Signature of the command: the rig and one option for each field of `ImportOptions`."""
     own = inspect.signature(command)
     file, rig, *others, _ = own.parameters.values()
     return own.replace(parameters=[file, rig, *map(_parameter, typed_options()), *others])
@@ -84,7 +84,7 @@ def _parameter(option: TypedOption) -> inspect.Parameter:
     kind = str if option.reads_text else option.kind
     if option.default is None:
         kind = kind | None
-    flags = (f"--{option.name.replace('_', '-')}",)  # of a switch: without its `--no-`
+    flags = (f"--{option.name.replace('_', '-')}",)  # switches have no --no- form
     annotation = Annotated[kind, typer.Option(*flags, help=option.typed.help, **limits)]
     return inspect.Parameter(
         option.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=option.default, annotation=annotation
@@ -92,7 +92,7 @@ def _parameter(option: TypedOption) -> inspect.Parameter:
 
 
 def _options(typed: Mapping[str, Any]) -> ImportOptions:
-    """Raise BadParameter for a value that cannot be read or is outside its limits."""
+    """Raise BadParameter for a value that is not valid or outside its limits."""
     readers = {option.name: option for option in typed_options() if option.reads_text}
     given = {name: value for name, value in typed.items() if value or name not in readers}
     try:
@@ -114,7 +114,7 @@ import_app.command("csv", help="The same as `import table`. Example: dpr-lab imp
 
 
 def _show(understood: "Preview", as_json: bool) -> None:
-    """What was understood of a table; nothing was written."""
+    """Print the interpretation of a table; no run was written."""
     from dpr_lab.report.text_plot import text_chart
 
     if as_json:
@@ -122,11 +122,11 @@ def _show(understood: "Preview", as_json: bool) -> None:
         return
     table(
         f"{understood.file.name}, nothing written yet",
-        ("", "understood as"),
+        ("", "interpretation"),
         list(understood.facts().items()),
     )
     rows = [[f"{value:.6f}" for value in row] for row in understood.first_rows()]
-    table("First rows (rad; 0 upright)", ("t_s", *AXES), rows)
+    table("First rows (rad; 0 = upright)", ("t_s", *AXES), rows)
     for axis in (1, 2):
         line(f"{AXES[axis]}, 0 = upright")
         for drawn in text_chart(understood.t, understood.theta[:, axis]):

@@ -1,4 +1,4 @@
-"""What the commands show of a job's events: a bar on a terminal, lines on stderr."""
+"""Display of a job's events: progress bar on a terminal, lines on stderr elsewhere."""
 
 import math
 import sys
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Listener:
-    """Shows a job that runs inside it; a context manager, so that no bar outlives its job."""
+    """Context manager that shows the events of a job, and removes its progress bar at the end."""
 
     def __init__(self) -> None:
         self._bars, self._watch = ExitStack(), watch_compiling(self._compiling)
@@ -66,14 +66,18 @@ class Listener:
                 left = f"about {math.ceil(event.left_s / 60)} min" if event.done else ""
                 if event.done == 1:
                     say(f"the first blind trial took {event.elapsed_s:.0f} s: {left} for the others")
-                text = f"{event.done} of {event.of}, {left} left" if event.done else "the first one tells how long"
+                text = (
+                    f"{event.done} of {event.of}, {left} left"
+                    if event.done
+                    else "the first trial determines the estimate"
+                )
                 self._at("trust", event.done, event.of, text)
             case events.TrialDone():
                 self._trial(event)
             case events.DeviceGreeted():
                 say(f"{event.url}: device {event.info.uid}, firmware {event.info.firmware}")
             case events.CaptureBegan():
-                say(f"{event.name}: bring the rods to {_angles(event.pose.theta1, event.pose.theta2)} and hold")
+                say(f"{event.name}: move the rods to {_angles(event.pose.theta1, event.pose.theta2)} and hold")
                 self._at(event.name, 0, event.at_most_s)
             case events.CaptureProgress():
                 self._capture(event.progress)
@@ -84,14 +88,14 @@ class Listener:
                 pass
 
     def _at(self, title: str, done: float, total: float | None, text: str = "") -> None:
-        """Show how far something is, on a bar of its own."""
+        """Show progress on a bar of this listener."""
         if title != self._title:
             self._close()
             self._bar, self._title = self._bars.enter_context(progress(title, total)), title
         self._bar(done, text)
 
     def _compiling(self) -> None:
-        """Say once why it takes so long, then show that it goes on."""
+        """Print the reason for a long start once, then show progress."""
         self._kernels += 1
         if self._kernels == 1:
             say(COMPILING)
@@ -104,7 +108,7 @@ class Listener:
         self._bar, self._title = no_bar, ""
 
     def _trial(self, event: events.TrialDone) -> None:
-        """Progress of trials: a bar on a terminal, a line for each trial elsewhere; failures on both."""
+        """Progress of trials: bar on a terminal, one line per trial elsewhere; failures in both cases."""
         from dpr_lab.trials.campaign import Failure
 
         self._at("trials", event.done, event.of, f"{event.done} of {event.of}")
@@ -117,7 +121,7 @@ class Listener:
             truth, named = effects_listed(last.truth), named_by(last)
             say(f"{event.done} of {event.of}: truth: {truth}; diagnosis: {named}: {last.grade}")
         elif event.done:
-            say(f"{event.done} of {event.of} trials are there already")
+            say(f"{event.done} of {event.of} trials are complete already")
 
     def _capture(self, reading: "Progress") -> None:
         from dpr_lab.acquisition.capture import Released, SwingReading
@@ -127,7 +131,10 @@ class Listener:
         match reading:
             case HangReading(ok=False):
                 off = _degrees(reading.error)
-                say(f"the rods hang {off} off straight down: counts were lost, or the rig file's zero is wrong")
+                say(
+                    f"the hanging rods deviate by {off} from the vertical: counts were lost, or the zero in"
+                    f" the rig file is wrong"
+                )
             case PoseReading():
                 within = f"(within {math.degrees(reading.tolerance):.1f} deg)"
                 self._bar(0, f"{_degrees(reading.error)} from the pose {within}")

@@ -1,4 +1,4 @@
-"""How a group of commands lists them."""
+"""List of the commands of a group."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from typer.core import TyperGroup
 
 
 class Listing(TyperGroup):
-    """Commands with the whole first sentence of their help, on as many lines as needed."""
+    """Commands with the complete first sentence of their help, wrapped over several lines."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list."""

@@ -1,4 +1,4 @@
-"""`dpr-lab paper`: repeat the published experiment and compare it with the printed numbers."""
+"""`dpr-lab paper`: reproduction of the published experiment."""
 
 import os
 from pathlib import Path
@@ -14,16 +14,17 @@ QUICK = {"seeds": 2, "generations": 60}
 def paper(
     out: Annotated[Path, typer.Option(help="Folder of paper.md, paper.json, tables and figures.")] = Path("out/paper"),
     seeds: Annotated[
-        int, typer.Option(min=1, help="Number of searches for each interpretation of H, on and off the grid.")
+        int,
+        typer.Option(
+            min=1, help="Number of searches for each interpretation of H, with true values on and off the coding grid."
+        ),
     ] = 5,
     generations: Annotated[
         int, typer.Option(min=1, help="Number of generations; the published search has 1000.")
     ] = 1000,
     quick: Annotated[
         bool,
-        typer.Option(
-            "--quick", help="At most 2 seeds and 60 generations: tests that the searches run, not their accuracy."
-        ),
+        typer.Option("--quick", help="At most 2 seeds and 60 generations: a test of the program, not of the accuracy."),
     ] = False,
     workers: Annotated[int, typer.Option(min=0, help="Number of searches run in parallel; 0: one per core.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,

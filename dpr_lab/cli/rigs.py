@@ -1,4 +1,4 @@
-"""`dpr-lab rig list|show|new|from|check`: built-in rig files, new ones, and whether one can be used."""
+"""`dpr-lab rig list|show|new|from|check`: built-in rig files, creation and validation of rig files."""
 
 import sys
 from dataclasses import asdict
@@ -66,16 +66,18 @@ def show(
 def from_model(
     model: Annotated[Path, typer.Argument(help="Model of a simulator: MJCF, URDF or SDFormat.")],
     joints: Annotated[
-        str | None, typer.Option(help="Joints of the inner rod, the outer rod and perhaps the arm, by comma.")
+        str | None,
+        typer.Option(help="Joints of the inner rod, the outer rod and optionally the arm, separated by commas."),
     ] = None,
     out: Annotated[Path, typer.Option(help="File to write.")] = Path("rig.toml"),
-    name: Annotated[str | None, typer.Option(help="Of the rig; default: the model's name.")] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the rig; default: the name of the model.")] = None,
     g: Annotated[
-        float | None, typer.Option(help="Gravity, m/s^2, downwards along z; default: the model's.", callback=positive)
+        float | None,
+        typer.Option(help="Gravity, m/s^2, downwards along z; default: the value of the model.", callback=positive),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a rig file from a simulator model with two hinges in a chain, and list what it cannot hold.
+    """Write a rig file from a simulator model with two hinges in a chain, and list the parts that are not imported.
 
     Example: dpr-lab rig from robot.xml --joints shoulder,elbow --out rig.toml
     """
@@ -91,7 +93,7 @@ def from_model(
     if read.terms:
         rows = [(term.joint, term.quantity, f"{term.value:.6g}", term.unit) for term in read.terms]
         table(
-            "Effects that a rig file does not hold",
+            "Effects that a rig file cannot contain",
             ("joint", "quantity", "value", "unit"),
             rows,
         )
@@ -99,39 +101,39 @@ def from_model(
         line(f"note: {note}")
 
 
-Weighed = "as 0.21, or weighed and to be held as 0.21+-0.001"
+Weighed = "as 0.21, or as 0.21+-0.001 if weighed (then not identified)"
 
 
 @app.command()
 def new(
-    name: Annotated[str | None, typer.Option(help="Of the rig.")] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the rig.")] = None,
     l0: Annotated[float | None, typer.Option("--l0", help="Length of the arm, m.")] = None,
-    l1: Annotated[float | None, typer.Option("--l1", help="Between the two joints, m.")] = None,
+    l1: Annotated[float | None, typer.Option("--l1", help="Distance between the two joints, m.")] = None,
     l1_std: Annotated[
-        float | None, typer.Option("--l1-std", help="Standard uncertainty of --l1, m; a diagnosis then fits L1.")
+        float | None, typer.Option("--l1-std", help="Standard uncertainty of --l1, m; the diagnosis then fits L1.")
     ] = None,
     l2: Annotated[float | None, typer.Option("--l2", help="Length of the outer rod, m.")] = None,
-    m1: Annotated[str | None, typer.Option(help=f"Inner rod, kg, {Weighed}.")] = None,
-    m2: Annotated[str | None, typer.Option(help=f"Outer rod, kg, {Weighed}.")] = None,
-    mb: Annotated[str | None, typer.Option(help=f"What sits on the elbow, kg, {Weighed}.")] = None,
+    m1: Annotated[str | None, typer.Option(help=f"Mass of the inner rod, kg, {Weighed}.")] = None,
+    m2: Annotated[str | None, typer.Option(help=f"Mass of the outer rod, kg, {Weighed}.")] = None,
+    mb: Annotated[str | None, typer.Option(help=f"Mass of the parts at joint 2, kg, {Weighed}.")] = None,
     g: Annotated[float, typer.Option(help="Gravity, m/s^2.")] = 9.81,
-    counts_per_rev: Annotated[int | None, typer.Option(help="Of the encoders.")] = None,
+    counts_per_rev: Annotated[int | None, typer.Option(help="Counts per turn of the encoders.")] = None,
     joint2: Annotated[
-        Literal["relative", "absolute"] | None, typer.Option(help="What the outer rod's encoder reads.")
+        Literal["relative", "absolute"] | None, typer.Option(help="Reference of the outer rod's encoder.")
     ] = None,
     rezeroed: Annotated[
-        bool, typer.Option("--rezeroed", help="Joints 1 and 2 are set to zero before each recording.")
+        bool, typer.Option("--rezeroed", help="Encoders of joints 1 and 2 are zeroed before each recording.")
     ] = False,
     geared: Annotated[
-        list[int] | None, typer.Option(help="Joint (1 or 2) on which a geared motor stays; may be repeated.")
+        list[int] | None, typer.Option(help="Joint (1 or 2) with a geared motor; may be repeated.")
     ] = None,
     rods: Annotated[Literal["both", "inner", "outer"], typer.Option(help="Mounted rods.")] = "both",
     elbow: Annotated[Literal["free", "clamped"], typer.Option(help="Whether joint 2 can turn.")] = "free",
-    url: Annotated[str | None, typer.Option("--link", help="Where the device is.")] = None,
-    out: Annotated[Path | None, typer.Option(help="File to write; NAME.toml when left out.")] = None,
+    url: Annotated[str | None, typer.Option("--link", help="Link to the device.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File to write; default: NAME.toml.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a rig file from lengths and masses, with plausible bounds. A terminal is asked for missing values.
+    """Write a rig file from lengths and masses, with plausible bounds. On a terminal, missing values are prompted for.
 
     Example: dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12 --out my_rig.toml
     """
@@ -140,16 +142,16 @@ def new(
 
     ask = sys.stdin.isatty() and sys.stderr.isatty() and None in (name, l1, l2, m1, m2)
     name = name or _asked(ask, "--name", "Name of the rig", "my_rig")
-    l1 = l1 if l1 is not None else float(_asked(ask, "--l1", "Between the two joints, m", kind=float))
+    l1 = l1 if l1 is not None else float(_asked(ask, "--l1", "Distance between the two joints, m", kind=float))
     l2 = l2 if l2 is not None else float(_asked(ask, "--l2", "Length of the outer rod, m", kind=float))
-    m1 = m1 or _asked(ask, "--m1", f"Inner rod, kg, {Weighed}")
-    m2 = m2 or _asked(ask, "--m2", f"Outer rod, kg, {Weighed}")
+    m1 = m1 or _asked(ask, "--m1", f"Mass of the inner rod, kg, {Weighed}")
+    m2 = m2 or _asked(ask, "--m2", f"Mass of the outer rod, kg, {Weighed}")
     if ask:
-        mb = mb or _asked(ask, "--mb", "What sits on the elbow, kg; Enter where nobody knows", "")
+        mb = mb or _asked(ask, "--mb", "Mass of the parts at joint 2, kg; Enter if unknown", "")
         counts_per_rev = counts_per_rev or int(_asked(ask, "--counts-per-rev", "Counts per turn", "16384", kind=int))
-        question = "The outer rod's encoder reads (relative to the inner rod, or absolute)"
+        question = "Encoder of the outer rod (relative to the inner rod, or absolute)"
         joint2 = joint2 or ("absolute" if _asked(ask, "--joint2", question, "relative").startswith("a") else "relative")
-        url = url or _asked(ask, "--link", "Where the device is", "sim://")
+        url = url or _asked(ask, "--link", "Link to the device", "sim://")
     measures = RigMeasures(
         name,
         l1,
@@ -172,7 +174,7 @@ def new(
     if as_json:
         emit({"file": str(file)})
     else:
-        line(f"{file}: look at it and change it as you know better; then dpr-lab rig check {file}")
+        line(f"{file}: review and complete this file, then run dpr-lab rig check {file}")
 
 
 @app.command()
@@ -180,7 +182,7 @@ def check(
     rig: Annotated[str, typer.Argument(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
     as_json: Json = False,
 ) -> None:
-    """Check a rig file for errors, missing keys and implausible values. Ends with 1 when it cannot be used.
+    """Check a rig file for errors, missing keys and implausible values. The exit code is 1 if it cannot be used.
 
     Example: dpr-lab rig check my_rig.toml
     """
@@ -195,24 +197,24 @@ def check(
         rows = [(finding.state, finding.key, finding.text) for finding in findings]
         table(f"{rig}: {'cannot be used' if wrong else 'can be used'}", ("", "key", "what"), rows)
     else:
-        line(f"{rig}: can be used, and nothing is missing or odd")
+        line(f"{rig}: can be used; no missing keys or implausible values")
     if wrong:
         raise typer.Exit(1)
 
 
 def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind: type = str) -> str:
-    """The answer on a terminal; elsewhere the flag is missing."""
+    """The answer on a terminal; without a terminal, the option is required."""
     if not ask:
-        raise typer.BadParameter(f"{flag} is needed: {question}; on a terminal it is asked for")
+        raise typer.BadParameter(f"{flag} is required: {question}; on a terminal it is prompted for")
     return str(typer.prompt(question, default=default, type=kind, err=True))
 
 
 def _measure(flag: str, text: str) -> "Measure":
-    """`0.21`, or `0.21+-0.001` for a weighed value that is to be held."""
+    """Parse `0.21`, or `0.21+-0.001` for a weighed value that is not identified."""
     from dpr_lab.workflows.rig_file import Measure
 
     value, _, std = text.replace("±", "+-").partition("+-")
     try:
         return Measure(float(value), float(std) if std else None)
     except ValueError as error:
-        raise typer.BadParameter(f"{flag} {text[:50]!r}: write it {Weighed}") from error
+        raise typer.BadParameter(f"{flag} {text[:50]!r}: write the value {Weighed}") from error

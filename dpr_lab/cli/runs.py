@@ -1,4 +1,4 @@
-"""`dpr-lab run info|verify|recover|export`: what is in a run file, and getting it out."""
+"""`dpr-lab run info|verify|recover|export`: inspection, verification and export of run files."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -43,7 +43,7 @@ def info(files: RunFiles, as_json: JsonEach = False) -> None:
 
 @app.command()
 def verify(files: RunFiles, as_json: JsonEach = False) -> None:
-    """Check run files: hash, every chunk's CRC, ticks, end. Ends with 3 when a check of one fails.
+    """Check run files: hash, CRC of every chunk, ticks, end. The exit code is 3 if any check fails.
 
     Example: dpr-lab run verify runs/*.mcap
     """
@@ -58,7 +58,7 @@ def verify(files: RunFiles, as_json: JsonEach = False) -> None:
 
     def show(outcome: dict[str, Any]) -> None:
         if outcome["ok"]:
-            line(f"{outcome['file']}: whole and unchanged")
+            line(f"{outcome['file']}: complete and unchanged")
 
     _each(files, check, show, as_json)
 
@@ -66,10 +66,10 @@ def verify(files: RunFiles, as_json: JsonEach = False) -> None:
 @app.command()
 def recover(
     file: RunFile,
-    out: Annotated[Path, typer.Option(help="The whole run to write.")],
+    out: Annotated[Path, typer.Option(help="Run file to write.")],
     as_json: Json = False,
 ) -> None:
-    """Write a whole run from a broken one: all samples up to the first damage.
+    """Write a valid run from a damaged one, with all samples up to the first damage.
 
     Example: dpr-lab run recover broken.mcap --out whole.mcap
     """
@@ -82,14 +82,14 @@ def recover(
     if as_json:
         emit({"out": str(out), **kept})
     else:
-        line(f"{out}: {kept['samples']} samples, {kept['duration_s']:.3f} s kept")
+        line(f"{out}: {kept['samples']} samples, {kept['duration_s']:.3f} s recovered")
 
 
 @app.command()
 def export(
     file: RunFile,
     out: Annotated[
-        Path, typer.Option(help="File to write; its ending is the format: .csv .parquet .h5 .hdf5 .mat .mcap")
+        Path, typer.Option(help="File to write; its suffix is the format: .csv .parquet .h5 .hdf5 .mat .mcap")
     ],
     as_json: Json = False,
 ) -> None:
@@ -111,7 +111,7 @@ def export(
 def _each(
     files: Sequence[Path], look: Callable[[Path], dict[str, Any]], show: Callable[[dict[str, Any]], None], json: bool
 ) -> None:
-    """Check every file, even after a damaged one, and exit with 3 when one is damaged."""
+    """Check every file, also after a damaged one, and exit with 3 if any is damaged."""
     summaries: list[dict[str, Any]] = []
     for file in files:
         try:

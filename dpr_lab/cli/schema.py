@@ -22,12 +22,12 @@ def schema(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="diagnosis, model, check, certificate or drift; none: list them.",
+            help="diagnosis, model, check, certificate, drift or accept; default: list them.",
             callback=SCHEMA_NAMES.check,
             autocompletion=SCHEMA_NAMES.complete,
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout; a schema always is.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout; schemas are always JSON.")] = False,
 ) -> None:
     """Print the JSON Schema (2020-12) of a result.
 

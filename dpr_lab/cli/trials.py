@@ -30,9 +30,8 @@ app = typer.Typer(help=HELP, cls=Listing, no_args_is_help=True, rich_markup_mode
 
 HIDDEN = (
     "one effect of the library (single), two (pair), three (triple) or none (clean); one of the library in another"
-    " form (form); one outside the library (outside); none or one, with faulty encoders (dirty); driven joints whose"
-    " drives have a fault or none (driven, only where asked for); one among several small ones (background, only where"
-    " asked for)"
+    " form (form); one outside the library (outside); none or one, with faulty encoders (dirty); drives"
+    " with or without a fault (driven, only on request); one among several small ones (background, only on request)"
 )
 
 RigName = Annotated[
@@ -47,7 +46,7 @@ PlantName = Annotated[
 Size = Annotated[
     Level, typer.Option(help="Visibility: a gap of at least twice the noise (clear), or about equal to it (subtle).")
 ]
-Folder = Annotated[Path, typer.Argument(help="Folder that `trials draw` wrote.")]
+Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 
 
@@ -126,7 +125,7 @@ def open_(folder: Folder, as_json: Json = False) -> None:
 
 
 def opening(opened: "Opened") -> dict[str, Any]:
-    """An opened trial as JSON."""
+    """An opened trial as a JSON object."""
     truth, outcome = opened.truth, opened.outcome
     return {
         "seal": outcome.seal,
@@ -145,12 +144,12 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
 
     outcome = opened.outcome
     drawn = "{kind}:{level}, seed {seed}".format(**opened.truth.drawn)
-    line(f"the seal holds: {outcome.seal} ({drawn})")
+    line(f"the seal is valid: {outcome.seal} ({drawn})")
     if rows := comparison_rows(opened, trial.rig):
         table("Truth and diagnosis", COLUMNS, rows)
     if opened.truth.drawn["kind"] == "dirty":
         reported, missed = outcome.sensor_findings, outcome.faults_missed
-        line(f"the encoders were faulty: found {effects_listed(reported)}, missed {effects_listed(missed)}")
+        line(f"faulty encoders: detected {effects_listed(reported)}, missed {effects_listed(missed)}")
     line(f"hidden: {effects_listed(outcome.truth)}; diagnosis: {named_by(outcome)}: {outcome.grade}")
 
 
@@ -162,9 +161,7 @@ def campaign(
     n: Annotated[int, typer.Option(min=1, help="Number of trials.")] = 500,
     kind: Annotated[
         list[Kind] | None,
-        typer.Option(
-            metavar="<kind>", help=f"Hidden effect, may be repeated: {HIDDEN}. All these in turn when left out."
-        ),
+        typer.Option(metavar="<kind>", help=f"Hidden effect, may be repeated: {HIDDEN}. Default: all kinds in turn."),
     ] = None,
     level: Size = Level.CLEAR,
     rig: RigName = "paper",
@@ -201,9 +198,9 @@ def campaign(
         emit(done.summary | {"failures": [failure.error for failure in done.failures], "files": done.files})
     else:
         table("Scores", SCORE_COLUMNS, score_rows(done.summary))
-        table("By what was hidden", KIND_COLUMNS, kind_rows(done.summary))
+        table("Scores by kind of plant", KIND_COLUMNS, kind_rows(done.summary))
         line(sentence(done.summary))
         line(f"page: {done.files['page']}")
     if done.failures:
-        say(f"{len(done.failures)} trials ended in an error; run it again to repeat them")
+        say(f"{len(done.failures)} trials ended with an error; run the command again to repeat them")
         raise typer.Exit(1)

@@ -1,4 +1,4 @@
-"""`dpr-lab tui`: the bench screen."""
+"""`dpr-lab tui`: the operator's screen."""
 
 import os
 import sys
@@ -16,20 +16,20 @@ def tui(
     rig: Annotated[
         str | None,
         typer.Option(
-            help="Rig file, or the name of a built-in one; when left out, the last one.", autocompletion=complete_rig
+            help="Rig file, or the name of a built-in one; default: the last one.", autocompletion=complete_rig
         ),
     ] = None,
     link: Annotated[
-        str | None, typer.Option(help="Where the device is; when left out, the last one, or the rig file's.")
+        str | None, typer.Option(help="Link to the device; default: the last one, or that of the rig file.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of runs, model, report and diagnosis; or the last one.")
+        Path | None, typer.Option(help="Folder of runs, model, report and diagnosis; default: the last one.")
     ] = None,
     allow_release: Annotated[
         bool,
         typer.Option(
             "--allow-release",
-            help="In a browser: whoever has the address may command the device, open the latch and write files.",
+            help="In a browser: anyone who has the address may command the device, open the latch and write files.",
         ),
     ] = False,
     serve: Annotated[
@@ -38,13 +38,14 @@ def tui(
             min=1,
             max=65535,
             metavar="PORT",
-            help="Show it to browsers on this computer, read-only; prints the address to open, which holds a token.",
+            help="Serve the screen to browsers on this computer, read-only; prints the address, which"
+            " contains a token.",
         ),
     ] = None,
 ) -> None:
     """Open the screen: connect, capture, identify, compare and diagnose.
 
-    The screen comes back as it was left; F1 explains each step.
+    The screen restores the last session; F1 explains each step.
 
     Example: dpr-lab tui --rig paper --link sim:// --out bench
     """
@@ -60,16 +61,16 @@ def tui(
         import_module("termios")
     except ModuleNotFoundError as missing:
         message = (
-            "the bench screen runs on Linux and macOS, and in WSL on Windows; here use capture, identify and diagnose"
+            "the screen requires Linux, macOS, or WSL on Windows; on this system use capture, identify and diagnose"
         )
         raise DprError(message) from missing
     served = "web_driver" in os.environ.get("TEXTUAL_DRIVER", "")
     if not sys.stdout.isatty() and not served:
-        raise DprError("the bench screen needs a terminal; without one use capture, identify, compare and diagnose")
+        raise DprError("the screen needs a terminal; without one use capture, identify, compare and diagnose")
     from dpr_lab.tui import FRAMES_PER_S
 
     if served:
-        os.environ["TEXTUAL_FPS"] = str(FRAMES_PER_S)  # what serves it asks for five times as many
+        os.environ["TEXTUAL_FPS"] = str(FRAMES_PER_S)  # the server would otherwise request five times as many frames
     os.environ.setdefault("TEXTUAL_FPS", str(FRAMES_PER_S))
     from dpr_lab.tui.app import KEYED, DprApp
     from dpr_lab.tui.keys import keys_file, load_keymap

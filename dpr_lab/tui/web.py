@@ -48,7 +48,8 @@ def serve(command: Sequence[str], port: int) -> None:
 def policy(place: str) -> str:
     """Content security policy of the page: it loads only from this server."""
     return (
-        f"default-src http://{place} 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src http://{place} ws://{place};"
+        f"default-src http://{place} 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src http://{place}"
+        f" ws://{place};"
         " frame-ancestors 'none'"
     )
 

@@ -52,7 +52,11 @@ def test_flags_describe_arm_length_geared_joints_zeros_and_mounted_rods(cli, tmp
         ((*FLAGS, "--geared", "3"), 3, "joints.geared"),
         ((*FLAGS, "--rods", "outer", "--elbow", "clamped"), 3, "no elbow to clamp"),
         (FLAGS[:-2], 2, "--m2 is needed: Outer rod, kg"),
-        ((*FLAGS[:-1], "heavy"), 2, "--m2 'heavy': write it as 0.21, or weighed and to be held as 0.21+-0.001"),
+        (
+            (*FLAGS[:-1], "heavy"),
+            2,
+            "--m2 'heavy': write it as 0.21, or as 0.21+-0.001 if weighed (then not identified)",
+        ),
         ((*FLAGS[:-1], "-1"), 3, "parameters.m2"),
         ((*FLAGS, "--l1", "300"), 3, "rig.L1 = 300"),
         ((*FLAGS, "--out", "rig.txt"), 3, "ends in .toml"),
@@ -75,7 +79,7 @@ def test_a_terminal_is_asked(tmp_path: Path) -> None:
         "What sits on the elbow": "",
         "Counts per turn": "",
         "encoder reads": "absolute",
-        "Where the device is": "",
+        "Link to the device": "",
     }
     master, slave = pty.openpty()
     command = [sys.executable, "-m", "dpr_lab", "rig", "new"]

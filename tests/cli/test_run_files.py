@@ -23,10 +23,10 @@ def damaged(runs: list[Path], tmp_path: Path) -> Path:
 def test_many_runs_are_verified_at_once(runs: list[Path], damaged: Path, tmp_path: Path, cli) -> None:
     done = cli("run", "verify", *runs)
     assert done.code == 0
-    assert done.out.splitlines() == [f"{run}: whole and unchanged" for run in runs]
+    assert done.out.splitlines() == [f"{run}: complete and unchanged" for run in runs]
     done = cli("run", "verify", runs[0], damaged, tmp_path / "gone.mcap", runs[1])
     assert done.code == 3
-    assert done.out.splitlines() == [f"{run}: whole and unchanged" for run in runs[:2]]
+    assert done.out.splitlines() == [f"{run}: complete and unchanged" for run in runs[:2]]
     assert f"{damaged}: its SHA-256" in done.err
     assert f"{tmp_path / 'gone.mcap'}: no such file" in done.err
     assert f"{tmp_path}: is a folder: name the runs in it" in cli("run", "verify", tmp_path).err

@@ -61,7 +61,7 @@ def test_a_campaign_ends_with_scores_and_a_page(tmp_path: Path, cli) -> None:
     assert json.loads((tmp_path / "summary.json").read_text())["trials"] == 2
     again = cli(*words)
     assert again.code == 0, again.err
-    assert "2 of 2 trials are there already" in again.err
+    assert "2 of 2 trials are complete already" in again.err
     assert "first name right" in again.out
     assert str(tmp_path / "trials.html") in again.out
     other = cli(*words, "--seed", 77)

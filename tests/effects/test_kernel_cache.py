@@ -196,6 +196,9 @@ def test_a_cache_of_another_user_is_passed_over_for_a_private_one(tmp_path, give
     os.chown(tmp_path / given, 12345, 12345)
     cache, why = choose_cache([tmp_path / "root", tmp_path / "own"], "hash")
     assert cache == tmp_path / "own" / "hash"
-    assert why == f"{tmp_path / given}: belongs to another user, so its compiled kernels are not loaded: they are code"
+    assert (
+        why == f"{tmp_path / given}: belongs to another user, so its compiled kernels are not loaded,"
+        f" because they could contain malicious code"
+    )
     assert choose_cache([tmp_path / "own"], "hash") == (cache, "")
     assert choose_cache([tmp_path / "root"], "hash")[0] is None

@@ -107,7 +107,7 @@ def test_a_joint_that_turns_though_no_rod_hangs_there_is_refused(runs: dict[str,
     theta = runs["both"][1].theta
     with pytest.raises(RunError, match=r"X2: joint 2 turns by .* although only the inner rod is mounted"):
         as_mounted(theta, "inner", "X2")
-    with pytest.raises(RunError, match="although the elbow was given as clamped"):
+    with pytest.raises(RunError, match="although the elbow is specified as clamped"):
         as_mounted(theta, "clamped", "X2")
     resting = np.column_stack([theta[:, :2], np.full(len(theta), np.pi)])
     assert (as_mounted(resting, "inner", "X2")[:, 2] == theta[:, 1]).all()

@@ -123,7 +123,7 @@ def test_of_both_kinds_in_a_run_the_measured_ones_act_unless_the_others_are_said
     export(both, tmp_path / "a.h5")
     again = import_csv(tmp_path / "a.h5", paper, ImportOptions(torque="commanded"))
     assert again.torques == pytest.approx(2 * TAU)
-    with pytest.raises(RunError, match="holds no commanded torques, only measured ones: leave out --torque"):
+    with pytest.raises(RunError, match="holds no commanded torques, only measured ones: remove the option --torque"):
         both.driven_by("measured").driven_by("commanded")
 
 

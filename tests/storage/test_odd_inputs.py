@@ -33,7 +33,7 @@ READS: dict[str, Callable[[Path], object]] = {
 @pytest.mark.parametrize("name", READS)
 def test_a_named_pipe_is_refused_without_waiting(name: str, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / name)
-    with pytest.raises(DprError, match="is a named pipe, not a file: save what it delivers in a file first"):
+    with pytest.raises(DprError, match="is a named pipe, not a regular file: save its data in a file first"):
         READS[name](tmp_path / name)
 
 

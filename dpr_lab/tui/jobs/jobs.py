@@ -94,7 +94,7 @@ def verify(control: JobControl, *, path: Path) -> str:
     from dpr_lab.storage.inspect import verify as verify_run
 
     checked = verify_run(path)
-    return f"{path.name}: whole and unchanged" if checked.ok else f"{path.name}: {'; '.join(checked.faults)}"
+    return f"{path.name}: complete and unchanged" if checked.ok else f"{path.name}: {'; '.join(checked.faults)}"
 
 
 def recover(control: JobControl, *, path: Path, out: Path) -> str:

@@ -267,7 +267,7 @@ def _seen(model: "Model") -> Group:
     return Group(
         f"The recordings see {found.rank} of 9 directions.\n",
         sentences("Changes that no recording and no measured value can see:", free),
-        sentences("One more measurement on the bench, best first:", found.advice),
+        sentences("Additional measurements on the bench, best first:", found.advice),
         "" if free else "All nine are fixed; a further measurement only makes them more exact.",
     )
 

@@ -136,7 +136,7 @@ async def test_verify_tells_sound_from_torn(lab, until, folder: Path) -> None:
         await opened(pilot, until, folder, [])
         await pilot.press("q")
         await until(pilot, lambda: "checking" not in said(pilot.app, "#result"))
-        assert said(pilot.app, "#result") == "first.mcap: whole and unchanged"
+        assert said(pilot.app, "#result") == "first.mcap: complete and unchanged"
         await pilot.press("ctrl+end", "q")
         await until(pilot, lambda: "checking" not in said(pilot.app, "#result"))
         assert "no torn.mcap.sha256" in said(pilot.app, "#result")
