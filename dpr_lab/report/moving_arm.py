@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from dpr_lab.identification.moving_arm.model import MovingArmModel
 
 RATIO_COLUMNS = ("ratio", "value", "90 % interval")
-ABSOLUTE_COLUMNS = ("parameter", "value", "unit", "fixed by")
+ABSOLUTE_COLUMNS = ("parameter", "value", "unit", "determined by")
 COMPARISON_COLUMNS = ("run", "part", "joint", "residual (mrad rms)", "noise (mrad)")
 
 UNITS = dict.fromkeys("abdA", "kg m²") | dict.fromkeys(("c0", "c1", "c2"), "N m s/rad")
@@ -38,7 +38,7 @@ def ratio_rows(model: "MovingArmModel") -> list[list[str]]:
 
 def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
     """One row for each absolute value."""
-    fixed = {"data": "the recordings and measured values", "bound": "the rig file's scale"}
+    fixed = {"data": "the recordings and measured values", "bound": "the scale of the rig file"}
     return [
         [name, plus_minus(one.value, one.std), UNITS.get(name, ""), fixed[one.fixed_by]]
         for name, one in model.absolute.items()
@@ -46,7 +46,7 @@ def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
 
 
 def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
-    """One row for each run and joint, of what `compare_moving_arm` returns."""
+    """One row per run and joint of the result of `compare_moving_arm`."""
     return [
         [
             run["run"],

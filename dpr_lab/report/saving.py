@@ -55,7 +55,7 @@ def save_diagnosis(
         runs: the diagnosed runs, without held-out runs
         rig: the rig
         out: the folder
-        on_loss: called with what a format cannot represent, and the resulting error
+        on_loss: called with the effects that a format cannot represent, and the resulting error
 
     Raises:
         DprError: the folder or a file cannot be written.

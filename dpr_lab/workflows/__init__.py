@@ -1,11 +1,11 @@
-"""The jobs of the lab, one in a file: files in, results out, typed events on the way.
+"""Jobs of dpr-lab, one per file: files to results, with typed progress events.
 
-Command line, bench screen, demo, trials and notebooks are shells over these. A job is a function
+Command line, screen, demo, trials and notebooks use these jobs. A job is a function
 
     job(request, on_event) -> result
 
-of a frozen request that holds file names and options. It writes the files that the request names, tells `on_event`
-how far it is (`workflows.events`) and never prints. What a shell shows it takes from events and result; it parses no
-text. Importing a job is cheap: what is heavy is imported when it runs, so that the process that draws a screen can
-name jobs that another process carries out.
+of a frozen request that contains file names and options. It writes the files that the request names, reports progress
+to `on_event` (`workflows.events`) and never prints. The callers display events and result; they parse no text.
+Importing a job is fast: large libraries are imported when it runs, so that the process that draws a screen can refer to
+jobs that another process executes.
 """

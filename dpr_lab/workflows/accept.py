@@ -1,4 +1,4 @@
-"""Runs and a limits file in, the judged limits out."""
+"""Test of a rig against the limits in a file."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class AcceptResult:
-    """The judged limits."""
+    """Results of all limits."""
 
     acceptance: "Acceptance"
 
@@ -23,17 +23,17 @@ class AcceptResult:
 
 
 def accept(request: DiagnoseRequest, limits: Path, on_event: OnEvent = ignore) -> AcceptResult:
-    """Test whether a rig keeps the limits of a file.
+    """Test whether a rig meets the limits in a file.
 
     Events: those of a diagnosis.
 
     Raises:
         ConfigError: the rig or the limits file is not valid.
         RunError: a run cannot be used.
-        IdentificationError: the recordings are read with another zero, unit, sign or order than they were written with.
+        IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
     """
     from dpr_lab.acceptance.judge import judge
     from dpr_lab.acceptance.limits import load_limits
 
-    wanted = load_limits(limits)  # before the work begins
+    wanted = load_limits(limits)  # before the time-consuming part starts
     return AcceptResult(judge(diagnose(request, on_event).diagnosis, wanted))

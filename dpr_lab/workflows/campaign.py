@@ -1,4 +1,4 @@
-"""Many blind trials in, scores with a page of figures out."""
+"""Campaign of many blind trials, with scores and a page of figures."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +17,11 @@ class CampaignRequest:
 
     campaign: "Campaign"
     n: int
-    """How many trials in all."""
+    """Total number of trials."""
     out: Path
-    """Folder of results; a campaign that it holds goes on where it was."""
+    """Folder of the results; a campaign that was interrupted there is continued."""
     jobs: int = 1
-    """Trials side by side on this machine."""
+    """Number of trials in parallel on this machine."""
     scheduler: str | None = None
     """Address of a dask scheduler to use instead."""
 
@@ -41,8 +41,8 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
     Events: `TrialDone`, at the start and after each trial.
 
     Raises:
-        RunError: the folder holds another campaign, or one that is running.
-        DprError: a file cannot be written, or the workers are gone; what was done is kept.
+        RunError: the folder contains another campaign, or one that is running.
+        DprError: a file cannot be written, or the workers are lost; finished trials are kept.
     """
     from dpr_lab.trials.campaign import run_campaign as run_trials
 
@@ -60,7 +60,7 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
 
 
 def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """Write summary, figures and page; the summary, and the paths by name."""
+    """Write summary, figures and page; return the summary, and the paths by name."""
     from dpr_lab.report.saving import write_json
     from dpr_lab.report.trials.figures import save_trial_figures
     from dpr_lab.report.trials.html import write_trials_report

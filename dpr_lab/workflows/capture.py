@@ -1,4 +1,4 @@
-"""A device and poses in, run files out: guide the rods to each pose, release, record, judge."""
+"""Recording of runs from a device: show how to reach each pose, release, record, check."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,15 +28,15 @@ class CaptureRequest:
     """Folder of the runs."""
     options: "CaptureOptions"
     poses: tuple[str, ...] = ()
-    """To release from, in this order; all of the rig's when empty."""
+    """Poses in order; empty: all poses of the rig."""
     repeat: int = 1
-    """How often to go through the poses."""
+    """Number of releases from each pose."""
     url: str | None = None
-    """The link to open; the rig file's when None."""
+    """Link to open; None: that of the rig file."""
     rods: str | None = None
-    """Which hang on the rig; as the rig file says when None."""
+    """Mounted rods; None: as in the rig file."""
     elbow: str | None = None
-    """Whether joint 2 can turn; likewise."""
+    """Whether joint 2 is free or clamped; None: as in the rig file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class CaptureResult:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The run files, in the order of their releases."""
+        """Run files in the order of their releases."""
         return tuple(run.run_file for run in self.captured)
 
 
@@ -65,11 +65,11 @@ def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ign
 
     Args:
         request: what to record
-        confirm: the go-ahead for each release, as `dpr_lab.acquisition.capture.capture` asks it
+        confirm: called for permission before each release, as in `dpr_lab.acquisition.capture.capture`
         on_event: called with the progress
 
     Raises:
-        ConfigError: the rig is not valid or lacks a pose, or a file stands where the folder is to be.
+        ConfigError: the rig is not valid or lacks a pose, or a file with the name of the folder exists.
         DprError: see `dpr_lab.acquisition.capture.capture`.
     """
     from dpr_lab.acquisition.capture import check_encoders
@@ -85,14 +85,14 @@ def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ign
     with _rig_file(rig) as rig_file, Device(open_transport(url, rig_file=rig_file)) as device:
         info = device.connect()
         on_event(DeviceGreeted(device.url, info))
-        check_encoders(device, rig)  # before the operator is sent to a pose
+        check_encoders(device, rig)  # before the operator moves the rods
         device.check_rate(request.options.rate_hz or rig.link.rate_hz)
         return CaptureResult(url, info, tuple(_captures(request, rig, device, confirm, on_event)))
 
 
 @contextmanager
 def _rig_file(rig: "Rig") -> "Iterator[Path | None]":
-    """The file of a rig, for a device that is simulated: a passing one where other rods hang there."""
+    """Rig file for a simulated device: a temporary file if the mounted rods differ from it."""
     from dpr_lab.storage.metadata import rig_toml
 
     if rig.path is not None:

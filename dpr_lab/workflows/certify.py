@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Certified:
-    """A written certificate, and the additions of its policy."""
+    """Written certificate, and the claims that its policy requires in addition."""
 
     certificate: "Certificate"
     choices: "list[Declared]"
     origin: "list[Declared]"
     claims: "dict[str, RequiredClaim]"
-    """With their tolerances."""
+    """Required claims with their tolerances."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,15 +32,15 @@ class VerifiedCertificate:
     """Result of a verification."""
 
     choices: "list[Declared]"
-    """What no repetition can confirm: the free choices."""
+    """Free choices, which no repetition can confirm."""
     origin: "list[Declared]"
-    """What no repetition can confirm: code, libraries, machine and signature."""
+    """Code, libraries, machine and signature, which no repetition can confirm."""
     lines: "list[Verified]"
-    """What was checked: files, signature and claims."""
+    """Verified lines: files, signature and claims."""
 
     @property
     def holds(self) -> bool:
-        """Whether every line holds."""
+        """Whether every line is valid."""
         return all(line.holds for line in self.lines)
 
 
@@ -56,12 +56,12 @@ def certify(
     Args:
         request: the diagnosis; it starts from the rig file, not from a model
         to: the file to write
-        on_event: gets the events
+        on_event: called with the events
         sign_with: file of an Ed25519 private key; None: no signature
         passphrase: asks for the key's passphrase
 
     Raises:
-        ConfigError: the key cannot be used, nothing can be written there, or the request starts from a model.
+        ConfigError: the key cannot be used, the file cannot be written, or the request starts from a model.
     """
     from dpr_lab.certificate.code import made_with
     from dpr_lab.certificate.declared import choices_of, origin_of
@@ -71,7 +71,7 @@ def certify(
 
     refuse_folder(to)
     if request.model is not None:
-        raise ConfigError("a certified diagnosis starts from the rig file: leave out the model")
+        raise ConfigError("a certified diagnosis starts from the rig file: remove the model")
     key = load_private_key(sign_with, passphrase) if sign_with else None
     claims = required_claims(diagnose(request, on_event).diagnosis)
     certificate = _certificate(request, to.parent, claims)
@@ -104,17 +104,17 @@ def verify(
 ) -> VerifiedCertificate:
     """Repeat a certified diagnosis and compare each claim that the policy requires.
 
-    The diagnosis is not repeated where files, seal, signature or, on request, code do not hold.
+    The diagnosis is not repeated if files, seal, signature or, on request, the code are not valid.
 
     Args:
-        path: the certificate; its recordings lie where it says
-        on_event: gets the events
+        path: the certificate; its recordings are found by the paths in it
+        on_event: called with the events
         signed_by: file of the Ed25519 public key that must have signed it
         same_code: whether code and libraries must be those of the certificate
 
     Raises:
-        RunError: it is no certificate of this policy.
-        ConfigError: its rig file is not there or not valid, or the key cannot be used.
+        RunError: the file is not a certificate of this policy.
+        ConfigError: its rig file is missing or not valid, or the key cannot be used.
     """
     from dpr_lab.certificate.code import compare_code, made_with
     from dpr_lab.certificate.declared import choices_of, origin_of

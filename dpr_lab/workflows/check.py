@@ -1,4 +1,4 @@
-"""Record the result of a recommended check: a diagnosis and a result in, an updated diagnosis out."""
+"""Update of a diagnosis by the result of a recommended check."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,22 +18,22 @@ class CheckRequest:
     """A recommended check and its result: recordings, or a measured value."""
 
     diagnosis: Path
-    """What `diagnose --json` printed."""
+    """Output of `diagnose --json`."""
     check: str
     """Id of the check."""
     runs: tuple[Path, ...] = ()
     value: float | str | None = None
-    """What was measured: a number in the unit of the check's quantity, or text with a unit, `6.1 mN m`."""
+    """Measured value: a number in the unit of the check's quantity, or text with a unit, `6.1 mN m`."""
     std: float | str | None = None
-    """Its standard uncertainty, likewise; text without a unit is in that of the value."""
+    """Standard uncertainty, in the same form; text without a unit is in the unit of the value."""
     rig: str | None = None
     """Rig file, or the name of a built-in one; None: as stored with the first run."""
     out: Path | None = None
-    """Folder of `diagnosis.json` and its page; None: none are written."""
+    """Folder of `diagnosis.json` and its page; None: no files are written."""
     torque: str | None = None
-    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
+    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
     confirmed: bool = False
-    """Whether to take a value that no candidate predicts."""
+    """Whether to accept a value that no candidate predicts."""
 
 
 def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis":
@@ -42,9 +42,9 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
     Emits `RunRead`.
 
     Raises:
-        ConfigError: the rig is not valid, or a file stands where the folder is to be.
-        RunError: no diagnosis, no such check, a result of another kind than it asks for, a value without unit, or one
-            that no candidate predicts and that is not confirmed.
+        ConfigError: the rig is not valid, or a file with the name of the folder exists.
+        RunError: no diagnosis, no such check, a result of another kind, a value without unit, or a value that no
+        candidate predicts and that is not confirmed.
         DprError: a result cannot be written.
     """
     from dpr_lab.checks.update import find_check, update
@@ -75,5 +75,7 @@ def _save(diagnosis: "Diagnosis", out: Path) -> None:
     from dpr_lab.report.gap.html import write_gap_report
     from dpr_lab.report.saving import write_json
 
-    write_gap_report(diagnosis, "Why simulation and rig differ, after a check", out, save_gap_figures(diagnosis, out))
+    write_gap_report(
+        diagnosis, "Difference between simulation and rig, after a check", out, save_gap_figures(diagnosis, out)
+    )
     write_json(diagnosis.to_json(), out / RECORD)

@@ -1,4 +1,4 @@
-"""Check a request before its work begins."""
+"""Checks of a request before its job starts."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def refuse_file(out: Path) -> None:
-    """Make sure that results can go into a folder, before the work for them begins.
+    """Check that results can be written to a folder, before the job starts.
 
     Raises:
-        ConfigError: a file stands there, or nothing can be written there.
+        ConfigError: a file with this name exists, or nothing can be written.
     """
     if out.exists() and not out.is_dir():
         raise ConfigError(f"{out}: is a file: name a folder for --out")
@@ -23,10 +23,10 @@ def refuse_file(out: Path) -> None:
 
 
 def refuse_folder(out: Path) -> None:
-    """Make sure that a result can be written to a file, before the work for it begins.
+    """Check that a result can be written to a file, before the job starts.
 
     Raises:
-        ConfigError: a folder stands there, or nothing can be written there.
+        ConfigError: a folder with this name exists, or nothing can be written.
     """
     if out.is_dir():
         raise ConfigError(f"{out}: is a folder: name a file for --out")
@@ -34,37 +34,37 @@ def refuse_folder(out: Path) -> None:
 
 
 def _refuse_unwritable(folder: Path, least_bytes: int = 1 << 16) -> None:
-    """Try to write where the folder is, or where it would be made."""
+    """Try to write in the folder, or in the nearest existing parent."""
     there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     try:
         with TemporaryFile(dir=there) as probe:
             probe.write(bytes(least_bytes))
     except OSError as error:
-        raise ConfigError(f"{folder}: cannot be written: {error.strerror}: choose another place with --out") from error
+        raise ConfigError(f"{folder}: cannot be written: {error.strerror}: choose another folder with --out") from error
 
 
 def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
-    """The rig with these rods on it.
+    """The rig with other mounted rods.
 
     Raises:
-        ConfigError: an elbow clamped that is not there, or rods that cannot be modelled on an arm that moves.
+        ConfigError: a clamped elbow without joint 2, or rods that are not supported with a moving arm.
     """
     try:
         return rig.with_rods(mounted, elbow)
     except ValueError as error:
         if rig.arm.mode in ("free", "driven"):
             raise ConfigError(
-                f"--rods, --elbow: the arm of {rig.name} is {rig.arm.mode}, which is modelled with both rods or with"
+                f"--rods, --elbow: the arm of {rig.name} is {rig.arm.mode}, which is supported with both rods or with"
                 " the inner rod alone, and with the elbow free"
             ) from error
-        raise ConfigError("one rod alone has no elbow: leave out --rods or --elbow") from error
+        raise ConfigError("a single rod has no elbow: remove --rods or --elbow") from error
 
 
 def refuse_no_poses(rig: "Rig") -> None:
-    """Make sure that there is a pose to release from.
+    """Check that the rig has at least one pose.
 
     Raises:
-        ConfigError: the rig has none.
+        ConfigError: it has none.
     """
     if not rig.poses:
         raise ConfigError(
@@ -74,10 +74,10 @@ def refuse_no_poses(rig: "Rig") -> None:
 
 
 def refuse_unknown_poses(rig: "Rig", names: Sequence[str]) -> None:
-    """Make sure that the rig has every pose named, before the first is recorded.
+    """Check that the rig has all requested poses, before the first recording.
 
     Raises:
-        ConfigError: it lacks one.
+        ConfigError: a pose is missing.
     """
     unknown = [name for name in names if name not in rig.poses]
     if unknown:

@@ -19,30 +19,30 @@ class CompareRequest:
 
     runs: tuple[Path, ...]
     model: Path
-    """A model that was identified."""
+    """Identified model."""
     out: Path | None
-    """Folder of figures and report; None where only the numbers are wanted."""
+    """Folder of figures and report; None: only numbers."""
     leave_out: bool = False
-    """Whether to go on without a run that cannot be compared."""
+    """Whether to skip runs that cannot be compared."""
     record: Path | None = None
-    """Where to write what `compare --json` prints."""
+    """File for the output of `compare --json`."""
     torque: str | None = None
-    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
+    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class CompareResult:
-    """The runs compared with the model."""
+    """Runs compared with the model."""
 
     comparisons: "tuple[Comparison, ...]"
     followed: "tuple[Followed, ...]"
-    """What each comparison rests on; `free_run` starts from it. For use in this process."""
+    """Fits behind each comparison, from which `free_run` starts. For use in this process."""
     left_out: tuple[Path, ...]
     saved: dict[str, Any]
-    """What `compare --json` prints."""
+    """Output of `compare --json`."""
 
     def free_run(self, run: int, at_s: float) -> "FreeRun":
-        """One of the runs simulated by itself, from the segment that an instant (s since the release) lies in."""
+        """Free run of one of the runs, from the segment that contains an instant (s since the release)."""
         from dpr_lab.identification.compare import free_run_from
 
         return free_run_from(self.followed[run], at_s)
@@ -54,9 +54,9 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     Reports `RunCompared`, `RunLeftOut`.
 
     Raises:
-        ConfigError: a file stands where the folder of the results is to be.
+        ConfigError: a file with the name of the folder exists.
         RunError: the model cannot be read; two runs hold the same recording; a run cannot be compared, or with
-            `leave_out`, none can.
+        `leave_out`, no run can.
     """
     from dpr_lab.identification.compare import compare_followed
     from dpr_lab.identification.model import load_model
@@ -82,7 +82,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
         on_event(RunCompared(comparisons[-1]))
     refuse_repeated([one.preprocessed.run for one in followed])
     if not comparisons:
-        without = f"left out: {', '.join(file.stem for file in left_out)}"
+        without = f"skipped: {', '.join(file.stem for file in left_out)}"
         raise RunError(f"no run can be compared ({without}): choose others")
     saved = save_comparison(model, comparisons, request.out) if request.out is not None else {}
     if request.record is not None:

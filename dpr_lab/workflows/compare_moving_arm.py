@@ -1,4 +1,4 @@
-"""Compare runs with a model of a rig whose arm is free or driven."""
+"""Comparison of runs with a model of a rig whose arm is free or driven."""
 
 from pathlib import Path
 from typing import Any
@@ -7,12 +7,12 @@ from dpr_lab.workflows.checks import refuse_file
 
 
 def compare_moving_arm(runs: tuple[Path, ...], model: Path, out: Path) -> dict[str, Any] | None:
-    """Residuals of runs against a model, from segment to segment; None where the model has no moving arm.
+    """Residuals of runs relative to a model by segment; None if the model has no moving arm.
 
     Writes measured and simulated angles to `comparison.csv` in a folder.
 
     Raises:
-        ConfigError: a file stands where the folder of the results is to be.
+        ConfigError: a file with the name of the folder exists.
         RunError: the model or a run cannot be read, or the model is of another rig.
     """
     from dpr_lab.errors import RunError

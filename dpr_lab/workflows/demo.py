@@ -1,4 +1,4 @@
-"""The main job from cable to curve on a simulated rig, then a blind trial of the diagnosis."""
+"""Complete workflow on a simulated rig, then a blind trial of the diagnosis."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,11 +23,11 @@ RIG = "paper"
 JOBS = (
     "capture: three releases of a simulated rig, over its serial protocol",
     "identify: improved genetic algorithm, then segment least squares",
-    "compare: measured and simulated curves, and what the plant really is",
-    "another plant, with an effect that only the device knows: sealed, then recorded",
-    "identify it, as if it had no such effect",
-    "diagnose: where model and rig differ, and why",
-    "open the seal, and score",
+    "compare: measured and simulated curves, and the true parameters of the plant",
+    "blind trial: another plant with a hidden effect is sealed and recorded",
+    "identify this plant without its hidden effect",
+    "diagnose: location and cause of the gap",
+    "reveal the plant and score the diagnosis",
 )
 
 
@@ -36,25 +36,25 @@ class DemoRequest:
     """Options of the demo."""
 
     out: Path
-    """Folder of runs, model and report; each demo's trial gets a folder of its own in it."""
+    """Folder of runs, model and report; the trial of each demo gets its own folder in it."""
     seed: int | None = None
-    """Same seed, same demo; None: fresh chance draws the plant of the trial."""
+    """Seed of the trial's plant, for repeatable demos; None: random."""
     default_seed: int = 1
-    """Of everything but that plant, where `seed` is None."""
+    """Seed of all other random numbers if `seed` is None."""
     realtime: bool = False
-    """Whether the device takes its ten seconds a swing."""
+    """Whether the device simulates in real time, ten seconds per swing."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownPlant:
-    """A plant without any effect: identified, and what it really is."""
+    """Results for a plant without effects: identified and true values."""
 
     runs: tuple[Path, ...]
     model: "Model"
     model_file: Path
     report: str
     ratios: dict[str, float]
-    """The plant's own."""
+    """True values of the plant."""
 
     @property
     def comparison(self) -> dict[str, tuple[float, float, float, float]]:
@@ -67,11 +67,11 @@ class KnownPlant:
 
 @dataclass(frozen=True, slots=True)
 class HiddenEffect:
-    """Trial of a plant with a hidden effect, from seal to score."""
+    """Blind trial of a plant with a hidden effect."""
 
     trial: "Trial"
     model: "Model"
-    """As if it had no such effect."""
+    """Model without the hidden effect."""
     diagnosis: "Diagnosis"
     report: str
     opened: "Opened"
@@ -102,7 +102,7 @@ def demo(request: DemoRequest, on_event: OnEvent = ignore) -> DemoResult:
 
 
 def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> KnownPlant:
-    """Capture, identify, compare a plant without any effect, and ask what it is."""
+    """Capture, identify and compare a plant without effects, then request its true values."""
     from dpr_lab.acquisition.capture import CaptureOptions
     from dpr_lab.trials.sealing import ask
 
@@ -119,7 +119,7 @@ def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event:
 
 
 def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> HiddenEffect:
-    """One blind trial: sealed and recorded, identified, diagnosed, opened and scored."""
+    """One blind trial: seal, record, identify, diagnose, reveal and score."""
     from dpr_lab.trials.protocol import RIG_FILE, open_trial
     from dpr_lab.trials.sealing import Kind, PlantRequest
 
@@ -136,7 +136,7 @@ def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_even
 
 
 def _unused(out: Path) -> Path:
-    """A folder for the trial: an opened one is never used again."""
+    """Folder for the trial; a folder of an opened trial is not reused."""
     number = 1
     while (folder := out / f"trial-{number}").exists():
         number += 1

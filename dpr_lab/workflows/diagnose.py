@@ -1,4 +1,4 @@
-"""Runs in, a diagnosis out: why simulation and rig differ."""
+"""Diagnosis of the difference between simulation and rig."""
 
 import os
 import time
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 RECORD = "diagnosis.json"
-"""In the folder of a diagnosis: what `diagnose --json` prints."""
+"""File in the folder of a diagnosis: the output of `diagnose --json`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,32 +31,32 @@ class DiagnoseRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     held_out: tuple[Path, ...] = ()
-    """Runs that take no part in the fit: what is named must carry over to them."""
+    """Runs that are not fitted: they validate the named effects."""
     model: Path | None = None
-    """An identified model to start from; the rig file's values by default."""
+    """Identified model as initial values; None: values of the rig file."""
     library: tuple[str, ...] | None = None
-    """Names of the effects to choose from; None: all."""
+    """Names of the candidate effects; None: all."""
     without: tuple[str, ...] = ()
-    """Names of effects to leave out."""
+    """Names of excluded effects."""
     max_effects: int = 4
-    """At most so many effects at once."""
+    """Maximum number of effects at once."""
     seed: int = 0
-    """Same seed, same answer."""
+    """Seed of the random numbers; the same seed gives the same result."""
     out: Path | None = None
-    """Folder of report, figures, corrected model, exports and `RECORD`; None: none are written."""
+    """Folder of report, figures, corrected model, exports and `RECORD`; None: no files are written."""
     any_clock: bool = False
-    """Whether to take runs of a device whose clock is further off than a crystal's."""
+    """Whether to accept runs of a device whose clock rate error is larger than that of a crystal."""
     trust: int = 0
-    """How many blind trials on plants like this rig to add; each takes as long as the diagnosis."""
+    """Number of additional blind trials on plants like this rig; each takes as long as the diagnosis."""
     processes: int = 0
-    """How many of those trials side by side; 0: as many as there are processors."""
+    """Number of these trials in parallel; 0: one per processor."""
     torque: str | None = None
-    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
+    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class DiagnoseResult:
-    """The diagnosis, and the files that it was written to, by name."""
+    """Diagnosis, and its files by name."""
 
     diagnosis: "Diagnosis"
     files: "Mapping[str, str]"
@@ -72,9 +72,9 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     Events: `RunRead`, `StageBegan`, `FitBegan`, `ScoreTestBegan`, `TrustTrialDone`, `Warned`.
 
     Raises:
-        ConfigError: the rig is not valid, no such effect, or none left to choose from.
+        ConfigError: the rig is not valid, unknown effect, or no candidate effect left.
         RunError: a run or the model cannot be used, or there are no runs.
-        IdentificationError: the recordings are read with another zero, unit, sign or order than they were written with.
+        IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
     """
     from dpr_lab.gap.diagnose import STAGES
@@ -101,7 +101,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         seed=request.seed,
         on_progress=lambda event: on_event(_of_all(event, stages)),
     )
-    result = _kept(DiagnoseResult(found, {}), request.out)  # safe before what can still fail
+    result = _kept(DiagnoseResult(found, {}), request.out)  # saved before the steps that can still fail
     if request.trust:
         from dpr_lab.trials.own_rig import trust
 
@@ -137,15 +137,15 @@ def _kept(result: DiagnoseResult, out: Path | None) -> DiagnoseResult:
 
 
 def _of_all(event: StageBegan | FitBegan | ScoreTestBegan, stages: int) -> StageBegan | FitBegan | ScoreTestBegan:
-    """The same event; a stage counted among those of this job, which may have one more."""
+    """The same event, with the stage counted among those of this job, which may have one more."""
     return replace(event, of=stages) if isinstance(event, StageBegan) else event
 
 
 def chosen_library(names: Sequence[str] | None, without: Sequence[str]) -> "Mapping[str, Effect]":
-    """The effects to choose from.
+    """Candidate effects.
 
     Raises:
-        ConfigError: a name that is no effect, or none left.
+        ConfigError: an unknown name, or no effect left.
     """
     from dpr_lab.effects import EFFECTS
 
@@ -155,30 +155,32 @@ def chosen_library(names: Sequence[str] | None, without: Sequence[str]) -> "Mapp
         raise ConfigError(unknown_name(f"no effect named {unknown[0]}", unknown[0], EFFECTS))
     library = {name: EFFECTS[name] for name in EFFECTS if name in wanted and name not in without}
     if not library:
-        raise ConfigError("--library and --without leave no effect to choose from: name more, or leave out fewer")
+        raise ConfigError(
+            "--library and --without exclude all effects: add effects to --library, or remove some from --without"
+        )
     return library
 
 
 REASONS = ("gap", "unexplained", "unsure", "sensor")
-"""What `diagnose --fail-on` knows."""
+"""Reasons accepted by `diagnose --fail-on`."""
 
 
-def failures(found: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
-    """One sentence for each of some `REASONS` that apply to a diagnosis.
+def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
+    """One sentence for each of the requested `REASONS` that apply to a diagnosis.
 
-    Recordings that cannot show a gap, and a description of them that is probably wrong, fail without being asked for.
+    Recordings that cannot show a gap, and a probably wrong description of them, are always included.
 
     Args:
-        found: the diagnosis
-        reasons: those that count
+        diagnosis: the diagnosis
+        reasons: requested reasons
         sure: probability from which a named effect is not unsure
     """
     sentences = {
-        "gap": found.sentence if found.verdict not in ("no_gap", "inconclusive") else "",
-        "unexplained": found.sentence if found.verdict in ("unexplained", "partly_explained") else "",
-        "unsure": ", ".join(f"{e.name} is at {e.probability:.0%}" for e in found.effects if e.probability < sure),
-        "sensor": f"{len(found.sensor_findings)} faults of sensors" if found.sensor_findings else "",
+        "gap": diagnosis.sentence if diagnosis.verdict not in ("no_gap", "inconclusive") else "",
+        "unexplained": diagnosis.sentence if diagnosis.verdict in ("unexplained", "partly_explained") else "",
+        "unsure": ", ".join(f"{e.name} is at {e.probability:.0%}" for e in diagnosis.effects if e.probability < sure),
+        "sensor": f"{len(diagnosis.sensor_findings)} sensor faults" if diagnosis.sensor_findings else "",
     }
-    always = [f"inconclusive: {found.sentence}"] if found.verdict == "inconclusive" else []
-    always += [f"description: {hint}" for hint in found.hints]
+    always = [f"inconclusive: {diagnosis.sentence}"] if diagnosis.verdict == "inconclusive" else []
+    always += [f"description: {hint}" for hint in diagnosis.hints]
     return [*always, *(f"{reason}: {sentences[reason]}" for reason in reasons if sentences[reason])]

@@ -1,4 +1,4 @@
-"""Runs and the user's simulator model in, a diagnosis in the words of that model out, and the changed model."""
+"""Diagnosis relative to the user's simulator model, and the corrected copy of this model."""
 
 import tempfile
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SimulatorDiagnosis:
-    """A diagnosis, what of the user's model it changes, and the files that were written."""
+    """A diagnosis, the resulting changes of the user's model, and the written files."""
 
     result: DiagnoseResult
     simulator: Path
@@ -27,11 +27,11 @@ class SimulatorDiagnosis:
     joints: tuple[str, ...]
     least: "LeastChange"
     changes: "tuple[ChangedAttribute, ...]" = ()
-    """Of a MJCF file."""
+    """Changed attributes of an MJCF file."""
     diff: str = ""
-    """Of a MJCF file: unified diff."""
+    """Unified diff of an MJCF file."""
     refused: str = ""
-    """Why a MJCF file cannot be changed; empty where it can."""
+    """Reason why an MJCF file cannot be changed; empty if it can."""
 
     def to_json(self) -> dict[str, Any]:
         """Output of `diagnose --simulator --json`: that of `diagnose`, and `simulator`."""
@@ -52,16 +52,16 @@ class SimulatorDiagnosis:
 def diagnose_simulator(
     request: DiagnoseRequest, simulator: Path, joints: Sequence[str] = (), on_event: OnEvent = ignore
 ) -> SimulatorDiagnosis:
-    """Explain the gap between the user's simulator model and the rig, and change the model where the cause is.
+    """Explain the gap between the user's simulator model and the rig, and correct a copy of the model.
 
     Args:
-        request: as for `diagnose`; an empty `rig` stands for the rig file that `rig_from_model` writes from the model
-        simulator: MJCF, URDF or SDFormat file; it stays as it is
-        joints: of the inner and the outer rod in it; none: found
+        request: as for `diagnose`; with an empty `rig`, `rig_from_model` writes the rig file from the model
+        simulator: MJCF, URDF or SDFormat file; it is not changed
+        joints: joints of the inner and the outer rod in it; empty: detected
         on_event: as for `diagnose`
 
     Raises:
-        ConfigError: the model cannot be read, has an arm, or is not that of the rig; and as for `diagnose`.
+        ConfigError: the model cannot be read, has an arm, or does not belong to the rig; and as for `diagnose`.
         RunError: as for `diagnose`.
         IdentificationError: as for `diagnose`.
         DprError: a result cannot be written.
@@ -88,7 +88,7 @@ def diagnose_simulator(
         except ConfigError as error:
             raise ConfigError(f"{simulator}: {error}") from error
         if chain.arm is not None:
-            raise ConfigError(f"{simulator}: its rods are on an arm: give a model of the rods alone")
+            raise ConfigError(f"{simulator}: its rods are mounted on an arm: give a model of the rods alone")
         refuse_other_rig(chain, rig.L1, rig.g, simulator)
         result = diagnose(replace(request, rig=file), on_event)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
@@ -100,7 +100,7 @@ def diagnose_simulator(
         return done
     try:
         patched = into_mjcf(least.model, rig, simulator, joints)
-    except ConfigError as error:  # the diagnosis holds nevertheless
+    except ConfigError as error:  # the diagnosis is still valid
         return replace(done, refused=str(error))
     before, after = (text.decode("utf-8") for text in (simulator.read_bytes(), patched.text))
     old, new = (text.splitlines(keepends=True) for text in (before, after))

@@ -1,4 +1,4 @@
-"""Runs of several days in, what moved between them out."""
+"""Drift analysis: changes of parameters between groups of runs."""
 
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dpr_lab.drift.estimates import Estimates
     from dpr_lab.drift.groups import Occasion
 
-STAGES = ("each run alone", "what moved")
+STAGES = ("each run alone", "changes")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,16 +28,16 @@ class DriftRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     by: Literal["day", "session", "label"] = "day"
-    """A name of `dpr_lab.drift.groups.KEYS`."""
+    """Key of `dpr_lab.drift.groups.KEYS`."""
     diagnosis: Path | None = None
-    """What `diagnose --json` printed: the sizes of its effects are watched too."""
+    """Output of `diagnose --json`: the sizes of its effects are compared too."""
     model: Path | None = None
-    """An identified model to start from; the rig file's values by default."""
+    """Identified model as initial values; None: values of the rig file."""
     out: Path | None = None
-    """Folder of the report; None: none is written."""
+    """Folder of the report; None: no files are written."""
     any_clock: bool = False
     torque: str | None = None
-    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
+    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +46,9 @@ class DriftResult:
 
     drift: "Drift"
     estimates: "Estimates"
-    """In the order of time."""
+    """Estimates of the runs in the order of time."""
     group: tuple[int, ...]
-    """Of each run in that order."""
+    """Index of the group of each run in this order."""
     files: dict[str, str]
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""
@@ -69,7 +69,7 @@ class DriftResult:
         }
 
     def _sizes(self, values: "Sequence[float]") -> dict[str, float]:
-        """Parameter -> value; sizes that are ratios also by their absolute value at the assumed b."""
+        """Parameter -> value; sizes that are ratios also as absolute value at the assumed b."""
         own = dict(zip(self.estimates.names, values, strict=True))
         b = self.estimates.b or 1.0
         own |= {
@@ -84,7 +84,7 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
     Events: `RunRead`, `StageBegan`.
 
     Raises:
-        ConfigError: the rig is not valid, or a file stands where the folder is to be.
+        ConfigError: the rig is not valid, or a file with the name of the folder exists.
         RunError: a run, the model or the diagnosis cannot be used, or all runs are of one group.
         DprError: the report cannot be written.
     """
@@ -120,8 +120,8 @@ def _recorded(file: Path) -> "Occasion":
     try:
         at = datetime.fromisoformat(described.recorded_utc) if described.recorded_utc else None
     except ValueError as error:
-        raise RunError(f"{file}: its date of recording is none: {described.recorded_utc!r}") from error
-    if at is not None and at.tzinfo is None:  # a date alone is a day of this computer's calendar
+        raise RunError(f"{file}: its date of recording is not valid: {described.recorded_utc!r}") from error
+    if at is not None and at.tzinfo is None:  # a date without time is a day of this computer's time zone
         at = (
             at.replace(hour=12).astimezone()
             if len(described.recorded_utc) <= len("2026-03-01")
@@ -131,7 +131,7 @@ def _recorded(file: Path) -> "Occasion":
 
 
 def _effects(file: Path) -> "Mapping[str, Mapping[str, float]]":
-    """The effects of a diagnosis that are there all the time."""
+    """Effects of a diagnosis that act during the whole recording."""
     from dpr_lab.effects import EFFECTS
     from dpr_lab.gap.result.diagnosis import load_diagnosis
 

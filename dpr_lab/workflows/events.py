@@ -1,4 +1,4 @@
-"""What a job tells while it works: everything that a shell shows of it, as frozen values."""
+"""Progress events of jobs: frozen values that contain everything the callers display."""
 
 import math
 from collections.abc import Callable
@@ -46,10 +46,10 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class JobBegan:
-    """One of the jobs that a longer one is made of began."""
+    """Start of one of the jobs of a longer one."""
 
     number: int
-    """From 1."""
+    """Number of the job, from 1."""
     of: int
     sentence: str
 
@@ -68,19 +68,19 @@ class RunRead:
     file: Path
     name: str
     notes: tuple[str, ...]
-    """What its reader wants the operator to know."""
+    """Note of the reader for the operator."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunCompared:
-    """A run was held against the model."""
+    """A run was compared with the model."""
 
     comparison: "Comparison"
 
 
 @dataclass(frozen=True, slots=True)
 class RunLeftOut:
-    """A run that cannot be used; the job continues without it."""
+    """A run that cannot be used and is skipped."""
 
     file: Path
     why: str
@@ -88,7 +88,7 @@ class RunLeftOut:
 
 @dataclass(frozen=True, slots=True)
 class DeviceGreeted:
-    """A device answered."""
+    """Handshake with a device completed."""
 
     url: str
     info: "DeviceInfo"
@@ -96,12 +96,12 @@ class DeviceGreeted:
 
 @dataclass(frozen=True, slots=True)
 class CaptureBegan:
-    """The operator is to bring the rods to a pose."""
+    """The operator should move the rods to a pose."""
 
     name: str
     pose: "Pose"
     at_most_s: float
-    """How long the recording can become."""
+    """Maximum duration of the recording, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,16 +113,16 @@ class CaptureProgress:
 
 @dataclass(frozen=True, slots=True)
 class CaptureDone:
-    """A release was recorded and judged."""
+    """A release was recorded and checked."""
 
     name: str
-    """Of the pose."""
+    """Name of the pose."""
     captured: "Captured"
 
 
 @dataclass(frozen=True, slots=True)
 class TrialSealed:
-    """A plant was drawn, and its seal given away."""
+    """A plant was drawn and its seal published."""
 
     seal: str
 
@@ -134,7 +134,7 @@ class TrialDone:
     done: int
     of: int
     last: "TrialOutcome | Failure | None"
-    """What the last trial came to; None at the start."""
+    """Result of the last trial; None before the first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,17 +144,17 @@ class TrustTrialDone:
     done: int
     of: int
     elapsed_s: float
-    """Since the first began, s."""
+    """Time since the start of the first trial, s."""
 
     @property
     def left_s(self) -> float:
-        """Estimated time for the remaining trials, s; nan before the first is done."""
+        """Estimated time for the remaining trials, s; nan before the first is finished."""
         return self.elapsed_s * (self.of - self.done) / self.done if self.done else math.nan
 
 
 @dataclass(frozen=True, slots=True)
 class PaperSearchDone:
-    """One of the searches of the published experiment ended."""
+    """End of one of the searches of the published experiment."""
 
     done: int
     of: int
@@ -185,13 +185,13 @@ Event: TypeAlias = (
 OnEvent: TypeAlias = Callable[[Event], None]
 
 Proceed: TypeAlias = Callable[[], bool]
-"""Asked where a job can pause or end early: may wait; false ends it there, with the best so far."""
+"""Called where a job can pause or end early: may wait; false ends the job with the best result so far."""
 
 
 def ignore(event: Event) -> None:
-    """Nobody is interested."""
+    """Ignore an event."""
 
 
 def always() -> bool:
-    """Default job control: neither pause nor stop."""
+    """Continue: neither pause nor stop."""
     return True

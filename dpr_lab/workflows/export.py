@@ -1,4 +1,4 @@
-"""A model in, files for other programs out, each tried where it runs."""
+"""Export of a model to other programs, with a replay in each."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -22,15 +22,15 @@ class ExportRequest:
     """Options of an export."""
 
     model: Path
-    """A model that `identify` or `diagnose` wrote, or the folder of a diagnosis."""
+    """Model written by `identify` or `diagnose`, or the folder of a diagnosis."""
     rig: str
     """Rig file, or the name of a built-in one."""
     formats: tuple[str, ...]
     out: Path
     check: tuple[Path, ...] = ()
-    """Runs to replay in each program; what a format cannot express is refitted to them."""
+    """Runs to replay in each program; effects that a format cannot express are refitted to them."""
     torque: str | None = None
-    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
+    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,20 +38,20 @@ class ExportResult:
     """Written files and the error of the exported model."""
 
     files: dict[str, str]
-    """Format -> the file that a program reads first."""
+    """Format -> main file for its program."""
     lost: dict[str, dict[str, str]]
-    """Format -> effect -> why the format cannot express it."""
+    """Format -> effect -> reason why the format cannot express it."""
     instead: dict[str, list[str]]
-    """Format -> the effects that it was written with after it was fitted again."""
+    """Format -> effects of the refitted model."""
     refused: dict[str, str]
-    """Format -> why it was not written."""
+    """Format -> reason why it was not written."""
     bare_rad: float | None = None
     lab: "Replayed | None" = None
     tried: "dict[str, Replayed]" = field(default_factory=dict)
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""
     scale: dict[str, Any] | None = None
-    """The b that masses, inertias and torques assume (kg m^2), its 90 % interval and what fixed it; None: not known."""
+    """Assumed b of masses, inertias and torques (kg m^2), its 90 % interval and what determined it; None: unknown."""
     scale_sentence: str = ""
     """The same in words."""
 
@@ -61,12 +61,12 @@ class ExportResult:
 
 
 def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
-    """Write a model for other programs; with runs to check, replay them there and refuse what makes things worse.
+    """Export a model; replay given runs in each program, and refuse exports that are worse than the bare model.
 
     Events: `RunRead`, `StageBegan`, `Warned`.
 
     Raises:
-        ConfigError: the rig is not valid, no such format, or what a format needs is not installed.
+        ConfigError: the rig is not valid, unknown format, or a package of the format is not installed.
         RunError: the model or a run cannot be used.
         DprError: a file cannot be written, or a program did not run.
     """
@@ -86,12 +86,17 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     runs = read_runs(request.check, rig, on_event, torque=request.torque)
     for run in runs:
         if run.arm is not None:
-            raise RunError(f"{run.name}: its arm moves, which no program here replays: check another run")
+            raise RunError(f"{run.name}: its arm moves, which the replay does not support: check another run")
     lost = {name: FORMATS[name].lost(model, rig) for name in request.formats}
     models = fitted_for(request.formats, model, runs, rig) if runs else dict.fromkeys(request.formats, model)
     for name in request.formats if not runs else ():
         if moving_losses(name, model, rig):
-            on_event(Warned(f"{name}: {', '.join(lost[name])} cannot be expressed there; --check RUN refits without"))
+            on_event(
+                Warned(
+                    f"{name}: {', '.join(lost[name])} cannot be expressed in this format; --check"
+                    f" RUN refits the model without them"
+                )
+            )
     result = _checked(request, model, models, runs, rig, on_event) if runs else ExportResult({}, {}, {}, {})
     files = {}
     for name in request.formats:
@@ -120,13 +125,13 @@ def _checked(
     rig: "Rig",
     on_event: OnEvent,
 ) -> ExportResult:
-    """Error of the model in each program, compared with our own simulation and with the bare model."""
+    """Error of the model in each program, compared with dpr-lab's simulation and with the bare model."""
     from dpr_lab.exports import FORMATS
     from dpr_lab.exports.cost import REPLAY_RULE, yardstick
     from dpr_lab.exports.replay import replayed
 
     stages = len(request.formats) + 1
-    on_event(StageBegan(1, stages, "the lab's own simulation"))
+    on_event(StageBegan(1, stages, "dpr-lab's own simulation"))
     reference = yardstick(model, runs, rig)
     tried, refused = {}, {}
     for number, name in enumerate(request.formats, 2):

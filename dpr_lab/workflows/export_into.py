@@ -1,4 +1,4 @@
-"""The corrected model written into the user's own simulator model."""
+"""Corrected model written into a copy of the user's simulator model."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ExportedInto:
-    """The changed model, and what changed."""
+    """Changed model, with the list of changes."""
 
     file: Path
     diff_file: Path
@@ -23,22 +23,22 @@ class ExportedInto:
     """Unified diff of both files."""
     changes: "tuple[ChangedAttribute, ...]"
     lost: dict[str, str]
-    """Effect -> why the file cannot hold it."""
+    """Effect -> reason why the file cannot contain it."""
 
     def to_json(self) -> dict[str, Any]:
-        """What `dpr-lab export --into --json` prints."""
+        """Output of `dpr-lab export --into --json`."""
         return {"schema": 1, **asdict(self), "file": str(self.file), "diff_file": str(self.diff_file)}
 
 
 def export_into(model: Path, rig: str, into: Path, out: Path, joints: Sequence[str] = ()) -> ExportedInto:
-    """Write a copy of an MJCF file with the numbers of a model into a folder; the file itself stays as it is.
+    """Write a copy of an MJCF file with the numbers of a model into a folder; the original file is not changed.
 
     Args:
-        model: a model that `identify` or `diagnose` wrote, or the folder of a diagnosis
-        rig: the rig file that `dpr-lab rig from` wrote from the MJCF file
+        model: model written by `identify` or `diagnose`, or the folder of a diagnosis
+        rig: the rig file written by `dpr-lab rig from` for the MJCF file
         into: the MJCF file
         out: folder of the copy and of its diff
-        joints: of inner rod, outer rod and perhaps the arm; none: found
+        joints: joints of inner rod, outer rod and optionally the arm; empty: detected
 
     Raises:
         ConfigError: the rig, the file or the folder cannot be used.

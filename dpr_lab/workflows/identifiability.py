@@ -1,4 +1,4 @@
-"""A rig, and runs where there are any, in; what recordings can and cannot tell about it out."""
+"""Identifiability analysis of a rig, with or without runs."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,9 +19,9 @@ class IdentifiabilityRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     runs: tuple[Path, ...] = ()
-    """None: releases simulated from the rig's poses, at the rig file's values."""
+    """Run files; None: releases simulated from the poses of the rig with the values of the rig file."""
     torque: str | None = None
-    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
+    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +29,14 @@ class IdentifiabilityResult:
     """Determined and free parameters, and recommended measurements."""
 
     rig: str
-    """Its name."""
+    """Name of the rig."""
     found: "Identifiability | ArmIdentifiability"
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""
 
 
 def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore) -> IdentifiabilityResult:
-    """Say what recordings of a rig can and cannot tell.
+    """Determine what recordings of a rig identify and what they do not.
 
     Events: `RunRead`, `Warned`.
 

@@ -1,4 +1,4 @@
-"""Runs in, `model.json` out."""
+"""Identification of a model from runs, written to `model.json`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,26 +24,28 @@ class IdentifyRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     out: Path
-    """Where the model is written."""
+    """File of the model."""
     objective: str = "segments"
-    """A name of `dpr_lab.identification.objectives.OBJECTIVES`."""
+    """Name of an objective in `dpr_lab.identification.objectives.OBJECTIVES`."""
     search: str = "iga"
-    """A name of `dpr_lab.search.ALGORITHMS`."""
+    """Name of a search in `dpr_lab.search.ALGORITHMS`."""
     settings: str | None = None
-    """Search settings, a TOML file or the name of a built-in one; they name their own search. None: the objective's."""
+    """Search settings: a TOML file or the name of built-in settings, which name their own search. None: those of the
+    objective.
+    """
     seed: int = 0
-    """Of everything random; same seed, same answer."""
+    """Seed of all random numbers; the same seed gives the same result."""
     profile: bool = False
-    """Whether to find each ratio's interval by profile likelihood too."""
+    """Whether to compute intervals of the ratios by profile likelihood as well."""
     any_clock: bool = False
-    """Whether to take runs of a device whose clock is further off than a crystal's."""
+    """Whether to accept runs of a device whose clock rate error is larger than that of a crystal."""
     torque: str | None = None
-    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
+    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentifyResult:
-    """Result of an identification. A model that failed its own checks is written too; see `model.failures`."""
+    """Result of an identification. A model that failed its own checks is also written; see `model.failures`."""
 
     model: "Model"
     file: Path
@@ -58,14 +60,14 @@ class MovingArmResult:
 
 
 def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proceed = always) -> IdentifyResult:
-    """Identify the kinetic parameters of a rig from its runs, whose arm was clamped or prescribed.
+    """Identify the kinetic parameters of a rig from runs with a clamped or prescribed arm.
 
-    Events: `RunRead`, `GenerationDone`, `LocalFitBegan`; asks `proceed` after each generation.
+    Events: `RunRead`, `GenerationDone`, `LocalFitBegan`; calls `proceed` after each generation.
 
     Raises:
-        ConfigError: nothing can be written to the file, rig or settings are not valid, or no such objective or search.
+        ConfigError: the file cannot be written, rig or settings are not valid, or objective or search is unknown.
         RunError: a run that cannot be used, or none.
-        IdentificationError: not one candidate inside the bounds could be simulated.
+        IdentificationError: no candidate inside the bounds could be simulated.
     """
     rig, runs = _read(request, on_event, moving=False)
     return _identified(runs, rig, request, on_event, proceed)
@@ -74,10 +76,10 @@ def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proc
 def identify_any_arm(
     request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proceed = always
 ) -> IdentifyResult | MovingArmResult:
-    """As `identify`, of runs whose arm may also have been free or driven; objective and search do not apply to those.
+    """As `identify`, also for runs with a free or driven arm, for which objective and search have no meaning.
 
     Raises:
-        ConfigError, RunError, IdentificationError: as of `identify`.
+        ConfigError, RunError, IdentificationError: as for `identify`.
     """
     from dpr_lab.identification.moving_arm.identify import identify_moving_arm, moves
 

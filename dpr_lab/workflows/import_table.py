@@ -1,4 +1,4 @@
-"""Any logger's table in, a run out."""
+"""Import of a table of any logger as a run."""
 
 from dataclasses import dataclass
 from itertools import count
@@ -27,28 +27,28 @@ class ImportRequest:
     """Folder of the run."""
     options: "ImportOptions"
     rods: str | None = None
-    """Which hang on the rig; as the rig file says when None."""
+    """Mounted rods; None: as in the rig file."""
     elbow: str | None = None
-    """Whether joint 2 can turn; likewise."""
+    """Whether joint 2 is free or clamped; None: as in the rig file."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImportResult:
-    """The run that was written."""
+    """The written run."""
 
     file: Path
     samples: int
-    """Those of the rest before the release included."""
+    """Number of samples, including the rest before the release."""
     duration_s: float
-    """From the release to the last sample."""
+    """Time from the release to the last sample, s."""
     notes: tuple[str, ...]
-    """What was done with the table."""
+    """Notes on the conversion of the table."""
     questions: "tuple[TableQuestion, ...]"
-    """What is doubtful of it."""
+    """Doubts about the interpretation of the table."""
 
     @property
     def info(self) -> "RunInfo":
-        """Metadata of the run file; reads the whole file."""
+        """Metadata of the run file; reads the complete file."""
         from dpr_lab.storage.inspect import info
 
         return info(self.file)
@@ -75,7 +75,7 @@ def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportRe
 
 
 def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Preview":
-    """Interpretation of a table; nothing is written.
+    """Interpret a table without writing a run.
 
     Events: `ImportProgress`.
 
@@ -91,6 +91,6 @@ def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Previe
 
 
 def _unused(folder: Path, stem: str) -> Path:
-    """A file name not taken yet."""
+    """A file name that does not exist yet."""
     names = (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap" for number in count(1))
     return next(folder / name for name in names if not (folder / name).exists())

@@ -1,4 +1,4 @@
-"""Repeat the published experiment: tables, searches and figures, compared with the printed ones."""
+"""Reproduction of the published experiment: tables, searches and figures, compared with the printed ones."""
 
 from dataclasses import dataclass
 from itertools import count
@@ -19,10 +19,10 @@ class PaperRequest:
     out: Path
     """Folder of paper.md, paper.json, tables and figures."""
     seeds: int = 5
-    """Searches for each reading of H, on and off the grid."""
+    """Number of searches for each interpretation of H, with true values on and off the coding grid."""
     generations: int = 1000
     workers: int = 1
-    """Searches side by side."""
+    """Number of searches in parallel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class PaperResult:
 
     reproduction: "Reproduction"
     record: dict[str, Any]
-    """The content of `paper.json`."""
+    """Content of `paper.json`."""
     page: Path
 
 

@@ -1,4 +1,4 @@
-"""Read the runs of a request and report each."""
+"""Reading of the runs of a request, with an event for each."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,17 +22,17 @@ def read_runs(
     """The runs of a rig, in the order of their files.
 
     Args:
-        files: of the runs
-        rig: that they are of
+        files: run files
+        rig: rig of the runs
         on_event: called for each run
-        any_clock: whether any clock is good enough
-        torque: `measured` or `commanded`: which known torques drove the joints of runs that hold both
+        any_clock: whether any clock rate error is accepted
+        torque: `measured` or `commanded`: torques to use for runs that contain both
         moving: whether the arm may have been free or driven
 
     Raises:
-        RunError: a file that is no run, or of another rig; two that hold the same recording; a table
-            in which the rods are held between several swings; torques of another kind
-            alone; or, unless `any_clock`, one of a device whose clock is further off than a crystal's.
+        RunError: a file that is not a run, or of another rig; two files with the same recording; a table with several
+        swings between which the rods are held; only torques of the other kind; or, unless `any_clock`, a device with a
+        clock rate error larger than that of a crystal.
     """
     from dpr_lab.estimation.held_rods import refuse_held
     from dpr_lab.run import refuse_moving_arms, refuse_repeated, refuse_wrong_clocks
@@ -41,7 +41,9 @@ def read_runs(
     runs: list[Run] = []
     for file in files:
         run = load_run(file, rig=rig).driven_by(torque)
-        chosen = f"driven by its {run.torque_kind} torques; --torque says which" if run.commanded is not None else ""
+        chosen = (
+            f"driven by its {run.torque_kind} torques; select them with --torque" if run.commanded is not None else ""
+        )
         runs.append(run)
         on_event(RunRead(file, run.name, (*run.notes, *([chosen] if chosen else []))))
     refuse_repeated(runs)

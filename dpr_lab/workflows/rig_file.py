@@ -1,4 +1,4 @@
-"""A rig file written from a few measures, and one looked through before it is used."""
+"""Creation of a rig file from a few measurements, and check of a rig file."""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A value, with its standard uncertainty where it was measured and is to be held."""
+    """A value; with its standard uncertainty if it was measured and should not be identified."""
 
     value: float
     std: float | None = None
@@ -28,15 +28,15 @@ class RigMeasures:
 
     name: str
     L1: float
-    """Between the two joints, m."""
+    """Distance between the two joints, m."""
     L2: float
-    """Of the outer rod, m."""
+    """Length of the outer rod, m."""
     m1: Measure
-    """Inner rod, kg."""
+    """Mass of the inner rod, kg."""
     m2: Measure
-    """Outer rod, kg."""
+    """Mass of the outer rod, kg."""
     mb: Measure | None = None
-    """What sits on the elbow, kg; None where nobody knows."""
+    """Mass of the parts at joint 2, kg; None: unknown."""
     g: float = 9.81
     counts_per_rev: int = 16384
     joint2: Literal["relative", "absolute"] = "relative"
@@ -44,31 +44,31 @@ class RigMeasures:
     L0: float | None = None
     """Length of the arm, m; None: not measured."""
     L1_std: float | None = None
-    """Standard uncertainty of L1, m; None: as of a ruler."""
+    """Standard uncertainty of L1, m; None: that of a ruler."""
     geared: tuple[int, ...] = ()
-    """Joints (1, 2) on which a geared motor stays."""
+    """Joints (1, 2) with a geared motor."""
     rezeroed: bool = False
-    """Whether joints 1 and 2 are set to zero before each recording."""
+    """Whether the encoders of joints 1 and 2 are zeroed before each recording."""
     mounted: Literal["both", "inner", "outer"] = "both"
     """Mounted rods."""
     elbow: Literal["free", "clamped"] = "free"
-    """Whether joint 2 can turn."""
+    """Whether joint 2 is free or clamped."""
 
 
 @dataclass(frozen=True, slots=True)
 class DraftSettings:
-    """Width of the bounds around measured values; all but the masses follow from a uniform rod."""
+    """Width of the bounds around measured values; except for masses, they are derived from a uniform rod."""
 
     mass: tuple[float, float] = (0.7, 1.4)
-    """Bounds of a mass that was estimated, relative."""
+    """Relative bounds of an estimated mass."""
     centre: tuple[float, float] = (0.15, 0.95)
-    """Bounds of a centre of mass, in lengths of the rod: a motor on either end."""
+    """Bounds of a centre of mass in lengths of the rod: from a motor at one end to a motor at the other."""
     inertia: tuple[float, float] = (0.01, 0.26)
-    """Bounds of J, in m L^2: all of it in the middle, half of it on each end (1/4)."""
+    """Bounds of J in m L^2: from all mass in the middle to half of it at each end (1/4)."""
     elbow: tuple[float, float, float] = (0.002, 0.2, 3.0)
-    """Lower bound, guess and upper bound of an unknown elbow's mass, in masses of both rods."""
+    """Lower bound, guess and upper bound of an unknown mass at the elbow, in masses of both rods."""
     damping: tuple[float, float, float] = (1e-5, 3e-3, 0.1)
-    """Lower bound, guess and upper bound of the damping ratio of a small swing; ball bearings have some thousandths."""
+    """Lower bound, guess and upper bound of the damping ratio of a small swing; some thousandths for ball bearings."""
     poses: tuple[tuple[float, float], ...] = ((math.pi, 0.1), (0.1, 0.1), (0.1, math.pi))
     """Poses of the publication, rad."""
     poses_as_one: tuple[tuple[float, float], ...] = ((0.1, 0.1), (1.2, 1.2), (2.2, 2.2))
@@ -78,17 +78,17 @@ class DraftSettings:
 DRAFT = DraftSettings()
 
 Bounds = tuple[float, float, float]
-"""Lower bound, guess, upper bound."""
+"""Lower bound, guess and upper bound."""
 
 
 def draft_rig(measures: RigMeasures) -> str:
-    """The text of a rig file, with comments.
+    """Text of a rig file with comments.
 
-    The friction's bounds are those of a damping ratio z of a small swing: c = 2 z sqrt(I k), with the inertia I and
-    the stiffness k = (moment of mass) g of what hangs on the joint.
+    The bounds of the friction follow from bounds of the damping ratio z of a small swing: c = 2 z sqrt(I k), with the
+    inertia I and the stiffness k = (moment of mass) g of the parts on the joint.
 
     Raises:
-        ConfigError: measures that no rig file may hold.
+        ConfigError: values that a rig file cannot contain.
     """
     from dpr_lab.rig import parse_rig
 
@@ -104,11 +104,11 @@ def draft_rig(measures: RigMeasures) -> str:
     moments = (m.m1.value / 2 + mb.value + m.m2.value) * m.L1, m.m2.value * m.L2 / 2
     parts = [
         _head(m),
-        parameter_table("l1", "centre of mass of the inner rod, from joint 1, m", _centre(m.L1)),
-        parameter_table("l2", "centre of mass of the outer rod, from joint 2, m", _centre(m.L2)),
-        parameter_table("m1", "inner rod, kg", mass["m1"], stds["m1"]),
-        parameter_table("m2", "outer rod, kg", mass["m2"], stds["m2"]),
-        parameter_table("mb", "what sits on the elbow: encoder, bearing, motor, kg", mass["mb"], stds["mb"]),
+        parameter_table("l1", "distance from joint 1 to the centre of mass of the inner rod, m", _centre(m.L1)),
+        parameter_table("l2", "distance from joint 2 to the centre of mass of the outer rod, m", _centre(m.L2)),
+        parameter_table("m1", "mass of the inner rod, kg", mass["m1"], stds["m1"]),
+        parameter_table("m2", "mass of the outer rod, kg", mass["m2"], stds["m2"]),
+        parameter_table("mb", "mass of the parts at the elbow (encoder, bearing, motor), kg", mass["mb"], stds["mb"]),
         parameter_table("c1", "viscous friction of joint 1, N m s/rad", _friction(hanging, moments[0] * m.g)),
         parameter_table("c2", "viscous friction of joint 2, N m s/rad", _friction(tip, moments[1] * m.g)),
         parameter_table("J1", "inertia of the inner rod about its centre, kg m^2", _inertia(mass["m1"], m.L1)),
@@ -124,7 +124,7 @@ def new_rig(measures: RigMeasures, file: Path) -> Path:
     """Write the rig file of `draft_rig`.
 
     Raises:
-        ConfigError: measures that no rig file may hold, a file that is there already, or cannot be written.
+        ConfigError: values that a rig file cannot contain, or a file that exists already or cannot be written.
     """
     if file.suffix != ".toml":
         raise ConfigError(f"{file}: give the file a name that ends in .toml")
@@ -153,7 +153,7 @@ def _friction(inertia: float, stiffness: float) -> Bounds:
 
 
 def parameter_table(name: str, meaning: str, bounds: Bounds, std: float | None = None, digits: int = 4) -> str:
-    """A table of `[parameters]`; `digits` are those of the nominal value."""
+    """Table in `[parameters]`; `digits` is the number of digits of the nominal value."""
     lower, guess, upper = bounds
     lines = [f"[parameters.{name}]  # {meaning}", f"nominal = {toml_number(guess, digits)}"]
     if std is None:
@@ -164,7 +164,7 @@ def parameter_table(name: str, meaning: str, bounds: Bounds, std: float | None =
 
 
 def toml_number(value: float, digits: int = 4) -> str:
-    """A TOML number with so many digits."""
+    """A TOML number with this number of digits."""
     return repr(float(f"{value:.{digits}g}"))
 
 
@@ -174,18 +174,18 @@ def toml_text(value: str) -> str:
 
 
 def _head(m: RigMeasures) -> str:
-    arm = f"L0 = {toml_number(m.L0, 9)}  # of the arm, m\n" if m.L0 is not None else ""
+    arm = f"L0 = {toml_number(m.L0, 9)}  # length of the arm, m\n" if m.L0 is not None else ""
     std = (
         f"L1_std = {toml_number(m.L1_std)}  # standard uncertainty of L1, m: a diagnosis fits L1\n" if m.L1_std else ""
     )
     return f"""# SI units; angles are absolute, 0 = upright, pi = hanging. Every key: docs/rig-file.md
-# Bounds follow from a uniform rod and are wide: narrow those that you know better.
+# Bounds are derived from a uniform rod and are wide: narrow those that you know better.
 # A weighed part has `measured` and `std` instead of bounds; one of them determines the scale of all masses.
 
 [rig]
 name = {toml_text(m.name)}
-{arm}L1 = {toml_number(m.L1, 9)}  # between the two joints, m
-{std}L2 = {toml_number(m.L2, 9)}  # of the outer rod, m
+{arm}L1 = {toml_number(m.L1, 9)}  # distance between the two joints, m
+{std}L2 = {toml_number(m.L2, 9)}  # length of the outer rod, m
 g = {toml_number(m.g, 9)}
 """
 
@@ -196,15 +196,15 @@ def _tail(m: RigMeasures) -> str:
     joints = f"[joints]\ngeared = {list(m.geared)}" if m.geared else "# [joints]\n# geared = [1, 2]        "
     return f"""[encoders]
 counts_per_rev = [{m.counts_per_rev}, {m.counts_per_rev}, {m.counts_per_rev}]  # arm, inner rod, outer rod
-joint2 = {toml_text(m.joint2)}  # the outer rod's encoder: relative to the inner rod, or absolute
-# zero_counts = [0, 0, 0]  # what they read with the rods hanging
-# direction = [1, 1, 1]    # -1 for one that counts backwards
+joint2 = {toml_text(m.joint2)}  # encoder of the outer rod: relative to the inner rod, or absolute
+# zero_counts = [0, 0, 0]  # readings with the rods hanging
+# direction = [1, 1, 1]    # -1 for an encoder that counts backwards
 # noise_counts = 0.5       # standard deviation of a reading at rest
-{rezeroed}  # joints 1 and 2 are set to zero before each recording
+{rezeroed}  # encoders of joints 1 and 2 are zeroed before each recording
 
-{joints}  # a geared motor stays on these joints
+{joints}  # joints with a geared motor
 
-{rods}# Angles before a release, rad: high poses swing widely and contain most information.
+{rods}# Angles before a release, rad: high poses give large swings and contain most information.
 {_poses(m)}
 [link]
 url = {toml_text(m.url)}
@@ -217,7 +217,7 @@ def _turn_as_one(m: RigMeasures) -> bool:
 
 
 def _poses(m: RigMeasures) -> str:
-    """Three poses: those of the publication, or of rods that turn as one."""
+    """Three poses: those of the publication, or poses for rods that turn as one body."""
     poses = DRAFT.poses_as_one if _turn_as_one(m) else DRAFT.poses
     return "\n".join(
         f"[poses.X{number}]\ntheta1 = {theta1!r}\ntheta2 = {theta2!r}\n"
@@ -230,29 +230,29 @@ class RigFinding:
     """One remark on a rig file."""
 
     state: Literal["wrong", "missing", "odd"]
-    """`wrong`: it cannot be used; `missing`: something cannot be done with it; `odd`: perhaps a slip."""
+    """`wrong`: the file cannot be used; `missing`: a function is not available; `odd`: a possible mistake."""
     key: str
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Usual:
-    """Usual ranges of a rig on a bench; values outside are questioned."""
+    """Usual ranges of a rig; values outside are reported."""
 
     gravity: tuple[float, float] = (9.76, 9.84)
-    """m/s^2, on earth."""
+    """Gravity on earth, m/s^2."""
     length: tuple[float, float] = (0.03, 2.0)
-    """m"""
+    """Length, m."""
     mass: tuple[float, float] = (1e-3, 50.0)
-    """kg"""
+    """Mass, kg."""
     rate_hz: int = 100
-    """At least: a rod turns up to three times a second."""
+    """Minimum sample rate, Hz: a rod makes up to three turns per second."""
     relative_std: float = 0.1
-    """Of a measured value, at most."""
+    """Maximum standard uncertainty of a measured value, relative."""
     tolerance: float = 0.3
-    """Of a pose, rad, at most."""
+    """Maximum tolerance of a pose, rad."""
     span: float = 1e4
-    """Upper over lower bound of what is no friction, at most: above it units were mixed up."""
+    """Maximum ratio of upper to lower bound, except for friction: a larger ratio indicates mixed units."""
 
 
 USUAL = Usual()
@@ -273,23 +273,27 @@ def _missing(rig: "Rig") -> Iterator[RigFinding]:
     from dpr_lab.rig import MASSES
 
     if not rig.poses:
-        yield RigFinding("missing", "poses", "none: capture has nothing to release from; imported tables are fine")
+        yield RigFinding("missing", "poses", "none: capture needs a pose; the import of tables does not")
     if all(rig.parameters[name].measured is None for name in MASSES) and rig.added_mass is None:
-        message = "no mass is weighed (measured, std): only ratios can be known, and the scale of all masses is free"
+        message = (
+            "no mass is weighed (measured, std): only ratios can be identified, and the scale of all masses is unknown"
+        )
         yield RigFinding("missing", "parameters", message)
     if rig.L2 is None:
-        yield RigFinding("missing", "rig.L2", "drawings and exports guess the outer rod's length without it")
+        yield RigFinding("missing", "rig.L2", "without it, drawings and exports use an assumed length of the outer rod")
 
 
 def _odd_geometry(rig: "Rig") -> Iterator[RigFinding]:
-    yield from _outside("rig.g", rig.g, USUAL.gravity, "m/s^2, and on earth it is 9.78 to 9.83")
+    yield from _outside("rig.g", rig.g, USUAL.gravity, "m/s^2; on earth g is 9.78 to 9.83")
     yield from _outside("rig.L1", rig.L1, USUAL.length, "m: was it measured in another unit?")
     if rig.L2 is not None:
         yield from _outside("rig.L2", rig.L2, USUAL.length, "m: was it measured in another unit?")
     if rig.encoders.noise_counts == 0:
-        yield RigFinding("odd", "encoders.noise_counts", "0: no reading is that quiet, and limits of rest come from it")
+        yield RigFinding(
+            "odd", "encoders.noise_counts", "0: every reading has noise, and the limits of rest are derived from it"
+        )
     if rig.link.rate_hz < USUAL.rate_hz:
-        yield RigFinding("odd", "link.rate_hz", f"{rig.link.rate_hz} Hz is too slow to follow a fast rod")
+        yield RigFinding("odd", "link.rate_hz", f"{rig.link.rate_hz} Hz is too low for a fast rod")
 
 
 def _odd_parameters(rig: "Rig") -> Iterator[RigFinding]:
@@ -298,7 +302,7 @@ def _odd_parameters(rig: "Rig") -> Iterator[RigFinding]:
     for name, p in rig.parameters.items():
         key = f"parameters.{name}"
         if name in MASSES:
-            usual = (0.0, USUAL.mass[1]) if name == "mb" else USUAL.mass  # a model may have nothing on the elbow
+            usual = (0.0, USUAL.mass[1]) if name == "mb" else USUAL.mass  # a model may have no mass at the elbow
             yield from _outside(key, p.measured or p.nominal, usual, "kg: was it weighed in another unit?")
         if p.std is not None and p.std > USUAL.relative_std * (p.measured or math.inf):
             yield RigFinding("odd", key, f"std {p.std:g} is {p.std / (p.measured or 1):.0%} of the measured value")
@@ -319,7 +323,7 @@ def _odd_bounds(name: str, p: "Parameter") -> Iterator[RigFinding]:
 
 
 def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]:
-    """Its centre beyond its end, or an inertia that no distribution of its mass along it has: J <= m l (L - l)."""
+    """Errors of a rod: centroid beyond its end, or an inertia above the maximum m l (L - l)."""
     centre, mass, inertia = (rig.parameters[f"{name}{rod}"] for name in "lmJ")
     at, m, J = (p.measured or p.nominal for p in (centre, mass, inertia))
     if length is None:
@@ -329,7 +333,8 @@ def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]
         yield RigFinding("odd", f"parameters.l{rod}", message)
     elif J > m * at * (length - at):
         message = (
-            f"{J:g} kg m^2 is more than a rod of {m:g} kg and {length:g} m can have ({m * at * (length - at):.3g})"
+            f"{J:g} kg m^2 is more than a rod of {m:g} kg and {length:g} m can have (at most"
+            f" {m * at * (length - at):.3g})"
         )
         yield RigFinding("odd", f"parameters.J{rod}", message)
 
@@ -338,9 +343,9 @@ def _odd_poses(rig: "Rig") -> Iterator[RigFinding]:
     for name, pose in rig.poses.items():
         key = f"poses.{name}"
         if max(map(math.cos, pose.theta[1:])) < -0.99:
-            yield RigFinding("odd", key, "both rods hang: nothing swings when they are let go (0 = upright)")
+            yield RigFinding("odd", key, "both rods hang: there is no swing after the release (0 = upright)")
         if pose.tolerance > USUAL.tolerance:
-            yield RigFinding("odd", key, f"a tolerance of {pose.tolerance:g} rad is no pose")
+            yield RigFinding("odd", key, f"a tolerance of {pose.tolerance:g} rad is too large for a pose")
 
 
 def _outside(key: str, value: float, usual: tuple[float, float], why: str) -> Iterator[RigFinding]:

@@ -1,4 +1,4 @@
-"""A rig file from the model of a simulator."""
+"""Rig file from a simulator model."""
 
 import math
 from collections.abc import Sequence
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RigFromModel:
-    """Imported values, and parts of the model that a rig file cannot express."""
+    """Imported values, and parts of the model that a rig file cannot contain."""
 
     file: Path
     model: str
     format: str
     joints: tuple[str, ...]
-    """Of inner rod, outer rod and perhaps arm."""
+    """Names of the joints of inner rod, outer rod and optionally the arm."""
     nominal: dict[str, float]
     """Nominal value of each kinetic parameter, and L1, L2, L0 and g; SI."""
     terms: "tuple[JointTerm, ...]"
-    """Terms of the joints that are effects in dpr-lab: a diagnosis finds their sizes."""
+    """Terms of the joints that are effects in dpr-lab: a diagnosis estimates their sizes."""
     notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -42,12 +42,12 @@ def rig_from_model(
     Args:
         model: the file
         file: the rig file to write, with the suffix .toml
-        joints: of the inner rod, the outer rod and perhaps the arm; none: found
-        name: of the rig; None: that of the model
+        joints: names of the joints of the inner rod, the outer rod and optionally the arm; empty: detected
+        name: name of the rig; None: that of the model
         g: gravity, m/s^2, instead of that of the model
 
     Raises:
-        ConfigError: the model cannot be read, holds no double pendulum, or the rig file exists or cannot be written.
+        ConfigError: the model cannot be read, contains no double pendulum, or the rig file exists or cannot be written.
     """
     from dpr_lab.rig import parse_rig
     from dpr_lab.simulator_models import read_model
@@ -69,7 +69,7 @@ def rig_from_model(
     try:
         parse_rig(text)
     except ConfigError as error:
-        raise ConfigError(f"{model}: its numbers make no rig: {error}") from error
+        raise ConfigError(f"{model}: its values are not a valid rig: {error}") from error
     write_text(file, text, ConfigError)
     parts = (*chain.rods, *((chain.arm,) if chain.arm else ()))
     names = tuple(part.joint.name for part in parts)
@@ -89,10 +89,10 @@ def _nominal(chain: "ModelChain") -> dict[str, float]:
 
 
 MEANING = {
-    "l1": "centre of mass of the inner rod, from joint 1, m",
-    "l2": "centre of mass of the outer rod, from joint 2, m",
-    "m1": "inner rod, kg",
-    "m2": "outer rod, kg",
+    "l1": "distance from joint 1 to the centre of mass of the inner rod, m",
+    "l2": "distance from joint 2 to the centre of mass of the outer rod, m",
+    "m1": "mass of the inner rod, kg",
+    "m2": "mass of the outer rod, kg",
     "mb": "parts on the axis of joint 2 that turn with the inner rod, kg",
     "c1": "viscous friction of joint 1, N m s/rad",
     "c2": "viscous friction of joint 2, N m s/rad",
@@ -102,7 +102,7 @@ MEANING = {
 
 
 def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> dict[str, Bounds]:
-    """Bounds of `rig new`, widened where the model lies outside; the smallest value where the model has none."""
+    """Bounds as in `rig new`, extended if the value of the model is outside; the minimum if it is missing."""
     d = DRAFT
     inner, outer = chain.rods
     lengths = (inner.length or 0.0, outer.length or 2 * outer.centroid)
@@ -125,7 +125,9 @@ def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> 
         if not value > 0:
             value = 1e-6 if name == "mb" else lower
             if value != values[name]:
-                notes.append(f"{name} is {values[name]:.6g} in the model: a rig file needs more than zero, {value:.3g}")
+                notes.append(
+                    f"{name} is {values[name]:.6g} in the model, but a rig file needs a positive value, {value:.3g}"
+                )
         bounds[name] = min(lower, value / 1.5), value, max(upper, 1.5 * value)
     return bounds
 
@@ -138,7 +140,7 @@ def _text(
     notes: list[str],
     source: str,
 ) -> str:
-    """The rig file; completes the notes."""
+    """Text of the rig file; also completes the notes."""
     from dpr_lab.rig_tables import Encoders
 
     bounds = _bounds(chain, values, notes)
@@ -178,7 +180,7 @@ def _text(
 
 
 def _zeros(chain: "ModelChain", counts: int, notes: list[str]) -> list[int]:
-    """What encoders of the model's joints read with the rods hanging, counts."""
+    """Readings of encoders at the joints of the model with the rods hanging, counts."""
     zeros = [0]
     for rod in chain.rods:
         exact = rod.hanging * counts / (2 * math.pi)
@@ -213,5 +215,5 @@ def _inline(value: float) -> str:
 
 
 def _comment(text: str) -> str:
-    """One line of a TOML comment, without characters that it cannot hold."""
+    """One line of a TOML comment, without characters that TOML does not allow there."""
     return "# " + "".join(c if c.isprintable() else " " for c in text)

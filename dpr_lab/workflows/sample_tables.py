@@ -1,4 +1,4 @@
-"""The sample tables of the tutorial: three recorded releases as CSV, and the rig file that belongs to them."""
+"""Sample tables of the tutorial: three recorded releases as CSV, and their rig file."""
 
 import shutil
 from pathlib import Path
@@ -12,13 +12,13 @@ def write_sample_tables(out: Path) -> tuple[Path, ...]:
     """Copy the sample tables and their rig file into a folder.
 
     Args:
-        out: the folder, made when it is missing
+        out: the folder, created if missing
 
     Returns:
         The files, the rig file first.
 
     Raises:
-        ConfigError: a file of such a name is there already, or the folder cannot be written.
+        ConfigError: a file with this name exists, or the folder cannot be written.
     """
     from dpr_lab.configs import BUILTIN
 

@@ -1,4 +1,4 @@
-"""A blind trial in a folder: draw, seal and record a plant, diagnose it, and only then open and score it."""
+"""Blind trial in a folder: draw, seal and record a plant, diagnose it, then reveal and score it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ class TrialRequest:
 
     plant: "PlantRequest"
     folder: Path
-    """New."""
+    """New folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class DiagnoseTrialRequest:
 
     folder: Path
     model: Path | None = None
-    """An identified model to start from; the rig file's values by default."""
+    """Identified model as initial values; None: values of the rig file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
     Events: `TrialSealed`, then `CaptureDone` for each recording.
 
     Raises:
-        DprError: there is a trial already, no such draw, or a recording failed.
+        DprError: the folder contains a trial already, the kind is unknown, or a recording failed.
     """
     from dpr_lab.acquisition.capture import CaptureOptions
     from dpr_lab.trials.protocol import DEVICE, RIG_FILE, keep_runs
@@ -57,7 +57,7 @@ def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
     folder = request.folder
     refuse_file(folder)
     if folder.exists() and any(folder.iterdir()):
-        raise RunError(f"{folder}: is not empty; give each trial a folder of its own")
+        raise RunError(f"{folder}: is not empty; use a separate folder for each trial")
     sealed = seal(request.plant, folder / DEVICE)
     on_event(TrialSealed(sealed["seal"]))
     (folder / RIG_FILE).write_text(sealed["rig"], encoding="utf-8")
@@ -75,12 +75,12 @@ def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
 
 
 def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) -> DiagnoseTrialResult:
-    """Diagnose a sealed trial, and write the diagnosis down.
+    """Diagnose a sealed trial and write the diagnosis.
 
     Events: those of `diagnose`.
 
     Raises:
-        RunError: no trial is there, or it was opened already.
+        RunError: the folder contains no trial, or the trial is already open.
         DprError: see `diagnose`.
     """
     from dpr_lab.trials.protocol import RIG_FILE, keep_diagnosis, read_trial, refuse_opened

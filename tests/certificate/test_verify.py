@@ -141,7 +141,7 @@ def test_every_setting_of_a_diagnosis_is_a_choice_or_cannot_change_an_answer() -
 
 
 def test_a_diagnosis_that_starts_from_a_model_is_not_certified(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="leave out the model"):
+    with pytest.raises(ConfigError, match="remove the model"):
         certify(replace(request_of(folder), model=tmp_path / "model.json"), tmp_path / "c.json")
 
 

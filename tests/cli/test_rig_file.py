@@ -25,7 +25,7 @@ def test_a_rig_file_from_flags_can_be_used(cli, tmp_path: Path) -> None:
     assert (rig.name, rig.L1, rig.L2) == ("bench", 0.3, 0.25)
     assert (rig.parameters["m1"].measured, rig.parameters["m1"].std) == (0.21, 0.001)
     assert rig.parameters["m2"].measured is None
-    assert "# inner rod, kg" in (tmp_path / "my.toml").read_text()
+    assert "# mass of the inner rod, kg" in (tmp_path / "my.toml").read_text()
     assert cli("rig", "check", "my.toml", "--json", cwd=tmp_path).json == {
         "file": "my.toml",
         "ok": True,

@@ -166,7 +166,7 @@ def test_an_export_worse_than_the_bare_model_is_refused(saved, tmp_path: Path):
 def test_without_runs_a_loss_is_a_warning(saved, tmp_path: Path):
     said = []
     done = export(ExportRequest(saved[0], "paper", ("urdf",), tmp_path / "out"), said.append)
-    assert "cannot be expressed there; --check RUN refits without" in said[0].sentence
+    assert "cannot be expressed in this format; --check RUN refits the model without them" in said[0].sentence
     assert set(done.lost["urdf"]) == set(FRICTION | OFFSET)
     with pytest.raises(ConfigError, match="no format named step; there are: python, mjcf"):
         export(ExportRequest(saved[0], "paper", ("step",), tmp_path / "out"))

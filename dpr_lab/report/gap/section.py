@@ -19,7 +19,7 @@ class PageSettings:
     most_runs: int = 4
     """Maximum number of runs in the figure of curves; the table of the budget lists all."""
     every: int = 5
-    """Every so many points of a curve are listed in its table."""
+    """Interval of the points of a curve in its table."""
     rows_of: int = 2
     """Cells of a map, 15 degrees each, per row of its table."""
     sharp: int = 8

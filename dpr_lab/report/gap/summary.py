@@ -1,4 +1,4 @@
-"""The one-look summary of a diagnosis: gap budget, what of it is reproducible, and causes."""
+"""Summary of a diagnosis at a glance: gap budget, its reproducible part, and causes."""
 
 from itertools import pairwise
 
@@ -41,7 +41,7 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
         label = labels.get(effect, "terms without a probable cause")
         removed[label] = removed.get(label, 0.0) + gap - gap_with_effect
     parts = [*removed.items(), ("remainder", remainder)]
-    total = sum(max(part, 0.0) for _, part in parts)  # an effect may enlarge the gap on held-out data
+    total = sum(max(part, 0.0) for _, part in parts)  # an effect may increase the gap on held-out data
     return ShareBar(
         f"Gap budget: {three(1e3 * before)} mrad rms above the noise ({basis})",
         [(f"{label}: {three(1e3 * part)} mrad ({part / before:.1%})", max(part, 0.0) / total) for label, part in parts],
@@ -67,7 +67,7 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
     """Bar of the mean squared residual by reproducibility; None without a gap."""
     parts = [(f"{label}: {share:.1%}", share) for label, share in repeatability_parts(diagnosis)]
-    title = "Repeatability: mean squared residual of the bare model on recordings left out"
+    title = "Repeatability: mean squared residual of the bare model on held-out recordings"
     return ShareBar(title, parts) if parts else None
 
 
@@ -77,14 +77,14 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
     if budget is None or budget.of_gap is None:
         return []
     if budget.of_reproducible is None:
-        why = budget.undecided or "Nothing of the gap is known to be reproducible."
+        why = budget.undecided or "No part of the gap is known to be reproducible."
         return [f"The corrected model explains {budget.of_gap:.0%} of the mean squared gap. {why}"]
     sentences = [
-        f"The corrected model explains {budget.of_reproducible:.0%} of what is reproducible and {budget.of_gap:.0%} of"
+        f"The corrected model explains {budget.of_reproducible:.0%} of the reproducible part and {budget.of_gap:.0%} of"
         " the whole mean squared gap."
     ]
     if budget.basis == "pieces of one recording":
-        sentences.append("There is one recording: its pieces do not show what differs from one release to the next.")
+        sentences.append("Pieces of a single recording do not show differences between releases.")
     if budget.parameters:
         varying = listed([_varying(parameter) for parameter in budget.parameters])
         sentences.append(f"Between {'pieces' if len(sentences) > 1 else 'recordings'} {varying}.")

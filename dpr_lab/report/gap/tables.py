@@ -51,8 +51,8 @@ FINDING_COLUMNS = ("fault", "run", "axis", "time (s)", "evidence")
 
 SEARCH_COLUMNS = ("move", "change of the set", "criterion", "change", "decision", "reason")
 SEARCH_NOTE = (
-    "Every trial of the model search in order; each starts from the last accepted set. Criterion of the set that was"
-    " tried: held-out chi-square with the price of the parameters; negative changes are better. Trials"
+    "Every trial of the model search in order; each starts from the last accepted set. Criterion of the"
+    " tested set: held-out chi-square plus a penalty for the parameters; negative changes are better. Trials"
     " above a row 'short segments' were made in short segments."
 )
 
@@ -66,8 +66,9 @@ STEP_NOTE = (
     " the largest contribution first. The excess explained is cumulative."
 )
 STANDING_NOTE = (
-    "The first line of each effect is the effect itself, with those indistinguishable from it. The probabilities of its"
-    " lines add up to 100 %. Cosine similarity: 1 if two effects change the readings in the same way."
+    "The first line of each effect contains the effect and its indistinguishable effects. The probabilities"
+    " of the lines of one effect add up to 100 %. Cosine similarity: 1 if two effects change the readings"
+    " in the same way."
 )
 CLOSED_NOTE = (
     "Gap reduction: relative decrease of the rms above the noise; each run is predicted from the others (a single run:"
@@ -177,7 +178,7 @@ def search_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _changed(before: Sequence[str], tried: Sequence[str]) -> str:
-    """What one set has and another has not: `+ Coulomb friction, joint 2`."""
+    """Difference between two sets of effects: `+ Coulomb friction, joint 2`."""
     removed = [f"− {EFFECTS[name].words}" for name in before if name not in tried]
     added = [f"+ {EFFECTS[name].words}" for name in tried if name not in before]
     return "; ".join([*removed, *added]) or "same effects"
@@ -238,7 +239,7 @@ def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
 
 
 def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative: RivalEffect) -> str:
-    """The next step that distinguishes two effects; otherwise why these recordings already do."""
+    """The next step that distinguishes two effects, or the reason why these recordings already do."""
     if step := _next_step(diagnosis, candidate.name, alternative.name):
         return step
     if alternative.probability >= ALTERNATIVE_WORDS.improbable or alternative.cosine < ALTERNATIVE_WORDS.same_shape:
@@ -406,7 +407,7 @@ def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[t
 
 
 def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
-    """Sensor faults, in the columns `FINDING_COLUMNS`; more than `most` that differ in time only share one row."""
+    """Sensor faults, in the columns `FINDING_COLUMNS`; more than `most` similar faults share one row."""
     times: dict[tuple[str, ...], list[str]] = {}
     for finding in diagnosis.sensor_findings:
         key = (named(finding.name), run_words(finding.run), in_words(finding.axis or NONE), finding.evidence)

@@ -45,7 +45,7 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class PageTable:
-    """A table of text, with row headers in its first column; nothing is shown where it has no rows."""
+    """Table of text with row headers in its first column; an empty table is omitted."""
 
     kind: ClassVar = "table"
     columns: Sequence[str]
@@ -54,7 +54,7 @@ class PageTable:
     style: str = ""
     """Class of the style sheet: `prose` wraps cells, `hash` shows the last column in small monospace."""
     title: str = ""
-    """The table is folded under this title; empty: it is shown."""
+    """Title under which the table is folded; empty: not folded."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ TERMS = {
     " 0 = unrelated",
     "how to distinguish": "recommended check that separates the effects, or the recordings if they already do",
     "Bayes factor": "ratio by which the result of a check changes the odds of a cause",
-    "minimum detectable size": "smallest size that these recordings would have shown",
+    "minimum detectable size": "smallest size that would be visible in these recordings",
     "confidence": "probability that an effect of this size or larger would have been detected",
     "determined by": "what determines a value: the recordings, a measured value of the rig file, or its bounds only",
     "gap reduction": "relative decrease of the gap: the rms residual above the noise",

@@ -27,7 +27,7 @@ def schema(name: str) -> dict[str, Any]:
 
 
 class _WithTexts(GenerateJsonSchema):
-    """Properties are described by the strings below the fields; keys that no field names are refused."""
+    """Schema in which properties are described by the strings below the fields, and other keys are refused."""
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
         return _described(super().model_schema(schema), schema["cls"])
@@ -47,7 +47,7 @@ def _described(made: dict[str, Any], cls: type) -> dict[str, Any]:
 
 
 def _texts(cls: type) -> dict[str, str]:
-    """Field -> the string below it in the source."""
+    """Name of a field -> the string below it in the source."""
     if not cls.__module__.startswith("dpr_lab."):
         return {}
     (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body

@@ -21,17 +21,19 @@ class PrintedCause(BaseModel):
     joint: str
     """Name of the joint in the model."""
     quantity: str
-    """What it is, in words."""
+    """Name of the quantity in words."""
     before: float
-    """In the model, SI."""
+    """Value in the model, SI."""
     after: float
-    """Identified, SI."""
+    """Identified value, SI."""
     unit: str
-    """SI."""
+    """Unit of both values."""
     effect: str
-    """The named effect that it is; empty for damping, centroids and inertias."""
+    """Named effect that this number represents; empty for damping, centroids and inertias."""
     share: float
-    """Growth of the error over segments where it stays as in the model, over that with nothing corrected."""
+    """Increase of the error over segments if this number keeps its value of the model, relative to the increase if
+    nothing is corrected.
+    """
 
 
 class PrintedChange(BaseModel):
@@ -40,63 +42,63 @@ class PrintedChange(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     element: str
-    """The element, in words."""
+    """Name of the element in words."""
     attribute: str
-    """Its attribute."""
+    """Name of the attribute."""
     before: str
-    """Empty for an attribute that was not there."""
+    """Old value; empty if the attribute was missing."""
     after: str
-    """What it is now."""
+    """New value."""
 
 
 class PrintedSimulator(BaseModel):
-    """What `diagnose --simulator` adds."""
+    """Additional content of `diagnose --simulator`."""
 
     model_config = ConfigDict(extra="forbid")
 
     file: str
-    """The user's model."""
+    """Path of the user's model."""
     format: str
     """`MJCF`, `URDF` or `SDFormat`."""
     joints: list[str]
-    """Of inner rod and outer rod, as the model names them."""
+    """Names of the joints of inner rod and outer rod in the model."""
     causes: list[PrintedCause]
-    """What to change, the first cause first."""
+    """Recommended changes, the most important cause first."""
     unnamed: list[str]
-    """Named effects that no number of a body or joint expresses."""
+    """Named effects that no attribute of a body or joint represents."""
     changes: list[PrintedChange]
-    """Of a MJCF file: the attributes that change."""
+    """Changed attributes of an MJCF file."""
     diff: str
-    """Of a MJCF file: unified diff."""
+    """Unified diff of an MJCF file."""
     refused: str
-    """Why a MJCF file cannot be changed; empty where it can."""
+    """Reason why an MJCF file cannot be changed; empty if it can."""
 
 
 class PrintedDiagnosis(Diagnosis):
-    """What `dpr-lab diagnose --json` prints, and `diagnosis.json` of its folder."""
+    """Output of `dpr-lab diagnose --json`, and `diagnosis.json` in the folder of a diagnosis."""
 
     files: dict[str, str] = Field(default={})
-    """Name of each file that was written -> its path."""
+    """Name of each written file -> its path."""
     simulator: PrintedSimulator | None = None
-    """With `--simulator`: the causes in the words of the user's model, and its changes."""
+    """With `--simulator`: the causes as numbers of the user's model, and its changes."""
 
 
 class CheckedDiagnosis(Diagnosis):
-    """What `dpr-lab check --json` prints: the diagnosis after a check, which `checks_done` lists last."""
+    """Output of `dpr-lab check --json`: the diagnosis after a check, which is the last one in `checks_done`."""
 
 
 class PrintedModel(Model):
-    """What `dpr-lab identify --json` prints, and `model.json`."""
+    """Output of `dpr-lab identify --json`, and `model.json`."""
 
     model: str = ""
-    """Path of the file that was written; not in the file itself."""
+    """Path of the written file; not in the file itself."""
 
 
 class PrintedMovingArm(MovingArmModel):
-    """The same of a rig whose arm was free or driven."""
+    """The same for a rig with a free or driven arm."""
 
     model: str = ""
-    """Path of the file that was written; not in the file itself."""
+    """Path of the written file; not in the file itself."""
 
 
 class DriftRun(BaseModel):
@@ -113,29 +115,29 @@ class DriftRun(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class PrintedDrift(Drift):
-    """What `dpr-lab drift --json` prints."""
+    """Output of `dpr-lab drift --json`."""
 
     drifted: bool
     """Whether any parameter changed significantly."""
     sentence: str
     """The result in words."""
     assumed_b: float | None
-    """b that absolute sizes assume, kg m^2; null where the runs identify it."""
+    """Assumed b of absolute sizes, kg m^2; null if the runs identify b."""
     runs: tuple[DriftRun, ...]
     """Estimates of each run, in the order of time."""
     torques: tuple[str, ...]
     """Kinds of the known torques that drove the runs."""
     files: dict[str, str]
-    """Name of each file that was written -> its path."""
+    """Name of each written file -> its path."""
 
 
 @dataclass(frozen=True, slots=True)
 class PublishedSchema:
-    """A type and the version of its schema, which rises when a reader of the last one would fail."""
+    """A type and the version of its schema, which increases when a reader of the previous version would fail."""
 
     type: Any
     printed_by: str
-    """Command with `--json`."""
+    """Commands with `--json` that print it."""
     version: int = 1
 
 
@@ -147,4 +149,4 @@ SCHEMAS = {
     "drift": PublishedSchema(PrintedDrift, "drift"),
     "accept": PublishedSchema(Acceptance, "accept"),
 }
-"""Name, as `dpr-lab schema` takes it -> what it describes."""
+"""Name of a schema for `dpr-lab schema` -> published type."""

@@ -47,8 +47,9 @@ def budget_words(diagnosis: Diagnosis) -> list[str]:
     """Compare the error with the uncertainty of the inputs."""
     budget = evidence_of(diagnosis).budget
     return [
-        "A simulation can differ from a recording although its model is right: initial state, lengths and gravity are"
-        " known with finite accuracy, and the integrator rounds. The figure shows how much each input changes a free"
+        "Even if the model is correct, a simulation can differ from a recording: initial state, lengths and"
+        " gravity are known with finite accuracy, and the integrator has errors. The figure shows how much"
+        " each input changes a free"
         " run, and the error of the free run. An error beyond twice the combined uncertainty shows a model error.",
         f"Bare model: {_judged(budget.error_before_rad, budget.u_before_rad)}"
         f" Corrected model: {_judged(budget.error_after_rad, budget.u_after_rad)}",
@@ -121,8 +122,8 @@ BUDGET = EvidenceSection(
                 "corrected model (mrad)",
             ),
             source_rows,
-            "Share not corrected by the fit: a large input error would show in the recordings. It counts only to the"
-            " extent that it does not (corrected model).",
+            "Share not corrected by the fit: a large input error would be visible in the recordings, so"
+            " only the share that is not visible counts (corrected model).",
         ),
         FoldedTable(
             "Error and uncertainty by run",

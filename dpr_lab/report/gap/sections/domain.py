@@ -50,7 +50,7 @@ def _draw_map(axes: Axes, rod: str, occupancy: Occupancy, colours: LogNorm) -> N
 
 
 def domain_words(diagnosis: Diagnosis) -> list[str]:
-    """Intended use, and its limits."""
+    """Intended use and limits."""
     evidence = evidence_of(diagnosis)
     fitted, held_out = ([r for r in evidence.recordings if r.held_out is wanted] for wanted in (False, True))
     until = min((run.until_s for run in evidence.budget.runs), default=0.0)
