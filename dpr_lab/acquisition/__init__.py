@@ -1,1 +1,1 @@
-"""From a device to a run file: connect, hold, release, record, judge."""
+"""Recording of runs from a device: connect, hold, release, record, check."""

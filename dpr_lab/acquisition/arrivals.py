@@ -1,7 +1,8 @@
-"""The device's clock from the arrival of its samples: ticks against the host's clock, without any help of the device.
+"""Clock rate of the device from the arrival of its samples: ticks compared with the host's clock.
 
 A sample cannot arrive before it was taken, so arrival = offset + tick * period + delay with delay >= 0. Buffers and a
-busy host make single delays long; the shortest delay of a stretch of time hardly changes. The line runs through those.
+busy host make individual delays long, but the shortest delay within a block of time hardly changes. The line is fitted
+to the samples with the shortest delays.
 """
 
 from array import array
@@ -16,19 +17,19 @@ class ArrivalSettings:
     """Settings of the clock rate estimate from arrival times."""
 
     bin_s: float = 0.05
-    """Of the reads in each bin of host time one is kept, the one with the shortest delay."""
+    """Width of a bin of host time, s; of the reads in each bin, the one with the shortest delay is kept."""
     block_s: float = 0.4
-    """Least length of a block, of which the shortest delay counts: longer than a link usually stalls."""
+    """Minimum length of a block, s, longer than a typical stall of a link; the shortest delay of each block is used."""
     blocks: tuple[int, int] = (5, 32)
-    """Fewest and most blocks of a recording."""
+    """Minimum and maximum number of blocks of a recording."""
     rounds: int = 3
-    """Fits of the line: which read was the quickest of its block depends on the slope."""
+    """Number of fits of the line, because the read with the shortest delay of a block depends on the slope."""
     shortest_s: float = 0.5
-    """A shorter recording does not show a rate."""
+    """Minimum duration for an estimate of the rate, s."""
     delay_drift_s: float = 0.01
-    """By how much the shortest delay of a link and a host may drift unseen during a recording: some time slices."""
+    """Possible undetected change of the shortest delay during a recording, s: a few time slices."""
     central: tuple[float, float] = (0.1, 0.9)
-    """Quantiles between which the residuals of the blocks count; beyond are blocks that a stall covered whole."""
+    """Quantiles between which the residuals of the blocks are used; blocks outside were completely inside a stall."""
 
 
 ARRIVALS = ArrivalSettings()
@@ -36,16 +37,16 @@ ARRIVALS = ArrivalSettings()
 
 @dataclass(frozen=True, slots=True)
 class ArrivalFit:
-    """The clock rate that arrivals show."""
+    """Clock rate estimated from arrival times."""
 
     arrival_ppm: float
-    """How much faster than nominal the samples come by the host's clock, parts per million."""
+    """Rate of the samples relative to the nominal rate by the host's clock, ppm."""
     arrival_margin_ppm: float
-    """Bound on its error, parts per million: what changing delays can amount to over the length of the recording."""
+    """Bound on its error, ppm: the possible change of the delay divided by the duration of the recording."""
 
 
 class Arrivals:
-    """Newest tick of each read and the host time of the read; one read is kept per bin."""
+    """Newest tick of each read and the host time of the read; one read per bin is kept."""
 
     def __init__(self, rate_hz: float, settings: ArrivalSettings = ARRIVALS) -> None:
         self._rate_hz, self._settings = rate_hz, settings
@@ -53,7 +54,7 @@ class Arrivals:
         self._bin_end = -np.inf
 
     def add(self, tick: int, host_time: float) -> None:
-        """Note that the sample of `tick` was the newest of a read at `host_time`, s."""
+        """Store that the sample of `tick` was the newest one in a read at `host_time`, s."""
         if host_time >= self._bin_end:
             self._bin_end = host_time + self._settings.bin_s
             self._ticks.append(tick)
@@ -62,7 +63,7 @@ class Arrivals:
             self._ticks[-1], self._times[-1] = tick, host_time
 
     def fit(self) -> ArrivalFit | None:
-        """The clock rate so far; None where too little has arrived."""
+        """Current estimate of the clock rate; None if the data are not sufficient."""
         s = self._settings
         device, host = np.array(self._ticks) / self._rate_hz, np.array(self._times)
         if len(host) < s.blocks[0] or host[-1] - host[0] < s.shortest_s or device[-1] <= device[0]:
@@ -84,7 +85,7 @@ class Arrivals:
 
 
 def _quickest(delay: NDArray[np.float64], block: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Index of the read with the shortest delay of each block that has one."""
+    """Index of the read with the shortest delay in each non-empty block."""
     order = np.lexsort((delay, block))
     return order[np.flatnonzero(np.diff(block[order], prepend=-1))]
 

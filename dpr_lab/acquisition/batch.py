@@ -1,4 +1,4 @@
-"""What a read of the link brought, and its samples as arrays."""
+"""Messages of one read of the link, and its samples as arrays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,15 +22,15 @@ class Batch:
     """`time.monotonic()` of the read, s."""
     raw: bytes
     rows: tuple[AnyRow, ...]
-    """Samples with whole ticks and positions, and with their torques where the device has drives."""
+    """Samples with complete ticks and positions, and with their torques if the device has drives."""
     messages: tuple[Message, ...]
-    """Everything but samples."""
+    """All other messages."""
 
 
 def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> NDArray[np.float64] | None:
-    """(kinds, n, 2) torques of joint 1 and 2, N m, of the samples of a device with drives; None without a unit.
+    """(kinds, n, 2) torques of joint 1 and 2, N m, of samples with torques; None if their unit is unknown.
 
-    Of a driven arm its input, N m, A or V, and 0.
+    For a driven arm: its input, N m, A or V, and 0.
     """
     if not unit_uNm:
         return None
@@ -39,20 +39,20 @@ def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> NDArray[np.float64] | N
 
 
 def arrays(rows: Sequence[AnyRow]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Ticks (n,) and position counters (n, 3) of samples."""
+    """Ticks (n,) and position counts (n, 3) of samples."""
     ticks = np.array([row.tick for row in rows], dtype=np.int64)
     return ticks, np.array([row.counts for row in rows], dtype=np.int64).reshape(-1, JOINTS)
 
 
 class Counter:
-    """A total behind a 16-bit counter that restarts with every stream."""
+    """Total of a 16-bit counter that restarts with every stream."""
 
     def __init__(self) -> None:
         self.total = 0
         self._last = 0
 
     def read(self, low: int) -> None:
-        """Read the counter."""
+        """Update the total with a reading of the counter."""
         self.total += (low - self._last) & 0xFFFF
         self._last = low
 

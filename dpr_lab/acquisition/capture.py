@@ -1,10 +1,10 @@
-"""Capture: from the pose through the release to a judged run file. Headless; progress is events, nothing is printed.
+"""Capture: from the pose through the release to a checked run file. Without output; progress is reported by events.
 
-    look at the hanging rods -> hold -> guide to the pose -> stream -> wait for rest -> go-ahead -> release -> record
-    -> stop -> gate
+    check the hanging rods -> hold -> guide to the pose -> stream -> wait for rest -> permission -> release -> record ->
+    stop -> quality gate
 
-The rods are let go by one command alone, RELEASE, and it is sent only after pose, rest and the caller's explicit
-go-ahead. Whatever ends a capture before that leaves them held.
+Only the command RELEASE releases the rods. It is sent only after pose and rest were checked and the caller has given
+permission. If a capture ends before that, the rods stay held.
 """
 
 import math
@@ -56,30 +56,30 @@ class CaptureOptions:
     """Options of a recording."""
 
     rate_hz: int | None = None
-    """None: as the rig file says."""
+    """Sample rate, Hz; None: as in the rig file."""
     duration: float = 10.0
-    """How long to record after the release, s."""
+    """Duration of the recording after the release, s."""
     until_rest: bool = False
-    """Record until both rods have come to rest, at most `max_duration`, instead of for `duration`."""
+    """Whether to record until both rods have come to rest, at most `max_duration`, instead of for `duration`."""
     max_duration: float = 180.0
     pose_timeout: float = 120.0
-    """How long the operator has to bring the rods to the pose, s."""
+    """Maximum time to move the rods to the pose, s."""
     rest_timeout: float = 15.0
-    """How long the held rods have to become still, s."""
+    """Maximum time for the held rods to come to rest, s."""
     note: str = ""
-    """The operator's own words, kept with the run."""
+    """Note of the operator, stored with the run."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be recorded.
+        """Refuse invalid options.
 
         Raises:
-            ValueError: a rate that is not a positive whole number, or a time that is not positive and finite.
+            ValueError: a rate that is not a positive integer, or a time that is not positive and finite.
         """
         if self.rate_hz is not None and not (isinstance(self.rate_hz, int) and self.rate_hz > 0):
             raise ValueError(f"rate_hz = {self.rate_hz!r}: must be a positive whole number, or None for the rig's")
         for name in ("duration", "max_duration", "pose_timeout", "rest_timeout"):
             if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} = {getattr(self, name)!r}: must be a time above 0 and finite, s")
+                raise ValueError(f"{name} = {getattr(self, name)!r}: must be a positive, finite time in s")
 
     @property
     def longest(self) -> float:
@@ -89,7 +89,7 @@ class CaptureOptions:
 
 @dataclass(frozen=True, slots=True)
 class Released:
-    """The latch opened; samples are going to `file`."""
+    """The latch opened; samples are written to `file`."""
 
     tick: int
     file: Path
@@ -104,10 +104,10 @@ class SwingReading:
     theta: tuple[float, float, float]
     """Newest absolute angles, rad."""
     omega: tuple[float, float]
-    """Newest speeds of the inner and outer rod by a Kalman filter, rad/s."""
+    """Newest speeds of the inner and outer rod from a Kalman filter, rad/s."""
     samples: int
     fresh: tuple[NDArray[np.float64], NDArray[np.float64]]
-    """Time since the release (n,), s, and absolute angles (n, 3), rad, of what came since the last report."""
+    """Time since the release (n,), s, and absolute angles (n, 3), rad, of the samples since the last report."""
 
 
 Progress: TypeAlias = HangReading | PoseReading | RestReading | Released | SwingReading
@@ -122,7 +122,7 @@ class Captured:
     quality: QualityReport
     release_tick: int
     duration: float
-    """From the release to the last sample, s."""
+    """Time from the release to the last sample, s."""
     lost: Mapping[str, int]
     """Samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
     pose_measured: tuple[float, float, float] | None
@@ -130,12 +130,12 @@ class Captured:
 
 
 def refuse() -> bool | None:
-    """Default go-ahead: never release."""
+    """Default permission: never release."""
     return False
 
 
 def ignore(progress: Progress) -> None:
-    """The default listener: none."""
+    """Default listener: ignore events."""
 
 
 def capture(
@@ -148,25 +148,27 @@ def capture(
     confirm: Confirm = refuse,
     settings: CaptureSettings = CAPTURE_SETTINGS,
 ) -> Captured:
-    """Guide the rods to a pose, let them go, record, and judge the recording.
+    """Guide the rods to a pose, release them, record, and check the recording.
 
     Args:
         device: a connected device
         rig: the rig it is mounted on
         pose_name: one of the rig's poses
         options: rate, duration and limits
-        out_dir: folder for the run file, made when missing
-        on_progress: called with every step, on this thread
-        confirm: the go-ahead, asked once the rods are still: True releases, False stops, None asks again a moment later
-        settings: how it goes, and what counts as rest
+        out_dir: folder for the run file, created if missing
+        on_progress: called with every step, in this thread
+        confirm: called once the rods are at rest: True releases, False stops, None repeats the call a moment later
+        settings: timing of the capture, and limits of rest
 
     Raises:
-        ConfigError: no such pose, or a device that does not fit the rig.
+        ConfigError: unknown pose, or a device that does not match the rig.
         LinkError, DeviceFault: see `Device`.
-        SafetyStop: a check before the release did not pass or no go-ahead was given; the rods stay held.
-        RunError: no room for the file, before anything moves; or the disk failed, and what was recorded is kept.
-        DeviceLost: the device went away; the message names the partial file if there is one.
-        KeyboardInterrupt: passed on, naming the file, after that was finished as incomplete and the device was stopped.
+        SafetyStop: a check before the release did not pass or no permission was given; the rods stay held.
+        RunError: no disk space for the file, detected before anything moves; or the disk failed, and the recorded data
+        are kept.
+        DeviceLost: the connection was lost; the message names the partial file if there is one.
+        KeyboardInterrupt: re-raised with the name of the file, after the file was finished as incomplete and the device
+        was stopped.
     """
     pose, rate_hz = _pose(rig, pose_name), options.rate_hz or rig.link.rate_hz
     check_encoders(device, rig)
@@ -175,7 +177,7 @@ def capture(
     metadata = _metadata(device, rig, pose_name, rate_hz, options.note)
     speed = LiveSpeed(rig, rate_hz)
     try:
-        device.stop()  # an earlier program may have left a stream running; the latch keeps its state
+        device.stop()  # an earlier program may have left the device streaming; the latch keeps its state
         device.poll(0)
         hanging = look_at_hanging(device, rig, on_progress, settings)
         device.hold(1 + list(rig.poses).index(pose_name))
@@ -193,7 +195,7 @@ def capture(
 
 
 def new_path(out_dir: Path, pose_name: str, uid: str) -> Path:
-    """A file name that is not taken: `<utc>_<pose>_<uid8>.mcap`."""
+    """A file name that does not exist yet: `<utc>_<pose>_<uid8>.mcap`."""
     stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}_{in_file_name(pose_name)}_{uid[-8:]}"
     path, number = out_dir / f"{stem}{SUFFIX}", 1
     while path.exists():
@@ -208,10 +210,10 @@ def in_file_name(pose_name: str) -> str:
 
 
 def check_encoders(device: Device, rig: Rig) -> None:
-    """Refuse a device with other encoders than the rig file says.
+    """Refuse a device whose encoders differ from the rig file.
 
     Raises:
-        ConfigError: its counts per turn are others.
+        ConfigError: the counts per turn differ.
     """
     ours, theirs = rig.encoders.counts_per_rev, device.info.counts_per_rev
     if ours != theirs:
@@ -244,22 +246,22 @@ def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str)
 
 
 def _drives(info: DeviceInfo, rig: Rig) -> dict[str, str]:
-    """What a run says of the torques in it, or of the input of its arm; nothing of a device without drives.
+    """Metadata on the torques of a run, or on the input of its arm; empty for a device without drives.
 
     Raises:
-        ConfigError: the device tells another input than the rig file says, or torques of the joints besides.
+        ConfigError: the input differs from the rig file, or the device reports torques of the joints as well.
     """
     if info.input_quantity is not None and rig.arm.mode == "driven" and rig.motor is not None:
         quantity = info.input_quantity.name.lower()
         if quantity != rig.motor.input:
             raise ConfigError(
-                f"{rig.path or rig.name}: motor.input is {rig.motor.input}, and the device tells a {quantity}:"
-                " correct the rig file"
+                f"{rig.path or rig.name}: motor.input is {rig.motor.input}, but the device reports a"
+                f" {quantity}: correct the rig file"
             )
         if info.torque_kinds:
             raise ConfigError(
-                "the device tells torques of joints 1 and 2 besides the input of its arm, and a run holds one of both:"
-                " switch one of them off in its firmware"
+                "the device reports torques of joints 1 and 2 in addition to the input of its arm, but a"
+                " run can contain only one of them: disable one in its firmware"
             )
         kind = info.input_kinds[0].name.lower()
         return {"arm": "driven", "input_kind": kind, "input_unit_micro": str(info.input_unit)}
@@ -297,10 +299,10 @@ def _record(
             with suppress(RunError):
                 recording.note_clock(*device.clock())
                 recording.abort(STOPPED if isinstance(error, KeyboardInterrupt) else f"{type(error).__name__}: {error}")
-            kept = f"what was recorded until then is kept in {path}"
+            kept = f"the data recorded so far are kept in {path}"
             if isinstance(error, KeyboardInterrupt):
                 raise KeyboardInterrupt(f"{STOPPED}; {kept}") from error
-            if isinstance(error, DprError) and not isinstance(error, RunError):  # which names the file already
+            if isinstance(error, DprError) and not isinstance(error, RunError):  # its message already names the file
                 raise type(error)(f"{error}; {kept}") from error
             raise
         tick, measured = recording.release_tick or 0, recording.pose_measured
@@ -330,7 +332,7 @@ def _await_release(device: Device, recording: Recording, settings: CaptureSettin
 
 
 class _Pace:
-    """Whether samples come nearly as fast as they say they are taken, so that a recording ends."""
+    """Check that samples arrive nearly at their nominal rate, so that a recording ends."""
 
     def __init__(self, device: Device, recording: Recording, settings: CaptureSettings) -> None:
         patience = device.silence_s / device.timing.silence_s
@@ -339,13 +341,13 @@ class _Pace:
         self._at, self._t = time.monotonic(), recording.t
 
     def check(self, now: float) -> None:
-        """Raise DeviceLost for a device that is far too slow."""
+        """Raise DeviceLost if the device is far too slow."""
         waited, came = now - self._at, self._recording.t - self._t
         if waited < self._window_s:
             return
         if came < self._slowest * waited:
             raise DeviceLost(
-                f"{self._url}: in {waited:.0f} s came {came:.2g} s of samples: the device samples at another rate than"
+                f"{self._url}: in {waited:.0f} s only {came:.2g} s of samples arrived: the device does not sample at"
                 f" {self._recording.rate_hz:g} Hz; check its sample timer"
             )
         self._at, self._t = now, self._recording.t
@@ -359,7 +361,7 @@ def _follow(
     on_progress: OnProgress,
     settings: CaptureSettings,
 ) -> None:
-    """Record for as long as asked, or until the rods have come to rest."""
+    """Record for the requested time, or until the rods have come to rest."""
     next_look = heard_at = time.monotonic()
     pace = _Pace(device, recording, settings)
     reported = 0
@@ -392,13 +394,13 @@ def _notes(recording: Recording, options: CaptureOptions, settings: CaptureSetti
     if not options.until_rest or at_rest(*last, recording.rig, settings.limits.rest):
         return ()
     return (
-        f"the rods had not come to rest when the recording ended, {recording.t:g} s after the release: where they hang"
-        " at rest was not checked",
+        f"the rods were still moving at the end of the recording, {recording.t:g} s after the release:"
+        f" their hanging position at rest was not checked",
     )
 
 
 def _stop(device: Device, recording: Recording, settings: CaptureSettings) -> None:
-    """Stop the stream, and take in what was under way with the status that counts it."""
+    """Stop the stream, and read the remaining samples and the status with the final counts."""
     device.stop()
     deadline = time.monotonic() + settings.last_status_s
     counted = False

@@ -1,6 +1,6 @@
-"""Whether a device keeps to the protocol: the exchanges of `traces.json` over its own port, and its timing.
+"""Conformance test of a device: the exchanges of `traces.json` over its own port, and its timing.
 
-It opens and closes the latch many times: a device with rods on it is no place for this.
+It opens and closes the latch many times, so the rods must be removed.
 """
 
 import json
@@ -51,17 +51,17 @@ class ConformanceSettings:
     """Time limits of a conformance test."""
 
     answer_s: float = 0.1
-    """A host sends a command again after this."""
+    """Time after which a host repeats a command, s."""
     patience_s: float = 5.0
-    """For something that is sure to come."""
+    """Maximum waiting time for a message that must come, s."""
     timing_s: float = 2.0
-    """How long its samples are watched."""
+    """Duration of the timing test, s."""
     rate_hz: int = 500
-    """At which; every link carries it."""
+    """Sample rate of the timing test, Hz; every link supports it."""
     rate_off: float = 0.01
-    """Of the rate, by the host's clock over the time watched."""
+    """Permitted relative error of the rate, by the host's clock."""
     reports_hz: tuple[float, float] = (7.0, 13.0)
-    """STATUS a second: ten, as a host sees them."""
+    """Permitted number of STATUS per second; ten are nominal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,14 +71,14 @@ class Conformity:
     what: str
     ok: bool
     message: str
-    """What was wrong, or found."""
+    """Description of the fault, or of the measured value."""
 
 
 DRIVES = {"joints": PAGES, "arm": ARM_PAGE}
-"""Which drives a trace is about -> the page of INFO that only a device with them has."""
+"""Kind of drives in a trace -> page of INFO that only a device with such drives sends."""
 
 MARK = 0xBA00
-"""Tokens of the pings behind what was asked: a device works in the order of what it hears."""
+"""Tokens of the pings sent after a command: a device processes messages in order."""
 
 
 def conformity(link: Transport, settings: ConformanceSettings = ConformanceSettings()) -> Iterator[Conformity]:
@@ -86,10 +86,10 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
 
     Args:
         link: open; the device has no rods on it
-        settings: how long it may take
+        settings: time limits
 
     Raises:
-        LinkTimeout: it does not answer at all.
+        LinkTimeout: the device does not answer.
     """
     peer = _Peer(link, settings)
     pages = [page for page in peer.ask(Hello(token=1)) if isinstance(page, Info)]
@@ -99,9 +99,9 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
     for trace in traces["traces"]:
         steps: Sequence[Step] = trace["steps"]
         if any("fault" in step for step in steps) or steps[0].get("send", [""])[0] != "HELLO":
-            continue  # needs a hand on the hardware
+            continue  # needs intervention in the hardware
         if simulated_time and any("silent_s" in step for step in steps):
-            continue  # its clock stands still while nothing is sent
+            continue  # the clock stands still while nothing is sent
         if trace.get("drives", "") not in {"", *peer.drives}:
             continue
         peer.topic = trace.get("drives", "")
@@ -114,21 +114,21 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
 
 
 class _Peer:
-    """The host's end, which sends exactly what it is given."""
+    """Host side that sends exactly the given messages."""
 
     def __init__(self, link: Transport, settings: ConformanceSettings) -> None:
         self.link, self.settings = link, settings
         self.meaningless = 0
         self.drives: set[str] = set()
-        """Those of `DRIVES` that it has."""
+        """Kinds in `DRIVES` that the device has."""
         self.topic: str | None = None
-        """Which of them the trace is about, empty for none; None before any trace."""
+        """Kind of drives in the trace, empty for none; None before any trace."""
         self._mark = 0
         self._released: Event | None = None
         self._heard: list[Message] = []
 
     def to_idle(self) -> None:
-        """A new session with an idle device, regardless of the one before."""
+        """Start a new session with an idle device, independent of the previous session."""
         self._released = None
         self.ask(Hello(token=200))
         for command in (Stop(token=201), ClearFault(token=202), Hold(token=203), Stream(token=204)):
@@ -138,23 +138,23 @@ class _Peer:
         self._released = None
 
     def ask(self, message: Message) -> list[Message]:
-        """The answers to a message."""
+        """Answers to a message."""
         return self.tell(encode(message))
 
     def tell(self, frame: Frame) -> list[Message]:
-        """The answers to a frame."""
+        """Answers to a frame."""
         self.link.send(frame)
         return self.answers()
 
     def fall_silent(self, seconds: float) -> list[Message]:
-        """Messages sent while nothing is expected."""
+        """Unexpected messages."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.read()
         return self.answers()
 
     def answers(self) -> list[Message]:
-        """Messages received until now, without reports, samples and repeated releases."""
+        """Messages received so far, without reports, samples and repeated releases."""
         self._mark = self._mark % 255 + 1
         mark = Ping(MARK + self._mark)
         self._await(lambda: any(isinstance(m, Pong) and m.token == mark.token for m in self._heard), mark)
@@ -205,7 +205,7 @@ class _Peer:
 
 
 def _step(peer: _Peer, step: Step, where: str) -> str:
-    """What a device did otherwise than the step says; empty where nothing."""
+    """Deviation of a device from a step; empty if there is none."""
     if "silent_s" in step:
         asked, answers = f"{step['silent_s']} s of silence", peer.fall_silent(step["silent_s"])
     elif "frame" in step:
@@ -237,7 +237,7 @@ def _names(messages: Sequence[Message]) -> str:
 
 
 def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) -> Iterator[Conformity]:
-    """Samples and reports for a while, by the host's clock."""
+    """Samples and reports during a period, by the host's clock."""
     peer.ask(Hello(token=1))
     peer.ask(Hold(token=2))
     peer.ask(Stream(token=3, rate_hz=settings.rate_hz))
@@ -259,28 +259,30 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
     missing = sum(step != 1 for step in steps)
     yield Conformity("every tick has a sample", not missing, f"{len(arrived)} samples, {missing} steps that are not 1")
     if peer.drives:
-        without = len({tick for _, tick in arrived[:-1]} - set(torques))  # those of the last may be under way
+        without = len({tick for _, tick in arrived[:-1]} - set(torques))  # those of the last samples may be pending
         yield Conformity(
-            "every sample has its torques", not without, f"{len(torques)} of drives, {without} samples without"
+            "every sample has its torques", not without, f"{len(torques)} of drives, missing for {without} samples"
         )
     if not simulated_time:
         rate = sum(steps) / (arrived[-1][0] - arrived[0][0])
         off = abs(rate / settings.rate_hz - 1)
-        yield Conformity("the rate is right", off < settings.rate_off, f"{rate:.1f} Hz, asked {settings.rate_hz} Hz")
+        yield Conformity(
+            "the rate is right", off < settings.rate_off, f"{rate:.1f} Hz, requested {settings.rate_hz} Hz"
+        )
         low, high = settings.reports_hz
         hz = reports / settings.timing_s
         yield Conformity("STATUS ten times a second", low <= hz <= high, f"{hz:.1f} a second")
-    yield Conformity("every frame means something", not peer.meaningless, f"{peer.meaningless} that did not")
+    yield Conformity("every frame is valid", not peer.meaningless, f"{peer.meaningless} invalid")
 
 
 def refuse_with_rods(rods_are_off: bool) -> None:
-    """Raise unless the operator confirmed that no rod is held.
+    """Check that the operator confirmed that no rods are mounted.
 
     Raises:
         DprError: they did not.
     """
     if not rods_are_off:
         raise DprError(
-            "this opens and closes the latch again and again, without looking at any rod: take the rods off, then"
-            " say so with --rods-off"
+            "this test opens and closes the latch repeatedly without checking the rods: remove the rods,"
+            " then confirm with --rods-off"
         )

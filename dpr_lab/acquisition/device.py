@@ -1,8 +1,8 @@
-"""The device driver: typed commands out, samples and messages in, losses counted by cause.
+"""Device driver: typed commands, samples and messages, losses counted by cause.
 
-A reader thread drains the link in bulk, stamps what it reads with the host's clock, and keeps the device's lease alive;
-so neither a slow disk nor a busy screen can lose a byte or stop a stream. Everything else happens on the
-caller's thread, in `poll` and in the commands.
+A reader thread reads the link in blocks, adds the host time to each block, and sends the keepalives. A slow disk or a
+busy screen can therefore neither lose a byte nor stop a stream. Everything else happens in the caller's thread, in
+`poll` and in the commands.
 """
 
 import threading
@@ -59,14 +59,14 @@ _STREAM, _STOP = NUMBERS[Stream], NUMBERS[Stop]
 class Device:
     """A device at the other end of an open transport; a context manager that closes it.
 
-    Commands and `poll` belong to one thread. Every method can raise DeviceLost once the link is gone or the
-    device has fallen silent.
+    Commands and `poll` belong to one thread. Every method can raise DeviceLost after the link is lost or the device has
+    stopped sending.
 
     Args:
         transport: the open link
-        node: which device on it
-        read_only: only look: greet it and ask for its time, but neither command it nor keep a stream of it alive
-        timing: how it is listened to
+        node: node of the device
+        read_only: only handshake and PING, but no commands and no keepalives
+        timing: timing of the connection
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Device:
         self._batches: deque[Batch] = deque()
         self._bytes = self._frames = self._meaningless = 0
         self._held: Row | None = None
-        """The newest sample waits for the next: one that is contradicted by then is left out."""
+        """The newest sample is delayed until the next one arrives; it is discarded if the next one contradicts it."""
         self._overruns = Counter()
         self._dropped = Counter()
         self._heard_at = time.monotonic()
@@ -140,15 +140,15 @@ class Device:
 
     @property
     def silence_s(self) -> float:
-        """Silence after which the device counts as lost, s."""
+        """Time without messages after which the device counts as lost, s."""
         patience = self._timing.simulated_patience if self.simulated_time else 1.0
         return self._timing.silence_s * patience
 
     def connect(self, timeout: float = 2.0) -> DeviceInfo:
-        """Greet the device, over and over until it answers or `timeout` s have passed.
+        """Handshake with the device, repeated until it answers or `timeout` s have passed.
 
         Raises:
-            LinkTimeout: nothing answered; says whether anything at all arrived.
+            LinkTimeout: no answer; the message says whether any bytes arrived.
             MismatchError: the device speaks another version of the protocol.
         """
         deadline = time.monotonic() + timeout
@@ -164,10 +164,10 @@ class Device:
                     raise LinkTimeout(self._why_no_answer(timeout)) from error
 
     def check_rate(self, rate_hz: int) -> None:
-        """Refuse a sample rate before anything moves.
+        """Refuse an invalid sample rate before anything moves.
 
         Raises:
-            LinkError: more than the link can carry, with the arithmetic.
+            LinkError: more than the link can carry; the message contains the calculation.
             DeviceFault: more than the device can sample.
         """
         for capacity in self._transport.capacities:
@@ -195,22 +195,22 @@ class Device:
         self._command(Stream(rate_hz=rate_hz))
 
     def release(self) -> None:
-        """Open the latch. An EVENT tells the tick at which it opened."""
+        """Open the latch. An EVENT contains the tick at which it opened."""
         self._command(Release())
 
     def stop(self) -> None:
-        """Stop sampling; the latch stays as it is."""
+        """Stop sampling; the latch does not change."""
         self._command(Stop())
 
     def clear_fault(self) -> None:
-        """Leave the fault state; the latch stays as it is."""
+        """Leave the fault state; the latch does not change."""
         self._command(ClearFault())
 
     def poll(self, timeout: float) -> list[Batch]:
-        """Everything read since the last call, waiting at most `timeout` s for something.
+        """All messages since the last call, waiting at most `timeout` s for the first.
 
-        Nothing is thrown away in between, so call it now and then while the device streams. What arrived before the
-        link was lost is given first; the call after that raises.
+        Nothing is discarded in between, so call it regularly while the device streams. Messages that arrived before the
+        link was lost are returned first; the next call raises.
         """
         with unbroken(), self._lock:
             self._changed.wait_for(lambda: self._batches or self._failure, timeout)
@@ -239,7 +239,7 @@ class Device:
 
     @property
     def simulated_time(self) -> bool:
-        """Whether ticks may run apart from the host's time: the device says so, and its link can lead to software."""
+        """Whether ticks may differ from real time: the device declares this, and its link is inside this computer."""
         return self.info.simulated_time and self._software
 
     def clock(self) -> tuple[ClockFit | None, str]:
@@ -250,18 +250,18 @@ class Device:
             return self._clock.fit(self._rate_hz)
 
     def clock_fit(self) -> ClockFit | None:
-        """The fit of `clock`; None before enough pings were answered, and where time is simulated."""
+        """The fit of `clock`; None before enough pings were answered, and for simulated time."""
         return self.clock()[0]
 
     def close(self) -> None:
-        """Close the link; closing twice is harmless. A device that streams stops when its lease runs out."""
+        """Close the link; repeated calls have no effect. A device that streams stops when its lease expires."""
         self._closing.set()
         self._reader.join()
         self._transport.close()
 
     def _command(self, command: Command) -> None:
         if self._read_only:
-            raise SafetyStop(f"{self.url}: {type(command).__name__} from a view that may only look: nothing was sent")
+            raise SafetyStop(f"{self.url}: {type(command).__name__} from a read-only view: nothing was sent")
         with unbroken(), self._lock:
             self._raise_failure()
             self._transport.send(self._session.command(command, time.monotonic()))
@@ -295,7 +295,7 @@ class Device:
             raise self._failure
 
     def _read(self) -> None:
-        """The reader thread: link to batches, and what has to be sent in time."""
+        """Reader thread: converts the link to batches, and sends keepalives and pings in time."""
         try:
             while not self._closing.is_set():
                 received = self._transport.receive(self._timing.read_s)
@@ -303,7 +303,7 @@ class Device:
                     self._take(received)
                     self._send_due(time.monotonic())
                     self._changed.notify_all()
-        except Exception as error:  # every error must reach the caller and not end with the thread
+        except Exception as error:  # every error must reach the caller instead of only ending the thread
             with self._lock:
                 self._failure = error
                 self._changed.notify_all()
@@ -341,14 +341,14 @@ class Device:
             self._batches.append(Batch(received.host_time, received.raw, tuple(rows), tuple(messages)))
 
     def _trusted(self, sample: Sample) -> list[Row]:
-        """The sample before this one, unless this one contradicts it."""
+        """The previous sample, unless this one contradicts it."""
         if self._held is not None and self._stream.contradicts(self._held, sample):
             self._held = None
         row = self._stream.feed(sample)
         if self._stream.went_back:
             raise LinkError(
-                f"{self.url}: the device's ticks went back while it streamed, so that nobody knows when its samples"
-                " were taken: restart the device and record again"
+                f"{self.url}: the ticks of the device decreased during the stream, so the times of its"
+                f" samples are unknown: restart the device and record again"
             )
         return self._hand_over(row) if row is not None else []
 
@@ -357,22 +357,21 @@ class Device:
         return [before] if before is not None else []
 
     def _driven(self, rows: list[Row]) -> Sequence[AnyRow]:
-        """Samples with their torques, some samples later, of a device with drives."""
+        """Samples with their torques, delayed by some samples, for a device with drives."""
         return rows if self._torques is None else self._torques.take(rows)
 
     def _note_torque(self, torque: Torque | ArmInput) -> None:
         info, of_arm = self._session.info, isinstance(torque, ArmInput)
         if info is not None and not (info.input_kinds if of_arm else info.torque_kinds):
             raise LinkError(
-                f"{self.url}: the device sends {'inputs of its arm' if of_arm else 'torques'}, but the page of its INFO"
-                " that tells their unit was lost:"
-                " connect again"
+                f"{self.url}: the device sends {'inputs of its arm' if of_arm else 'torques'}, but the page"
+                f" of its INFO with their unit was lost: connect again"
             )
         if self._torques is not None:
             self._torques.note(torque)
 
     def _check_silence(self, now: float, heard: bool) -> None:
-        """A greeted device reports ten times a second; one that was restarted still answers pings, and only those."""
+        """Check for a lost device: it reports ten times per second, but a restarted one only answers pings."""
         if heard or self._session.info is None:
             self._heard_at = now
             return

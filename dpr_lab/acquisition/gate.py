@@ -1,8 +1,7 @@
-"""The quality gate: what a finished recording must show before anything is fitted to it.
+"""Quality gate: checks of a finished recording before any fit.
 
-What must hold before a release is in `holding`.
-
-A run that fails a check is kept and marked, never thrown away: `degraded`, with the reasons.
+The checks before a release are in `holding`. A run that fails a check is kept and marked as `degraded`, with the
+reasons.
 """
 
 from collections.abc import Callable
@@ -30,16 +29,16 @@ class Check:
     limit: float
     unit: str
     sentence: str
-    """What was found and, where the check failed, what to do."""
+    """Measured value and, if the check failed, what to do."""
 
 
 @dataclass(frozen=True, slots=True)
 class QualityReport:
-    """The gate's answer: every check that could be made."""
+    """Result of the gate: all checks that could be made."""
 
     checks: tuple[Check, ...]
     notes: tuple[str, ...] = ()
-    """What to know about the recording although no check fails by it."""
+    """Notes on the recording that are no failures."""
 
     @property
     def ok(self) -> bool:
@@ -48,7 +47,7 @@ class QualityReport:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """The sentences of the checks that failed."""
+        """Messages of the failed checks."""
         return tuple(check.sentence for check in self.checks if not check.ok)
 
     @property
@@ -57,22 +56,22 @@ class QualityReport:
         return "; ".join(["ok" if self.ok else f"degraded: {'; '.join(self.reasons)}", *self.notes])
 
     def to_json(self) -> dict[str, Any]:
-        """The report as plain JSON values."""
+        """The report as JSON values."""
         return {"ok": self.ok, "checks": [asdict(check) for check in self.checks], "notes": list(self.notes)}
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceWord:
-    """What a device reported in addition to its samples during the recording."""
+    """Reports of a device in addition to its samples during the recording."""
 
     real_time: bool
-    """Whether its seconds are to be the host's; not of simulated time."""
+    """Whether its clock must agree with the host's; false for simulated time."""
     no_clock_fit: str
-    """Why PING and PONG gave no clock fit; empty where they did."""
+    """Reason why PING and PONG gave no clock fit; empty if they did."""
     statuses: int
-    """STATUS messages after the release."""
+    """Number of STATUS messages after the release."""
     latched: int
-    """How many of them reported that the latch holds."""
+    """Number of those that reported a closed latch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +82,12 @@ class JudgedRun:
     rig: Rig
     pose: Pose | None
     duration: float
-    """How long the recording was asked to be, s."""
+    """Requested duration of the recording, s."""
     hanging: tuple[float, float] | None
-    """How far the rods hung off straight down before they were raised, rad."""
+    """Deviation of the hanging rods from the vertical before they were raised, rad."""
     limits: QualityLimits
     word: DeviceWord | None
-    """None of a table, or of a run that was recorded without a device."""
+    """Reports of the device; None for a table, or a run recorded without a device."""
 
 
 def judge(
@@ -104,13 +103,13 @@ def judge(
     Args:
         run: the recording; its time starts at the release
         rig: the rig it was recorded on, for the pose, the noise and the fastest speed possible
-        duration: how long it was asked to be, s; 0 when that was open
-        hanging: how far the rods hung off straight down before they were raised, rad; None when that was not seen
-        limits: what it must keep to
-        word: what the device reported while it was recorded; None without a device
+        duration: requested duration, s; 0 if open-ended
+        hanging: deviation of the hanging rods from the vertical before they were raised, rad; None if not measured
+        limits: limits of a good recording
+        word: reports of the device during the recording; None without a device
 
     Returns:
-        The report. A check without data to judge, such as the rest of an imported table, is left out.
+        The report. Checks without data, such as the rest of an imported table, are omitted.
     """
     pose = rig.poses.get(run.pose) if run.pose is not None else None
     judged = JudgedRun(run, rig, pose, duration, hanging, limits, word)
@@ -118,10 +117,10 @@ def judge(
 
 
 def fastest_possible(rig: Rig) -> NDArray[np.float64]:
-    """(2,) the fastest the rods can turn when let go at rest from anywhere, rad/s.
+    """(2,) maximum speeds of the rods after a release at rest from any pose, rad/s.
 
-    All potential energy E = 2 (e1 + e2) in one rod: omega_i^2 = 2 E (M^-1)_ii, largest with the rods in line,
-    where M^-1 = [b, a] / (a b - d^2) on its diagonal.
+    All potential energy E = 2 (e1 + e2) in one rod: omega_i^2 = 2 E (M^-1)_ii, largest with the rods in line, where
+    M^-1 = [b, a] / (a b - d^2) on its diagonal.
     """
     a, b, d, e1, _, _ = base_parameters(rig.nominal, rig.L1, rig.g)
     energy = 2 * (e1 + d * rig.g / rig.L1)
@@ -135,14 +134,14 @@ def _rest(judged: JudgedRun) -> tuple[NDArray[np.float64], NDArray[np.float64]] 
 
 
 def _hanging_before(judged: JudgedRun) -> Check | None:
-    """Where the rods hung before they were raised: a wrong zero, or counts lost before, show there."""
+    """Hanging position before the rods were raised: shows a wrong zero, or counts lost before."""
     if judged.hanging is None:
         return None
     limit = judged.limits.hang_error
     error = np.abs(judged.hanging)
     rod, worst = RODS[int(error.argmax())], float(error.max())
     sentence = (
-        f"before it was raised the {rod} hung {worst:.3f} rad off straight down (limit {limit}):"
+        f"before it was raised the {rod} hung {worst:.3f} rad away from the vertical (limit {limit}):"
         " lost counts, or a wrong zero in the rig file"
     )
     return Check("hanging_before", worst <= limit, worst, limit, "rad", sentence)
@@ -164,7 +163,7 @@ def _rest_spread(judged: JudgedRun) -> Check | None:
         return None
     _, spread = rest_motion(*rest)
     limit = judged.limits.rest.spread(judged.rig)
-    sentence = f"before the release the rods shook by {spread:.5f} rad rms (limit {limit:.5f}): let them settle"
+    sentence = f"before the release the rods vibrated by {spread:.5f} rad rms (limit {limit:.5f}): let them settle"
     return Check("rest_spread", spread <= limit, spread, limit, "rad", sentence)
 
 
@@ -174,12 +173,15 @@ def _pose(judged: JudgedRun) -> Check | None:
         return None
     error = np.abs(pose_error(rest[1], judged.pose)).mean(axis=0)
     rod, worst, limit = RODS[int(error.argmax())], float(error.max()), judged.pose.tolerance
-    sentence = f"the {rod} was {worst:.3f} rad off the pose (limit {limit}): place it closer"
+    sentence = f"the {rod} was {worst:.3f} rad away from the pose (limit {limit}): place it closer"
     return Check("pose", worst <= limit, worst, limit, "rad", sentence)
 
 
 def _release_speed(judged: JudgedRun) -> Check | None:
-    """The speed w of theta(t) = theta_rest + w t + alpha t^2 / 2 over the first 20 ms, theta_rest over those before."""
+    """Initial speed w of the swing.
+
+    theta(t) = theta_rest + w t + alpha t^2 / 2 in the first 20 ms, theta_rest from the samples before.
+    """
     limits = judged.limits
     rest, swing = _rest(judged), judged.run.swing
     if rest is None or len(swing.t) < limits.fewest_samples:
@@ -191,7 +193,7 @@ def _release_speed(judged: JudgedRun) -> Check | None:
     speed = float(np.abs(coefficients[0]).max())
     uncertain = float(judged.rig.reading_std[1:].max() * np.sqrt(np.linalg.pinv(A.T @ A)[0, 0]))
     limit = max(limits.release_speed, limits.sigmas * uncertain)
-    sentence = f"the rods left at {speed:.2f} rad/s (limit {limit:.2g}): let go without a push"
+    sentence = f"the rods started at {speed:.2f} rad/s (limit {limit:.2g}): release without a push"
     return Check("release_speed", speed <= limit, speed, limit, "rad/s", sentence)
 
 
@@ -218,19 +220,19 @@ def _gap(judged: JudgedRun) -> Check | None:
 
 
 def _jitter(judged: JudgedRun) -> Check | None:
-    """How unevenly the samples were taken; the device's clock alone counts, not when they arrived."""
+    """Regularity of the sampling by the device's clock, independent of the arrival times."""
     limit = judged.limits.jitter_periods
     periods = judged.run.t * judged.run.rate_hz
     if not len(periods):
         return None
     off = periods - periods[0]
     jitter = float(np.sqrt(np.mean((off - np.round(off)) ** 2)))
-    sentence = f"the samples are off their grid by {jitter:.3f} periods rms (limit {limit}): uneven clock"
+    sentence = f"the samples deviate from their grid by {jitter:.3f} periods rms (limit {limit}): irregular clock"
     return Check("jitter", jitter <= limit, jitter, limit, "periods", sentence)
 
 
 def _clock(judged: JudgedRun) -> Check | None:
-    """Whether the device's seconds are seconds, by PING and PONG and by the arrival of its samples."""
+    """Clock rate error of the device, by PING and PONG and by the arrival of its samples."""
     if not clock_rates(judged.run.clock):
         return None
     limit = judged.limits.clock_ppm
@@ -243,14 +245,17 @@ def _clock(judged: JudgedRun) -> Check | None:
 
 
 def _clock_fit(judged: JudgedRun) -> Check | None:
-    """Whether PING and PONG say how fast the device's clock runs, and the same as the arrival of its samples."""
+    """Consistency of the clock rate from PING and PONG with that from the arrival of samples."""
     word, limits = judged.word, judged.limits
     if word is None or not word.real_time:
         return None
     rates = clock_rates(judged.run.clock)
     std = judged.run.clock.get("rate_ppm_std", np.inf)
     if "pong" not in rates:
-        why = word.no_clock_fit or "its samples come at the pace of real time, although it calls its time simulated"
+        why = (
+            word.no_clock_fit
+            or "its samples arrive at the rate of real time, although it declares its time as simulated"
+        )
         sentence = f"the device's clock could not be checked by PING and PONG ({why}): check PONG in its firmware"
         return Check("clock_fit", False, std, limits.clock_std_ppm, "ppm", sentence)
     (pong, _), (arrival, margin) = rates["pong"], rates.get("arrival", (0.0, np.inf))
@@ -261,12 +266,12 @@ def _clock_fit(judged: JudgedRun) -> Check | None:
             " check which timer PONG reads in its firmware"
         )
         return Check("clock_fit", False, apart, allowed, "ppm", sentence)
-    sentence = f"PONG answers contradict each other: the clock rate is known to {std / 1e4:.2g} % only: check PONG"
+    sentence = f"PONG answers contradict each other: the clock rate has an uncertainty of {std / 1e4:.2g} %: check PONG"
     return Check("clock_fit", std <= limits.clock_std_ppm, std, limits.clock_std_ppm, "ppm", sentence)
 
 
 def _latch(judged: JudgedRun) -> Check | None:
-    """Whether the device noticed that its latch opened."""
+    """Whether the device detected that its latch opened."""
     word, limits = judged.word, judged.limits
     if word is None or word.statuses < limits.fewest_statuses:
         return None
@@ -291,13 +296,13 @@ def _jumps(judged: JudgedRun) -> Check | None:
 
 
 def _moved(judged: JudgedRun) -> Check | None:
-    """Whether each joint turned that can, and no other; in counts: with a relative encoder theta2 follows theta1."""
+    """Motion of the joints in counts, because with a relative encoder theta2 follows theta1."""
     limit = judged.limits.travel_counts
     swing = judged.run.swing
     if len(swing.t) < judged.limits.fewest_samples:
         return None
     if (turned := elbow_turn(swing.theta, swing.mounting)) > MOUNTED.still:
-        sentence = f"joint 2 turned by {turned:.2f} rad: --rods or --elbow say that it stands still"
+        sentence = f"joint 2 turned by {turned:.2f} rad, but --rods or --elbow declare it as fixed"
         return Check("moved", False, turned, MOUNTED.still, "rad", sentence)
     counts = judged.rig.positions(swing.theta) if swing.counts is None else swing.counts
     travel = np.ptp(counts, axis=0)[1 : 2 if judged.run.setup.held else 3]
@@ -307,17 +312,17 @@ def _moved(judged: JudgedRun) -> Check | None:
 
 
 def _hanging_after(judged: JudgedRun) -> Check | None:
-    """Where the rods hang once they are at rest again: counts lost on the way, or a wrong zero, show there."""
+    """Hanging position at rest after the swing: shows counts lost during the swing, or a wrong zero."""
     limit, rest = judged.limits.hang_error, judged.limits.rest
     run = judged.run
     last = run.t >= run.duration - rest.window_s
-    if run.setup.mounting == "clamped":  # it hangs askew
+    if run.setup.mounting == "clamped":  # its hanging position is tilted
         return None
     if run.duration <= rest.window_s or rest_motion(run.t[last], run.theta[last])[1] > rest.spread(judged.rig):
         return None
     error = np.abs((run.theta[last, 1:].mean(axis=0)) % (2 * np.pi) - np.pi)
     rod, worst = RODS[int(error.argmax())], float(error.max())
-    sentence = f"the {rod} came to rest {worst:.3f} rad off hanging (limit {limit}): lost counts, or a wrong zero"
+    sentence = f"the {rod} came to rest {worst:.3f} rad away from hanging (limit {limit}): lost counts, or a wrong zero"
     return Check("hanging_after", worst <= limit, worst, limit, "rad", sentence)
 
 
@@ -332,7 +337,7 @@ def _duration(judged: JudgedRun) -> Check | None:
 
 def _complete(judged: JudgedRun) -> Check | None:
     complete = judged.run.complete
-    sentence = "the file was finished" if complete else "the file was cut off: its end is missing"
+    sentence = "the file was finished" if complete else "the file is incomplete: its end is missing"
     return Check("complete", complete, float(complete), 1.0, "1", sentence)
 
 
@@ -354,4 +359,4 @@ CHECKS: tuple[Callable[[JudgedRun], Check | None], ...] = (
     _duration,
     _complete,
 )
-"""Every check, in the order a recording happens."""
+"""All checks in the order of a recording."""

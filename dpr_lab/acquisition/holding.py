@@ -1,4 +1,4 @@
-"""Between the pose and the release: the rods are held, guided, watched until still, and let go by consent only."""
+"""Between the pose and the release: hold the rods, guide them, wait for rest, and release only with permission."""
 
 import time
 from collections import deque
@@ -28,7 +28,7 @@ class PoseReading:
     theta: tuple[float, float, float]
     """Absolute angles, rad."""
     error: tuple[float, float]
-    """Signed error of inner and outer rod, whole turns aside, rad."""
+    """Signed error of inner and outer rod without whole turns, rad."""
     tolerance: float
     ok: bool
 
@@ -40,16 +40,16 @@ class RestReading:
     theta: tuple[float, float, float]
     """Newest absolute angles, rad."""
     error: tuple[float, float]
-    """Signed error of inner and outer rod, whole turns aside, rad."""
+    """Signed error of inner and outer rod without whole turns, rad."""
     tolerance: float
     speed: float
-    """Fastest drift, rad/s."""
+    """Largest drift, rad/s."""
     spread: float
-    """Widest shaking, rad rms."""
+    """Largest vibration, rad rms."""
     ok: bool
-    """Whether they are at rest."""
+    """Whether the rods are at rest."""
     restless: str
-    """Why they may not be let go; empty when they may."""
+    """Reason why they may not be released; empty if they may."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +57,11 @@ class HangReading:
     """Position of the hanging rods before they are raised."""
 
     error: tuple[float, float]
-    """Signed distance of inner and outer rod from straight down, rad."""
+    """Signed deviation of inner and outer rod from the vertical, rad."""
     ok: bool
-    """Whether it is within `QualityLimits.hang_error`; if not, counts were lost or the rig file's zero is wrong."""
+    """Whether it is within `QualityLimits.hang_error`; otherwise counts were lost or the zero in the rig file is
+    wrong.
+    """
 
 
 OnReading: TypeAlias = Callable[["PoseReading | RestReading | HangReading"], None]
@@ -67,7 +69,7 @@ Confirm: TypeAlias = Callable[[], bool | None]
 
 
 class RestWindow:
-    """The newest second of the held rods, as it came."""
+    """The newest second of samples of the held rods."""
 
     def __init__(self, rate_hz: int, window_s: float) -> None:
         self.batches: deque[Batch] = deque()
@@ -77,11 +79,11 @@ class RestWindow:
 
     @property
     def lost_before(self) -> Mapping[str, int]:
-        """The device's losses when the oldest batch had arrived; empty for an empty window."""
+        """Losses of the device at the arrival of the oldest batch; empty for an empty window."""
         return self._lost[0] if self._lost else {}
 
     def add(self, batches: Iterable[Batch], lost: Mapping[str, int]) -> None:
-        """Add new batches and the losses reported so far; drop samples older than the window."""
+        """Add new batches and the current losses; remove samples older than the window."""
         for batch in batches:
             self.batches.append(batch)
             self._lost.append(lost)
@@ -91,7 +93,7 @@ class RestWindow:
             self._lost.popleft()
 
     def motion(self, rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Time (n,), s, and angles (n, 3), rad, of the window; None until it is full."""
+        """Times (n,), s, and angles (n, 3), rad, of the window; None until it is full."""
         ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
         if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
             return None
@@ -103,7 +105,7 @@ def _last_tick(batch: Batch) -> int:
 
 
 def raise_faults(url: str, batches: Iterable[Batch]) -> None:
-    """Raise for a report of the device that ends a capture: a fault, or a lost lease."""
+    """Raise an error for a report that ends a capture: a fault, or a lost lease."""
     for batch in batches:
         for message in batch.messages:
             _raise_for(url, message)
@@ -119,20 +121,20 @@ def _raise_for(url: str, message: Message) -> None:
 
 
 def _raise_if_open(url: str, batches: Iterable[Batch]) -> None:
-    """Raise for a device that reports an open latch after the order to hold."""
+    """Raise an error if the device reports an open latch after the command HOLD."""
     for message in (message for batch in batches for message in batch.messages):
         let_go = isinstance(message, Event) and message.kind is EventKind.RELEASED
         if let_go or (isinstance(message, Status) and not message.latched):
             raise DeviceFault(
-                f"{url}: the device says that its latch is open, although it was ordered to hold and no RELEASE was"
-                " sent: the rods may be free, look before you reach in; check latch and firmware"
+                f"{url}: the device reports an open latch, although HOLD and no RELEASE was sent: the rods"
+                f" may be free, look before you reach in; check latch and firmware"
             )
 
 
 def look_at_hanging(
     device: Device, rig: Rig, on_reading: OnReading, settings: CaptureSettings
 ) -> tuple[float, float] | None:
-    """Deviation of the hanging rods from straight down, rad; None unless they are at rest with the latch open."""
+    """Deviation of the hanging rods from the vertical, rad; None unless they are at rest with the latch open."""
     readings: list[NDArray[np.float64]] = []
     deadline = time.monotonic() + settings.hang_timeout_s
     spread = np.sqrt(12) * settings.limits.rest.spread(rig)
@@ -151,7 +153,7 @@ def look_at_hanging(
 
 
 def _positions(device: Device, rig: Rig, deadline: float, poll_s: float) -> Iterator[NDArray[np.float64]]:
-    """(3,) angles as POSITION tells them, until the deadline, rad."""
+    """(3,) angles from POSITION messages until the deadline, rad."""
     counts: dict[int, int] = {}
     while time.monotonic() < deadline:
         batches = device.poll(poll_s)
@@ -165,7 +167,7 @@ def _positions(device: Device, rig: Rig, deadline: float, poll_s: float) -> Iter
 def guide(
     device: Device, rig: Rig, pose: Pose, timeout: float, on_reading: OnReading, settings: CaptureSettings
 ) -> None:
-    """Report the rods' error to the pose until it is, a few times in a row, within the tolerance."""
+    """Report the error of the pose until it is within the tolerance several times in a row."""
     reading, steady = None, 0
     for theta in _positions(device, rig, time.monotonic() + timeout, settings.poll_s):
         reading = _pose_reading(theta, pose)
@@ -192,13 +194,13 @@ def _not_placed(pose: Pose, reading: PoseReading | None, timeout: float) -> str:
         return f"the device sent no positions within {timeout:g} s; nothing was released, the rods stay held"
     rod, worst = max(zip(RODS, reading.error, strict=True), key=lambda pair: abs(pair[1]))
     return (
-        f"the rods did not reach the pose within {timeout:g} s: the {rod} is {worst:+.3f} rad off, tolerance"
+        f"the rods did not reach the pose within {timeout:g} s: the {rod} is {worst:+.3f} rad away, tolerance"
         f" {pose.tolerance} rad; nothing was released, the rods stay held"
     )
 
 
 class HeldPose:
-    """The rods between pose and release: held, streaming, watched."""
+    """Held rods between pose and release, while the device streams."""
 
     def __init__(
         self, device: Device, rig: Rig, pose: Pose, rate_hz: int, on_reading: OnReading, settings: CaptureSettings
@@ -209,31 +211,31 @@ class HeldPose:
         self._report_at = 0.0
 
     def await_rest(self, timeout: float) -> None:
-        """Wait until a whole window is still and at the pose."""
+        """Wait until the rods are at rest and at the pose for a whole window."""
         deadline = time.monotonic() + timeout
         while (restless := self._look(self._settings.poll_s)) != "":
             if time.monotonic() > deadline:
                 raise SafetyStop(f"after {timeout:g} s {restless}; nothing was released, the rods stay held")
 
     def await_go_ahead(self, confirm: Confirm) -> None:
-        """Ask until there is an answer; then look once more, since an answer can take long."""
+        """Ask for permission until there is an answer, then check the rods again, because an answer can take long."""
         while (answer := confirm()) is None:
             self._look(self._settings.poll_s)
         if not answer:
-            raise SafetyStop("no go-ahead was given; nothing was released, the rods stay held")
+            raise SafetyStop("no permission was given; nothing was released, the rods stay held")
         restless = self._look(0)
         if restless:
-            raise SafetyStop(f"at the go-ahead {restless}; nothing was released, the rods stay held")
+            raise SafetyStop(f"when the release was permitted, {restless}; nothing was released, the rods stay held")
 
     def _look(self, timeout: float) -> str:
-        """Take in what is new; why the rods may not be let go, or nothing."""
+        """Process new samples; return the reason why the rods may not be released, or an empty text."""
         batches = self._device.poll(timeout)
         raise_faults(self._device.url, batches)
         _raise_if_open(self._device.url, batches)
         self.window.add(batches, self._device.losses)
         motion = self.window.motion(self._rig)
         if motion is None:
-            return "the device had not streamed a full second of samples"
+            return "the device has not streamed a full second of samples yet"
         reading = self._reading(*motion)
         if time.monotonic() >= self._report_at:
             self._report_at = time.monotonic() + self._settings.report_s
@@ -241,12 +243,12 @@ class HeldPose:
         return reading.restless or self._denied()
 
     def _denied(self) -> str:
-        """What the device's last STATUS says against a release; empty where it holds and streams."""
+        """Objection of the last STATUS to a release; empty if the device holds and streams."""
         status = self._device.status
         if status is None:
-            return "the device had not reported that its latch holds"
+            return "the device has not reported that its latch holds"
         if status.state is not State.STREAMING or not status.latched:
-            return f"the device reported {status.state.name}, not that it streams with the latch closed"
+            return f"the device reported {status.state.name} instead of streaming with the latch closed"
         return ""
 
     def _reading(self, t: NDArray[np.float64], theta: NDArray[np.float64]) -> RestReading:
@@ -258,8 +260,8 @@ class HeldPose:
         restless = ""
         if not still:
             drift = f"drifting {speed:.3f} rad/s (limit {rest.speed} rad/s)" if speed > rest.speed else ""
-            shaking = f"shaking {spread:.5f} rad rms (limit {limit:.5f} rad)" if spread > limit else ""
+            shaking = f"vibrating {spread:.5f} rad rms (limit {limit:.5f} rad)" if spread > limit else ""
             restless = f"the rods still moved: {' and '.join(part for part in (drift, shaking) if part)}"
         elif worst > self._pose.tolerance:
-            restless = f"the rods were {worst:.3f} rad off the pose"
+            restless = f"the rods were {worst:.3f} rad away from the pose"
         return RestReading(*_placed(theta[-1], self._pose), self._pose.tolerance, speed, spread, still, restless)

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM between two steps instead of in the middle of one."""
+"""Ctrl-C and SIGTERM between two steps instead of within one."""
 
 import signal
 import threading
@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def unbroken() -> Iterator[None]:
-    """Hold Ctrl-C and SIGTERM back until the block is done.
+    """Delay Ctrl-C and SIGTERM until the block is finished.
 
-    A record half written would cost the rest of the file, and a lock whose acquisition is broken off stays locked.
-    Outside the main thread, which alone hears signals, the block just runs.
+    An incomplete record would make the rest of the file unreadable, and a lock whose acquisition is interrupted stays
+    locked. Outside the main thread, which alone receives signals, the block has no effect.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -1,4 +1,4 @@
-"""Speeds of the rods while a swing is recorded."""
+"""Speeds of the rods during the recording of a swing."""
 
 import math
 
@@ -10,12 +10,12 @@ from dpr_lab.rig import Rig
 
 
 class LiveSpeed:
-    """Kalman filter for the speeds of both rods, fed with what a recording has gained.
+    """Kalman filter for the speeds of both rods, updated with new samples of a recording.
 
-    Making it imports the filter, which takes about a second: make it before the rods are released.
+    Creating it imports the filter library, which takes about a second: create it before the rods are released.
 
     Args:
-        rig: its encoders
+        rig: the rig, for its encoders
         rate_hz: sample rate of the recording
     """
 
@@ -27,10 +27,10 @@ class LiveSpeed:
         self._omega = (0.0, 0.0)
 
     def after(self, t: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[float, float]:
-        """Speeds of the inner and outer rod after new samples of the swing, rad/s; as before where none is new.
+        """Speeds of the inner and outer rod after new samples of the swing, rad/s; unchanged without new samples.
 
         Args:
-            t: (n,) since the release, s; later than those of the call before; the rest before the release is left out
+            t: (n,) time since the release, s; later than in the previous call; samples before the release are ignored
             theta: (n, 3) absolute angles, rad
         """
         t, theta = t[t >= 0], theta[t >= 0]

@@ -1,4 +1,4 @@
-"""The device's clock from PING and PONG: the exchanges of a stream, their fit, and why there is none."""
+"""Clock of the device from PING and PONG: exchanges of a stream, their fit, and the reason if there is none."""
 
 from collections import deque
 
@@ -11,8 +11,8 @@ class PingClock:
     """Schedule of the requests for the device time, and the clock estimate from the answers.
 
     Args:
-        timing: how often it is asked
-        now: host time from which it is asked, s
+        timing: interval of the requests
+        now: host time of the first request, s
     """
 
     def __init__(self, timing: DeviceTiming, now: float) -> None:
@@ -22,12 +22,12 @@ class PingClock:
         self._quick, self._sent, self._due_at = 0, 0, now
 
     def restart(self, now: float) -> None:
-        """A new stream with new ticks starts."""
+        """Start a new stream with new ticks."""
         self._exchanges.clear()
         self._quick, self._sent, self._due_at = self._timing.quick_pings, 0, now
 
     def due(self, now: float) -> Ping | None:
-        """The PING to send at the host time `now`, s, if one is due."""
+        """PING to send at the host time `now`, s, if one is due."""
         if now < self._due_at:
             return None
         self._due_at = now + (self._timing.quick_ping_s if self._quick else self._timing.ping_s)
@@ -42,7 +42,7 @@ class PingClock:
             self._exchanges.append(exchange)
 
     def fit(self, rate_hz: float) -> tuple[ClockFit | None, str]:
-        """Ticks of the stream to host time, or None and the reason."""
+        """Fit from ticks of the stream to host time, or None and the reason."""
         exchanges = list(self._exchanges)
         if len(exchanges) < FEWEST:
             answers = f"{len(exchanges)} of {self._sent} PING commands were answered"

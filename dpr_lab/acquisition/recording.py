@@ -1,4 +1,4 @@
-"""A recording under way: written to the run file as it arrives, and spooled for the gate's judgement at its end."""
+"""Current recording: written to the run file as it arrives, and spooled for the quality checks at its end."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -29,11 +29,11 @@ class Recording:
 
     Args:
         writer: the open run file
-        lost: the device's losses before its first sample; only what comes on top belongs to this run
-        duration: how long to record after the release, s; later samples are left out, so that the length of a run does
-            not depend on how fast the host was
-        hanging: how far the rods hung off straight down before they were raised, rad; None when that was not seen
-        limits: what a good recording must keep to
+        lost: losses of the device before the first sample; only additional losses belong to this run
+        duration: how long to record after the release, s; later samples are ignored, so that the length of a run does
+        not depend on the speed of the host
+        hanging: deviation of the hanging rods from the vertical before they were raised, rad; None if not measured
+        limits: limits of a good recording
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Recording:
 
     @property
     def rig(self) -> Rig:
-        """The rig it is recorded on."""
+        """Rig of the recording."""
         return self._writer.metadata.rig
 
     @property
@@ -81,7 +81,7 @@ class Recording:
         return self._writer.metadata.rate_hz
 
     def expect_release(self) -> None:
-        """RELEASE goes out now: from here on an instant of release is believed, if none before the newest sample."""
+        """Register that RELEASE is sent: accept an instant of release from now on."""
         self._earliest_release = max(self._newest_tick, 0)
 
     @property
@@ -131,7 +131,7 @@ class Recording:
 
     @property
     def clock_due(self) -> bool:
-        """Whether `note_clock` was not called for a while: a killed recording is to keep a clock fit as well."""
+        """Whether a clock fit should be written, so that a killed recording contains one as well."""
         return time.monotonic() >= self._clock_at
 
     def note_clock(self, fit: ClockFit | None, missing: str = "", next_in_s: float = 5.0) -> None:
@@ -147,9 +147,12 @@ class Recording:
 
     @property
     def _in_real_time(self) -> bool:
-        """Whether the device's seconds are to be the host's: it says so, or its samples come at a steady pace near it.
+        """Whether the device's clock must agree with the host's.
 
-        A simulated clock is many times faster or slower, or uneven; a device that calls a real clock simulated is not.
+        It must if the device declares it, or if its samples arrive steadily near real time.
+
+        A simulated clock is many times faster or slower, or irregular; a real clock that is declared as simulated is
+        not.
         """
         if self._writer.metadata.extra.get("simulated_time") != "true":
             return True
@@ -165,7 +168,7 @@ class Recording:
         return DeviceWord(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
 
     def since(self, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Time from the release (n,), s, and angles (n, 3), rad, of all samples from the `first` on, counted from 0."""
+        """Time from the release (n,), s, and angles (n, 3), rad, of all samples from index `first` on."""
         ticks, counts = self.samples.newest(len(self.samples) - first)
         return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.theta(counts)
 
@@ -177,8 +180,8 @@ class Recording:
     def lost(self) -> dict[str, int]:
         """Samples lost during this recording, by cause.
 
-        Every missing tick counts once: as damaged or overrun where the link or the device reported it, as `tick_gap`
-        where nothing explains it.
+        Every missing tick counts once: as damaged or overrun if the link or the device reported it, otherwise as
+        `tick_gap`.
         """
         lost = {cause: now - self._lost_before.get(cause, 0) for cause, now in self._lost.items()}
         explained = sum(number for cause, number in lost.items() if cause != "tick_gap")
@@ -186,7 +189,7 @@ class Recording:
 
     @property
     def pose_measured(self) -> tuple[float, float, float] | None:
-        """Mean angles just before the release, whole turns aside, rad; None without rest or pose."""
+        """Mean angles just before the release without whole turns, rad; None without rest or pose."""
         pose = self.rig.poses.get(self._writer.metadata.pose or "")
         if pose is None or self.release_tick is None:
             return None
@@ -198,7 +201,7 @@ class Recording:
         return float(rest[:, 0].mean()), float(theta1), float(theta2)
 
     def run(self, complete: bool = True) -> Run:
-        """The recording as it stands, for the gate; without a release, time counts from the first sample."""
+        """The recording so far for the quality gate; without a release, time starts at the first sample."""
         metadata = self._writer.metadata
         ticks, counts = self.samples.newest(len(self.samples))
         start = self.release_tick if self.release_tick is not None else ticks[0] if len(ticks) else 0
@@ -218,7 +221,7 @@ class Recording:
         )
 
     def finish(self, clock: tuple[ClockFit | None, str], notes: tuple[str, ...] = ()) -> QualityReport:
-        """Judge the recording, add `notes` to the report, and complete its file."""
+        """Check the recording, add `notes` to the report, and complete its file."""
         self.note_clock(*clock)
         notes = (*notes, *self._torque_notes())
         report = judge(self.run(), self.rig, self._duration, self._hanging, self._limits, self._word)
@@ -230,11 +233,14 @@ class Recording:
 
     def _torque_notes(self) -> tuple[str, ...]:
         lost = self.lost.get("torque", 0)
-        note = f"{lost} samples came without their torques and were left out: what drove the joints then is not known"
+        note = (
+            f"{lost} samples arrived without their torques and were discarded, because the drive torque"
+            f" at these samples is unknown"
+        )
         return (note,) if lost else ()
 
     def abort(self, reason: str) -> None:
-        """Close the file as an incomplete run, saying why; a finished one stays finished."""
+        """Close the file as an incomplete run with a reason; a finished file is not changed."""
         if self._finished:
             return
         seen = len(self.samples) > 0
@@ -267,10 +273,10 @@ class Recording:
             self._writer.status(host_ns, state | counters)
 
     def _take_release(self, tick: int, within_s: float = 60.0) -> bool:
-        """Take the instant of the release, which the device repeats; False for one known or out of the question.
+        """Accept the instant of the release, which the device repeats; False for a known or impossible one.
 
-        One further ahead of the samples than `within_s` of device time was damaged on its way. One from before RELEASE
-        was sent cannot be: a device that says so does not know when it let go.
+        An instant more than `within_s` of device time ahead of the samples was damaged on the link. An instant before
+        RELEASE was sent is impossible: the device does not know when the rods were released.
 
         Raises:
             DeviceFault: such an instant.
@@ -281,12 +287,12 @@ class Recording:
         if self._earliest_release is None or tick < self._earliest_release:
             newest = max(self._newest_tick, 0)
             raise DeviceFault(
-                f"the device says that it let go at tick {tick}, but RELEASE was sent after its tick {newest}: when the"
-                " rods were let go is not known; check its firmware and record again"
+                f"the device reports a release at tick {tick}, but RELEASE was sent after its tick"
+                f" {newest}, so the instant of the release is unknown: check its firmware and record again"
             )
         self.release_tick = tick
         self._end_tick = tick + round(self._duration * rate_hz)
         return True
 
     def _host_ns(self, host_time: float) -> int:
-        return max(0, round((host_time + self._to_epoch) * 1e9))  # a clock set before 1970 has no time in the file
+        return max(0, round((host_time + self._to_epoch) * 1e9))  # a clock before 1970 cannot be stored in the file

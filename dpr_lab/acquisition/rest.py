@@ -1,4 +1,4 @@
-"""How still the rods are, and how far from a pose."""
+"""Motion of the held rods, and their distance from a pose."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ def rest_motion(t: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[flo
         theta: (n, 3) angles, rad
 
     Returns:
-        Fastest drift of a rod (slope of a straight line), rad/s, and widest spread about that line (rms), rad.
+        Largest drift of a rod (slope of a straight line), rad/s, and largest scatter about this line (rms), rad.
     """
     time = t - t.mean()
     rods = theta[:, 1:] - theta[:, 1:].mean(axis=0)
@@ -28,7 +28,7 @@ def rest_motion(t: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[flo
 
 
 def at_rest(t: NDArray[np.float64], theta: NDArray[np.float64], rig: Rig, limits: RestLimits) -> bool:
-    """Whether the rods did not move; arguments as for `rest_motion`."""
+    """Whether the rods are at rest; arguments as for `rest_motion`."""
     speed, spread = rest_motion(t, theta)
     return speed <= limits.speed and spread <= limits.spread(rig)
 
@@ -38,7 +38,7 @@ def pose_error(theta: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
 
     Args:
         theta: (..., 3) absolute angles, rad
-        pose: the pose asked for
+        pose: the requested pose
 
     Returns:
         (..., 2) signed error of inner and outer rod in [-pi, pi), rad

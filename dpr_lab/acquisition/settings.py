@@ -1,4 +1,4 @@
-"""How long a capture waits, how often it looks, and what it takes for rest or for a good recording."""
+"""Timing of a capture, and limits of rest and of a good recording."""
 
 from dataclasses import dataclass
 
@@ -12,18 +12,18 @@ class DeviceTiming:
     """Timing of the connection to a device."""
 
     read_s: float = 0.02
-    """How long a read may wait, and so how late a keepalive or a retry can be."""
+    """Maximum waiting time of a read, s, and thus maximum delay of a keepalive or a retry."""
     silence_s: float = 1.0
-    """How long a device may say nothing before it counts as lost; it reports ten times a second."""
+    """Time without messages after which a device counts as lost, s; it reports ten times per second."""
     simulated_patience: float = 3.0
-    """Times as long for a device whose time is simulated: it shares the host's processor."""
+    """Factor on this time for a device with simulated time, which shares the host's processor."""
     ping_s: float = 0.9839
-    """Between two pings; not a round number, so that they do not beat with anything periodic."""
+    """Interval of pings, s; not a round number, to avoid beats with periodic events."""
     quick_pings: int = 8
-    """So many come faster after the start of a stream, so that its first second already yields a clock fit."""
+    """Number of faster pings at the start of a stream, so that its first second already gives a clock fit."""
     quick_ping_s: float = 0.05
     exchanges: int = 4096
-    """Pings kept for the clock fit: an hour of them."""
+    """Number of pings kept for the clock fit: an hour."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +31,16 @@ class RestLimits:
     """Limits within which the rods count as at rest."""
 
     window_s: float = 1.0
-    """How long the rods must be seen to be still."""
+    """Duration for which the rods must be at rest, s."""
     speed: float = 0.02
-    """Fastest drift, rad/s; a rod held by hand drifts faster, one held by the latch does not."""
+    """Maximum drift, rad/s; a rod held by hand drifts faster, one held by the latch does not."""
     spread_over_noise: float = 4.0
-    """Widest shaking, in standard deviations of the encoder noise."""
+    """Maximum vibration in standard deviations of the encoder noise."""
     spread_counts: float = 2.0
-    """Widest shaking of encoders with hardly any noise, counts."""
+    """Maximum vibration for encoders with hardly any noise, counts."""
 
     def spread(self, rig: Rig) -> float:
-        """The widest shaking of a rod at rest: a few times the encoder noise, at least two counts, rad."""
+        """Maximum vibration of a rod at rest: a few times the encoder noise, at least two counts, rad."""
         counts = max(self.spread_over_noise * rig.encoders.noise_counts, self.spread_counts)
         return counts * float(np.abs(rig.radians_per_count[1:]).max())
 
@@ -51,34 +51,42 @@ class QualityLimits:
 
     rest: RestLimits = RestLimits()
     release_window_s: float = 0.02
-    """The first moment of the swing, which shows the speed at the release."""
+    """Duration of the start of the swing from which the initial speed is estimated, s."""
     fewest_samples: int = 8
-    """What rest and first moment must hold to be judged."""
+    """Minimum number of samples in the rest and in the start of the swing."""
     release_speed: float = 0.2
-    """rad/s; the fit over 20 ms is itself uncertain by about 0.03 rad/s."""
+    """Maximum initial speed, rad/s; the fit over 20 ms has an uncertainty of about 0.03 rad/s."""
     sigmas: float = 5.0
-    """Standard deviations that coarse counts may add to a speed: that is nobody's push and no jump."""
+    """Standard deviations by which coarse counts may change a speed without indicating a push or a jump."""
     lost_share: float = 1e-3
     gap_periods: int = 10
-    """Samples missing in a row."""
+    """Maximum number of consecutive missing samples."""
     clock_ppm: float = 600.0
-    """Error of the device's clock by the host's; a crystal keeps to some 100, and times are wrong by as much."""
+    """Maximum clock rate error of the device, ppm; crystals stay below about 100, and times are wrong by this
+    amount.
+    """
     clock_std_ppm: float = 10_000.0
-    """Standard deviation of a clock rate that shows nothing; two seconds of PING on a busy host reach a tenth of it."""
+    """Standard deviation above which a clock rate has no meaning, ppm; two seconds of PING on a busy host reach a
+    tenth of it.
+    """
     real_pace_ppm: float = 300_000.0
-    """A steady pace nearer to real time than this is no simulated clock, which is many times faster."""
+    """Relative deviation from real time below which a steady rate cannot be a simulated clock, which is many times
+    faster.
+    """
     latched_share: float = 0.5
-    """Share of the STATUS messages after the release that may still say that the latch holds."""
+    """Maximum share of STATUS messages after the release that still report a closed latch."""
     fewest_statuses: int = 3
-    """STATUS messages that show whether the latch opened."""
+    """Minimum number of STATUS messages for this check."""
     jitter_periods: float = 0.05
-    """rms"""
+    """Maximum irregularity of the sampling, periods rms."""
     speed_margin: float = 1.5
-    """Times the fastest speed possible that is still no jump: the rig file's values are not exact."""
+    """Factor on the maximum possible speed below which a step is not a jump, because the values of the rig file are
+    not exact.
+    """
     travel_counts: int = 16
-    """Least that an encoder must have moved by."""
+    """Minimum motion of an encoder, counts."""
     hang_error: float = 0.02
-    """rad; dry friction of a small bearing holds a rod within a milliradian of hanging."""
+    """Maximum deviation from hanging at rest, rad; the friction of a small bearing holds a rod within a milliradian."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,29 +95,33 @@ class CaptureSettings:
 
     limits: QualityLimits = QualityLimits()
     poll_s: float = 0.04
-    """How long to wait for news; the run file wants a call every 50 ms."""
+    """Maximum waiting time for messages, s; the run file requires a call every 50 ms."""
     report_s: float = 0.1
-    """Between two reports of how far it is."""
+    """Interval of progress reports, s."""
     steady_readings: int = 3
-    """So many readings in a row must be at the pose."""
+    """Number of consecutive readings that must be at the pose."""
     hang_timeout_s: float = 2.0
-    """How long to look whether the rods hang still."""
+    """Duration of the check of the hanging rods, s."""
     hang_readings: int = 3
     hang_near: float = 0.35
-    """rad; a rod further off hangs from a hand."""
+    """Maximum deviation of hanging rods, rad; a rod farther away is held by hand."""
     release_timeout_s: float = 2.0
-    """How long the message with the instant of the release may take."""
+    """Maximum waiting time for the message with the instant of the release, s."""
     last_status_s: float = 0.5
-    """How long the last status, which counts what was lost, may take after the stop."""
+    """Maximum waiting time for the last status, which contains the losses, after the stop, s."""
     rest_after_s: float = 2.0
-    """How long the rods must be still after a swing to have come to rest."""
+    """Duration for which the rods must be still after a swing to be at rest, s."""
     pace_window_s: float = 10.0
-    """How long samples may come slower than `slowest_pace` before that ends a recording; more in simulated time."""
+    """Duration for which samples may arrive slower than `slowest_pace` before the recording ends, s; longer in
+    simulated time.
+    """
     slowest_pace: float = 0.1
-    """Seconds of the device in a second of the host."""
+    """Minimum rate of the device's time relative to the host's."""
     silences_without_samples: float = 2.0
-    """Silences (`DeviceTiming.silence_s`) without a sample after which a device that still reports has failed."""
+    """Time without a sample, in units of `DeviceTiming.silence_s`, after which a device that still reports has
+    failed.
+    """
 
 
 DEVICE_TIMING, QUALITY_LIMITS, CAPTURE_SETTINGS = DeviceTiming(), QualityLimits(), CaptureSettings()
-"""As they are used unless a caller brings others."""
+"""Default settings."""

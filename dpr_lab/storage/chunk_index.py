@@ -1,4 +1,4 @@
-"""What `mcap.writer.Writer` lacks: an index on disk, so that memory stays flat, and many messages at once."""
+"""Extensions of `mcap.writer.Writer`: a chunk index on disk, and writing of many messages at once."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,10 +17,10 @@ class ChunkIndices:
     """Index of the chunks that `mcap.writer.Writer` writes at the end, kept as bytes in a temporary file.
 
     Args:
-        folder: where there is room for 0.15 kB a chunk
+        folder: for the temporary file, 0.15 kB per chunk
 
     Raises:
-        OSError: there is none, here or in `append`.
+        OSError: no disk space, here or in `append`.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -35,15 +35,15 @@ class ChunkIndices:
         self._count += 1
 
     def close(self) -> None:
-        """Forget them."""
+        """Discard all entries."""
         self._file.close()
 
     def __iter__(self) -> Iterator[ChunkIndex]:
-        """All of them, in the order they came."""
+        """All entries in the order in which they were appended."""
         self._file.seek(0)
         stream = ReadDataStream(self._file)
         for _ in range(self._count):
-            stream.read(9)  # the header of an MCAP record: its kind and its length
+            stream.read(9)  # header of an MCAP record: kind and length
             yield ChunkIndex.read(stream)
 
 
@@ -55,7 +55,7 @@ class RowIndex(MessageIndex):
         self._entries = entries
 
     def write(self, stream: RecordBuilder) -> None:
-        """Write it as an MCAP record."""
+        """Write the entry of a chunk as an MCAP record."""
         stream.start_record(Opcode.MESSAGE_INDEX)
         stream.write2(self.channel_id)
         stream.write4(self._entries.nbytes)
@@ -64,7 +64,7 @@ class RowIndex(MessageIndex):
 
 
 def write_rows(writer: Writer, channel: int, log_ns: NDArray[np.int64], records: NDArray[np.uint8]) -> None:
-    """Write (n, width) message records of (n,) increasing times as a chunk of their own."""
+    """Write (n, width) message records of (n,) increasing times as one chunk."""
     writer.flush()
     chunk: Any = getattr(writer, "_Writer__chunk_builder")  # noqa: B009
     statistics: Any = getattr(writer, "_Writer__statistics")  # noqa: B009
@@ -81,10 +81,10 @@ def write_rows(writer: Writer, channel: int, log_ns: NDArray[np.int64], records:
 
 
 def keep_on_disk(writer: Writer, folder: Path) -> ChunkIndices:
-    """Replace the index list of a new writer, which takes 0.6 kB per chunk, by one on disk."""
+    """Replace the index list of a new writer, which takes 0.6 kB per chunk, by an index on disk."""
     name = "_Writer__chunk_indices"
     if getattr(writer, name) != []:
-        raise ValueError("this writer has started")
+        raise ValueError("this writer has already started")
     indices = ChunkIndices(folder)
     setattr(writer, name, indices)
     return indices

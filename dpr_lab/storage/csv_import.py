@@ -1,6 +1,6 @@
-"""Turn a logger's table of any kind (`dpr_lab.storage.readers`) into a run.
+"""Import of a logger's table in any format (`dpr_lab.storage.readers`) as a run.
 
-`dpr_lab.storage.tables.understand` reads it; here the run, or its file, is made.
+`dpr_lab.storage.tables.understand` interprets the table; this module creates the run or its file.
 """
 
 import json
@@ -29,23 +29,23 @@ def import_csv(
     out: Path | str | None = None,
     on_progress: OnImport | None = None,
 ) -> Run:
-    """Read a table as a run, and write it as a run file when `out` is given.
+    """Read a table as a run, and write it as a run file if `out` is given.
 
     The run starts at t = 0 with the release: the row in which the rods begin to move, or the first row. Rows of rest
     before it have negative times.
 
     Args:
-        file: the table, of a kind in `dpr_lab.storage.readers`; of a text one comma, semicolon, tab or blank between
-            columns, `#`, `%` or `//` before comments
+        file: the table, of a kind in `dpr_lab.storage.readers`; in a text, columns are separated by a comma, semicolon,
+        tab or blanks, and comments start with `#`, `%` or `//`
         rig: the rig it was recorded on
-        options: what the table's numbers mean
+        options: interpretation of the numbers
         out: run file to write
         on_progress: called while the table is read and the run written
 
     Raises:
         RunError: not a table of numbers, a column that cannot be found, time that runs backwards (with its line),
-            more than 10 % of rows without a value, nothing left after the slice, a joint that turns although no rod
-            is given as mounted, or a table that holds no swing of the rig (`dpr_lab.storage.tables.questions`).
+            more than 10 % of rows without a value, nothing left after the slice, a joint that turns although no rod is
+            mounted on it, or a table that cannot be a swing of the rig (`dpr_lab.storage.tables.questions`).
     """
     swing = understand(file, rig, options, on_progress or unwatched)
     path = Path(file)
@@ -58,12 +58,12 @@ def import_csv(
 def write_run(
     path: Path, rig: Rig, swing: Understood, out: Path | str, on_progress: OnImport = unwatched, block: int = 1 << 17
 ) -> None:
-    """Write what a table is understood as to a run file, so many rows at a time.
+    """Write an interpreted table to a run file in blocks of rows.
 
     Raises:
         RunError: the file cannot be written, or the arm of the table cannot be prescribed.
     """
-    run_of(path, rig, swing)  # what it cannot be is refused before the file is created
+    run_of(path, rig, swing)  # checked before the file is created
     with whole_run(out, _metadata(path, rig, swing)) as writer:
         rows = len(swing.theta)
         for start in range(0, rows, block):
@@ -99,7 +99,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
 
 
 def table_name(path: Path) -> str:
-    """The name of a table's run: that of the file without its suffix, `.csv.gz` being one."""
+    """Name of a table's run: the file name without suffix, where `.csv.gz` is one suffix."""
     return Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
 
 

@@ -1,8 +1,8 @@
-"""Write a run in the formats other programs read: one file per format, one line each in `EXPORTERS`.
+"""Export of a run to formats of other programs: one file per format, one row each in `EXPORTERS`.
 
-Every format holds the same columns (`COLUMNS`, `COUNT_COLUMNS` where the run has counts, its torques where it was
-driven), one row per sample, nothing resampled. What the run says about itself goes along where the format has a place
-for it: Parquet metadata under the key `dpr_lab`, HDF5 attributes, a MATLAB struct `run`; CSV has none.
+Every format contains the same columns (`COLUMNS`, `COUNT_COLUMNS` if the run has counts, torques if it was driven), one
+row per sample, without resampling. Formats with metadata also contain the metadata of the run: Parquet under the key
+`dpr_lab`, HDF5 as attributes, MATLAB as struct `run`. CSV has none.
 """
 
 import json
@@ -32,17 +32,17 @@ CONVENTION = "t = 0 at the release; absolute angles, 0 = upright, pi = hanging"
 
 
 def export(run: Run, path: Path | str) -> Path:
-    """Write a run in the format that the file's suffix names; makes the folder when it is missing.
+    """Write a run in the format given by the suffix of the file; creates the folder if it is missing.
 
     Raises:
-        RunError: a suffix that is not in `EXPORTERS`, an existing file, or a disk that refuses it.
-        DprError: the format needs an optional library that is not installed; says which to install.
+        RunError: an unknown suffix, an existing file, or a file that cannot be written.
+        DprError: the format needs an optional library that is not installed; the message names it.
     """
     target = Path(path)
     suffix = target.suffix.lower()
     write = EXPORTERS.get(ALIASES.get(suffix, suffix))
     if write is None:
-        raise RunError(f"{target}: no such format as {target.suffix!r}; there are: {', '.join(EXPORTERS)}")
+        raise RunError(f"{target}: unknown format {target.suffix!r}; known formats: {', '.join(EXPORTERS)}")
     if target.exists():
         raise RunError(f"{target}: exists already; choose another name")
     partial = target.with_name(f"{target.name}.part")
@@ -87,7 +87,7 @@ def about(run: Run) -> dict[str, Any]:
 
 
 def write_csv(run: Run, path: Path) -> None:
-    """Write comma-separated text, header first; a spreadsheet takes comment lines for data."""
+    """Write comma-separated text with a header but without comment lines, which a spreadsheet would take for data."""
     table = columns(run)
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(table) + "\n")
@@ -96,7 +96,7 @@ def write_csv(run: Run, path: Path) -> None:
 
 
 def write_parquet(run: Run, path: Path) -> None:
-    """Apache Parquet; the unit of each column is in its field's metadata."""
+    """Write Apache Parquet; the unit of each column is in the metadata of its field."""
     with extra("parquet"):
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -107,9 +107,9 @@ def write_parquet(run: Run, path: Path) -> None:
 
 
 def write_hdf5(run: Run, path: Path) -> None:
-    """HDF5 with one data set per column, compressed and with checksums.
+    """Write HDF5 with one data set per column, compressed and with checksums.
 
-    It is made in memory: the library ends the whole program where a disk is full.
+    The file is created in memory, because the library aborts the whole program if the disk is full.
     """
     with extra("hdf5"):
         import h5py
@@ -146,13 +146,13 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 """
-"""The message as ROS 2 defines it: `ros2 interface show sensor_msgs/msg/JointState`."""
+"""The message definition of ROS 2: `ros2 interface show sensor_msgs/msg/JointState`."""
 
 JOINTS_TOPIC, JOINT_NAMES = "/joint_states", ("theta0", "theta1", "theta2")
 
 
 def write_joint_states(run: Run, path: Path) -> None:
-    """MCAP with `sensor_msgs/JointState` on `/joint_states`, absolute angles; stamps count from the first sample."""
+    """Write MCAP with `sensor_msgs/JointState` on `/joint_states`, absolute angles; time starts at the first sample."""
     with extra("ros2"):
         from mcap_ros2.writer import Writer
     with path.open("wb") as file, Writer(file) as writer:
@@ -181,10 +181,10 @@ ALIASES: Mapping[str, str] = {".hdf5": ".h5"}
 
 @contextmanager
 def extra(name: str) -> Iterator[None]:
-    """Around the import of an optional library.
+    """Context for the import of an optional library.
 
     Raises:
-        DprError: it is not installed; says what to install.
+        DprError: it is not installed; the message says what to install.
     """
     try:
         yield

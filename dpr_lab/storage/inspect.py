@@ -1,4 +1,4 @@
-"""Look at a run file without using it: what it says, whether it is sound, and what can be saved of a broken one."""
+"""Inspection of run files: metadata, integrity, and recovery of damaged files."""
 
 import json
 from collections.abc import Mapping
@@ -27,15 +27,15 @@ class RunInfo:
     size_bytes: int
     complete: bool
     damage: str
-    """What stopped the reading; empty when the file is whole."""
+    """Reason why reading stopped; empty if the file is complete."""
     stopped: str
-    """Why the recording ended early; empty when it did not."""
+    """Reason why the recording ended early; empty if it did not."""
     samples: int
     duration_s: float
-    """From the release, or the first sample without one, to the last sample."""
+    """Time from the release, or from the first sample if there is no release, to the last sample, s."""
     rate_hz: float
     gaps: int
-    """Places where at least one sample is missing."""
+    """Number of gaps of at least one sample."""
     longest_gap_s: float
     lost: Mapping[str, int]
     release_tick: int | None
@@ -57,31 +57,31 @@ class RunInfo:
     schema_hash: str
     versions: Mapping[str, str]
     created_utc: str
-    """Creation time of the file; for an import not that of the recording."""
+    """Creation time of the file; for an imported table not that of the recording."""
     recorded_utc: str
-    """When it was recorded, ISO 8601 date, or date and time; empty where an import does not know it."""
+    """Time of the recording, ISO 8601 date, or date and time; empty if an import does not state it."""
     note: str
     notes: tuple[str, ...]
     extra: Mapping[str, str]
 
     def to_json(self) -> str:
-        """One JSON object."""
+        """The metadata as a JSON object."""
         return json.dumps(asdict(self), ensure_ascii=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """Whether a run file is sound, and if not, every reason found."""
+    """Result of the integrity check, with every reason for a failure."""
 
     ok: bool
     faults: list[str]
 
 
 def info(path: Path | str) -> RunInfo:
-    """Describe a run file, broken or without a release as well.
+    """Describe a run file, also if it is damaged or has no release.
 
     Raises:
-        RunError: it is not a run, or damaged before its first sample.
+        RunError: the file is not a run, or is damaged before its first sample.
     """
     stored = scan(Path(path))
     samples, meta = stored.samples(), stored.metadata
@@ -128,7 +128,7 @@ def info(path: Path | str) -> RunInfo:
 
 
 def holds_both_torques(path: Path) -> bool:
-    """Whether a run holds measured and commanded torques, by its first sample; not of what cannot be read."""
+    """Whether a run contains measured and commanded torques, according to its first sample; empty if unreadable."""
     try:
         with closing(stored_messages(path)) as messages:
             first = next((message.data for message in messages if message.topic == SAMPLES), b"")
@@ -138,7 +138,7 @@ def holds_both_torques(path: Path) -> bool:
 
 
 def verify(path: Path | str) -> Verification:
-    """Check a run file against its hash, its CRCs, its own counts and its order.
+    """Check a run file: its hash, CRCs, counts and order.
 
     Raises:
         RunError: there is no such file.
@@ -154,7 +154,7 @@ def verify(path: Path | str) -> Verification:
 
 
 def recover(path: Path | str, out: Path | str) -> int:
-    """Write a whole new run from the sound part of a broken one; the broken file is left as it is.
+    """Write a new complete run from the valid part of a damaged one, which is not changed.
 
     Args:
         path: the broken file

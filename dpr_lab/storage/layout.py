@@ -1,4 +1,4 @@
-"""What a run file is made of: channels and their schemas, metadata records, limits.
+"""Layout of a run file: channels and their schemas, metadata records, limits.
 
 Time in the file: `log_time` counts nanoseconds from the start of the stream on every channel. On `/samples` and on
 events that name a tick it is device time, tick / rate_hz (the row's own time in an imported table); on the other
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 FORMAT = "dpr-lab run 1"
-"""Value of `format` in the provenance record; another number is a layout this version cannot read."""
+"""Value of `format` in the provenance record; this version cannot read other layouts."""
 
 SUFFIX = ".mcap"
 RIG_ATTACHMENT = "rig.toml"
@@ -20,7 +20,7 @@ RELEASED = "RELEASED"
 """Kind of the event that carries the release tick."""
 
 PROVENANCE, UNITS, END = "provenance", "units", "end"
-"""Names of the metadata records: before the first sample, and after the last one."""
+"""Names of the metadata records before the first and after the last sample."""
 
 SAMPLES, RAW, EVENTS, STATUS, CLOCK = "/samples", "/raw", "/events", "/status", "/clock"
 
@@ -30,26 +30,28 @@ class FileLimits:
     """Limits of run files, for the writer and the reader."""
 
     chunk_bytes: int = 1 << 20
-    """Of samples, before compression, in one chunk at most."""
+    """Maximum size of the samples in a chunk, before compression."""
     record_bytes: int = 4 << 20
-    """Of one record: far above any chunk the writer makes; a damaged or hostile length stops here."""
+    """Maximum size of a record, far above that of any chunk of the writer; limits damaged or malicious lengths."""
     expansion: int = 100
-    """Bytes in the chunks for each compressed one, all chunks together; rods at rest compress fifteenfold."""
+    """Maximum compression ratio of all chunks together; rods at rest compress by a factor of fifteen."""
     small_chunk_bytes: int = 2 << 20
-    """A chunk may expand to this, however small it is: twice what the writer makes."""
+    """Size to which even a small chunk may expand: twice that of the writer."""
     surplus_bytes: int = 1 << 26
-    """What the chunks may expand to beyond that, all together: one that repeats a message compresses further."""
+    """Additional total size to which the chunks may expand, because a chunk that repeats one message compresses
+    further.
+    """
     ticks: int = 1 << 53
-    """Seventy thousand years at 4 kHz, and exact as a float."""
+    """Maximum tick: 70,000 years at 4 kHz, and exact as a float."""
 
 
 LIMITS = FileLimits()
 
 NANOSECONDS = 1_000_000_000
-"""In a second: the unit of every time in the file."""
+"""Nanoseconds per second: the unit of every time in the file."""
 
 TORQUE_KEYS = ("tau", "tau_commanded")
-"""Of a sample: its torques, or the measured ones and then the commanded ones where both are known."""
+"""Keys of the torques of a sample: the torques, or the measured and then the commanded torques if both are known."""
 
 UNIT_TABLE = {
     "tick": "sample periods since the stream started; row number in an imported table",
@@ -94,11 +96,11 @@ SCHEMAS: dict[str, dict[str, Any]] = {
     ),
     CLOCK: _object({}),
 }
-"""JSON schema of each channel that holds JSON; `/raw` holds bytes as received."""
+"""JSON schema of each channel with JSON content; `/raw` contains the received bytes."""
 
 
 class Stored(NamedTuple):
-    """One message as the file holds it."""
+    """One message as stored in the file."""
 
     topic: str
     log_time: int
@@ -107,12 +109,12 @@ class Stored(NamedTuple):
 
 
 def sealed(record: Mapping[str, str]) -> dict[str, str]:
-    """A metadata record with its own digest, since MCAP guards chunks with a CRC but not these records."""
+    """A metadata record with its own digest, because MCAP protects chunks with a CRC but not these records."""
     return {**record, "digest": _digest(record)}
 
 
 def unsealed(record: Mapping[str, str]) -> dict[str, str] | None:
-    """The record without its digest, or None if one does not fit the other."""
+    """The record without its digest, or None if they do not match."""
     content = {key: value for key, value in record.items() if key != "digest"}
     return content if record.get("digest") == _digest(content) else None
 

@@ -1,4 +1,4 @@
-"""What a run says about itself: where it comes from (`RunMetadata`) and how it ended (`RunSummary`)."""
+"""Metadata of a run: its origin (`RunMetadata`) and its end (`RunSummary`)."""
 
 import hashlib
 import json
@@ -32,15 +32,15 @@ class RunMetadata:
     """Origin of a run; known before its first sample."""
 
     rig: Rig
-    """Stored whole as a TOML attachment: the file can be read without any other."""
+    """The rig, stored completely as a TOML attachment, so that the file can be read alone."""
     pose: str | None
-    """Name of the pose asked for, one of the rig's; None for a table without one."""
+    """Name of the requested pose, one of the rig's; None for a table without one."""
     rate_hz: float
-    """Nominal sample rate."""
+    """Nominal sample rate, Hz."""
     source: str = "device"
-    """`device`, or `import` for a table from elsewhere."""
+    """`device`, or `import` for a table of another program."""
     time_source: TimeSource = "ticks"
-    """Where sample times come from: counted ticks, or the time column of a table."""
+    """Source of sample times: counted ticks, or the time column of a table."""
     url: str = ""
     """Link to the device, or name of the imported file."""
     firmware: str = ""
@@ -48,9 +48,9 @@ class RunMetadata:
     protocol: str = ""
     schema_hash: str = ""
     note: str = ""
-    """The operator's own words."""
+    """Note of the operator."""
     extra: Mapping[str, str] = field(default_factory=dict)
-    """Anything else worth keeping, such as the options of an import."""
+    """Further information, such as the options of an import."""
     created_utc: str = field(default_factory=_utc_now)
     versions: Mapping[str, str] = field(default_factory=_versions)
 
@@ -71,7 +71,7 @@ class RunMetadata:
         return rig_toml(self.rig)
 
     def to_record(self, rig_text: str) -> dict[str, str]:
-        """The provenance record; `rig_text` is attached separately, only its hash goes in here."""
+        """The provenance record; it contains only the hash of `rig_text`, which is attached separately."""
         pose = self.rig.poses[self.pose].theta.tolist() if self.pose is not None else None
         return {
             "format": FORMAT,
@@ -88,19 +88,21 @@ class RunMetadata:
 
     @staticmethod
     def from_record(record: Mapping[str, str], rig_toml: bytes) -> "RunMetadata":
-        """The inverse of `to_record`.
+        """Inverse of `to_record`.
 
         Raises:
-            RunError: another layout, or a rig that is not the one the record names.
+            RunError: another layout, or a rig that does not match the record.
         """
         if record["format"] != FORMAT:
-            raise RunError(f"written as {record['format']!r}, this version reads {FORMAT!r}: update dpr-lab")
+            raise RunError(
+                f"written in the format {record['format']!r}, but this version reads {FORMAT!r}: update dpr-lab"
+            )
         if hashlib.sha256(rig_toml).hexdigest() != record["rig_sha256"]:
-            raise RunError("the rig stored with the run is damaged, so its counts mean nothing")
+            raise RunError("the rig stored with the run is damaged, so its counts cannot be interpreted")
         try:
             rig = parse_config(rig_toml.decode(), "the rig stored with the run", Rig)
         except ConfigError as error:
-            raise RunError(f"{error}; this version of dpr-lab reads no such rig") from error
+            raise RunError(f"{error}; this version of dpr-lab cannot read this rig") from error
         return RunMetadata(
             rig=rig,
             pose=record["pose"] or None,
@@ -117,10 +119,10 @@ _PLAIN = ("source", "url", "firmware", "uid", "protocol", "schema_hash", "note",
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
-    """End of a run; known after its last sample."""
+    """End of a run, known after its last sample."""
 
     release_tick: int | None = None
-    """Tick at which the latch opened; None when it never did."""
+    """Tick at which the latch opened; None if it never opened."""
     lost: Mapping[str, int] = field(default_factory=dict)
     """Samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
     clock: Mapping[str, float] = field(default_factory=dict)
@@ -128,7 +130,7 @@ class RunSummary:
     gate: str = ""
     """Verdict of the quality gate, one sentence."""
     gate_figures: Mapping[str, float] = field(default_factory=dict)
-    """The numbers behind the verdict, by name with unit."""
+    """Values behind the verdict, by name with unit."""
     pose_measured: tuple[float, float, float] | None = None
     """Absolute angles just before the release, rad."""
     notes: tuple[str, ...] = ()
@@ -138,7 +140,7 @@ class RunSummary:
             raise ValueError(f"pose_measured needs {JOINTS} angles, not {len(self.pose_measured)}")
 
     def to_record(self, samples: int, stopped: str = "") -> dict[str, str]:
-        """The end record of a file with that many samples; `stopped` says why an incomplete one ended."""
+        """The end record of a file with this number of samples; `stopped` is the reason of an early end."""
         return {
             "complete": json.dumps(not stopped),
             "stopped": stopped,
@@ -148,15 +150,15 @@ class RunSummary:
 
     @staticmethod
     def from_record(record: Mapping[str, str]) -> "RunSummary":
-        """The inverse of `to_record`.
+        """Inverse of `to_record`.
 
         Raises:
-            ValueError, KeyError, TypeError: a record that says something else than a summary can.
+            ValueError, KeyError, TypeError: a record with invalid content.
         """
         values = {name: json.loads(record[name]) for name in _JSON}
         measured, tick = values["pose_measured"], values["release_tick"]
         if not (tick is None or (isinstance(tick, int) and 0 <= tick < LIMITS.ticks)):
-            raise ValueError(f"release_tick = {str(tick)[:20]} is no tick")
+            raise ValueError(f"release_tick = {str(tick)[:20]} is not a valid tick")
         return RunSummary(
             release_tick=tick,
             lost={str(cause): int(n) for cause, n in values["lost"].items()},
@@ -184,7 +186,7 @@ def numbers(values: Mapping[str, Any]) -> dict[str, float]:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON: NumPy scalars as numbers, null for numbers that are not finite."""
+    """A value as JSON: NumPy scalars as numbers, non-finite numbers as null."""
     if isinstance(value, Mapping):
         return {str(key): plain(element) for key, element in value.items()}
     if isinstance(value, list | tuple):
@@ -194,7 +196,7 @@ def plain(value: Any) -> Any:
 
 
 def rig_toml(rig: Rig) -> str:
-    """A rig as TOML: its file as written while that is unchanged, else its values."""
+    """A rig as TOML: its original file if it is unchanged, otherwise its values."""
     if rig.path is not None and rig.path.is_file():
         content = rig.path.read_bytes()
         if hashlib.sha256(content).hexdigest() == rig.sha256:

@@ -1,4 +1,4 @@
-"""Read a run file, whole or broken, as a `Run`."""
+"""Reading of a run file, complete or damaged, as a `Run`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from dpr_lab.storage.samples import STRANGE, Samples, json_object
 from dpr_lab.storage.scan import Scan, scan
 from dpr_lab.storage.sidecar import read_sidecar
 
-# A run keeps the zero of its own day, and the noise is an estimate: neither makes it a run of another rig.
+# Zeros and noise may differ between runs of the same rig, so they are not compared.
 _SAME_ENCODERS = ("counts_per_rev", "joint2", "direction")
 _SAME_FRAME = ("name", "L1", "g")
 
@@ -27,10 +27,10 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     """Read a run.
 
     t = (tick - release tick) / rate, or the time column of an imported table. Angles come from the counts by the rig
-    stored in the file; of theta1 and theta2 each, full turns are removed so that the rod lies within pi of the pose
-    asked at the release (it may have been raised either way round).
+    stored in the file; of theta1 and theta2 each, full turns are removed so that the rod lies within pi of the
+    requested pose at the release, because the rod may have been raised in either direction.
 
-    A file that was cut or damaged gives the samples before the damage, with `complete` False and a note.
+    For a file that was cut or damaged the samples before the damage are returned, with `complete` False and a note.
 
     Args:
         path: the run file
@@ -38,7 +38,8 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         verify: compare the file with the hash written when it was finished
 
     Raises:
-        RunError: not a run, nothing readable, no release, changed since it was finished, or of another rig.
+        RunError: the file is not a run, is not readable, has no release, was changed after the recording, or belongs to
+        another rig.
     """
     stored = scan(Path(path))
     if verify:
@@ -47,7 +48,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         _check_rig(stored, rig)
     samples = stored.samples()
     if not len(samples.ticks):
-        raise RunError(f"{path}: holds no samples{_because(stored)}")
+        raise RunError(f"{path}: contains no samples{_because(stored)}")
     t = _time(stored, samples)
     own = stored.metadata.rig
     theta = samples.theta if samples.counts is None else own.theta(samples.counts)
@@ -57,7 +58,9 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     arm_input = None
     if mode == "driven":
         if torques is None:
-            raise RunError(f"{path}: its arm is driven, but the run holds no input of the arm: import the table again")
+            raise RunError(
+                f"{path}: its arm is driven, but the run contains no input of the arm: import the table again"
+            )
         torques, commanded, arm_input = None, None, torques[:, 0]
     run = Run(
         name=stored.path.stem,
@@ -107,7 +110,7 @@ def _object(text: str) -> dict[str, Any]:
 def released(run: Run) -> Run:
     """Part of an imported run between the start of the motion and the end of the swing.
 
-    The run as it is where no such part can be named; `refuse_held` says why.
+    The whole run if no such part can be determined; `refuse_held` gives the reason.
     """
     try:
         part = free_part_of(run)
@@ -122,11 +125,11 @@ def released(run: Run) -> Run:
     note += f"{' and ' if note else ''}{'after' if note else 'the rods are held after'} {last:.4g} s" * (
         part.stop < len(run.t)
     )
-    return replace(cut, t=cut.t - release, arm=arm, notes=(*run.notes, f"{note}: left out of the swing"))
+    return replace(cut, t=cut.t - release, arm=arm, notes=(*run.notes, f"{note}: excluded from the swing"))
 
 
 def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
-    """The torques, and the commanded ones where both are known; none where no drive gave any."""
+    """The torques, and the commanded torques if both are known; None without drives."""
     if not any(torques.any() for torques in samples.torques):
         return None, None
     first, *second = samples.torques
@@ -134,7 +137,7 @@ def _torques(samples: Samples) -> tuple[NDArray[np.float64] | None, NDArray[np.f
 
 
 def _arm_mode(stored: Scan) -> ArmMode:
-    """What the arm did: as the run says, or its rig does. A device may send the angle of a driven arm alone."""
+    """Mode of the arm stored with the run or in its rig. A device may send only the angle of a driven arm."""
     of_rig = stored.metadata.rig.arm.mode
     stated = stored.metadata.extra.get("arm", "prescribed" if of_rig == "driven" else of_rig)
     for mode in get_args(ArmMode):
@@ -144,33 +147,33 @@ def _arm_mode(stored: Scan) -> ArmMode:
 
 
 def _delay(stored: Scan) -> float:
-    """How much later than logged the torques act, as the file says, s; a file may say anything."""
+    """Delay between logged and acting torques stored in the file, s; checked, because a file may contain any value."""
     try:
         delay = float(stored.metadata.extra.get("input_delay_s", 0.0))
     except ValueError:
         delay = np.nan
     if not np.isfinite(delay):
-        raise RunError(f"{stored.path}: its input_delay_s is no number: import the table again")
+        raise RunError(f"{stored.path}: its input_delay_s is not a number: import the table again")
     return delay
 
 
 def clock_of(stored: Scan) -> dict[str, float]:
-    """The clock fit of a run's end, or of its last minutes; empty without one."""
+    """Clock fit at the end of a run, or the last one during the recording; empty without one."""
     clock = stored.summary.clock if stored.summary is not None and stored.summary.clock else stored.newest_clock
     return numbers(clock)
 
 
 def stored_rig(path: Path | str) -> Rig:
-    """The rig that a run file carries.
+    """Rig stored in a run file.
 
     Raises:
-        RunError: not a run.
+        RunError: the file is not a run.
     """
     return scan(Path(path)).metadata.rig
 
 
 def lost_by_gaps(stored: Scan, samples: Samples) -> dict[str, int]:
-    """Losses as the ticks alone tell them, for a file that ends before saying so."""
+    """Losses computed from the ticks alone, for a file without an end record."""
     return {"tick_gap": samples.missing} if stored.metadata.time_source == "ticks" else {}
 
 
@@ -180,7 +183,7 @@ def _time(stored: Scan, samples: Samples) -> NDArray[np.float64]:
     release = stored.release_tick
     if release is None:
         raise RunError(
-            f"{stored.path}: has no release: the latch was not opened while it was recorded{_because(stored)}"
+            f"{stored.path}: has no release: the latch was not opened during the recording{_because(stored)}"
         )
     if release > samples.ticks[-1]:
         raise RunError(f"{stored.path}: ends at tick {samples.ticks[-1]}, before the release at tick {release}")
@@ -188,7 +191,7 @@ def _time(stored: Scan, samples: Samples) -> NDArray[np.float64]:
 
 
 def release_row(release: int | None, ticks: NDArray[np.int64]) -> int:
-    """Row of an imported table in which the rods were released; the first where the file names none that it has."""
+    """Row of an imported table at which the rods were released; the first row if the file does not name a valid one."""
     row = 0 if release is None else int(np.searchsorted(ticks, release))
     return row if row < len(ticks) and ticks[row] == release else 0
 
@@ -207,7 +210,7 @@ def _check_hash(stored: Scan) -> None:
     if written is not None and written != stored.sha256:
         raise RunError(
             f"{stored.path}: has changed since it was finished (its SHA-256 is not the one in the .sha256 file):"
-            " restore it from a copy, or save what is sound with `dpr-lab run recover`"
+            " restore it from a copy, or recover its valid part with `dpr-lab run recover`"
         )
 
 
@@ -215,7 +218,9 @@ def _check_rig(stored: Scan, rig: Rig) -> None:
     own = stored.metadata.rig
     pairs = [(f"rig.{key}", getattr(own.rig, key), getattr(rig.rig, key)) for key in _SAME_FRAME]
     pairs += [(f"encoders.{key}", getattr(own.encoders, key), getattr(rig.encoders, key)) for key in _SAME_ENCODERS]
-    differing = [f"{key} is {stored} there, {given} here" for key, stored, given in pairs if stored != given]
+    differing = [
+        f"{key} is {stored} in the run, {given} in the rig file" for key, stored, given in pairs if stored != given
+    ]
     if differing:
         raise RunError(f"{stored.path}: run of another rig: {'; '.join(differing)}")
 
@@ -226,7 +231,7 @@ def _what_happened(stored: Scan) -> list[str]:
 
 
 def _degraded(stored: Scan) -> list[str]:
-    """What the quality gate found wrong with a recording."""
+    """Failed checks of the quality gate for a recording."""
     gate = stored.summary.gate if stored.summary is not None else ""
     return [f"the quality gate marked this recording as {gate}"] if gate.startswith("degraded") else []
 

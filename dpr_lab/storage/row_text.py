@@ -1,7 +1,7 @@
-"""Samples as JSON of a fixed width, written and read as arrays of bytes, without a Python call for each row.
+"""Samples as JSON with fixed width, written and read as arrays of bytes, without a Python call for each row.
 
-A number takes as many characters in every row of a block. JSON allows blanks before a number, so that any reader of
-JSON reads these messages. What has no such text, because a number needs more digits, is written and read row by row.
+Within a block, a number has the same number of characters in every row. JSON allows blanks before a number, so any JSON
+reader can read these messages. If a number needs more digits, the block is written and read row by row.
 """
 
 import re
@@ -20,16 +20,16 @@ class TextSettings:
     """Number format of text files."""
 
     decimals: tuple[int, ...] = (3, 6, 9, 11)
-    """After the point: the least of these that gives every number of a column back to the last bit."""
+    """Tried numbers of decimals; the smallest that reproduces every number of a column exactly is used."""
     largest: int = 1 << 53
-    """A number without its point lies below this: the quotient with a power of ten is then rounded once."""
+    """Limit of a number without its point; below it, the quotient with a power of ten is rounded only once."""
 
 
 SETTINGS = TextSettings()
 Bytes = NDArray[np.uint8]
 
 _QUADS = np.frombuffer("".join(f"{n:04d}" for n in range(10_000)).encode(), dtype=np.uint32)
-"""Four characters in one number: an array of these is read in a twentieth of the time of rows of four bytes."""
+"""Type that combines four characters: reading an array of it takes a twentieth of the time for rows of four bytes."""
 _BLANK, _MINUS, _POINT, _ZERO = b" -.0"
 _HEAD = np.dtype([("kind", "u1"), ("length", "<u8"), ("channel", "<u2"), ("number", "<u4"), ("log", "<u8", 2)])
 
@@ -43,7 +43,7 @@ def message_records(channel: int, log_ns: NDArray[np.int64], texts: Bytes) -> By
 
 
 def message_texts(records: bytes) -> tuple[int, Bytes] | None:
-    """Channel and (n, w) texts of records that `message_records` made; None for other records."""
+    """Channel and (n, w) texts of records from `message_records`; None for other records."""
     if len(records) < _HEAD.itemsize:
         return None
     first = np.frombuffer(records, dtype=_HEAD, count=1)
@@ -64,7 +64,7 @@ def sample_texts(
     counts: NDArray[np.int64] | None,
     torques: NDArray[np.float64],
 ) -> Bytes | None:
-    """(n, w) samples as JSON; None where a number has no text of a fixed width.
+    """(n, w) samples as JSON; None if a number has no text of fixed width.
 
     Args:
         tick: (n,)
@@ -88,7 +88,7 @@ def sample_texts(
 
 
 def _decimals(values: NDArray[np.int64] | NDArray[np.float64]) -> Bytes | None:
-    """(n, w) decimal text of (n,) numbers, blanks before it; None where no number of decimals is enough."""
+    """(n, w) decimal text of (n,) numbers, with leading blanks; None if no number of decimals is sufficient."""
     if values.dtype == np.int64:
         return _fixed(values.astype(np.int64), 0) if np.abs(values).max() < SETTINGS.largest else None
     for decimals in SETTINGS.decimals:
@@ -101,14 +101,14 @@ def _decimals(values: NDArray[np.int64] | NDArray[np.float64]) -> Bytes | None:
 
 
 def _fixed(scaled: NDArray[np.int64], decimals: int) -> Bytes:
-    """(n, w) text of whole numbers with a point before the last `decimals` digits."""
+    """(n, w) text of integers with a point before the last `decimals` digits."""
     size = np.abs(scaled)
     digits = max(len(str(size.max())), decimals + 1)
     quads = [_QUADS[size // 10**power % 10_000] for power in reversed(range(0, digits, 4))]
     text = np.column_stack([_QUADS[np.zeros_like(size)], *quads]).view(np.uint8)[:, -digits - 1 :]
     text[:, 0] = _BLANK
     whole = digits - decimals
-    # In front of the first digit of each row there are blanks, and a sign.
+    # Before the first digit of each row there are blanks and a sign.
     blanks = sum((size < 10**power).astype(np.intp) for power in range(decimals + 1, digits))
     for column in range(whole - 1):
         text[blanks > column, column + 1] = _BLANK
@@ -134,9 +134,9 @@ _SAMPLE = re.compile(
 
 
 def sample_columns(texts: Bytes) -> list[NDArray[np.float64] | NDArray[np.int64] | None] | None:
-    """The numbers of (n, w) texts that `sample_texts` made, in its order: tick, t, counts, theta, torques; each (n,).
+    """Numbers of (n, w) texts from `sample_texts`, in its order: tick, t, counts, theta, torques; each (n,).
 
-    A column is None where the texts have none of that name. Other texts give None.
+    A column is None if the texts do not contain its name. The result for other texts is None.
     """
     match = _SAMPLE.fullmatch(texts[0].tobytes())
     if match is None:
@@ -153,14 +153,14 @@ def sample_columns(texts: Bytes) -> list[NDArray[np.float64] | NDArray[np.int64]
 
 
 def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
-    """Where a number stands, with the blanks before it; (-1, -1) where it is not."""
+    """Position of a number with its leading blanks; (-1, -1) if it is missing."""
     while start > 0 and row[start - 1] == _BLANK:
         start -= 1
     return start, stop
 
 
 def _numbers(texts: Bytes) -> NDArray[np.float64] | NDArray[np.int64] | None:
-    """(n,) numbers of (n, w) texts with their points in one column; None for other texts."""
+    """(n,) numbers of (n, w) texts with all points in one column; None for other texts."""
     points = np.flatnonzero(texts[0] == _POINT)
     decimals = texts.shape[1] - 1 - int(points[0]) if len(points) else 0
     if len(points) and not (texts[:, points[0]] == _POINT).all():
@@ -170,12 +170,12 @@ def _numbers(texts: Bytes) -> NDArray[np.float64] | NDArray[np.int64] | None:
     before = text[:, : text.shape[1] - decimals]
     blank, minus = before == _BLANK, before == _MINUS
     led = digit[:, : before.shape[1]]
-    # Blanks, at most one sign, and digits alone: each stands before the next.
+    # Only blanks, at most one sign, and digits, in this order.
     ordered = (led[:, 1:] | ~led[:, :-1]).all() and (led | blank | minus).all() and led[:, -1].all()
     after_sign = (~minus[:, :-1] | led[:, 1:]).all()
     if not (ordered and after_sign and digit[:, before.shape[1] :].all() and text.shape[1] <= 18):
         return None
-    # Products and sums of whole numbers below 2^53 are exact.
+    # Products and sums of integers below 2^53 are exact.
     values = np.where(digit, text - _ZERO, 0) @ 10.0 ** np.arange(text.shape[1])[::-1]
     if values.max() >= SETTINGS.largest:
         return None

@@ -1,4 +1,4 @@
-"""The messages of a run file as numbers, gathered chunk by chunk; nothing in them is trusted."""
+"""Messages of a run file as numbers, collected chunk by chunk; their content is not trusted."""
 
 import json
 from collections.abc import Sequence
@@ -14,27 +14,27 @@ from dpr_lab.storage.layout import CLOCK, EVENTS, LIMITS, RELEASED, SAMPLES, TOR
 from dpr_lab.storage.row_text import sample_columns
 
 STRANGE = (ValueError, KeyError, TypeError, OverflowError, RecursionError, AttributeError)
-"""What JSON raises that holds something else than it should."""
+"""Exceptions for JSON with unexpected content."""
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """The `/samples` channel as arrays."""
+    """Content of the `/samples` channel as arrays."""
 
     ticks: NDArray[np.int64]
-    """(n,)"""
+    """(n,) ticks."""
     t: NDArray[np.float64]
     """(n,) s since tick 0"""
     theta: NDArray[np.float64]
-    """(n, 3) rad, as computed when recorded"""
+    """(n, 3) angles computed during the recording, rad."""
     counts: NDArray[np.int64] | None
-    """(n, 3)"""
+    """(n, 3) position counts."""
     torques: tuple[NDArray[np.float64], ...] = ()
     """(n, 2) N m, in the order of `TORQUE_KEYS`."""
 
     @property
     def missing(self) -> int:
-        """Ticks between the first and the last that have no sample."""
+        """Number of missing ticks between the first and the last."""
         return int(self.ticks[-1] - self.ticks[0]) + 1 - len(self.ticks) if len(self.ticks) else 0
 
 
@@ -55,7 +55,7 @@ def json_object(data: bytes) -> dict[str, Any]:
     """JSON content of a message.
 
     Raises:
-        STRANGE: no JSON, or no object.
+        STRANGE: the content is not JSON, or not an object.
     """
     read = json.loads(data)
     if not isinstance(read, dict):
@@ -65,18 +65,18 @@ def json_object(data: bytes) -> dict[str, Any]:
 
 @dataclass(slots=True)
 class Gathered:
-    """Numbers of the messages of a file, so that memory grows with the samples and not with the text."""
+    """Collector of the numbers in the messages of a file; memory grows with the samples and not with the text."""
 
     release_tick: int | None = None
-    """Of the first release that can be one."""
+    """Tick of the first valid release."""
     clock: bytes = b""
-    """The last clock fit, JSON."""
+    """Last clock fit, JSON."""
     strange_event: str = ""
     strange_sample: str = ""
     _parts: list[Samples] = field(default_factory=list)
 
     def take(self, messages: list[Stored]) -> None:
-        """The messages of one chunk."""
+        """Add the messages of one chunk."""
         try:
             rows = [message.data for message in messages if message.topic == SAMPLES]
             if rows and not self.strange_sample:
@@ -93,7 +93,7 @@ class Gathered:
             self.strange_event = str(error) or type(error).__name__
 
     def take_rows(self, texts: NDArray[np.uint8]) -> bool:
-        """The samples of (n, w) texts of a fixed width; false, and nothing taken, for other texts."""
+        """Add the samples of (n, w) texts of fixed width; returns false, without adding any, for other texts."""
         if self.strange_sample:
             return True
         columns = sample_columns(texts)
@@ -110,18 +110,18 @@ class Gathered:
 
     @property
     def samples(self) -> Samples:
-        """All of them, in the order of the file.
+        """All samples in the order of the file.
 
         Raises:
-            RunError: some have counts and others not.
+            RunError: only some of them have counts.
         """
         parts = self._parts or [_decoded([])]
         with_counts = [part.counts for part in parts if part.counts is not None]
         if len(with_counts) not in (0, len(parts)):
-            raise RunError("some of its samples have counts and others not")
+            raise RunError("only some of its samples have counts")
         with_torques = [part.torques for part in parts]
         if len(set(map(len, with_torques))) > 1:
-            raise RunError("some of its samples have torques and others not")
+            raise RunError("only some of its samples have torques")
         self._parts = [
             Samples(
                 np.concatenate([part.ticks for part in parts]),
@@ -140,7 +140,7 @@ class Gathered:
 
 
 def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
-    """(n, k) of k columns; None where they are not there."""
+    """(n, k) values of k columns; None if they are missing."""
     there = [column for column in columns if column is not None]
     return np.column_stack(there) if there else None
 

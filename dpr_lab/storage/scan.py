@@ -1,8 +1,8 @@
-"""Read a run file from its start to its end or to its first damage, trusting nothing in it.
+"""Reading of a run file from its start to its end or to the first damage, without trust in its content.
 
-The library's indexed reader needs a whole file. This one reads in order and stops at the first record that does not
-hold together: every chunk has a CRC, the two records that matter have a digest, the rig has its hash, and no length
-found in the file is believed before it is compared with `LIMITS`.
+The indexed reader of the library needs a complete file. This reader reads in order and stops at the first inconsistent
+record: every chunk has a CRC, the two essential records have a digest, the rig has its hash, and every length in the
+file is compared with `LIMITS`.
 """
 
 import hashlib
@@ -53,94 +53,94 @@ DAMAGE = (
     AttributeError,
     AssertionError,
 )
-"""What the libraries raise on bytes that are not what they should be."""
+"""Exceptions of the libraries for invalid bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """Everything that could be read from a run file."""
+    """Readable content of a run file."""
 
     path: Path
     size_bytes: int
-    """Up to a hole, if it has one."""
+    """Size of the file, up to a hole if it has one, bytes."""
     sha256: str
-    """Of these bytes."""
+    """SHA-256 of these bytes."""
     metadata: RunMetadata
     rig_sha256: str
     read: Gathered
-    """Samples, first release and last clock fit, as they were gathered chunk by chunk."""
+    """Samples, first release and last clock fit, collected chunk by chunk."""
     summary: RunSummary | None
-    """How the run ended; None when the file ends before saying so."""
+    """End of the run; None if the file has no end record."""
     stopped: str
-    """Why the recording ended early, in the writer's words; empty when it did not."""
+    """Reason why the recording ended early, from the writer; empty if it did not."""
     samples_announced: int | None
     """Number of samples according to the end record."""
     samples_counted: int | None
     """Number of samples according to the MCAP statistics."""
     damage: str
-    """What stopped the reading; empty when the file is whole."""
+    """Reason why reading stopped; empty if the file is complete."""
 
     @property
     def complete(self) -> bool:
-        """Whether the run was finished and all of it is here."""
+        """Whether the run was finished and is complete."""
         return not self.damage and self.summary is not None and not self.stopped
 
     @property
     def release_tick(self) -> int | None:
-        """Tick of the release: from the end record, or from the event when the file has lost its end.
+        """Tick of the release: from the end record, or from the event if the end record is missing.
 
         Raises:
-            RunError: an event that is not in the layout of a run.
+            RunError: an event that does not have the layout of a run.
         """
         if self.summary is not None and self.summary.release_tick is not None:
             return self.summary.release_tick
         if self.read.strange_event:
-            raise RunError(f"{self.path}: {EVENTS} is not in the layout of a run: {self.read.strange_event}")
+            raise RunError(f"{self.path}: {EVENTS} does not have the layout of a run: {self.read.strange_event}")
         return self.read.release_tick
 
     @property
     def newest_clock(self) -> dict[str, Any]:
-        """The last clock fit written while recording; empty when there is none.
+        """Last clock fit written during the recording; empty if there is none.
 
         Raises:
-            RunError: it is not in the layout of a run.
+            RunError: it does not have the layout of a run.
         """
         try:
             return json_object(self.read.clock) if self.read.clock else {}
         except STRANGE as error:
-            raise RunError(f"{self.path}: {CLOCK} is not in the layout of a run: {error}") from error
+            raise RunError(f"{self.path}: {CLOCK} does not have the layout of a run: {error}") from error
 
     def samples(self) -> Samples:
         """Decode the samples.
 
         Raises:
-            RunError: the channel holds something else, or ticks that do not increase.
+            RunError: the channel has other content, or ticks that do not increase.
         """
         if self.read.strange_sample:
-            raise RunError(f"{self.path}: its samples are not in the layout of a run: {self.read.strange_sample}")
+            raise RunError(f"{self.path}: its samples do not have the layout of a run: {self.read.strange_sample}")
         samples = self.read.samples
         backwards = np.flatnonzero(np.diff(samples.ticks) <= 0)
         if len(backwards):
-            raise RunError(f"{self.path}: sample {backwards[0] + 1} does not come after the one before it")
+            raise RunError(f"{self.path}: sample {backwards[0] + 1} is not later than the previous one")
         return samples
 
 
 @dataclass(slots=True)
 class _Room:
-    """How many bytes the chunks of a file may still expand to."""
+    """Budget of the bytes to which the chunks of a file may expand."""
 
     left: int = LIMITS.surplus_bytes
 
     def take(self, packed: int, expanded: int) -> None:
-        """Account for a chunk, before it is expanded.
+        """Subtract a chunk before it is expanded.
 
         Raises:
-            McapError: it, or all chunks together, expand beyond the limits.
+            McapError: it, or all chunks together, exceed the limits.
         """
         credit = LIMITS.expansion * packed
         most = min(LIMITS.record_bytes, credit + LIMITS.small_chunk_bytes, credit + self.left)
         if expanded > most:
-            raise McapError(f"a chunk of {packed} bytes that would expand to {expanded}, {most} is the most")
+            raise McapError(f"a chunk of {packed} bytes that would expand to {expanded}; the maximum is {most}")
         self.left += credit - expanded
 
 
@@ -156,16 +156,16 @@ class _Collected:
 
 
 def scan(path: Path) -> Scan:
-    """Read a run file as far as it can be trusted.
+    """Read a run file as far as it is valid.
 
     Raises:
-        RunError: not there, empty, not MCAP, an MCAP of another tool, or damaged before its first sample.
+        RunError: the file is missing, empty, not MCAP, an MCAP of another tool, or damaged before its first sample.
     """
     collected = _Collected()
     with mapped(path) as file:
         if file[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
             raise RunError(
-                f"{path}: is not a run file: it does not start as MCAP does; tables are read by `import table`"
+                f"{path}: is not a run file: it does not start like MCAP; import a table with `import table`"
             )
         sha256, size = hashlib.sha256(file).hexdigest(), len(file)
         damage = _collect(file, collected)
@@ -201,22 +201,24 @@ def stored_messages(path: Path) -> Generator[Stored]:
 
 
 def _ending(path: Path, collected: _Collected) -> tuple[RunSummary | None, str, int | None]:
-    """How the run ended, why early if it did, and how many samples it announced."""
+    """End of the run, the reason of an early end, and the announced number of samples."""
     end = collected.records.get(END)
     if end is None:
         return None, "", None
     try:
         return RunSummary.from_record(end), printable(end["stopped"]), int(end["samples"])
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError) as error:
-        raise RunError(f"{path}: its end record is not in the layout of a run: it is another program's") from error
+        raise RunError(
+            f"{path}: its end record does not have the layout of a run: it was written by another program"
+        ) from error
 
 
 @contextmanager
 def mapped(path: Path) -> Iterator[mmap.mmap]:
-    """The file as memory: reading past its end is short, and no damaged length makes a read allocate.
+    """The file as memory: reads past its end are short, and no damaged length causes an allocation.
 
-    It ends where a hole begins. No run has one: the disk never got what was to stand there, or somebody made a small
-    file claim any size.
+    The memory ends at the first hole. A valid run has no hole: the missing part was never written to the disk, or the
+    size of a small file was set artificially.
     """
     try:
         with regular(path, RunError).open("rb") as file:
@@ -226,50 +228,50 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
             with mmap.mmap(file.fileno(), length, access=mmap.ACCESS_READ) as content:
                 yield content
     except IsADirectoryError as error:
-        raise RunError(f"{path}: is a folder: name the runs in it, {path}/*.mcap") from error
+        raise RunError(f"{path}: is a folder: give the runs in it, {path}/*.mcap") from error
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def _until_hole(file: BinaryIO) -> int:
-    """How many bytes stand in a file before its first hole, or its end."""
+    """Number of bytes of a file before its first hole, or its end."""
     if not hasattr(os, "SEEK_HOLE"):
         return os.fstat(file.fileno()).st_size
     try:
         return os.lseek(file.fileno(), 0, os.SEEK_HOLE)
-    except OSError:  # an empty file, or a file system that does not know
+    except OSError:  # an empty file, or a file system without this function
         return os.fstat(file.fileno()).st_size
 
 
 class _Reader(StreamReader):
-    """Passes over the index of each chunk, which costs more than its messages and is not used here."""
+    """Skip the message index of each chunk, which takes more time than the messages and is not needed."""
 
     def _read_record(self, opcode: int, length: int) -> McapRecord | None:
         return None if opcode == Opcode.MESSAGE_INDEX else super()._read_record(opcode, length)
 
 
 def _reader(file: mmap.mmap) -> StreamReader:
-    # The mapping reads, tells and seeks like a file but is not declared as one.
+    # The mapping has read, tell and seek but is not declared as a file.
     return _Reader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LIMITS.record_bytes)  # pyright: ignore[reportArgumentType]
 
 
 def _collect(file: mmap.mmap, collected: _Collected) -> str:
-    """Gather the records in file order; returns the damage that ended it, if any."""
+    """Collect the records in file order; returns the damage at which reading ended, if any."""
     reader = _reader(file)
     try:
         for record in reader.records:
             _take(record, collected)
     except DAMAGE as error:
-        return f"cut off or damaged near byte {file.tell()} of {len(file)}{_reason(error)}"
-    return "" if collected.finished else "cut off before its end"
+        return f"incomplete or damaged near byte {file.tell()} of {len(file)}{_reason(error)}"
+    return "" if collected.finished else "incomplete: the end is missing"
 
 
 def _reason(error: Exception) -> str:
-    """What is wrong, in brackets, where a sentence of ours says it; a library's words help nobody at the bench."""
+    """Reason in brackets if it is one of our messages; messages of libraries are omitted."""
     if type(error) is McapError and str(error):
         return f" ({error})"
     if isinstance(error, CRCValidationError):
-        return " (its content does not fit its check sum)"
+        return " (its content does not match its checksum)"
     return ""
 
 
@@ -282,7 +284,7 @@ def _take(record: McapRecord, collected: _Collected) -> None:
         case Metadata(name=name, metadata=content) if name in (PROVENANCE, END):
             read = unsealed(content)
             if read is None:
-                raise McapError(f"the {name} record does not fit its digest")
+                raise McapError(f"the {name} record does not match its digest")
             collected.records[name] = read
         case Attachment(name=name, data=data):
             collected.attachments[name] = data
@@ -295,27 +297,27 @@ def _take(record: McapRecord, collected: _Collected) -> None:
 
 
 def _expanded(chunk: Chunk, room: _Room) -> bytes:
-    """The records of a chunk, unpacked and checked.
+    """Records of a chunk, decompressed and checked.
 
     Raises:
-        DAMAGE: it is not one that a run holds, or does not fit its CRC.
+        DAMAGE: the chunk is not valid in a run, or does not match its CRC.
     """
     expanded = chunk.uncompressed_size
     if chunk.compression == "zstd":
         expanded = max(expanded, zstandard.frame_content_size(chunk.data))
     elif chunk.compression:
-        raise McapError(f"a chunk compressed with {chunk.compression[:20]!r}, which no run uses")
+        raise McapError(f"a chunk compressed with {chunk.compression[:20]!r}, which is not used in runs")
     room.take(len(chunk.data), expanded)
     if not chunk.uncompressed_crc:
         raise McapError("a chunk without a CRC")
     content = zstandard.decompress(chunk.data, expanded) if chunk.compression else chunk.data
     if zlib.crc32(content) != chunk.uncompressed_crc:
-        raise McapError("a chunk that does not fit its CRC")
+        raise McapError("a chunk that does not match its CRC")
     return content
 
 
 def _take_rows(content: bytes, collected: _Collected) -> bool:
-    """Take the samples of a chunk that holds nothing but rows of one width; false for any other."""
+    """Collect the samples of a chunk with rows of one fixed width; false for any other chunk."""
     rows = message_texts(content)
     if rows is None or collected.topics.get(rows[0]) != SAMPLES:
         return False
@@ -323,7 +325,7 @@ def _take_rows(content: bytes, collected: _Collected) -> bool:
 
 
 def _messages(chunk: Chunk, content: bytes, topics: dict[int, str]) -> list[Stored]:
-    """The messages of a chunk of this content."""
+    """Messages of a chunk with this content."""
     records = breakup_chunk(replace(chunk, compression="", data=content))
     topics.update({record.id: record.topic for record in records if isinstance(record, Channel)})
     messages = [record for record in records if isinstance(record, Message)]
@@ -337,11 +339,11 @@ def _description(path: Path, collected: _Collected, damage: str) -> tuple[RunMet
     if record is None and not damage:
         raise RunError(f"{path}: is an MCAP file of another tool: it has no dpr-lab provenance record")
     if record is None or RIG_ATTACHMENT not in collected.attachments:
-        raise RunError(f"{path}: {damage}, before the rig it was recorded on: nothing can be read from it")
+        raise RunError(f"{path}: {damage}, before the description of its rig, so it cannot be read")
     try:
         return RunMetadata.from_record(record, collected.attachments[RIG_ATTACHMENT]), record["rig_sha256"]
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        raise RunError(f"{path}: its description is not in the layout of a run: it was changed") from error
+        raise RunError(f"{path}: its description does not have the layout of a run: it was changed") from error
     except RunError as error:
         raise RunError(f"{path}: {error}") from error
 

@@ -1,6 +1,6 @@
-"""Files that belong to a run: hash and note. The run itself never changes.
+"""Files next to a run: hash and note. The run itself never changes.
 
-`<file>.sha256` is its hash, in the format that `sha256sum -c` checks anywhere, `<file>.note` an operator's later note.
+`<file>.sha256` contains its hash, in the format of `sha256sum -c`; `<file>.note` contains a later note of the operator.
 """
 
 from pathlib import Path
@@ -10,7 +10,7 @@ from dpr_lab.errors import RunError, printable
 from dpr_lab.whole_file import regular, write_text
 
 LONGEST_NOTE = 10_000
-"""Characters that are read of a note."""
+"""Maximum number of characters of a note."""
 
 
 def sidecar_of(path: Path) -> Path:
@@ -19,12 +19,12 @@ def sidecar_of(path: Path) -> Path:
 
 
 def write_sidecar(path: Path, content: Path | None = None) -> None:
-    """Hash a finished run and write the hash to its own file; `content` is its path before it is renamed."""
+    """Hash a finished run and write its hash file; `content` is the path before the run is renamed."""
     sidecar_of(path).write_text(f"{sha256_of(content or path)}  {path.name}\n", encoding="utf-8", newline="\n")
 
 
 def read_sidecar(path: Path) -> str | None:
-    """The hash written when the run was finished, lower-case hex; None when there is no sidecar."""
+    """Hash written when the run was finished, lower-case hex; None without a hash file."""
     try:
         words = regular(sidecar_of(path), RunError).read_text(encoding="utf-8", errors="replace").split()
     except OSError:
@@ -38,7 +38,7 @@ def note_of(path: Path) -> Path:
 
 
 def write_note(path: Path, note: str) -> None:
-    """Keep a note of a run that replaces the one it was recorded with.
+    """Write a note on a run, which replaces the note of the recording.
 
     Raises:
         RunError: it cannot be written.
@@ -47,7 +47,7 @@ def write_note(path: Path, note: str) -> None:
 
 
 def read_note(path: Path, recorded: str) -> str:
-    """The note of a run; where there is none, the one that it was recorded with."""
+    """Note on a run: the later note, or the note of the recording."""
     try:
         return printable(regular(note_of(path), RunError).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
     except OSError:

@@ -1,4 +1,4 @@
-"""Samples of a recording under way, kept in a file without a name so that memory stays flat however long it lasts."""
+"""Samples of the current recording in an unnamed temporary file, so that memory does not grow with its length."""
 
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -14,13 +14,13 @@ _ROW = np.dtype((np.int64, (1 + JOINTS,)))
 
 
 class Spool:
-    """Ticks and counts in order of arrival; a context manager that deletes them at its end.
+    """Ticks and counts in order of arrival; a context manager that deletes them at the end.
 
     Args:
-        folder: where there is room for 32 bytes a sample
+        folder: folder of the temporary file, 32 bytes per sample
 
     Raises:
-        RunError: there is none, here or in `extend`.
+        RunError: no disk space, here or in `extend`.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -45,21 +45,21 @@ class Spool:
 
     @property
     def first_tick(self) -> int:
-        """The first sample's tick, -1 before there is one."""
+        """Tick of the first sample, -1 without samples."""
         return self._first_tick
 
     @property
     def last_tick(self) -> int:
-        """The newest sample's tick, -1 before there is one."""
+        """Tick of the newest sample, -1 without samples."""
         return self._last_tick
 
     @property
     def missing(self) -> int:
-        """Ticks between the first and the last that have no sample."""
+        """Number of missing ticks between the first and the last."""
         return self._last_tick - self._first_tick + 1 - self._used if self._used else 0
 
     def extend(self, ticks: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
-        """Take in newer samples: ticks (n,) and position counters (n, 3)."""
+        """Append newer samples: ticks (n,) and position counts (n, 3)."""
         rows = np.column_stack([ticks, counts]).astype(np.int64, copy=False).tobytes()
         try:
             self._file.seek(self._used * _ROW.itemsize)
@@ -73,11 +73,11 @@ class Spool:
         self._used += len(ticks)
 
     def newest(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Ticks (n,) and counts (n, 3) of the last `count` samples, or of all there are."""
+        """Ticks (n,) and counts (n, 3) of the last `count` samples, or of all if there are fewer."""
         return self._read(max(0, self._used - count), self._used)
 
     def oldest(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Ticks (n,) and counts (n, 3) of the first `count` samples, or of all there are."""
+        """Ticks (n,) and counts (n, 3) of the first `count` samples, or of all if there are fewer."""
         return self._read(0, min(count, self._used))
 
     def _read(self, start: int, stop: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -86,4 +86,4 @@ class Spool:
         return rows[:, 0], rows[:, 1:]
 
     def _full(self, error: OSError) -> RunError:
-        return RunError(f"{self._folder}: cannot be written: {error.strerror}; the file is kept: make room there")
+        return RunError(f"{self._folder}: cannot be written: {error.strerror}; the file is kept: free some disk space")

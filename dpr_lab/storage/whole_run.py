@@ -1,4 +1,4 @@
-"""A run made of what another file holds: it gets its name when it is whole, and nothing is left of one that is not."""
+"""Writing of a run from the content of another file; it gets its name only when complete."""
 
 import os
 import re
@@ -19,7 +19,7 @@ class PartSettings:
     """Unfinished files of processes that were killed."""
 
     stale_s: float = 600.0
-    """One that nobody wrote to for so long is removed: a living import writes several times a second."""
+    """Age after which such a file is removed, s; a running import writes several times per second."""
 
 
 SETTINGS = PartSettings()
@@ -28,13 +28,13 @@ _PART = re.compile(r".+\.mcap\.\d+\.part")
 
 @contextmanager
 def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
-    """A writer of a run that another file holds already.
+    """Writer of a run whose content is already in another file.
 
-    It writes to `NAME.mcap.PROCESS.part` in the same folder, which takes its name in the end. What a killed process
-    left of such files there is removed.
+    It writes to `NAME.mcap.PROCESS.part` in the same folder and renames this file at the end. Such files of killed
+    processes are removed.
 
     Raises:
-        RunError: as of `RunWriter`.
+        RunError: as for `RunWriter`.
     """
     path = Path(path)
     _refuse_existing(path)
@@ -54,14 +54,14 @@ def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
 
 
 def _publish(part: Path, path: Path) -> None:
-    """Give a whole file its name, which must be free, and write its hash into the same folder."""
+    """Rename a complete file, whose new name must not exist, and write its hash file."""
     try:
         write_sidecar(path, part)
         try:
-            os.link(part, path)  # never replaces what came there meanwhile
+            os.link(part, path)  # never replaces a file created in the meantime
         except FileExistsError:
             raise
-        except OSError:  # a file system without links
+        except OSError:  # a file system without hard links
             _refuse_existing(path)
             part.rename(path)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Write a run to disk while it is recorded, so that a killed process costs at most the last chunk."""
+"""Writing of a run during the recording; a killed process loses at most the last chunk."""
 
 import json
 import os
@@ -48,38 +48,40 @@ class WriterSettings:
     """Buffering time and angle resolution of the writer."""
 
     flush_s: float = 0.2
-    """With a call every 50 ms no chunk is older than 250 ms when it reaches the operating system."""
+    """Maximum age of a chunk, s; with a call every 50 ms it reaches the operating system within 250 ms."""
     sync_s: float = 5.0
-    """A killed process loses nothing that was flushed; only a power cut does, and syncing can stall for 100 ms."""
+    """Whether to sync to disk. A killed process loses nothing that was flushed, only a power failure does, and
+    syncing can block for 100 ms.
+    """
     messages_a_chunk: int = 500
-    """Of each kind of event, and of states, between two flushes; what comes beyond is counted."""
+    """Maximum number of events of each kind, and of states, between two flushes; further ones are only counted."""
     block_rows: int = 8192
-    """Of a table, written at a time: about a chunk."""
+    """Rows of a table written at a time: about a chunk."""
     many_rows: int = 1000
-    """Fewer rows of a table are written one by one, as a device's samples are."""
+    """Smaller numbers of rows are written one by one, like the samples of a device."""
     theta_digits: int = 7
-    """1e-7 rad, a thousandth of a count; counts are what a reader trusts."""
+    """Decimals of an angle: 1e-7 rad, a thousandth of a count; a reader uses the counts."""
 
 
 SETTINGS = WriterSettings()
 
 
 class RunWriter:
-    """Append-only writer of one run file, a context manager; not for use from several threads.
+    """Append-only writer of one run file; a context manager for use from a single thread.
 
-    The file carries its final name from the start, unless it is a `part`. Leaving the `with` block without `finish`,
-    or by an exception, closes it as an incomplete run. Call some method (or `flush`) at least every 50 ms, so that no
-    sample waits in memory for longer than 250 ms.
+    The file has its final name from the start, unless `part` is given. Leaving the `with` block without `finish`, or by
+    an exception, closes it as an incomplete run. Call any method (or `flush`) at least every 50 ms, so that no sample
+    waits in memory for longer than 250 ms.
 
     Args:
-        path: file to create; its folder is made when missing
-        metadata: where the run comes from
-        now: seconds that only grow, for the age of a chunk
-        part: where the file is written instead, which whoever asked for that gives its name and its hash
+        path: file to create; its folder is created if missing
+        metadata: origin of the run
+        now: monotonic time in seconds, for the age of a chunk
+        part: path to write to instead; the caller renames this file and writes its hash
 
     Raises:
-        RunError: the file exists already, or the disk refuses it. From any method: the disk failed while
-            recording; what was written before is kept and can be recovered.
+        RunError: the file exists already, or cannot be written. From any method: the disk failed during the recording;
+        the data written before are kept and can be recovered.
     """
 
     def __init__(
@@ -113,8 +115,7 @@ class RunWriter:
         Args:
             ticks: (n,) unwrapped sample numbers since the stream started, strictly increasing over all calls
             counts: (n, 3) unwrapped position counters
-            torques: (kinds, n, 2) known torques of joint 1 and 2, N m, of a device with drives; of two kinds the
-                measured ones first
+            torques: (kinds, n, 2) known torques of joint 1 and 2, N m, of a device with drives; measured torques first
 
         Raises:
             ValueError: wrong shapes, ticks that do not increase, or a run whose time comes from a table.
@@ -132,8 +133,8 @@ class RunWriter:
         Args:
             t: (n,) time since the table's first row, s, not negative
             theta: (n, 3) absolute angles, rad
-            counts: (n, 3) position counters, where the table holds them
-            torques: (kinds, n, 2) known torques of joint 1 and 2, N m, where the joints were driven; as of `samples`
+            counts: (n, 3) position counts, if the table contains them
+            torques: (kinds, n, 2) known torques of joint 1 and 2, N m, if the joints were driven; as in `samples`
 
         Raises:
             ValueError: wrong shapes, a value that is not finite, or a run whose time comes from ticks.
@@ -147,14 +148,14 @@ class RunWriter:
         self._append(tick, rows, angles, count, _by_kind(torques))
 
     def raw(self, host_time_ns: int, data: bytes) -> None:
-        """Append bytes exactly as the link delivered them."""
+        """Append bytes exactly as received from the link."""
         self._add(RAW, self._since_start(host_time_ns), data, host_time_ns)
         self._flush_when_due()
 
     def event(self, host_time_ns: int, kind: str, tick: int | None = None, detail: str = "") -> None:
         """Append an event of the device; `kind` is `layout.RELEASED` for the release, then with its tick.
 
-        Of a device that floods its host only so many of a kind are kept, and the others counted in the run's notes.
+        If a device sends too many events of a kind, the excess ones are only counted in the notes of the run.
         """
         if kind != RELEASED and self._is_flood(f"events {kind}"):
             return
@@ -166,17 +167,17 @@ class RunWriter:
         self._add_json(EVENTS, log_time, message, host_time_ns)
 
     def status(self, host_time_ns: int, status: Mapping[str, Any]) -> None:
-        """Append the device's state and counters (keys as in the `/status` schema); bounded as events are."""
+        """Append the state and counters of the device (keys as in the `/status` schema); limited like events."""
         if self._is_flood("states"):
             return
         self._add_json(STATUS, self._since_start(host_time_ns), status, host_time_ns)
 
     def clock(self, host_time_ns: int, fit: Mapping[str, float]) -> None:
-        """Append a fit of device time to host time, its figures by name with unit."""
+        """Append a fit of device time to host time, values by name with unit."""
         self._add_json(CLOCK, self._since_start(host_time_ns), fit, host_time_ns)
 
     def copy(self, messages: Iterable[Stored]) -> None:
-        """Append messages as another run file of the same metadata holds them."""
+        """Append messages of another run file with the same metadata."""
         with self._disk():
             for topic, log_time, publish_time, data in messages:
                 self._mcap.add_message(self._channels[topic], log_time, data, publish_time)
@@ -197,7 +198,7 @@ class RunWriter:
         self._close(self._with_dropped(summary).to_record(self.samples_written))
 
     def abort(self, reason: str, summary: RunSummary | None = None) -> None:
-        """Close the file as an incomplete run, saying why; what was recorded stays readable."""
+        """Close the file as an incomplete run with a reason; the recorded data remain readable."""
         summary = self._with_dropped(summary or RunSummary())
         self._close(summary.to_record(self.samples_written, reason or "no reason given"))
 
@@ -212,11 +213,11 @@ class RunWriter:
         if error is None or kind is None:
             self.abort("closed before the recording was finished")
             return
-        with suppress(RunError):  # the error on its way out says more than a second one from the disk
+        with suppress(RunError):  # the pending exception is more informative than a second error of the disk
             self.abort(f"{kind.__name__}: {error}")
 
     def _is_flood(self, kind: str) -> bool:
-        """Whether one more message of a kind is too many before the next flush; it is then counted."""
+        """Whether a message exceeds the limit of its kind before the next flush; it is then counted."""
         self._kept[kind] += 1
         if self._kept[kind] <= SETTINGS.messages_a_chunk:
             return False
@@ -225,7 +226,7 @@ class RunWriter:
         return True
 
     def _with_dropped(self, summary: RunSummary) -> RunSummary:
-        notes = [f"{kind}: {n:,} more than a recording keeps, left out" for kind, n in self._dropped.items()]
+        notes = [f"{kind}: {n:,} more than the maximum number, discarded" for kind, n in self._dropped.items()]
         return replace(summary, notes=(*summary.notes, *notes))
 
     def _write_preamble(self) -> dict[str, int]:
@@ -255,9 +256,9 @@ class RunWriter:
     ) -> None:
         n = len(tick)
         if len(torques) and (torques.shape not in ((1, n, 2), (2, n, 2)) or not np.isfinite(torques).all()):
-            raise ValueError(f"{n} ticks need as many rows of 2 finite torques, not {torques.shape}")
+            raise ValueError(f"{n} ticks need the same number of rows of 2 finite torques, not {torques.shape}")
         if tick.shape != (n,) or theta.shape != (n, JOINTS) or (counts is not None and counts.shape != (n, JOINTS)):
-            raise ValueError(f"{n} ticks need as many rows of {JOINTS}, not {theta.shape}")
+            raise ValueError(f"{n} ticks need the same number of rows of {JOINTS}, not {theta.shape}")
         if not n:
             return
         if tick[0] <= self._last_tick or np.any(np.diff(tick) <= 0):
@@ -277,7 +278,7 @@ class RunWriter:
         self._flush_when_due()
 
     def _add_rows(self, log_ns: NDArray[np.int64], *rows: Any) -> None:
-        """Add samples: many at once where they have a text of a fixed width."""
+        """Add samples, many at once if they have a text of fixed width."""
         channel = self._channels[SAMPLES]
         texts = sample_texts(*rows) if len(log_ns) >= SETTINGS.many_rows else None
         if texts is not None and (np.diff(log_ns) >= 0).all():
@@ -325,18 +326,18 @@ class RunWriter:
         if self._failure is not None:
             raise self._failure
         if not self._open:
-            raise ValueError(f"{self.path} is closed: a finished run is never changed")
+            raise ValueError(f"{self.path} is closed: a finished run cannot be changed")
         try:
             yield
         except OSError as error:
             self._leave_cut_off()
             self._failure = RunError(
-                f"{self.path}: cannot be written: {error.strerror}; {self.samples_written} samples were handed over,"
-                f" the file is kept: make room, then `dpr-lab run recover {self.path.name}`"
+                f"{self.path}: cannot be written: {error.strerror}; {self.samples_written} samples were"
+                f" received, the file is kept: free some disk space, then run `dpr-lab run recover {self.path.name}`"
             )
             raise self._failure from error
         except BaseException:
-            # Ctrl-C in the middle of a chunk: writing on could repeat it, a file cut off here is only short of it.
+            # Ctrl-C in the middle of a chunk: continuing could repeat it, whereas ending the file here only loses it.
             self._leave_cut_off()
             raise
 
@@ -351,7 +352,7 @@ def _create(path: Path) -> BufferedWriter:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RunError(f"{path.parent}: this folder cannot be made: {error.strerror}") from error
+        raise RunError(f"{path.parent}: this folder cannot be created: {error.strerror}") from error
     try:
         return path.open("xb")
     except FileExistsError as error:
@@ -371,7 +372,7 @@ def _sample_messages(
     counts: NDArray[np.int64] | None,
     torques: NDArray[np.float64],
 ) -> Iterator[bytes]:
-    """Each row as JSON, written out by hand: three times as fast as `json.dumps`."""
+    """Each row as JSON, formatted directly: three times as fast as `json.dumps`."""
     rows = zip(tick.tolist(), t.tolist(), theta.tolist(), strict=True)
     ends = [""] * len(tick)
     for key, pairs in zip(TORQUE_KEYS, torques.tolist(), strict=False):

@@ -1,4 +1,4 @@
-"""Links to a device: serial port, TCP, CAN bus, simulated device; each hidden behind `transport.Transport`."""
+"""Links to a device: serial port, TCP, CAN bus, simulated device, all with the interface `transport.Transport`."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ class LinkKind:
     """One URL scheme and its transport."""
 
     name: str
-    """In words, for an operator."""
+    """Description for the operator."""
     opener: str
-    """`module:function`, imported on demand so that one link's library never costs another's user; it takes the parsed
-    URL and the rig file, and returns a `Transport`."""
+    """`module:function`, imported on demand, so that only the library of the used link is needed; the function gets
+    the parsed URL and the rig file and returns a `Transport`.
+    """
     example: str
-    """A URL, as the error messages and the help show it."""
+    """Example of a URL for error messages and help."""
 
 
 TRANSPORTS: dict[str, LinkKind] = {
@@ -35,18 +36,18 @@ TRANSPORTS: dict[str, LinkKind] = {
     "socket": LinkKind("TCP", "dpr_lab.transports.tcp:open_tcp", "socket://192.168.1.20:5555"),
     "sim": LinkKind("simulated rig", "dpr_lab.transports.simulated:open_simulated", "sim://?plant=paper&seed=1"),
 }
-"""URL scheme -> kind of link; a new one is one file and one line here."""
+"""URL scheme -> kind of link; a new link is one file and one row here."""
 
 
 def open_transport(url: str, *, rig_file: Path | None = None) -> Transport:
-    """Open the link that a URL names.
+    """Open the link given by a URL.
 
     Args:
         url: scheme://place?option=value, see the examples in `TRANSPORTS`
-        rig_file: the rig that a simulated device is to be; other links ignore it
+        rig_file: rig of a simulated device; other links ignore it
 
     Raises:
-        LinkUrlError: the URL is not written right, such as an unknown scheme or option.
+        LinkUrlError: the URL is not valid, for example an unknown scheme or option.
         LinkError: the link cannot be opened.
     """
     parsed = parse_url(url)

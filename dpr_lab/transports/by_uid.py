@@ -1,4 +1,4 @@
-"""Find a device by its UID, whichever port it was plugged into: `serial://?uid=UID`, `can://slcan?uid=UID`."""
+"""Search for a device by its UID on all ports: `serial://?uid=UID`, `can://slcan?uid=UID`."""
 
 import re
 import time
@@ -11,17 +11,17 @@ from firmware_protocol.host_role import HostSession
 
 
 def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Transport]) -> Transport:
-    """The open link to the device whose UID ends as given.
+    """Open link to the device whose UID ends with the given digits.
 
     Args:
-        url: as the operator wrote it
+        url: URL given by the operator
         uid: see `uid_digits`
-        ports: where to look; every one is greeted
+        ports: ports to search; each gets a handshake
         open_port: opens a port by its name
 
     Raises:
-        LinkUrlError: an option is not right on any port.
-        LinkError: it is on none of them; says what is.
+        LinkUrlError: an option is not valid on any port.
+        LinkError: the device is on none of them; the message lists the devices found.
     """
     met: list[str] = []
     for name in ports:
@@ -40,24 +40,24 @@ def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Tr
             return link
         link.close()
         met.append(f"{name} ({f'device {uid_there}' if uid_there else 'no DPR device'})")
-    looked = f"looked at {', '.join(met)}" if met else "there is no port to look at"
+    looked = f"searched {', '.join(met)}" if met else "there is no port to search"
     raise LinkError(f"{url}: no device whose UID ends in {uid}; {looked}: check cable and power")
 
 
 def uid_digits(text: str) -> str:
-    """A UID or its last digits, hexadecimal."""
+    """Parse a UID or its last digits, hexadecimal."""
     if not re.fullmatch("[0-9A-Fa-f]{4,16}", text):
         raise ValueError("is not the UID of a device, or its last digits: 4 to 16 hexadecimal digits")
     return text
 
 
 def uid_at(link: Transport, timeout: float = 0.7) -> str:
-    """The UID of the device on an open link; empty when none answers within `timeout` s, or not in our protocol.
+    """UID of the device on an open link; empty without an answer in this protocol within `timeout` s.
 
-    A greeting is repeated every 0.1 s.
+    The HELLO is repeated every 0.1 s.
 
     Raises:
-        DeviceLost: the link is gone.
+        DeviceLost: the link is lost.
     """
     session = HostSession()
     deadline = time.monotonic() + timeout

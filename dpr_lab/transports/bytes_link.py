@@ -1,4 +1,4 @@
-"""Frames over any port that carries bytes."""
+"""Frames over any port that transmits bytes."""
 
 import time
 from typing import Protocol
@@ -9,10 +9,10 @@ from firmware_protocol.messages import Frame
 
 
 class BytePort(Protocol):
-    """A port that carries bytes and raises DeviceLost after a disconnection."""
+    """Port that transmits bytes and raises DeviceLost after a disconnection."""
 
     def read(self, timeout: float) -> bytes:
-        """All bytes that have arrived, waiting at most `timeout` s for the first; empty when none came."""
+        """All bytes that have arrived, waiting at most `timeout` s for the first; empty without any."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -20,7 +20,7 @@ class BytePort(Protocol):
         ...
 
     def close(self) -> None:
-        """Close the port; closing twice is harmless."""
+        """Close the port; repeated calls have no effect."""
         ...
 
 
@@ -43,7 +43,7 @@ class BytesLink:
         self._port.write(encode_frame(frame))
 
     def receive(self, timeout: float) -> Received:
-        """All that has arrived, waiting at most `timeout` s for the first byte."""
+        """All frames that have arrived, waiting at most `timeout` s for the first byte."""
         raw = self._port.read(timeout)
         return Received(time.monotonic(), tuple(self._decoder.feed(raw)), raw)
 

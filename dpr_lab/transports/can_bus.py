@@ -1,6 +1,6 @@
-"""A CAN bus (python-can): `can://socketcan/can0?bitrate=1000000`, or any other of its backends; slcan is our own.
+"""CAN bus (python-can): `can://socketcan/can0?bitrate=1000000`, or any other backend except slcan.
 
-Frames are received in a loop of our own: python-can's Notifier thread dies on a bus error and stays dead.
+Frames are received in a separate loop, because the Notifier thread of python-can ends at a bus error.
 """
 
 import fnmatch
@@ -26,22 +26,24 @@ from firmware_protocol.messages import Frame
 
 @dataclass(frozen=True, slots=True)
 class CanSettings:
-    """Settings of a CAN bus, and the bits of a sample."""
+    """Settings of a CAN bus, and the number of bits of a sample."""
 
     bitrate: int = 1_000_000
-    """Where the URL names none, bit/s."""
+    """Default bit rate, bit/s."""
     sample_bits: int = 135
-    """An 8-byte frame with an 11-bit identifier and the worst bit stuffing."""
+    """Bits of an 8-byte frame with an 11-bit identifier and the maximum bit stuffing."""
     slcan_sample_bits: int = 22 * 10
-    """The same frame as the 22 characters of an slcan line, each with start and stop bit."""
+    """Bits of the same frame as the 22 characters of an slcan line, each with start and stop bit."""
     slcan_tty_baud: int = 115_200
-    """Of an adapter's port; those on USB ignore it."""
+    """Baud rate of the port of an adapter; USB adapters ignore it."""
     slcan_settle_s: float = 2.0
-    """An adapter that resets when its port opens ignores the bit rate until it has booted."""
+    """Waiting time after opening, s: an adapter that resets when its port opens ignores the bit rate until it has
+    booted.
+    """
     send_timeout_s: float = 1.0
-    """When a bus that takes no more frames counts as gone."""
+    """Time after which a bus that accepts no more frames counts as lost, s."""
     read_at_most_s: float = 0.02
-    """A read ends here even on a bus that never falls silent: keepalives go out between reads."""
+    """Maximum duration of a read on a busy bus, s, because keepalives are sent between reads."""
 
 
 CAN = CanSettings()
@@ -56,12 +58,12 @@ def open_can(url: LinkUrl, rig_file: Path | None) -> Transport:
     """Open a CAN bus.
 
     Options: `bitrate`; for slcan adapters also `tty_baud` (those behind a real UART) and `settle_s`. With `uid`, the
-    UID of a device or its last digits, the device is looked for: on all channels that the backend finds, or on those
-    that a name with `*` stands for, as in `can://slcan/dev/ttyACM*?uid=51d000000001`.
+    UID of a device or its last digits, the device is searched on all channels that the backend finds, or on those that
+    match a name with `*`, as in `can://slcan/dev/ttyACM*?uid=51d000000001`.
 
     Raises:
         LinkUrlError: unknown backend or option, or no channel.
-        LinkError: the backend cannot open it, or the device is on none.
+        LinkError: the backend cannot open the channel, or the device is on no channel.
     """
     readers = {"bitrate": whole_number, "tty_baud": whole_number, "settle_s": seconds, "uid": by_uid.uid_digits}
     options, backend, path = url.options(readers), url.host, url.path.rstrip("/")
@@ -77,7 +79,7 @@ def open_can(url: LinkUrl, rig_file: Path | None) -> Transport:
         names = matching_ports(channel) if backend == "slcan" else _matching_channels(url, channel)
         return by_uid.find(url.text, options["uid"], names, open_channel)
     if not channel:
-        raise LinkUrlError(f"{url.text}: names no channel; write for example can://socketcan/can0?bitrate=1000000")
+        raise LinkUrlError(f"{url.text}: contains no channel; use for example can://socketcan/can0?bitrate=1000000")
     return open_channel(channel)
 
 
@@ -86,7 +88,7 @@ def _open_slcan(url: str, port: str, options: Mapping[str, Any]) -> SlcanBus:
     capacities = [_bus_capacity(bitrate)]
     if tty_baud:
         capacities.append(Capacity(f"{tty_baud} baud", tty_baud, CAN.slcan_sample_bits, "a faster tty_baud"))
-    # A pseudo-terminal has nothing to boot.
+    # a pseudo-terminal needs no time to boot
     settle = options.get("settle_s", 0.0 if os.path.realpath(port).startswith("/dev/pts/") else CAN.slcan_settle_s)
     return SlcanBus(url, port, bitrate, tty_baud or CAN.slcan_tty_baud, settle, tuple(capacities))
 
@@ -105,18 +107,18 @@ def _bus_capacity(bitrate: int) -> Capacity:
 
 
 def _matching_channels(url: LinkUrl, pattern: str) -> list[str]:
-    """The channels that the backend finds, as far as they match; a name without `*` as it is."""
+    """Channels found by the backend that match; a name without `*` is returned unchanged."""
     if pattern and "*" not in pattern:
         return [pattern]
     try:
         configs = can.detect_available_configs(url.host)
     except _NO_BUS as error:
-        raise LinkError(f"{url.text}: {url.host} cannot say which channels there are: {error}") from error
+        raise LinkError(f"{url.text}: {url.host} cannot list its channels: {error}") from error
     return fnmatch.filter(sorted(str(config["channel"]) for config in configs), pattern or "*")
 
 
 class CanBus:
-    """A `Transport` over one python-can bus."""
+    """`Transport` over one python-can bus."""
 
     def __init__(self, url: str, bus: can.BusABC, capacities: tuple[Capacity, ...]) -> None:
         self.url = url
@@ -142,7 +144,7 @@ class CanBus:
             if message.is_error_frame:
                 self._note_error(message.arbitration_id)
             elif message.is_extended_id or message.is_remote_frame or message.is_fd:
-                pass  # someone else's traffic on the same bus
+                pass  # traffic of other nodes on the same bus
             else:
                 frames.append(Frame(message.arbitration_id, bytes(message.data)))
             message = self._next(0.0) if time.monotonic() < until else None
@@ -156,7 +158,7 @@ class CanBus:
         try:
             self._bus.shutdown()
         except (can.CanError, OSError, ValueError, TypeError):
-            pass  # the adapter is already gone, and so is all there was to close
+            pass  # the adapter is already lost, so there is nothing to close
 
     def _note_error(self, error_class: int) -> None:
         self.errors["framing"] += 1
@@ -173,4 +175,4 @@ class CanBus:
             raise self._lost(error) from error
 
     def _lost(self, error: BaseException) -> DeviceLost:
-        return DeviceLost(f"{self.url}: the bus is gone ({error}): check adapter, wiring and power, then connect again")
+        return DeviceLost(f"{self.url}: the bus is lost ({error}): check adapter, wiring and power, then connect again")

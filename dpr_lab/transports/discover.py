@@ -1,4 +1,4 @@
-"""What links this computer has: serial ports and CAN backends."""
+"""Links of this computer: serial ports and CAN backends."""
 
 import glob
 import os
@@ -16,12 +16,12 @@ class SerialPortFound:
     """A serial port of this computer."""
 
     device: str
-    """What to write after `serial://`."""
+    """Text after `serial://` in a URL."""
     description: str
     serial_number: str
-    """The USB serial number, which stays when the device path changes; empty when it has none."""
+    """USB serial number, which stays the same if the device path changes; empty if there is none."""
     problem: str
-    """Why it cannot be used as it is, and what to do; empty when it can."""
+    """Reason why it cannot be used, and what to do; empty if it can."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,16 +32,16 @@ class Links:
     can_interfaces: tuple[str, ...]
     """Network interfaces that `can://socketcan/NAME` can open."""
     can_backends: tuple[str, ...]
-    """Backends of python-can; those for vendors' adapters also need the vendor's driver."""
+    """Backends of python-can; those for adapters of a vendor also need its driver."""
 
 
 def discover() -> Links:
-    """Look for links; opens none."""
+    """Find links without opening any."""
     return Links(serial_ports(), can_interfaces(), can_backends())
 
 
 def serial_ports() -> tuple[SerialPortFound, ...]:
-    """The serial ports of this computer, in order of their names."""
+    """Serial ports of this computer, ordered by name."""
     return tuple(
         SerialPortFound(port.device, port.description or "", port.serial_number or "", _problem(port.device))
         for port in sorted(list_ports.comports())
@@ -49,18 +49,18 @@ def serial_ports() -> tuple[SerialPortFound, ...]:
 
 
 def matching_ports(pattern: str) -> list[str]:
-    """Serial ports that match a name with `*`; for an empty name all that can be opened."""
+    """Serial ports that match a name with `*`; for an empty name all ports that can be opened."""
     return sorted(glob.glob(pattern)) if pattern else [port.device for port in serial_ports() if not port.problem]
 
 
 def can_interfaces(root: Path = Path("/sys/class/net")) -> tuple[str, ...]:
-    """CAN network interfaces of a Linux kernel; none elsewhere."""
+    """CAN network interfaces of a Linux kernel; empty on other systems."""
     arphrd_can = "280"
     return tuple(sorted(kind.parent.name for kind in root.glob("*/type") if kind.read_text().strip() == arphrd_can))
 
 
 def can_backends() -> tuple[str, ...]:
-    """Names that `can://NAME/CHANNEL` accepts; none when python-can is not installed."""
+    """Names accepted in `can://NAME/CHANNEL`; empty if python-can is not installed."""
     if find_spec("can") is None:
         return ()
     from can.interfaces import BACKENDS

@@ -1,4 +1,4 @@
-"""A serial port (pyserial): `serial:///dev/ttyUSB0?baud=921600`, `serial://COM3`."""
+"""Serial port (pyserial): `serial:///dev/ttyUSB0?baud=921600`, `serial://COM3`."""
 
 import errno
 import time
@@ -17,41 +17,41 @@ from dpr_lab.transports.url import LinkUrl, whole_number
 
 @dataclass(frozen=True, slots=True)
 class SerialSettings:
-    """Settings of a serial port, and the bits of a sample."""
+    """Settings of a serial port, and the number of bits of a sample."""
 
     baud: int = 921_600
-    """Where the URL names none."""
+    """Default baud rate."""
     sample_bits: int = 14 * 10
-    """Identifier, eight data bytes, CRC, COBS overhead and delimiter, each byte with start and stop bit."""
+    """Bits of identifier, eight data bytes, CRC, COBS overhead and delimiter, each byte with start and stop bit."""
     read_slice_s: float = 0.05
-    """pyserial's timeout stays fixed: changing it reconfigures the port and can corrupt data."""
+    """Fixed timeout of pyserial, s: changing it reconfigures the port and can corrupt data."""
     write_timeout_s: float = 3.0
-    """When a port that takes no more bytes counts as gone."""
+    """Time after which a port that accepts no more bytes counts as lost, s."""
 
 
 SERIAL = SerialSettings()
 
-# What pyserial raises when the device is pulled: its own exception, a bare OSError(EIO) from in_waiting,
-# or a TypeError when another thread closed the descriptor.
+# Exceptions of pyserial for an unplugged device: its own exception, a bare OSError(EIO) from in_waiting, or a TypeError
+# if another thread closed the descriptor.
 _GONE = (serial.SerialException, OSError, TypeError)
 
 
 def open_serial(url: LinkUrl, rig_file: Path | None) -> Transport:
-    """Open a serial port for this process alone.
+    """Open a serial port for exclusive use by this process.
 
-    With the option `uid`, the UID of a device or its last digits, the device is looked for: on all ports, or on those
-    that a name with `*` stands for, as in `serial:///dev/ttyACM*?uid=51d000000001`.
+    With the option `uid`, the UID of a device or its last digits, the device is searched on all ports, or on those that
+    match a name with `*`, as in `serial:///dev/ttyACM*?uid=51d000000001`.
 
     Raises:
-        LinkUrlError: no port is named, or an option is not right.
-        LinkError: no such port or device, no permission, busy, or not a baud rate it can do.
+        LinkUrlError: no port is given, or an option is not valid.
+        LinkError: unknown port or device, no permission, busy port, or unsupported baud rate.
     """
     options = url.options({"baud": whole_number, "uid": by_uid.uid_digits})
     baud, name = options.get("baud", SERIAL.baud), url.host + url.path
     if "uid" in options:
         return by_uid.find(url.text, options["uid"], matching_ports(name), lambda port: _open_port(url, port, baud))
     if not name:
-        raise LinkUrlError(f"{url.text}: names no port; {_ports_found()}")
+        raise LinkUrlError(f"{url.text}: contains no port; {_ports_found()}")
     return _open_port(url, name, baud)
 
 
@@ -62,7 +62,7 @@ def _open_port(url: LinkUrl, name: str, baud: int) -> BytesLink:
 
 
 class SerialPort:
-    """A byte port over pyserial that reads in bulk."""
+    """Byte port over pyserial that reads in blocks."""
 
     def __init__(self, url: str, name: str, baud: int) -> None:
         self._url = url
@@ -99,13 +99,13 @@ class SerialPort:
 
     def _lost(self, error: BaseException) -> DeviceLost:
         return DeviceLost(
-            f"{self._url}: the port is gone ({_why_lost(error)}): check cable and power, then connect again"
+            f"{self._url}: the port is lost ({_why_lost(error)}): check cable and power, then connect again"
         )
 
 
 def _why_lost(error: BaseException) -> str:
     if isinstance(error, serial.SerialTimeoutException):
-        return "it takes no more bytes"
+        return "it accepts no more bytes"
     code = error.errno if isinstance(error, OSError) else None
     return "unplugged" if code in (None, errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF) else str(error)
 
@@ -115,7 +115,7 @@ def _why_not_opened(name: str, baud: int, error: Exception) -> str:
     if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return f"there is no port {name}; {_ports_found()}"
     if code in (errno.EAGAIN, errno.EBUSY):
-        return f"the port is in use by another program: close it there (`fuser {name}` tells which one)"
+        return f"the port is in use by another program: close that program (`fuser {name}` shows it)"
     if code == errno.EACCES:
         return f"no permission to open {name}: {JOIN_GROUP}"
     return f"cannot be opened at {baud} baud: {error}"

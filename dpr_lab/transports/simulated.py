@@ -1,7 +1,7 @@
-"""A simulated device in a child process: `sim://?plant=paper&seed=1&clock=fast&bus=can`.
+"""Simulated device in a child process: `sim://?plant=paper&seed=1&clock=fast&bus=can`.
 
-The child speaks over a pseudo-terminal (or slcan, or TCP) exactly as a device does; this end opens the URL that the
-child prints and from there on does not know the difference.
+The child communicates over a pseudo-terminal (or slcan, or TCP) exactly like a device. This side opens the URL that the
+child prints and treats it like any other link.
 """
 
 import json
@@ -26,42 +26,42 @@ class Patience:
 
     start_s: float = 60.0
     first_start_s: float = 600.0
-    """The first start on a computer compiles the dynamics, which takes long on a busy one."""
+    """Maximum duration of the start, s: the first start on a computer compiles the dynamics, which takes long on a
+    busy one.
+    """
     told_s: float = 5.0
-    """After which a first start is reported as compiling; what the child refuses, it refuses sooner."""
+    """Time after which a first start is reported as compiling, s; errors in the arguments are reported earlier."""
     stop_s: float = 2.0
-    """For each way to end it, from closing its stdin to killing it."""
+    """Waiting time for each way to end the child, s, from closing its stdin to killing it."""
 
 
 PATIENCE = Patience()
 
 LINKS = {"pty": "pty", "can": "slcan", "tcp": "tcp:0"}
-"""Option `bus` -> the child's `--link`."""
+"""Value of the option `bus` -> `--link` of the child."""
 DEFAULT_BUS = "tcp" if sys.platform == "win32" else "pty"  # Windows has no pseudo-terminals
 
 
 def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     """Start a simulated device and connect to it.
 
-    Options: `bus` (pty, can, tcp) and, as `python -m sim_device --help` explains them, `rig`, `plant`, `seed`, `clock`,
-    `firmware` (python, c), `draw` (true), `draw_effects`, `baud`, `uid`, `drift_ppm`, `hand_error`, `torques` and
-    `fault` (NAME=VALUE, several with commas between).
+    Options: `bus` (pty, can, tcp) and the options explained by `python -m sim_device --help`: `rig`, `plant`, `seed`,
+    `clock`, `firmware` (python, c), `draw` (true), `draw_effects`, `baud`, `uid`, `drift_ppm`, `hand_error`, `torques`
+    and `fault` (NAME=VALUE, several separated by commas).
 
     Raises:
-        LinkUrlError: an option that is unknown, or that the device does not take; with its message.
+        LinkUrlError: an option that is unknown or that the device refuses; with its message.
         LinkError: the device did not start; with its message.
     """
     options = url.options(_OPTIONS)
     if url.host or url.path.strip("/"):
-        raise LinkUrlError(
-            f"{url.text}: a simulated device has no address; write for example sim://?plant=paper&seed=1"
-        )
+        raise LinkUrlError(f"{url.text}: a simulated device has no address; use for example sim://?plant=paper&seed=1")
     child = ChildProgram([sys.executable, "-m", "sim_device", "--exit-with-parent", *_arguments(options, rig_file)])
     telling = threading.Timer(PATIENCE.told_s, compiling_simulator)
     telling.start()
     try:
         link = open_transport(_ready_url(url.text, child))
-        compiling_simulator()  # while a device answers already
+        compiling_simulator()  # while the device already answers
         return SimulatedTransport(url.text, child, link)
     except BaseException:
         child.end(PATIENCE.stop_s)
@@ -71,7 +71,7 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
 
 
 def _arguments(options: dict[str, Any], rig_file: Path | None) -> list[str]:
-    """The child's command line."""
+    """Command line of the child."""
     words = dict(options)
     arguments = ["--link", LINKS[words.pop("bus", DEFAULT_BUS)], "--rig", words.pop("rig", str(rig_file or "paper"))]
     for fault in words.pop("fault", "").split(","):
@@ -82,7 +82,7 @@ def _arguments(options: dict[str, Any], rig_file: Path | None) -> list[str]:
 
 
 class SimulatedTransport:
-    """A `Transport` to a child process that ends when the transport is closed."""
+    """`Transport` to a child process that ends when the transport is closed."""
 
     def __init__(self, url: str, child: ChildProgram, link: Transport) -> None:
         self.url = url
@@ -96,7 +96,7 @@ class SimulatedTransport:
 
     @property
     def capacities(self) -> tuple[Capacity, ...]:
-        """The limits of the link to the child."""
+        """Capacities of the link to the child."""
         return self._link.capacities
 
     def send(self, frame: Frame) -> None:
@@ -104,11 +104,11 @@ class SimulatedTransport:
         self._link.send(frame)
 
     def receive(self, timeout: float) -> Received:
-        """All that has arrived, waiting at most `timeout` s for the first frame."""
+        """All frames that have arrived, waiting at most `timeout` s for the first."""
         try:
             return self._link.receive(timeout)
         except DeviceLost as error:
-            raise DeviceLost(f"{self.url}: the simulated device is gone{_last_words(self._child)}") from error
+            raise DeviceLost(f"{self.url}: the simulated device has ended{_last_words(self._child)}") from error
 
     def close(self) -> None:
         """Close the link and end the child."""
@@ -117,11 +117,11 @@ class SimulatedTransport:
 
 
 def _ready_url(url: str, child: ChildProgram) -> str:
-    """The URL the child listens on, from its first line.
+    """URL of the child from its first line.
 
     Raises:
-        LinkUrlError: it does not take its arguments.
-        LinkError: the line did not come in time or is not it.
+        LinkUrlError: it refuses its arguments.
+        LinkError: the line did not arrive in time or has another content.
     """
     patience_s = PATIENCE.start_s if simulator_compiled() else PATIENCE.first_start_s
     try:

@@ -1,6 +1,7 @@
-"""A CAN adapter in Lawicel's ASCII over a serial port: `can://slcan/dev/ttyACM0?bitrate=1000000`.
+"""CAN adapter with Lawicel's ASCII protocol over a serial port: `can://slcan/dev/ttyACM0?bitrate=1000000`.
 
-Our own and not python-can's, which takes the line apart byte by byte and so needs a third of a core at 1 kHz.
+This implementation replaces that of python-can, which parses the line byte by byte and needs a third of a core at 1
+kHz.
 """
 
 import re
@@ -24,23 +25,23 @@ BITRATE_LETTERS = {
     1_000_000: b"S8",
 }
 LONGEST_LINE = 64
-"""Bytes that an adapter says at once, at most (a frame takes 22): a longer run without an end is noise."""
+"""Maximum length of a line of an adapter (a frame has 22 bytes): a longer one is noise."""
 
 _FRAME = re.compile(rb"t([0-7][0-9A-Fa-f]{2})([0-8])([0-9A-Fa-f]{0,16})")
 _NO_FRAME = re.compile(rb"(|[zZ]|[VNF][0-9A-Za-z]*|[TrR][0-9A-Fa-f]*)")
-"""Answers of the adapter, and extended and remote frames, which are someone else's."""
+"""Answers of the adapter, and extended and remote frames of other nodes."""
 
 
 class SlcanDecoder:
-    """Finds frames in the bytes of an adapter, in pieces of any length."""
+    """Decoder of the frames in the bytes of an adapter, in pieces of any length."""
 
     def __init__(self) -> None:
         self.errors = 0
-        """Lines that were damaged on their way from the adapter."""
+        """Number of damaged lines."""
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Add received bytes; return the frames of the lines that they complete."""
+        """Add received bytes; return the frames of completed lines."""
         *lines, rest = (self._rest + data).replace(b"\a", b"\r").split(b"\r")
         if len(rest) > LONGEST_LINE:
             self.errors += 1
@@ -57,19 +58,19 @@ class SlcanDecoder:
 
 
 class SlcanBus:
-    """A `Transport` over one adapter, whose port this process uses exclusively.
+    """`Transport` over one adapter, whose port this process uses exclusively.
 
     Args:
-        url: as the operator wrote it
-        path: the adapter's serial port
-        bitrate: of the bus, bit/s
-        tty_baud: of the port, bit/s
-        settle: how long the adapter boots after its port was opened, s
-        capacities: what bus and port carry
+        url: URL given by the operator
+        path: serial port of the adapter
+        bitrate: bit rate of the bus, bit/s
+        tty_baud: baud rate of the port, bit/s
+        settle: boot time of the adapter after its port was opened, s
+        capacities: capacities of bus and port
 
     Raises:
-        LinkUrlError: a bit rate that adapters have no letter for.
-        LinkError: no such port, or it is busy.
+        LinkUrlError: a bit rate that slcan does not define.
+        LinkError: unknown or busy port.
     """
 
     def __init__(
@@ -99,9 +100,9 @@ class SlcanBus:
         return Received(time.monotonic(), tuple(frames), b"".join(map(encode_frame, frames)))
 
     def close(self) -> None:
-        """Leave the bus and close the port; closing twice is harmless."""
+        """Leave the bus and close the port; repeated calls have no effect."""
         try:
             self._port.write(b"C\r")
         except DeviceLost:
-            pass  # the adapter is already gone, or was closed before
+            pass  # the adapter is already lost, or was closed before
         self._port.close()

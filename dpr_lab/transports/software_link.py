@@ -1,4 +1,4 @@
-"""Whether a link can lead to a device made of software: only such a device may run apart from the host's time."""
+"""Whether a link can lead to a simulated device, whose time may differ from real time."""
 
 import os
 import re
@@ -9,13 +9,13 @@ from dpr_lab.transports.discover import matching_ports
 from dpr_lab.transports.url import LinkUrl, parse_url
 
 _PSEUDO_TERMINAL = re.compile(r"/dev/(pts/\d+|ttys\d+)")
-"""Of Linux, and of macOS."""
+"""Name patterns of pseudo-terminals on Linux and macOS."""
 
 
 def leads_to_software(url: str) -> bool:
-    """Whether the link of a URL stays inside this computer: simulated, pseudo-terminal, loopback or virtual bus.
+    """Whether the link of a URL is inside this computer: simulated, pseudo-terminal, loopback or virtual bus.
 
-    A serial port, an adapter or another computer is none of these, even if the device behind it says so.
+    A serial port, an adapter or another computer is not, even if the device declares it.
     """
     try:
         link = parse_url(url)

@@ -1,7 +1,7 @@
-"""A TCP connection: `socket://192.168.1.20:5555`.
+"""TCP connection: `socket://192.168.1.20:5555`.
 
-A client of our own rather than pyserial's `socket://`, whose in_waiting is 0 or 1, which throws away what it has
-read when the peer closes, and which discards what arrives while it opens.
+This client replaces `socket://` of pyserial, whose in_waiting is 0 or 1, and which discards data when the peer closes
+and while the connection opens.
 """
 
 import select
@@ -23,12 +23,12 @@ def open_tcp(url: LinkUrl, rig_file: Path | None) -> BytesLink:
     url.options({})
     host, _, port = url.host.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65_536 or url.path not in ("", "/"):
-        raise LinkUrlError(f"{url.text}: write socket://HOST:PORT, for example socket://192.168.1.20:5555")
+        raise LinkUrlError(f"{url.text}: use socket://HOST:PORT, for example socket://192.168.1.20:5555")
     return BytesLink(url.text, TcpPort(url.text, host.strip("[]"), int(port)))
 
 
 class TcpPort:
-    """A byte port over one TCP connection."""
+    """Byte port over one TCP connection."""
 
     def __init__(self, url: str, host: str, port: int, connect_timeout: float = 3.0, send_timeout: float = 1.0) -> None:
         self._url = url
@@ -63,4 +63,4 @@ class TcpPort:
         self._socket.close()
 
     def _lost(self, reason: str) -> DeviceLost:
-        return DeviceLost(f"{self._url}: the connection is gone ({reason}): check network and power")
+        return DeviceLost(f"{self._url}: the connection is lost ({reason}): check network and power")

@@ -1,4 +1,4 @@
-"""The seam between a link and the device driver: frames out, frames in."""
+"""Interface between a link and the device driver: frames in both directions."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ class Capacity:
     """Capacity of a link and the load of one sample."""
 
     name: str
-    """As the operator knows it: `115200 baud`."""
+    """Name for the operator: `115200 baud`."""
     bits_per_s: int
     bits_per_sample: int
     remedy: str
-    """What to change when samples do not fit."""
+    """What to change if the samples exceed the capacity."""
     usable_share: float = 0.8
-    """Share of the link that samples may fill; the rest is left for answers, status and arbitration."""
+    """Share of the link that samples may use; the rest is reserved for answers, status and arbitration."""
 
     @property
     def max_rate_hz(self) -> int:
-        """The fastest sample rate that leaves the reserve, Hz."""
+        """Maximum sample rate within this share, Hz."""
         return int(self.usable_share * self.bits_per_s / self.bits_per_sample)
 
     def load(self, rate_hz: int) -> str:
-        """Load of a sample rate on the link, with the arithmetic."""
+        """Load of a sample rate on the link, with the calculation."""
         needed = rate_hz * self.bits_per_sample
         return (
             f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"
@@ -38,10 +38,10 @@ class Capacity:
         )
 
     def check(self, rate_hz: int) -> None:
-        """Refuse a sample rate the link cannot carry.
+        """Refuse a sample rate that the link cannot carry.
 
         Raises:
-            LinkError: with the arithmetic and what to choose instead.
+            LinkError: with the calculation and the maximum rate.
         """
         if rate_hz > self.max_rate_hz:
             raise LinkError(f"{self.load(rate_hz)}: choose at most {self.max_rate_hz} Hz or {self.remedy}")
@@ -55,23 +55,23 @@ class Received:
     """`time.monotonic()` right after the read, s."""
     frames: tuple[Frame, ...]
     raw: bytes
-    """The bytes as they came. A CAN bus has none, so there its frames stand in their serial framing."""
+    """Received bytes. For a CAN bus, its frames in serial framing."""
 
 
 class Transport(Protocol):
     """An open link to a device.
 
-    `send` may be called while another thread is inside `receive`; all else belongs to one thread.
+    `send` may be called while another thread is inside `receive`; everything else belongs to one thread.
     """
 
     @property
     def url(self) -> str:
-        """The URL it was opened with."""
+        """URL with which it was opened."""
         ...
 
     @property
     def errors(self) -> dict[str, int]:
-        """Damaged frames so far, by cause: both `crc` and `framing`, zero where the link has none of them."""
+        """Damaged frames so far, by cause: `crc` and `framing`, zero if the link has none."""
         ...
 
     @property
@@ -83,18 +83,18 @@ class Transport(Protocol):
         """Send one frame.
 
         Raises:
-            DeviceLost: the link is gone.
+            DeviceLost: the link is lost.
         """
         ...
 
     def receive(self, timeout: float) -> Received:
-        """All that has arrived, waiting at most `timeout` s for the first byte.
+        """All frames that have arrived, waiting at most `timeout` s for the first byte.
 
         Raises:
-            DeviceLost: the link is gone.
+            DeviceLost: the link is lost.
         """
         ...
 
     def close(self) -> None:
-        """Close the link; closing twice is harmless."""
+        """Close the link; repeated calls have no effect."""
         ...

@@ -1,4 +1,4 @@
-"""Link URLs: scheme://place?option=value, with a sentence for every slip."""
+"""Link URLs: scheme://place?option=value, with a message for every error."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -10,31 +10,31 @@ from dpr_lab.errors import LinkUrlError
 
 @dataclass(frozen=True, slots=True)
 class LinkUrl:
-    """A link URL taken apart."""
+    """A parsed link URL."""
 
     text: str
-    """As the operator wrote it."""
+    """Text given by the operator."""
     scheme: str
     host: str
-    """Between `//` and the first slash, upper and lower case kept: `COM3`, `slcan`, `127.0.0.1:5555`."""
+    """Part between `//` and the first slash, with upper and lower case: `COM3`, `slcan`, `127.0.0.1:5555`."""
     path: str
-    """From the first slash on, or empty."""
+    """Part from the first slash on, or empty."""
     query: tuple[tuple[str, str], ...]
 
     def options(self, known: Mapping[str, Callable[[str], Any]]) -> dict[str, Any]:
-        """The query's values, read by the reader of each known option.
+        """Values of the query, converted by the function of each known option.
 
         Args:
-            known: option name -> reader of its text, which raises ValueError("is not ...")
+            known: option name -> function that converts its text, or raises ValueError("is not ...")
 
         Raises:
-            LinkUrlError: an option that is unknown, repeated or unreadable.
+            LinkUrlError: an option that is unknown, repeated or not valid.
         """
         parameters: dict[str, Any] = {}
         for name, text in self.query:
             if name not in known:
                 names = ", ".join(known) or "none"
-                raise LinkUrlError(f"{self.text}: unknown option {name!r} (this kind of link knows: {names})")
+                raise LinkUrlError(f"{self.text}: unknown option {name!r} (options of this kind of link: {names})")
             if name in parameters:
                 raise LinkUrlError(f"{self.text}: option {name!r} is given twice")
             try:
@@ -45,7 +45,7 @@ class LinkUrl:
 
 
 def parse_url(text: str) -> LinkUrl:
-    """Take a link URL apart.
+    """Parse a link URL.
 
     Raises:
         LinkUrlError: the text is not of the form scheme://place?option=value.
@@ -54,21 +54,21 @@ def parse_url(text: str) -> LinkUrl:
         split = urlsplit(text)
         query = tuple(parse_qsl(split.query, keep_blank_values=True, strict_parsing=bool(split.query)))
     except ValueError as error:
-        raise LinkUrlError(f"{text}: is not a link URL ({error}); write scheme://place?option=value") from error
+        raise LinkUrlError(f"{text}: is not a link URL ({error}); use scheme://place?option=value") from error
     if "://" not in text:
-        raise LinkUrlError(f"{text}: is not a link URL; write for example serial:///dev/ttyUSB0?baud=921600 or sim://")
+        raise LinkUrlError(f"{text}: is not a link URL; use for example serial:///dev/ttyUSB0?baud=921600 or sim://")
     return LinkUrl(text, split.scheme, split.netloc, split.path, query)
 
 
 def whole_number(text: str) -> int:
-    """A positive whole number, such as a baud rate."""
+    """Parse a positive integer, such as a baud rate."""
     if not (text.isascii() and text.isdigit()) or int(text) == 0:
         raise ValueError("is not a positive whole number")
     return int(text)
 
 
 def seconds(text: str) -> float:
-    """A time in s, not negative."""
+    """Parse a time in s, not negative."""
     try:
         value = float(text)
     except ValueError:
@@ -79,7 +79,7 @@ def seconds(text: str) -> float:
 
 
 def one_of(*choices: str) -> Callable[[str], str]:
-    """A reader that accepts only the given words."""
+    """Function that accepts only the given words."""
 
     def read(text: str) -> str:
         if text not in choices:

@@ -21,7 +21,7 @@ def test_rods_off_the_pose_are_never_released(paper: Rig, tmp_path: Path, bench,
     seen: list[Progress] = []
     options = CaptureOptions(pose_timeout=0.6)
     with bench(hand_error=0.3) as (device, spy):
-        with pytest.raises(SafetyStop, match=r"rod is \+0\.\d+ rad off, tolerance 0.05 rad; nothing was released"):
+        with pytest.raises(SafetyStop, match=r"rod is \+0\.\d+ rad away, tolerance 0.05 rad; nothing was released"):
             capture(device, paper, "X1", options, tmp_path, seen.append, agree)
         status = settled(device)
     assert (status.state, status.latched) == (State.HOLDING, True)
@@ -35,7 +35,7 @@ def test_rods_off_the_pose_are_never_released(paper: Rig, tmp_path: Path, bench,
 
 def test_without_a_go_ahead_nothing_is_released(paper: Rig, tmp_path: Path, bench, settled) -> None:
     with bench() as (device, spy):
-        with pytest.raises(SafetyStop, match="no go-ahead was given; nothing was released, the rods stay held"):
+        with pytest.raises(SafetyStop, match="no permission was given; nothing was released, the rods stay held"):
             capture(device, paper, "X1", SHORT, tmp_path)
         status = settled(device)
     assert (status.state, status.latched) == (State.HOLDING, True)
@@ -79,7 +79,7 @@ def test_rods_knocked_while_the_operator_thinks_are_not_released(paper: Rig) -> 
     held = HeldPose(script, paper, paper.poses["X1"], 1000, lambda reading: None, CAPTURE_SETTINGS)
     held.await_rest(1.0)
     answers = iter([None, True])
-    with pytest.raises(SafetyStop, match=r"at the go-ahead the rods (still moved|were .* off)"):
+    with pytest.raises(SafetyStop, match=r"when the release was permitted, the rods (still moved|were .* away)"):
         held.await_go_ahead(lambda: next(answers))
 
 

@@ -59,7 +59,7 @@ def test_a_rig_with_a_driven_arm_is_analysed_without_values(cli, tmp_path: Path)
     assert done.code == 0, done.err
     assert "5 of 9" in done.out
     assert "c0 +1 %, ke -1 %" in done.out
-    assert "is a result" in done.out
+    assert "not results" in done.out
     assert "ohmmeter" in done.out
 
 

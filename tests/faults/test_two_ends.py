@@ -46,7 +46,7 @@ def test_a_device_is_found_on_another_channel_of_a_backend(serve, operate, wrong
     matrix.show("on another channel, link with `uid=`", "CAN, virtual", found.said, found.code, "every sample")
     lost = operate(f"can://virtual/uid-here?uid={UID:x}")
     assert lost.code == 4
-    assert "looked at uid-here (device 0000beef00000041)" in lost.said
+    assert "searched uid-here (device 0000beef00000041)" in lost.said
 
 
 def test_a_uid_that_is_nowhere_is_told_with_what_is_there(serve, operate, tmp_path, matrix) -> None:

@@ -201,7 +201,7 @@ def foreign(path, chunk=b"{}"):
         (b"", "is empty"),
         (b"t,theta1\n0,1\n", "is not a run file"),
         (b"\x89MC", "is not a run file"),
-        (b"\x89MCAP0\r\n", "cut off or damaged near byte 8"),
+        (b"\x89MCAP0\r\n", "incomplete or damaged near byte 8"),
         (None, "MCAP file of another tool"),
     ],
     ids=["empty", "text", "start", "magic alone", "foreign"],
@@ -308,8 +308,8 @@ def test_a_flood_of_events_is_counted_and_costs_no_sample(tmp_path):
     path = flooded(tmp_path / "flood.mcap", ("INDEX", "LEASE_LOST"))
     run = assert_only_true_samples(path)
     assert (len(run.t), run.complete, verify(path).ok) == (N, True, True)
-    assert "events INDEX: 18,000 more than a recording keeps, left out" in run.notes
-    assert "events LEASE_LOST: 18,000 more than a recording keeps, left out" in run.notes
+    assert "events INDEX: 18,000 more than the maximum number, discarded" in run.notes
+    assert "events LEASE_LOST: 18,000 more than the maximum number, discarded" in run.notes
 
 
 def test_a_flood_that_an_earlier_version_kept_is_read_and_recovered(tmp_path, monkeypatch):

@@ -192,7 +192,7 @@ def test_a_last_row_cut_off_is_left_out_and_said(tmp_path):
     file.write_text(file.read_text() + "1.0,3.1")
     run = read(file)
     assert_the_swing(run)
-    assert run.notes == ("line 202, the last one, is cut off: left out",)
+    assert run.notes == ("line 202, the last one, is incomplete: ignored",)
 
 
 HEAD = "t,theta1,theta2\n"

@@ -156,7 +156,7 @@ def test_a_joint_without_a_torque_column_is_passive(paper: Rig, tmp_path: Path, 
         file = table(tmp_path, header, TAU[:, 0], *empty)
         run = import_csv(file, paper)
         assert run.torques == pytest.approx(expected)
-        assert f"joint {passive} has no torque column: taken as passive, with a torque of zero" in run.notes
+        assert f"joint {passive} has no torque column: treated as passive, with a torque of zero" in run.notes
         assert "none" in preview(file, paper, ImportOptions()).facts()["torques"]
 
 

@@ -77,8 +77,8 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_mends_it(
         ("degrees/decimal_commas", "if commas are decimal signs, export it with semicolons"),
         ("free/nan_half", "too many for a recording.*--start-s, --duration-s"),
         ("free/identical_angles", "hold the same numbers.*--elbow clamped"),
-        ("wild/constant_theta1", "stands still while theta2 turns.*--rods outer"),
-        ("free/constant_theta2", "stands still while theta1 turns.*--rods inner.*--elbow clamped"),
+        ("wild/constant_theta1", "is constant while theta2 turns.*--rods outer"),
+        ("free/constant_theta2", "is constant while theta1 turns.*--rods inner.*--elbow clamped"),
         ("free/constant_both", "the rods stand still throughout"),
         ("wild/held_middle", "held between 2 motions.*--start-s 0 --duration-s 1.*--start-s 2.*--keep-rest"),
         ("free/six_rows", "only 6 rows of a swing"),
@@ -100,7 +100,7 @@ RIGHT = {"unit": "deg", "zero": "hanging", "angles": "relative"}
     [
         (1.0, {"angles": "absolute"}, r"measured to the inner rod \(--angles relative\)"),
         (np.pi / 180, {}, r"the angles are in rad \(--unit rad\)"),
-        (1.0, {"scale": {"theta1": -1.0, "theta2": -1.0}}, r"both angles have the other sign \(--scale 1\)"),
+        (1.0, {"scale": {"theta1": -1.0, "theta2": -1.0}}, r"both angles have the opposite sign \(--scale 1\)"),
     ],
 )
 def test_another_pose_than_the_one_named_leads_to_the_reading_that_starts_there(

@@ -322,7 +322,7 @@ def test_points_of_tracker(tmp_path: Path) -> None:
     file = text(tmp_path / "a.txt", rows, "\t", head)
     run = read(file)
     assert is_the_swing(run, atol=1e-6)
-    assert any("pivot (middle of the elbow's circle), elbow mass A, tip mass B" in note for note in run.notes)
+    assert any("pivot (centre of the elbow's circle), elbow mass A, tip mass B" in note for note in run.notes)
     with pytest.raises(RunError, match="angles from points are absolute"):
         read(file, zero="hanging")
 

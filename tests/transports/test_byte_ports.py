@@ -86,7 +86,7 @@ def test_pulled_serial_port_is_device_lost_when_reading_and_writing(terminal: tu
     device, path = terminal
     link = open_transport(f"serial://{path}")
     os.close(device)
-    with pytest.raises(DeviceLost, match="the port is gone"):
+    with pytest.raises(DeviceLost, match="the port is lost"):
         link.receive(0.5)
     with pytest.raises(DeviceLost, match="check cable and power"):
         link.send(FRAMES[0])

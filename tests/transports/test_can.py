@@ -110,7 +110,7 @@ def test_pulled_slcan_adapter_is_device_lost(adapter: tuple[int, str]) -> None:
     device, path = adapter
     link = open_transport(f"can://slcan{path}")
     os.close(device)
-    with pytest.raises(DeviceLost, match="the port is gone"):
+    with pytest.raises(DeviceLost, match="the port is lost"):
         link.receive(0.5)
     with pytest.raises(DeviceLost):
         link.send(SAMPLE)
@@ -139,7 +139,7 @@ def test_slcan_refuses_a_bit_rate_it_has_no_letter_for(uid: str, adapter: tuple[
 
 def test_an_adapter_without_a_device_is_named_and_left(adapter: tuple[int, str]) -> None:
     device, path = adapter
-    with pytest.raises(LinkError, match=rf"looked at {path} \(no DPR device\)"):
+    with pytest.raises(LinkError, match=rf"searched {path} \(no DPR device\)"):
         open_transport(f"can://slcan{path}?uid=51d000000001")
     assert heard(device).endswith(b"C\r")  # the bus is left
     open_transport(f"can://slcan{path}").close()

@@ -60,7 +60,7 @@ def test_simulated_device_starts_answers_and_ends_with_its_transport(bus: str) -
 def test_child_that_dies_is_device_lost() -> None:
     with closing(open_transport("sim://?clock=fast")) as link:
         os.kill(link._child.pid, signal.SIGKILL)
-        with pytest.raises(DeviceLost, match="the simulated device is gone"):
+        with pytest.raises(DeviceLost, match="the simulated device has ended"):
             _receive_for_ever(link)
 
 

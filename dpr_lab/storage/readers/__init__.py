@@ -1,7 +1,7 @@
-"""What people have, read as a table: one file for each kind, one row of `READERS`; its first bytes tell the kind.
+"""Readers of data files as tables: one file and one row of `READERS` for each format.
 
-arrays        named arrays as the columns of a table, and what a reader believes of a size
-points        points followed in a picture (Tracker, DeepLabCut) as angles
+arrays        named arrays as the columns of a table, and limits of their size
+points        points tracked in a video (Tracker, DeepLabCut) as angles
 matlab        .mat up to version 7: arrays, structs
 hdf5          HDF5, .mat of version 7.3
 npz           NumPy's .npz and .npy
@@ -32,9 +32,9 @@ class Reader:
 
     kind: str
     begins: tuple[bytes, ...]
-    """What stands at its beginning."""
+    """First bytes of the file."""
     read: Callable[[Path, Sequence[str]], Table]
-    """The file, and what of it is wanted (`ImportOptions.take`), as a table."""
+    """Function of the file and the requested parts (`ImportOptions.take`) that returns a table."""
 
 
 def _refuse_spreadsheet(path: Path, take: Sequence[str]) -> Table:
@@ -51,7 +51,7 @@ READERS: tuple[Reader, ...] = (
     Reader("NumPy file", (b"\x93NUMPY", b"PK\x03\x04"), read_numpy),
     Reader("spreadsheet", (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",), _refuse_spreadsheet),
 )
-"""Looked through in this order; what none of them knows is text, or text that gzip packed."""
+"""Formats in the order in which they are tried; any other file is text, or text compressed by gzip."""
 
 
 def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwatched) -> Table:
@@ -59,12 +59,12 @@ def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwat
 
     Args:
         path: a file, or the folder of a ROS 2 bag
-        take: names of what is wanted, where a file holds more than one recording (`ImportOptions.take`)
+        take: names of the requested parts if a file contains more than one recording (`ImportOptions.take`)
         on_progress: called after each block of a text
 
     Raises:
-        RunError: it cannot be read, or holds no columns of numbers.
-        DprError: a library is needed that is not installed; says which.
+        RunError: the file cannot be read, or contains no columns of numbers.
+        DprError: a required library is not installed; the message names it.
     """
     if regular(path, RunError).is_dir():
         return read_bag(path, take)
@@ -73,6 +73,6 @@ def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwat
             begin = file.read(16)
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    # A MATLAB file of version 4 has no mark of its own.
+    # MATLAB files of version 4 have no signature.
     unmarked = read_matlab if path.suffix.lower() == ".mat" else partial(read_text, on_progress=on_progress)
     return next((reader.read for reader in READERS if begin.startswith(reader.begins)), unmarked)(path, take)

@@ -26,18 +26,18 @@ BROKEN = (
     TypeError,
     ValueError,
 )
-"""What libraries raise on bytes that are not what they should be."""
+"""Exceptions of libraries for invalid bytes."""
 
 
 def refuse_large(path: Path, values: int) -> None:
-    """Make sure that a file unpacks to what a recording may be.
+    """Check that a file does not unpack to more numbers than a recording.
 
     Args:
         path: the file
-        values: how many numbers it says, or shows, to hold
+        values: number of values, declared or counted
 
     Raises:
-        RunError: it holds more.
+        RunError: it contains more.
     """
     most = text_table.LIMITS.values
     if values > most:
@@ -45,58 +45,61 @@ def refuse_large(path: Path, values: int) -> None:
 
 
 def refuse_swollen(path: Path, size: int) -> None:
-    """Make sure that a packed file does not unpack to far more than a recording of its size.
+    """Check that a compressed file does not unpack to far more than a recording of its size.
 
     Args:
         path: the file
-        size: bytes that it says, or shows, to unpack to
+        size: unpacked size in bytes, declared or counted
 
     Raises:
         RunError: it does.
     """
     if size > most_unpacked(path):
         raise RunError(
-            f"{path}: unpacks from {path.stat().st_size:,} bytes to {size:,} or more, which no recording does: save its"
+            f"{path}: unpacks from {path.stat().st_size:,} bytes to {size:,} or more, which is too much for"
+            f" a recording: save its"
             " columns without compression, or as CSV"
         )
 
 
 def most_unpacked(path: Path) -> int:
-    """Bytes that a packed file may unpack to."""
+    """Maximum unpacked size of a compressed file, bytes."""
     limits = text_table.LIMITS
     return limits.small_bytes + limits.expansion * path.stat().st_size
 
 
 def broken(path: Path, kind: str, error: BaseException) -> RunError:
-    """The sentence for a file that its library cannot read."""
+    """Message for a file that its library cannot read."""
     if isinstance(error, MemoryError):
-        return RunError(f"{path}: needs more memory than this computer has free: cut it into recordings")
-    return RunError(f"{path}: is damaged or cut off, or no {kind}: copy or save it again, or export its table as CSV")
+        return RunError(f"{path}: needs more memory than is free on this computer: split it into recordings")
+    return RunError(
+        f"{path}: is damaged or incomplete, or is not a {kind}: copy or save it again, or export its table as CSV"
+    )
 
 
 def table_of(
     path: Path, kind: str, arrays: Mapping[str, NDArray], take: Sequence[str] = (), notes: Sequence[str] = ()
 ) -> Table:
-    """Named arrays as a table: vectors are columns, matrices several, single numbers none.
+    """Convert named arrays to a table: a vector is one column, a matrix several; single numbers are ignored.
 
-    A matrix's columns are `NAME[1]`, `NAME[2]`, ...; of `group/name` the last part is the column's name where no other
-    ends so.
+    A matrix's columns are `NAME[1]`, `NAME[2]`, ...; for `group/name` the last part is the column's name if it is
+    unique.
 
     Args:
         path: the file
-        kind: what kind of file it is
-        arrays: of any shape and type; what is no table of numbers is left out
-        take: names of arrays or groups; only these, and what is in them
+        kind: kind of the file
+        arrays: arrays of any shape and type; non-numeric ones are ignored
+        take: names of arrays or groups to read, with their content
         notes: notes for the operator
 
     Raises:
-        RunError: no array of numbers, none of a name that is wanted, or too many numbers.
+        RunError: no array of numbers, no array with a requested name, or too many numbers.
     """
     wanted = _wanted(path, arrays, take)
     columns = dict(_columns(wanted))
     if not columns:
         held = ", ".join(f"{printable(name)} {_shape(array)}" for name, array in arrays.items()) or "nothing"
-        raise RunError(f"{path}: holds no columns of numbers; it holds: {held[:500]}")
+        raise RunError(f"{path}: contains no columns of numbers; it contains: {held[:500]}")
     refuse_large(path, sum(map(len, columns.values())))
     last = Counter(name.rsplit("/", 1)[-1] for name in columns)
     short = {name: name if last[name.rsplit("/", 1)[-1]] > 1 else name.rsplit("/", 1)[-1] for name in columns}
@@ -119,7 +122,7 @@ def _wanted(path: Path, arrays: Mapping[str, NDArray], take: Sequence[str]) -> M
     for name in take:
         if not any(_within(other, name) for other in arrays):
             there = ", ".join(map(printable, arrays))
-            raise RunError(f"{path}: nothing in it is named {name!r}; there are: {there[:500] or 'none'}")
+            raise RunError(f"{path}: contains nothing named {name!r}; it contains: {there[:500] or 'none'}")
     return {name: a for name, a in arrays.items() if not take or any(_within(name, wanted) for wanted in take)}
 
 

@@ -1,4 +1,4 @@
-"""HDF5, and MATLAB files of version 7.3, which are HDF5."""
+"""HDF5 files, including MATLAB files of version 7.3, which are HDF5."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ KIND = "HDF5 file"
 
 @dataclass(frozen=True, slots=True)
 class TreeLimits:
-    """Bounds on the groups and data sets of a file; a recording has some tens."""
+    """Limits on the groups and data sets of a file; a recording has a few dozen."""
 
     depth: int = 32
-    """Groups within groups."""
+    """Maximum depth of groups."""
     objects: int = 2000
 
 
@@ -30,11 +30,11 @@ LIMITS = TreeLimits()
 
 
 def read_hdf5(path: Path, take: Sequence[str]) -> Table:
-    """Read every numeric data set of an HDF5 file that lies in the file itself.
+    """Read every numeric data set that is stored in an HDF5 file itself.
 
     Raises:
-        RunError: damaged, data that lie in other files, an object of MATLAB's, too many groups, or more numbers than
-            a recording has.
+        RunError: a damaged file, data in other files, a MATLAB object, too many groups, or more numbers than a
+        recording has.
         DprError: h5py is not installed.
     """
     with extra("hdf5"):
@@ -49,7 +49,7 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
                 if not isinstance(held, h5py.Dataset) or held.dtype.kind not in "biuf":
                     continue
                 if held.external or held.is_virtual:
-                    raise RunError(f"{path}: the numbers of {name!r} lie in another file: copy them into this one")
+                    raise RunError(f"{path}: the values of {name!r} are in another file: copy them into this one")
                 total += held.size or 0
                 refuse_large(path, total)
                 refuse_swollen(path, 8 * total)
@@ -60,9 +60,9 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
 
 
 def _objects(path: Path, file: Any) -> Iterator[tuple[str, Any]]:
-    """Groups and data sets of a file with their names, each once; no link out of the file is followed.
+    """Groups and data sets of a file with their names, each once; links to other files are not followed.
 
-    What MATLAB keeps for itself, in groups of names that begin with `#`, is left out.
+    Internal groups of MATLAB, whose names begin with `#`, are skipped.
     """
     import h5py
 
@@ -73,8 +73,9 @@ def _objects(path: Path, file: Any) -> Iterator[tuple[str, Any]]:
         within, group, depth = waiting.pop()
         if depth > LIMITS.depth or len(met) + len(group) > LIMITS.objects:
             raise RunError(
-                f"{path}: holds groups in more than {LIMITS.depth} levels, or more than {LIMITS.objects:,} data sets,"
-                " which no recording does: copy its columns into a file of their own"
+                f"{path}: contains groups in more than {LIMITS.depth} levels, or more than"
+                f" {LIMITS.objects:,} data sets, which is too much for a recording: copy the columns of one"
+                f" recording into a new file"
             )
         for key in group:
             if key.startswith("#") or not isinstance(group.get(key, getlink=True), h5py.HardLink):

@@ -32,9 +32,9 @@ class BagLimits:
     """Limits of a bag."""
 
     record_bytes: int = 64 << 20
-    """Of one record or chunk, packed and unpacked: pictures may lie in one chunk with the joints."""
+    """Maximum size of a record or chunk, compressed and unpacked; images may be in the same chunk as the joints."""
     message_bytes: int = 1 << 16
-    """Of one JointState: some hundred joints."""
+    """Maximum size of a JointState message, some hundred joints."""
     joints: int = 100
 
 
@@ -42,31 +42,31 @@ LIMITS = BagLimits()
 _BROKEN = (*BROKEN, McapError, zstandard.ZstdError, struct.error)
 
 Stamped = tuple[str, int, bytes]
-"""Topic, time of the log in ns, message as CDR."""
+"""Topic, log time in ns, and message as CDR."""
 
 
 def read_mcap(path: Path, take: Sequence[str]) -> Table:
-    """Read the joint positions of an MCAP file; `take` is its topic.
+    """Read the joint positions of an MCAP file; `take` is the topic.
 
     Raises:
-        RunError: damaged, a run file, without JointState, with several topics of it, or two joints of one name.
+        RunError: a damaged file, a run file, no JointState or several topics with it, or two joints with the same name.
         DprError: mcap-ros2-support is not installed.
     """
     return _table(path, "MCAP file", lambda: _mcap_messages(path), take)
 
 
 def read_sqlite(path: Path, take: Sequence[str]) -> Table:
-    """Read the joint positions of a bag's `.db3` file; as `read_mcap`."""
+    """Read the joint positions of the `.db3` file of a bag; as `read_mcap`."""
     return _table(path, KIND, lambda: _sqlite_messages(path), take)
 
 
 def read_bag(folder: Path, take: Sequence[str]) -> Table:
     """Read the joint positions of a ROS 2 bag, a folder with `metadata.yaml`; as `read_mcap`."""
     if not (folder / "metadata.yaml").is_file():
-        raise RunError(f"{folder}: is a folder without metadata.yaml, so no ROS 2 bag: name the file in it")
+        raise RunError(f"{folder}: is a folder without metadata.yaml and thus not a ROS 2 bag: give the file in it")
     files = sorted((p for p in folder.iterdir() if p.suffix in (".mcap", ".db3")), key=_by_number)
     if not files:
-        raise RunError(f"{folder}: is a ROS 2 bag without a .mcap or .db3 file; one that is packed is unpacked first")
+        raise RunError(f"{folder}: is a ROS 2 bag without a .mcap or .db3 file; decompress a compressed bag first")
     opened = {".mcap": _mcap_messages, ".db3": _sqlite_messages}
     return _table(folder, KIND, lambda: chain.from_iterable(opened[p.suffix](p) for p in files), take)
 
@@ -78,7 +78,7 @@ def _by_number(path: Path) -> list[tuple[int, str]]:
 def _table(path: Path, kind: str, messages: Callable[[], Iterable[Stamped]], take: Sequence[str]) -> Table:
     with extra("ros2"):
         from mcap_ros2.decoder import DecoderFactory
-    # What a file says of the message's layout is not needed, and not read.
+    # The layout of the message in the file is not needed, and not read.
     schema = Schema(id=1, name=JOINT_STATE, encoding="ros2msg", data=JOINT_STATE_DEFINITION.encode())
     decode = DecoderFactory().decoder_for("cdr", schema)
     assert decode is not None
@@ -104,7 +104,7 @@ def _table(path: Path, kind: str, messages: Callable[[], Iterable[Stamped]], tak
 def _gathered(
     path: Path, messages: Iterable[Stamped], decode: Callable[[bytes], Any], take: Sequence[str]
 ) -> tuple[list[int], list[str], list[dict[int, float]], str]:
-    """Time in ns, joints, and position by joint of every message on the one topic."""
+    """Times in ns, joint names, and positions by joint of every message on the single topic."""
     logged: list[int] = []
     stamped: list[int] = []
     joints: dict[str, int] = {}
@@ -116,9 +116,9 @@ def _gathered(
             continue
         if len(topics) > 1 and not take:
             there = ", ".join(sorted(map(printable, topics)))
-            raise RunError(f"{path}: holds JointState on several topics: choose with --take one of {there}")
+            raise RunError(f"{path}: contains JointState on several topics: choose one with --take: {there}")
         if len(data) > LIMITS.message_bytes:
-            raise RunError(f"{path}: a JointState of {len(data):,} bytes, {LIMITS.message_bytes:,} is the most")
+            raise RunError(f"{path}: a JointState of {len(data):,} bytes; the maximum is {LIMITS.message_bytes:,}")
         message = decode(data)
         rows.append(_positions(path, message, joints))
         refuse_large(path, len(rows) * (len(joints) + 1))
@@ -126,15 +126,15 @@ def _gathered(
         stamped.append(message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec)
     if not rows:
         there = f"; its topics of that type: {', '.join(sorted(map(printable, topics)))}" if topics else ""
-        raise RunError(f"{path}: holds no sensor_msgs/JointState{f' on {take[0]}' if take else ''}{there}")
-    # A driver that leaves the stamp out leaves it at zero.
+        raise RunError(f"{path}: contains no sensor_msgs/JointState{f' on {take[0]}' if take else ''}{there}")
+    # A driver without time stamps writes zero.
     return (stamped if all(stamped) else logged), list(joints), rows, printable(min(take or topics))
 
 
 def _positions(path: Path, message: Any, joints: dict[str, int]) -> dict[int, float]:
     names = [printable(name) for name in message.name]
     if len(set(names)) < len(names):
-        raise RunError(f"{path}: two joints of one name in a JointState: {', '.join(names[:10])}: rename one")
+        raise RunError(f"{path}: two joints with the same name in a JointState: {', '.join(names[:10])}: rename one")
     if len(message.position) != len(names):
         raise RunError(f"{path}: a JointState of {len(names)} names and {len(message.position)} positions")
     for name in names:
@@ -153,7 +153,7 @@ def _mcap_messages(path: Path) -> Iterator[Stamped]:
             for inner in breakup_chunk(_expanded(record), validate_crc=True) if isinstance(record, Chunk) else [record]:
                 match inner:
                     case Metadata(name=name) if name == PROVENANCE:
-                        raise RunError(f"{path}: is a run of dpr-lab already: nothing needs to be imported")
+                        raise RunError(f"{path}: is already a run of dpr-lab and needs no import")
                     case Schema():
                         schemas[inner.id] = inner.name
                     case Channel() if schemas.get(inner.schema_id) in (JOINT_STATE, "sensor_msgs/JointState"):
@@ -169,18 +169,18 @@ def _refuse_encoding(path: Path, channel: Channel) -> None:
     if channel.message_encoding != "cdr":
         encoding = printable(channel.message_encoding[:20])
         raise RunError(
-            f"{path}: its JointState is written as {encoding!r}, not as ROS 2 does: convert the bag to ROS 2"
+            f"{path}: its JointState has the encoding {encoding!r}, not that of ROS 2: convert the bag to ROS 2"
         )
 
 
 def _expanded(chunk: Chunk) -> Chunk:
-    """The chunk unpacked, at most to what it says and to the limit."""
+    """Unpacked chunk, limited to its declared size and to the limit."""
     size = chunk.uncompressed_size
     if size > LIMITS.record_bytes:
-        raise McapError(f"a chunk that would expand to {size:,} bytes, {LIMITS.record_bytes:,} is the most")
+        raise McapError(f"a chunk that would expand to {size:,} bytes; the maximum is {LIMITS.record_bytes:,}")
     if chunk.compression == "zstd":
         if zstandard.frame_content_size(chunk.data) > size:
-            raise McapError("a chunk larger than it says")
+            raise McapError("a chunk larger than its declared size")
         return replace(chunk, compression="", data=zstandard.decompress(chunk.data, size))
     if chunk.compression == "lz4":
         import lz4.frame
@@ -198,7 +198,7 @@ def _sqlite_messages(path: Path) -> Iterator[Stamped]:
             bag.execute("PRAGMA trusted_schema = OFF")
             tables = bag.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
             if not {("topics",), ("messages",)} <= set(tables.fetchmany(LIMITS.joints)):
-                raise RunError(f"{path}: is a database, but no ROS 2 bag")
+                raise RunError(f"{path}: is a database, but not a ROS 2 bag")
             kinds = (JOINT_STATE, "cdr")
             query = (
                 "SELECT name, timestamp, data FROM messages JOIN topics ON topics.id = topic_id"

@@ -1,4 +1,4 @@
-"""MATLAB files up to version 7: arrays, and structs of them. Its objects are code, and refused."""
+"""MATLAB files up to version 7: arrays, and structs of arrays. MATLAB objects contain code and are refused."""
 
 import struct
 import zlib
@@ -17,23 +17,23 @@ from dpr_lab.storage.tables.table import Table
 
 KIND = "MATLAB file"
 HEADER, TAG, COMPRESSED = 128, 8, 15
-"""Bytes before the first element, bytes of an element's tag, and its type when it is packed (MAT-File Format, 2024)."""
+"""Size of the header, size of the tag of an element, and type of a compressed element (MAT-File Format, 2024)."""
 
 
 def object_sentence(path: Path, class_name: str) -> RunError:
-    """Message about a MATLAB object in the file."""
+    """Error message for a MATLAB object in the file."""
     how = "s.time = ts.Time; s.data = ts.Data; save('swing.mat', '-struct', 's')"
     return RunError(
-        f"{path}: holds an object of MATLAB's class {class_name}, which MATLAB alone can read:"
-        f" save it as a struct: {how}"
+        f"{path}: contains an object of the MATLAB class {class_name}, which only MATLAB can read: save it"
+        f" as a struct: {how}"
     )
 
 
 def read_matlab(path: Path, take: Sequence[str]) -> Table:
-    """Read a .mat file: every numeric array in it, and in its structs.
+    """Read every numeric array in a .mat file, including those in structs.
 
     Raises:
-        RunError: it cannot be read, holds an object, or unpacks to more than a recording.
+        RunError: the file cannot be read, contains an object, or unpacks to more than a recording.
     """
     from scipy.io import loadmat
 
@@ -55,7 +55,7 @@ def _most_bytes() -> int:
 
 
 def _unpacked(path: Path, content: bytes) -> bytearray:
-    """The same file with no element packed; none of the sizes that it says is believed."""
+    """The same file with all elements decompressed; declared sizes are not trusted."""
     order = "<" if content[126:HEADER] == b"IM" else ">"
     out, at = bytearray(content[:HEADER]), HEADER
     most = min(_most_bytes(), most_unpacked(path))
@@ -74,7 +74,7 @@ def _unpacked(path: Path, content: bytes) -> bytearray:
 
 
 def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[str, NDArray]]:
-    """Name -> array of everything in a struct and the structs in it."""
+    """Name -> array for a struct and all structs in it."""
     from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
     for key, value in held.items():

@@ -1,4 +1,4 @@
-"""NumPy's .npz and .npy, without the pickles that such a file may carry."""
+"""NumPy's .npz and .npy files, without pickled objects."""
 
 import zipfile
 import zlib
@@ -15,10 +15,10 @@ KIND = "NumPy file"
 
 
 def read_numpy(path: Path, take: Sequence[str]) -> Table:
-    """Read every numeric array of a .npz, or the one of a .npy.
+    """Read every numeric array of a .npz, or the array of a .npy.
 
     Raises:
-        RunError: damaged, an archive of something else, pickled objects, or more numbers than a recording has.
+        RunError: a damaged file, another archive, pickled objects, or more numbers than a recording has.
     """
     try:
         if not zipfile.is_zipfile(path):
@@ -28,7 +28,9 @@ def read_numpy(path: Path, take: Sequence[str]) -> Table:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
             if not all(member.filename.endswith(".npy") for member in members):
-                raise RunError(f"{path}: is a packed document, no .npz: of a spreadsheet save the table as CSV (UTF-8)")
+                raise RunError(
+                    f"{path}: is a compressed document, but not .npz: save the table of a spreadsheet as CSV (UTF-8)"
+                )
             size = sum(member.file_size for member in members)
             refuse_large(path, size // 8)
             refuse_swollen(path, size)
@@ -36,7 +38,7 @@ def read_numpy(path: Path, take: Sequence[str]) -> Table:
             return table_of(path, KIND, {name: held[name] for name in held.files}, take)
     except ValueError as error:
         if "allow_pickle" in str(error):
-            reason = "holds pickled objects, which could be code: save plain arrays of numbers"
+            reason = "contains pickled objects, which could contain code: save plain arrays of numbers"
             raise RunError(f"{path}: {reason}") from error
         raise broken(path, KIND, error) from error
     except (*BROKEN, zipfile.BadZipFile, zlib.error) as error:

@@ -1,4 +1,4 @@
-"""Apache Parquet, by pyarrow."""
+"""Apache Parquet files, read by pyarrow."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ def read_parquet(path: Path, take: Sequence[str]) -> Table:
     """Read every numeric column of a Parquet file; a missing value is NaN.
 
     Raises:
-        RunError: damaged, without numbers, or more of them than a recording has.
+        RunError: a damaged file, no numbers, or more numbers than a recording has.
         DprError: pyarrow is not installed.
     """
     with extra("parquet"):

@@ -1,11 +1,11 @@
-"""Points that were followed in a picture (Tracker, DeepLabCut, columns of x and y) as the angles of the rods.
+"""Points tracked in a video (Tracker, DeepLabCut, columns of x and y) as the angles of the rods.
 
-The inner rod reaches from the pivot to the elbow, the outer one from the elbow to the tip:
+The inner rod is the line from pivot to elbow, the outer rod the line from elbow to tip:
 
     theta1 = pi + atan2(x1, -y1),  (x1, y1) = elbow - pivot, y upwards;  theta2 likewise from tip - elbow
 
-A rod keeps its length, so how much the distance of its ends scatters is the noise of a point in the picture, and that
-over the length is the noise of the angle.
+The length of a rod is constant, so the scatter of the distance of its ends is the noise of a point in the picture.
+Divided by the length it is the noise of the angle.
 """
 
 import re
@@ -27,9 +27,9 @@ class PointSettings:
     """Limits for tracked points."""
 
     likelihood: float = 0.6
-    """At least; DeepLabCut draws no others (its pcutoff)."""
+    """Minimum likelihood of a point; DeepLabCut draws no others (its pcutoff)."""
     length_scatter: float = 0.1
-    """Of a rod, relative, at most: beyond it these are not its ends."""
+    """Maximum relative scatter of a rod's length; above it the points are not its ends."""
 
 
 SETTINGS = PointSettings()
@@ -43,11 +43,11 @@ _BY_NAME = re.compile(rf"{_COORDINATE}(\W*(px|pixels?|mm|cm|m)\W*)?", re.I)
 class _Point:
     name: str
     at: NDArray[np.float64]
-    """(n, 2) x to the right, y upwards, NaN where it was not seen."""
+    """(n, 2) x to the right, y upwards, NaN if the point was not detected."""
 
 
 def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched) -> Table:
-    """Read a text table; one of points becomes one of angles.
+    """Read a text table; a table of points is converted to angles.
 
     Raises:
         RunError: as `dpr_lab.storage.tables.table.read_table`, or points that are not the ends of two rods.
@@ -56,13 +56,13 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
     kind, points = _points(table)
     if not points:
         if take:
-            raise RunError(f"{path}: is one table without parts, nothing in it can be taken alone: leave out --take")
+            raise RunError(f"{path}: is a single table without parts: remove --take")
         return table
     return _angles(replace(table, kind=kind), points, take)
 
 
 def _points(table: Table) -> tuple[str, list[_Point]]:
-    """What the table is of, and the points in it."""
+    """Kind of the table, and the points in it."""
     rows = {row[0].lower(): row for row in table.heading if row and len(row) == len(table.names)}
     if "bodyparts" in rows and "coords" in rows:
         columns = zip(rows["bodyparts"], (coord.lower() for coord in rows["coords"]), strict=True)
@@ -80,7 +80,7 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
 
 
 def _groups(table: Table) -> list[str]:
-    """The name of the point that each column of a Tracker table belongs to: it stands above its first one."""
+    """Name of the point for each column of a Tracker table; the name is above its first column."""
     above = [row for row in table.heading if row != table.names and any(row)]
     row = (above[-1] if above else ()) + ("",) * len(table.names)
     groups, current, number = [], "", 0
@@ -97,7 +97,10 @@ def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float
     at = {}
     for k, column in enumerate(columns):
         if column[1] in ("x", "y", "likelihood") and at.setdefault(column, k + first) != k + first:
-            raise RunError(f"{table.path}: two columns of {column[1]} for the point {column[0]!r}: one animal, one rig")
+            raise RunError(
+                f"{table.path}: two columns of {column[1]} for the point {column[0]!r}: export"
+                f" the points of one animal only"
+            )
     for name in dict.fromkeys(name for name, _ in columns):
         if (name, "x") not in at or (name, "y") not in at:
             continue
@@ -111,9 +114,9 @@ def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float
 def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     pivot, elbow, tip = _chosen(table, points, take)
     inner, outer = elbow.at - pivot.at, tip.at - elbow.at
-    if table.kind == PLAIN and np.nanmedian(inner[:, 1] + outer[:, 1]) > 0:  # which way y goes, gravity tells
+    if table.kind == PLAIN and np.nanmedian(inner[:, 1] + outer[:, 1]) > 0:  # the direction of y follows from gravity
         inner, outer = inner * (1, -1), outer * (1, -1)
-    notes = [f"points taken: pivot {pivot.name}, elbow {elbow.name}, tip {tip.name}; --take names others"]
+    notes = [f"points used: pivot {pivot.name}, elbow {elbow.name}, tip {tip.name}; --take names others"]
     notes += [_noise_note(table, axis, rod) for axis, rod in (("theta1", inner), ("theta2", outer))]
     theta = [_direction(rod) for rod in (inner, outer)]
     time = [k for k, name in enumerate(table.names) if is_time(name)]
@@ -129,31 +132,31 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
 
 
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
-    """Pivot, elbow and tip: those named, or all in the order of the table; a pivot that was not followed is found."""
+    """Pivot, elbow and tip: the named points, or all in the order of the table; an untracked pivot is estimated."""
     by_name = {point.name.lower(): point for point in points}
     there = ", ".join(point.name for point in points)
     unknown = [name for name in take if name.lower() not in by_name]
     if unknown:
-        raise RunError(f"{table.path}: no point is named {unknown[0]!r}; there are: {there}")
+        raise RunError(f"{table.path}: has no point {unknown[0]!r}; its points: {there}")
     chosen = [by_name[name.lower()] for name in take] or points
     if len(chosen) not in (2, 3):
-        raise RunError(f"{table.path}: holds the points {there}: name with --take {WANTED}")
+        raise RunError(f"{table.path}: contains the points {there}: select with --take {WANTED}")
     if len(chosen) == 2:
-        return [_Point("(middle of the elbow's circle)", _middle(table, chosen[0])), *chosen]
-    pivot = np.nanmedian(chosen[0].at, axis=0)  # it rests: its own noise is not the rods'
+        return [_Point("(centre of the elbow's circle)", _middle(table, chosen[0])), *chosen]
+    pivot = np.nanmedian(chosen[0].at, axis=0)  # the pivot rests, so its noise is not that of the rods
     return [_Point(chosen[0].name, np.broadcast_to(pivot, chosen[0].at.shape)), *chosen[1:]]
 
 
 def _middle(table: Table, elbow: _Point) -> NDArray[np.float64]:
-    """(n, 2) the middle of the circle that a point moves on: x^2 + y^2 = 2 cx x + 2 cy y + k, by least squares."""
+    """(n, 2) centre of the circle on which a point moves: x^2 + y^2 = 2 cx x + 2 cy y + k, by least squares."""
     seen = elbow.at[np.isfinite(elbow.at).all(axis=1)]
     if len(seen) < 3:
-        raise RunError(f"{table.path}: the point {elbow.name!r} was hardly seen")
+        raise RunError(f"{table.path}: the point {elbow.name!r} was detected in too few frames")
     centred = seen - seen.mean(axis=0)
     A = np.column_stack([2 * centred, np.ones(len(seen))])
     solution, _, rank, _ = np.linalg.lstsq(A, (centred**2).sum(axis=1), rcond=1e-9)
     if rank < 3:
-        raise RunError(f"{table.path}: the point {elbow.name!r} moves on no circle: follow the pivot too")
+        raise RunError(f"{table.path}: the point {elbow.name!r} does not move on a circle: track the pivot as well")
     return np.broadcast_to(solution[:2] + seen.mean(axis=0), elbow.at.shape)
 
 
@@ -172,12 +175,12 @@ def _noise_note(table: Table, axis: str, rod: NDArray[np.float64]) -> str:
     lengths = np.hypot(*rod.T)
     seen = lengths[np.isfinite(lengths)]
     if not len(seen) or not np.median(seen) > 0:
-        raise RunError(f"{table.path}: the ends of the rod of {axis} were never seen together")
+        raise RunError(f"{table.path}: the ends of the rod of {axis} were never detected together")
     length = float(np.median(seen))
     scatter = float(median_abs_deviation(seen, scale=ndtri(0.75)))
     if scatter > SETTINGS.length_scatter * length:
         raise RunError(
-            f"{table.path}: the rod of {axis} changes its length by {scatter / length:.0%}: these points are not its"
-            f" ends; name with --take {WANTED}"
+            f"{table.path}: the rod of {axis} changes its length by {scatter / length:.0%}: these points"
+            f" are not its ends; select them with --take {WANTED}"
         )
-    return f"{axis}: noise {scatter / length:.2g} rad, by how much the rod's length scatters in the picture"
+    return f"{axis}: noise {scatter / length:.2g} rad, from the scatter of the rod's length in the picture"

@@ -1,1 +1,1 @@
-"""A table as it was read: its numbers, what its columns mean, what of it is plausible."""
+"""Tables: numbers, meaning of the columns, and plausibility."""

@@ -1,4 +1,4 @@
-"""The column that holds the input of a driven arm."""
+"""Column with the input of a driven arm."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -28,10 +28,10 @@ _KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
 
 
 def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[str, str]) -> ImportOptions:
-    """The options with what the arm did.
+    """The options with the mode of the arm.
 
     Raises:
-        RunError: the arm of this rig cannot have done that, or its column is missing.
+        RunError: the mode is not possible for this rig, or its column is missing.
     """
     mode = options.arm or rig.arm.mode
     try:
@@ -39,27 +39,23 @@ def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[s
     except ValueError as error:
         raise RunError(f"{path}: {error}") from error
     if mode in ("free", "driven") and "theta0" not in angles:
-        raise RunError(
-            f"{path}: an arm that is {mode} needs its angle: name its column, for example --columns theta0=q0"
-        )
+        raise RunError(f"{path}: a {mode} arm needs its angle: name its column, for example --columns theta0=q0")
     if "input" in options.columns and mode != "driven":
-        raise RunError(
-            f"{path}: an input column is for an arm that is driven, and this one is {mode}: add --arm driven"
-        )
+        raise RunError(f"{path}: an input column requires a driven arm, but this arm is {mode}: add --arm driven")
     return replace(options, arm=mode)
 
 
 def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path: object) -> tuple[str, float]:
-    """The column of a driven arm's input, and the factor that makes it SI.
+    """Column of the input of a driven arm, and the factor to SI units.
 
     Args:
-        names: of the table's columns
-        motor: what kind of input drives it
-        given: the column's name, where it is stated
-        path: of the table
+        names: names of the columns
+        motor: kind of the input
+        given: name of the column, if stated
+        path: path of the table
 
     Raises:
-        RunError: not exactly one column can be it.
+        RunError: no column matches, or several do.
     """
     units = _UNITS[motor.input]
     pattern = re.compile(f"{_KIND}(?:{_NAMES[motor.input]})0?{_KIND}({'|'.join(units)})?")
@@ -78,23 +74,23 @@ def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path:
 
 
 def refuse_silent(values: NDArray[np.float64], name: str, path: object) -> None:
-    """Make sure that an input drives the arm at all.
+    """Check that the input is not zero throughout.
 
     Raises:
-        RunError: it is zero throughout.
+        RunError: it is.
     """
     if not np.any(values):
         raise RunError(f"{path}: the input {name!r} is zero throughout: the arm was not driven; use --arm free")
 
 
 def refuse_still_arm(theta0: NDArray[np.float64], mode: str, path: object, least_rad: float = 0.005) -> None:
-    """Make sure that an arm that could move did.
+    """Check that an arm that is not clamped moves.
 
     Raises:
         RunError: its angle does not change.
     """
     if np.ptp(theta0) < least_rad:
         raise RunError(
-            f"{path}: the arm moves by {np.ptp(theta0):.2g} rad only although it is {mode}: check the column and the"
+            f"{path}: the arm moves by only {np.ptp(theta0):.2g} rad although it is {mode}: check the column and the"
             " unit of theta0, or use --arm clamped"
         )

@@ -1,4 +1,4 @@
-"""Blocks of a table that hold nothing but numbers, read without a Python call for each line."""
+"""Fast reading of blocks of a table that contain only numbers, without a Python call for each line."""
 
 import io
 
@@ -16,14 +16,14 @@ def clean_rows(
 ) -> NDArray[np.float64] | None:
     """The numbers of a block whose lines are all rows of numbers; None for any other block.
 
-    The result is the same, to the last bit, as that of `float` on each field. NaN stands for a missing value.
+    The result is the same, to the last bit, as that of `float` on each field. A missing value is NaN.
 
     Args:
-        text: whole lines
-        width: fields in a row
-        delimiter: between fields; None for blanks
+        text: complete lines
+        width: number of fields in a row
+        delimiter: separator of the fields; None for blanks
         decimal_comma: whether a comma is the decimal sign
-        line_length: characters of a line, at most
+        line_length: maximum number of characters of a line
 
     Returns:
         (n, width)
@@ -38,14 +38,14 @@ def clean_rows(
     text = text.replace(",", ".") if decimal_comma else text
     try:
         return np.loadtxt(io.StringIO(text), delimiter=delimiter, comments=None, ndmin=2)
-    except ValueError:  # a missing value, a word, or a number as Python alone writes it
+    except ValueError:  # a missing value, a word, or a number in a notation that only Python reads
         fields = text.split() if delimiter is None else text.replace("\n", delimiter).split(delimiter)[:-1]
         values = _numbers(fields)
         return None if values is None else values.reshape(-1, width)
 
 
 def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimiter: str | None) -> bool:
-    """Whether all lines have so many fields; a comment may, and is no number then."""
+    """Whether all lines have this number of fields; a comment may too, but it fails as a number later."""
     if delimiter is None:
         begins = raw > _BLANK
         begins[1:] &= raw[:-1] <= _BLANK
@@ -58,7 +58,7 @@ def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimi
 
 
 def _numbers(fields: list[str]) -> NDArray[np.float64] | None:
-    """Fields as numbers; None where one is neither a number nor missing."""
+    """Fields as numbers; None if a field is neither a number nor a missing value."""
     try:
         known = ("nan" if field.strip().lower() in NOT_A_VALUE else field for field in fields)
         return np.fromiter(map(float, known), dtype=np.float64, count=len(fields))

@@ -1,4 +1,4 @@
-"""Meaning of the columns of a table: by names that loggers use, by options, or by position where none has a name."""
+"""Meaning of the columns of a table: by common names, by options, or by position if the columns have no names."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -20,9 +20,9 @@ _TORQUE_NAME = re.compile(
     "(?:tau|torque|trq|effort){kind}([12]){kind}(?:nm)?".format(kind=f"({'|'.join(_TORQUE_KINDS)})?")
 )
 NO_ROD = "joint 2, without a rod"
-"""Name of a column that stands in."""
+"""Name of a substitute column."""
 PASSIVE = "none"
-"""Stands for the torque column of a joint without a drive."""
+"""Marks the torque column of a joint without a drive."""
 
 _TIME_NAME = r"(t|time|timestamp|elapsed|tout)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
@@ -41,19 +41,19 @@ class Columns:
     """Meaning and unit of each column."""
 
     names: Mapping[str, str]
-    """Of t and the axes, the column's name."""
+    """Column name of t and of each axis."""
     unit: str
     time_unit: str
     notes: tuple[str, ...] = ()
 
 
 def is_time(name: str) -> bool:
-    """Whether a column is named as loggers name the time."""
+    """Whether a column has a common name of the time."""
     return any(re.fullmatch(_TIME_NAME.format(unit=unit), _bare(name)) for unit in _TIME_SUFFIX.values())
 
 
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
-    """Columns by the names that loggers use; quantities without exactly one match are omitted."""
+    """Columns by common names; quantities without exactly one match are omitted."""
     patterns = {"t": re.compile(_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit]))}
     for axis, quantity in enumerate(AXES):
         patterns[quantity] = re.compile((_COUNT_NAME if unit == "counts" else _ANGLE_NAME).format(axis=axis))
@@ -68,13 +68,13 @@ def find_columns(
 
     Args:
         table: the table
-        given: column name of t, theta0, theta1, theta2, where it is stated
-        unit: of the angles; None for what their names say, else rad
-        time_unit: of the time; None for what its name says, else s
-        rate_hz: rows a second of a table without time
+        given: column name of t, theta0, theta1, theta2, if stated
+        unit: unit of the angles; None: as in their names, otherwise rad
+        time_unit: unit of the time; None: as in its name, otherwise s
+        rate_hz: sample rate of a table without time
 
     Raises:
-        RunError: a column that cannot be found, is there twice, is of another length or says another unit.
+        RunError: a column that is missing, occurs twice, has another length or states another unit.
     """
     names = [*table.names, *table.other_lengths]
     unit = unit or _said_unit(names, given)
@@ -82,7 +82,7 @@ def find_columns(
     named, notes = guess_columns(names, unit, time_unit) | dict(given), ()
     if not {"theta1", "theta2"} & set(named):
         by_place = _by_place(table, named.get("t"), rate_hz is not None)
-        notes = (f"columns without names taken as {', '.join(by_place)}",) if by_place else ()
+        notes = (f"columns without names are interpreted as {', '.join(by_place)}",) if by_place else ()
         named |= by_place
     if rate_hz is not None:
         named.pop("t", None)
@@ -92,19 +92,18 @@ def find_columns(
 
 
 def find_torques(names: Sequence[str], source: str | None, path: object) -> dict[str, tuple[str, str]]:
-    """Columns of the torques of joint 1 and 2 by their kind, `measured` first; none of a free swing.
+    """Columns of the torques of joint 1 and 2 by their kind, `measured` first; empty for a free swing.
 
-    The kind is empty where no column says one. Beside columns of one kind, those that say none are of the other. A
-    joint that no torque column is of is passive: the name of its column is `PASSIVE`.
+    The kind is empty if no column states it. If columns of one kind exist, columns without a kind are of the other
+    kind. A joint without a torque column is passive: the name of its column is `PASSIVE`.
 
     Args:
-        names: of the table's columns
-        source: `measured` or `commanded`, where only that kind is wanted; `none` for none; None for what there is
-        path: of the table
+        names: names of the columns
+        source: `measured` or `commanded`, if only this kind is requested; `none` for none; None for all
+        path: path of the table
 
     Raises:
-        RunError: two columns of one torque, none of the kind that is wanted, or a joint whose torque is of another
-            kind only.
+        RunError: two columns of one torque, none of the requested kind, or a joint with a torque of another kind only.
     """
     matches = {name: match for name in names if (match := _TORQUE_NAME.fullmatch(_bare(name)))}
     stated = {name: _TORQUE_KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
@@ -119,22 +118,22 @@ def find_torques(names: Sequence[str], source: str | None, path: object) -> dict
     wanted = (source,) if source in KINDS else KINDS if by_kind["measured"] or by_kind["commanded"] else ("",)
     chosen = {kind: by_kind[kind] for kind in wanted if by_kind[kind]}
     if source in KINDS and not chosen:
-        raise RunError(f"{path}: has no column of {source} torques; it has: {', '.join(names)}")
+        raise RunError(f"{path}: has no column of {source} torques; its columns: {', '.join(names)}")
     driven = {match[2]: name for name, match in matches.items()}
     for kind, pair in chosen.items():
         for joint in driven.keys() - pair.keys():
             there = ", ".join(pair.values())
             raise RunError(
-                f"{path}: joint {joint} has a torque ({driven[joint]}), but none that is {kind}, as of {there}: choose"
-                f" one kind for both joints with --torque, or leave {driven[joint]} out of the table"
+                f"{path}: joint {joint} has a torque ({driven[joint]}), but no {kind} torque like {there}: choose"
+                f" one kind for both joints with --torque, or remove {driven[joint]} from the table"
             )
     return {kind: (pair.get("1", PASSIVE), pair.get("2", PASSIVE)) for kind, pair in chosen.items()}
 
 
 def with_still_joint2(table: Table, given: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
-    """A table of one rod with a column of a joint 2 that does not turn, where it has none; and those given.
+    """A table of one rod with an additional column of a fixed joint 2 if it has none, and the given columns.
 
-    The rod's own column may have a name without a number.
+    The name of the rod's own column may lack a number.
     """
     there = any("theta2" in guess_columns(table.names, unit) for unit in ("rad", "counts"))
     if there or "theta2" in given:
@@ -156,10 +155,12 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     misread = {unit: name for unit in TO_SECONDS if (name := guess_columns(names, time_unit=unit).get("t"))}
     if timed and "t" not in named and len(misread) == 1:
         ((unit, name),) = misread.items()
-        raise RunError(f"{table.path}: column {name!r} is in {unit} by its name: leave out --time-unit, or rename it")
+        raise RunError(
+            f"{table.path}: column {name!r} is in {unit} by its name: remove --time-unit, or rename the column"
+        )
     missing = [q for q in (("t",) if timed else ()) + ("theta1", "theta2") if q not in named]
     if missing:
-        rate = "; of a table without time say --rate-hz" if "t" in missing else ""
+        rate = "; for a table without time give --rate-hz" if "t" in missing else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {there}."
             f" Name it, for example --columns {missing[0]}=NAME; both rods are needed{rate}"
@@ -168,7 +169,7 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     if other:
         lengths = ", ".join(f"{name} {table.other_lengths[name]:,}" for name in other)
         raise RunError(
-            f"{table.path}: columns of different length: {lengths} values where the others have {len(table.lines):,}"
+            f"{table.path}: columns of different length: {lengths} values, but the others have {len(table.lines):,}"
         )
 
 
@@ -190,7 +191,7 @@ def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
 
 
 def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, str]:
-    """Columns without names by their order: time if it is there, then both rods, or the arm and both rods."""
+    """Columns without names by their order: time if present, then both rods, or the arm and both rods."""
     if table.settled or not all(_NO_NAME.fullmatch(name) for name in table.names if name != time):
         return {}
     rest = [name for name in table.names if name != time]
@@ -203,7 +204,7 @@ def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, s
 
 
 def _runs(column: NDArray[np.float64]) -> bool:
-    """Whether a column grows in about equal steps."""
+    """Whether a column increases in nearly equal steps."""
     steps = np.diff(column)
     return bool(len(steps) and (steps > 0).all() and np.median(steps) > 0.5 * np.mean(steps))
 
@@ -213,7 +214,7 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
         pattern, given = (_SAID_TIME_UNIT, time_unit) if quantity == "t" else (_SAID_UNIT, unit)
         stated = pattern.search(name.lower())
         if stated and (stated[1] or "deg") != given:
-            raise RunError(f"{table.path}: column {name!r} says {stated[0]}, but the unit given is {given}")
+            raise RunError(f"{table.path}: column {name!r} states {stated[0]}, but the given unit is {given}")
 
 
 def _bare(name: str) -> str:

@@ -1,4 +1,4 @@
-"""The lines of a text file, plain or packed by gzip, in blocks: memory follows a block, not the file."""
+"""Lines of a text file, plain or compressed by gzip, in blocks, so that memory does not grow with the file."""
 
 import codecs
 import gzip
@@ -18,45 +18,45 @@ GZIP = b"\x1f\x8b"
 _CONTROL = bytes(set(range(32)) - set(b"\t\n\f\r"))
 
 Line = tuple[int, str]
-"""Number in the file, from 1, and text."""
+"""Line number in the file, from 1, and text."""
 
 
 @dataclass(frozen=True, slots=True)
 class TableLimits:
-    """Bounds on a table; a text is read in blocks and kept as numbers."""
+    """Limits of a table; a text is read in blocks and stored as numbers."""
 
     looked_at: int = 50
-    """Rows from which delimiter and decimal sign are found."""
+    """Number of rows used to detect delimiter and decimal sign."""
     line_length: int = 1 << 16
     rows: int = 50_000_000
-    """An hour at 10 kHz has 36 million."""
+    """Maximum number of rows; an hour at 10 kHz has 36 million."""
     values: int = 50_000_000
-    """Numbers in a file that is not text, which may be packed: 400 MB unpacked."""
+    """Maximum number of values in a binary file, which may be compressed: 400 MB unpacked."""
     head: int = 1000
-    """Lines before the first row of numbers."""
+    """Maximum number of lines before the first row of numbers."""
     block_bytes: int = 1 << 20
     expansion: int = 200
-    """Bytes of text for each packed one: rows of constant angles pack about thirtyfold."""
+    """Maximum compression ratio; rows of constant angles compress by a factor of about thirty."""
     small_bytes: int = 1 << 24
-    """A packed file may expand to this, however small it is."""
+    """Size to which even a small compressed file may expand."""
 
 
 class Content:
-    """The text of a file by line or by block; a context manager.
+    """Text of a file by line or by block; a context manager.
 
     Args:
         path: the file
-        limits: bounds on it
+        limits: limits of the file
         on_progress: called after each block
 
     Raises:
-        RunError: it is empty, no text, or packed and damaged or expands beyond the bounds; here or in what follows.
+        RunError: the file is empty, not text, or compressed and damaged or too large; here or in the methods.
         OSError: it cannot be read.
     """
 
     def __init__(self, path: Path, limits: TableLimits, on_progress: OnImport) -> None:
         self.comments: deque[Line] = deque(maxlen=1)
-        """The last one before what was read."""
+        """Last line before the current position."""
         self._path, self._limits, self._on_progress = path, limits, on_progress
         coding = _coding(path, limits)
         self._packed = path.open("rb")
@@ -73,7 +73,7 @@ class Content:
         self._packed.close()
 
     def lines(self) -> Iterator[Line]:
-        """Non-empty lines with their numbers; comments are kept separately."""
+        """Non-empty lines with their numbers; comments are stored separately."""
         while self._at < len(self._text) or self._read_block():
             end = self._text.find("\n", self._at)
             end = len(self._text) if end < 0 else end
@@ -83,9 +83,9 @@ class Content:
                 yield kept
 
     def blocks(self) -> Iterator[Line]:
-        """Lines of `lines` in blocks of whole lines, with the number of the first.
+        """Blocks of complete lines of `lines`, with the number of the first line.
 
-        Comments and empty lines are among them. The last block need not end with a line end.
+        Comments and empty lines are included. The last block may lack a line end.
         """
         while self._at < len(self._text) or self._read_block():
             number, text = self._number, self._text[self._at :]
@@ -94,7 +94,7 @@ class Content:
             yield number, text
 
     def lines_of(self, number: int, text: str) -> Iterator[Line]:
-        """Non-empty lines of a block, with their numbers."""
+        """Non-empty lines of a block with their numbers."""
         for at, line in enumerate(text.split("\n"), number):
             if kept := self._kept(at, line):
                 yield kept
@@ -102,7 +102,7 @@ class Content:
     def _kept(self, number: int, line: str) -> Line | None:
         if len(line) > self._limits.line_length:
             most = self._limits.line_length
-            raise RunError(f"{self._path}: line {number} is longer than {most} characters: no table")
+            raise RunError(f"{self._path}: line {number} is longer than {most} characters: not a table")
         text = line.strip(" \f")
         if text.startswith(COMMENTS):
             if not self._data:
@@ -112,7 +112,7 @@ class Content:
         return (number, text) if text else None
 
     def _read_block(self) -> bool:
-        """Read whole lines; false at the end of the file."""
+        """Read complete lines; false at the end of the file."""
         self._text = self._file.read(self._limits.block_bytes)
         if self._text and not self._text.endswith("\n"):
             self._text += self._file.readline(self._limits.line_length + 1)
@@ -122,10 +122,10 @@ class Content:
 
 
 class _Unpacked(io.RawIOBase):
-    """The text of a gzip file as a raw stream, bounded by the packed size.
+    """Text of a gzip file as a raw stream, limited by the compressed size.
 
     Raises:
-        RunError: damaged, or it expands beyond the bounds.
+        RunError: it is damaged, or expands beyond the limits.
     """
 
     def __init__(self, packed: BinaryIO, path: Path, limits: TableLimits) -> None:
@@ -139,16 +139,16 @@ class _Unpacked(io.RawIOBase):
         try:
             block = self._file.read(len(buffer))
         except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-            raise RunError(f"{self._path}: is damaged or cut off: it cannot be unpacked: copy it again") from error
+            raise RunError(f"{self._path}: is damaged or incomplete and cannot be unpacked: copy it again") from error
         self._left -= len(block)
         if self._left < 0:
-            raise RunError(f"{self._path}: unpacks to far more than a table does: unpack it and look at it first")
+            raise RunError(f"{self._path}: unpacks to far more than a table: unpack and inspect it first")
         buffer[: len(block)] = block
         return len(block)
 
 
 def _unpacked(packed: BinaryIO, path: Path, limits: TableLimits) -> BinaryIO:
-    """The bytes of a text file, unpacked where gzip packed it."""
+    """Bytes of a text file, decompressed if needed."""
     start = packed.read(len(GZIP))
     packed.seek(0)
     if start != GZIP:
@@ -157,10 +157,10 @@ def _unpacked(packed: BinaryIO, path: Path, limits: TableLimits) -> BinaryIO:
 
 
 def _coding(path: Path, limits: TableLimits) -> str:
-    """The coding of a text file, from all of it.
+    """Character encoding of a text file, determined from the complete file.
 
     Raises:
-        RunError: it is empty, or no text.
+        RunError: it is empty or not text.
     """
     decoder, something, utf8 = codecs.getincrementaldecoder("utf-8-sig")(), False, True
     with path.open("rb") as packed, _unpacked(packed, path, limits) as file:
@@ -173,7 +173,7 @@ def _coding(path: Path, limits: TableLimits) -> str:
         utf8 = utf8 and _decodes(decoder, b"", final=True)
     if not something:
         raise RunError(f"{path}: is empty")
-    return "utf-8-sig" if utf8 else "latin-1"  # a degree sign in a header is all that this can get wrong
+    return "utf-8-sig" if utf8 else "latin-1"  # affects at most a degree sign in a header
 
 
 def _decodes(decoder: codecs.IncrementalDecoder, block: bytes, final: bool = False) -> bool:

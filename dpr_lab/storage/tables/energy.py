@@ -1,13 +1,13 @@
-r"""Whether a table's angles and times can be a free swing of the rig, by its energy alone.
+r"""Energy test: whether angles and times of a table can be a free swing of the rig.
 
 With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/theory.md) the energy
 
     E = a w1^2 / 2 + b w2^2 / 2 + d cos(th1 - th2) w1 w2 + e1 cos(th1) + (d g / L1) cos(th2)
 
-changes by viscous friction, dE = -(c1 w1^2 + c2 (w2 - w1)^2) dt;
-known torques add tau1 w1 + tau2 (w2 - w1). All coefficients enter linearly. A
-least-squares fit within bounds about the rig file's values leaves a small residual where angles and times are read as
-they were written, and a large one elsewhere. It needs neither a start state nor a simulation.
+changes by viscous friction, dE = -(c1 w1^2 + c2 (w2 - w1)^2) dt; known torques add tau1 w1 + tau2 (w2 - w1). All
+coefficients enter linearly. A least-squares fit within bounds about the rig file's values has a small residual if
+angles and times are interpreted correctly, and a large one otherwise. It needs neither an initial state nor a
+simulation.
 """
 
 from dataclasses import dataclass
@@ -27,22 +27,23 @@ class EnergySettings:
     """Settings of the energy test."""
 
     looked_at_s: float = 10.0
-    """Of a table; a wrong reading is wrong from the start."""
+    """Examined duration of a table, s; a wrong interpretation is wrong from the start."""
     looked_at: int = 2000
-    """Rows, at least: the unit of time may be another."""
+    """Minimum number of rows, because the unit of time may be wrong."""
     fewest: int = 30
-    """Fewest samples that a judgement rests on."""
+    """Minimum number of samples for a judgement."""
     instants: int = 1500
-    """Of these the energy is compared, at most."""
+    """Maximum number of samples at which the energy is compared."""
     window: tuple[int, int] = (7, 51)
-    """Fewest and most samples of the local cubics that velocities come from."""
+    """Minimum and maximum number of samples of the local cubic polynomials for velocities."""
     window_share: float = 1 / 16
-    """Length of these cubics as a share of the period of the faster oscillation: a rod that turns five times as fast is
-    still followed."""
+    """Length of these polynomials relative to the period of the faster oscillation; also suitable for a rod that
+    turns five times as fast.
+    """
     slack: float = 3.0
-    """Factor by which a base parameter may lie outside of the rig file's values."""
+    """Factor by which a base parameter may differ from the value of the rig file."""
     friction: float = 100.0
-    """The same of the viscous coefficients, which are hardly known, upwards."""
+    """Factor by which a viscous coefficient, which is poorly known, may exceed the value of the rig file."""
 
 
 ENERGY = EnergySettings()
@@ -53,16 +54,17 @@ class EnergyFit:
     """Energy balance of one interpretation of a table."""
 
     residual: float
-    """Root mean square of the energy that appears or disappears, over that of the exchanged potential energy."""
+    """Rms error of the energy balance, relative to the exchanged potential energy."""
     time_scale: float
-    """Factor by which the times must be multiplied for kinetic and potential energy to be exchanged, 1 where right; nan
-    where they are not exchanged."""
+    """Factor for the times that balances the exchange of kinetic and potential energy, 1 if correct; nan without
+    exchange.
+    """
     kinetic_scale: float
-    """The same by the sizes of both energies alone: of driven rods too, right within a factor of some ten."""
+    """The same from the magnitudes of both energies, also for driven rods; accurate to a factor of about ten."""
 
 
 def periods(rig: Rig) -> tuple[float, float]:
-    """Periods of the two small oscillations about hanging with the rig file's values, longer first, s."""
+    """Periods of the two small oscillations about hanging with the values of the rig file, longer first, s."""
     a, b, d, e1, *_ = base_parameters(rig.nominal, rig.L1, rig.g).tolist()
     squares = np.linalg.eigvals(np.linalg.solve([[a, d], [d, b]], np.diag([e1, d * rig.g / rig.L1])))
     return tuple(sorted((2 * np.pi / np.sqrt(np.abs(squares))).tolist(), reverse=True))  # type: ignore[return-value]
@@ -76,14 +78,14 @@ def energy_fit(
     Args:
         t: (n,) s
         rods: (n, 2) absolute angles, rad
-        torques: (n, 2) known torques of the joints, N m; None of a free swing
-        rig: that was recorded
-        settings: how the energy is followed
+        torques: (n, 2) known torques of the joints, N m; None for a free swing
+        rig: the recorded rig
+        settings: settings of the test
     """
     with np.errstate(all="ignore"):
         try:
             moving = _velocities(t, rods, periods(rig)[1] * settings.window_share, settings)
-        except np.linalg.LinAlgError:  # instants of a window so uneven that they are one to a computer
+        except np.linalg.LinAlgError:  # instants so uneven that they are numerically equal
             return None
     if moving is None or not all(np.isfinite(part).all() for part in moving):
         return None
@@ -107,7 +109,7 @@ def energy_fit(
 
 
 def _bounded(columns: Array, target: Array, settings: EnergySettings) -> float:
-    """Root mean square residual of a fit within the bounds, columns in units of the rig file's values."""
+    """Rms residual of a fit within the bounds, columns scaled by the values of the rig file."""
     driven = columns.shape[1] - 5
     least = [1 / settings.slack] * 3 + [0.0] * 2 + [1 / settings.slack] * driven
     most = [settings.slack] * 3 + [settings.friction] * 2 + [settings.slack] * driven
@@ -119,7 +121,7 @@ def _bounded(columns: Array, target: Array, settings: EnergySettings) -> float:
 def _velocities(
     t: Array, rods: Array, length_s: float, settings: EnergySettings
 ) -> tuple[NDArray[np.intp], Array, Array, Array] | None:
-    """Rows, times, angles and velocities at the middles of windows of about that length."""
+    """Rows, times, angles and velocities at the centres of windows of about this length."""
     from numpy.lib.stride_tricks import sliding_window_view
 
     rows = max(settings.looked_at, int(np.searchsorted(t, t[0] + settings.looked_at_s)))
@@ -145,7 +147,7 @@ def _integral(t: Array, power: Array) -> Array:
 
 
 def _time_scale(kinetic: Array, potential: Array) -> float:
-    """Factor of the times that makes kinetic and potential energy sum up to a slowly falling line; nan where none."""
+    """Factor of the times for which the sum of kinetic and potential energy decreases slowly; nan if there is none."""
     line = np.vander(np.linspace(-1, 1, len(kinetic)), 2)
     k, v = (x - line @ np.linalg.lstsq(line, x, rcond=None)[0] for x in (kinetic, potential))
     exchanged = -float(k @ v)

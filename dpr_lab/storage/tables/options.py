@@ -1,4 +1,4 @@
-"""How a table is to be read, and when it was recorded."""
+"""Interpretation of a table, and time of its recording."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -13,18 +13,18 @@ AXES = ("theta0", "theta1", "theta2")
 
 @dataclass(frozen=True, slots=True)
 class Typed:
-    """How an option is typed in the command and on the screen."""
+    """Form of an option on the command line and on the screen."""
 
     help: str
     from_names: bool = False
-    """Whether it is read from the column names where it is not typed."""
+    """Whether the default is read from the column names."""
     lowest: float = -math.inf
     highest: float = math.inf
     positive: bool = False
-    """Whether it must be above zero and finite."""
+    """Whether the value must be positive and finite."""
 
     def check(self, name: str, value: object) -> None:
-        """Raise a ValueError where a number is outside its limits."""
+        """Raise a ValueError if a number is outside its limits."""
         if not isinstance(value, int | float) or isinstance(value, bool):
             return
         if self.positive and not 0 < value < math.inf:
@@ -36,13 +36,14 @@ class Typed:
 
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
-    """How a table is to be read. The options of `import table` and of the screen are these fields."""
+    """Interpretation of a table. The options of `import table` and of the screen are these fields."""
 
     pose: Annotated[str | None, Typed("Pose of the rig file from which the swing started.")] = None
     """Pose of the rig from which the swing started, if known."""
-    angles: Annotated[Literal["absolute", "relative"], Typed("theta2 to the vertical, or to the inner rod.")] = (
-        "absolute"
-    )
+    angles: Annotated[
+        Literal["absolute", "relative"],
+        Typed("Reference of theta2: the vertical (absolute), or the inner rod (relative)."),
+    ] = "absolute"
     """Whether theta2 is the angle of the outer rod to the vertical, or to the inner rod."""
     zero: Annotated[Literal["upright", "hanging"], Typed("Pose in which the angles are zero.")] = "upright"
     """Direction of the rods at angle 0."""
@@ -50,28 +51,30 @@ class ImportOptions:
         Literal["rad", "deg", "counts"] | None,
         Typed("Unit of the angles; by default read from the column names.", from_names=True),
     ] = "rad"
-    """`counts` are read by the rig's encoders, and `angles` and `zero` then come from the rig. None: as the column
-    names say, else rad."""
+    """Unit of the angles. `counts` are converted by the encoders of the rig, which then determine `angles` and
+    `zero`. None: as in the column names, otherwise rad.
+    """
     time_unit: Annotated[
         Literal["s", "ms", "us"] | None,
         Typed("Unit of the time; by default read from the column name.", from_names=True),
     ] = "s"
-    """None: as the column name says, else s."""
+    """Unit of the time; None: as in the column name, otherwise s."""
     columns: Annotated[
         Mapping[str, str], Typed("Names of the columns, e.g. t=time,theta1=q1,theta2=q2; recognised by default.")
     ] = field(default_factory=dict)
-    """Column name (or number, without a header) of t, theta0, theta1, theta2 and of the input of a driven arm, where
-    they are not recognised by name."""
+    """Column name (or number, without a header) of t, theta0, theta1, theta2 and of the input of a driven arm, if
+    not recognised by name.
+    """
     take: Annotated[
         tuple[str, ...], Typed("Part of the file: topic of a bag, arrays or groups, or the points PIVOT,ELBOW,TIP.")
     ] = ()
     """Part of the file: topic of a bag, arrays or groups of a .mat, .npz or .h5, or the points pivot, elbow, tip."""
     rate_hz: Annotated[float | None, Typed("Sample rate, Hz, for a table without times.", positive=True)] = None
-    """Sample rate of a table without times, Hz; a column of times is then not used."""
+    """Sample rate of a table without times, Hz; a column of times is then ignored."""
     wrap: Annotated[
         float | None, Typed("Period at which the angles wrap, in their unit, e.g. 360 or 4096.", positive=True)
     ] = None
-    """Period at which the logger wraps the angles, in their unit: 360, 4096, ...; None: whole turns are recognised."""
+    """Period at which the logger wraps the angles, in their unit: 360, 4096, ...; None: detected."""
     time_wrap: Annotated[
         float | None,
         Typed("Period at which the times wrap, in their unit: 4294967296 for a 32-bit counter.", positive=True),
@@ -81,16 +84,17 @@ class ImportOptions:
         default_factory=dict
     )
     """Axis -> factor of the values of the table."""
-    offset: Annotated[Mapping[str, float], Typed("Then add, in their unit: 90, or theta1=90.")] = field(
-        default_factory=dict
-    )
+    offset: Annotated[
+        Mapping[str, float], Typed("Add to the angles after scaling, in their unit: 90, or theta1=90.")
+    ] = field(default_factory=dict)
     """Axis -> value that is then added, in the unit of the table."""
     torque: Annotated[
         Literal["measured", "commanded", "none"] | None,
         Typed("Torques to use if the table has both kinds; none: treat it as a free swing."),
     ] = None
-    """The only kind of torques to keep, and the kind of torques whose column does not name it; `none`: no torques.
-    None: all torques of the table."""
+    """Kind of torques to keep, and the kind of columns that do not state it; `none`: no torques. None: all torques
+    of the table.
+    """
     input_delay_s: Annotated[
         float,
         Typed(
@@ -102,16 +106,17 @@ class ImportOptions:
     """Delay between the logged and the acting torques, s; positive: they act later."""
     arm: Annotated[
         Literal["clamped", "free", "prescribed", "driven"] | None,
-        Typed("The arm was held, was free, moved as its encoder says, or was driven; else as the rig says."),
+        Typed("Mode of the arm: clamped, free, prescribed by its encoder, or driven; default: as in the rig file."),
     ] = None
-    """What the arm did; None: as the rig file says."""
+    """Mode of the arm; None: as in the rig file."""
     keep_rest: Annotated[bool, Typed("Keep all rows, also those in which the rods seem to be held.")] = False
     """Whether all rows are used, also those in which the rods seem to be held."""
     recorded_at: Annotated[
         str, Typed("Time of the recording, e.g. 2026-03-01 or 2026-03-01T14:30; local time without a zone.")
     ] = ""
-    """Time of the recording: ISO 8601 date, or date and time; local time without a zone. Empty: as the time stamps of
-    the table say, or unknown."""
+    """Time of the recording: ISO 8601 date, or date and time; local time without a zone. Empty: from the time stamps
+    of the table, otherwise unknown.
+    """
     note: Annotated[str, Typed("A note stored with the run; `drift --by label` groups by it.")] = ""
     """Note of the operator; `drift --by label` groups runs by it."""
     start_s: Annotated[float, Typed("Duration to cut from the beginning, s.", lowest=0)] = 0.0
@@ -135,23 +140,23 @@ class ImportOptions:
 
 @dataclass(frozen=True, slots=True)
 class TypedOption:
-    """One option of `import table` as it is typed."""
+    """One option of `import table`."""
 
     name: str
     """Field of `ImportOptions`."""
     kind: Any
-    """Its type, without None."""
+    """Type without None."""
     default: Any
-    """Value where it is not typed; None for a mapping or a tuple."""
+    """Default value; None for a mapping or a tuple."""
     typed: Typed
 
     @property
     def reads_text(self) -> bool:
-        """Whether `read` makes its value of text."""
+        """Whether `read` converts the text to a value."""
         return get_origin(self.kind) in (Mapping, tuple)
 
     def read(self, text: str) -> Any:
-        """Names, `name=column` pairs, or a number for both rods or for each axis.
+        """Convert names, `name=column` pairs, or a number for both rods or for each axis.
 
         Raises:
             ValueError: text of another form.
@@ -169,12 +174,12 @@ class TypedOption:
             return {axis: float(value) if numeric else value for axis, value in pairs}
         except ValueError as error:
             example = "a number or theta1=-1,theta2=0.5" if numeric else "name=column pairs, t=time,theta1=q1"
-            raise ValueError(f"{self.name} takes {example}, not {text[:50]!r}") from error
+            raise ValueError(f"{self.name} must be {example}, not {text[:50]!r}") from error
 
 
 @cache
 def typed_options() -> tuple[TypedOption, ...]:
-    """The options of `import table`, one for each field of `ImportOptions`."""
+    """Options of `import table`, one for each field of `ImportOptions`."""
     return tuple(_typed_options())
 
 
@@ -189,10 +194,10 @@ def _typed_options() -> Iterator[TypedOption]:
 
 
 def parse_recorded_at(text: str) -> str:
-    """A date as it is, a date and time in UTC; a time without a zone is the computer's local time.
+    """A date unchanged, a date and time converted to UTC; a time without a zone is local time.
 
     Raises:
-        ValueError: it is neither, or lies in the future.
+        ValueError: it is neither, or is in the future.
     """
     text = text.strip()
     try:
@@ -206,5 +211,5 @@ def parse_recorded_at(text: str) -> str:
             f"recorded_at must be a date or a date and time, as 2026-03-01 or 2026-03-01T14:30, not {text[:50]!r}"
         ) from error
     if instant > datetime.now(UTC):
-        raise ValueError(f"recorded_at {text} lies in the future")
+        raise ValueError(f"recorded_at {text} is in the future")
     return day.isoformat() if day is not None else instant.isoformat(timespec="seconds")

@@ -1,4 +1,4 @@
-"""What a table of a swing can hold: spacing and length, wraps of a logger, outliers, speeds; and what is odd of it."""
+"""Plausibility of a table: spacing and length, wraps of a logger, outliers, speeds."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -12,39 +12,43 @@ from dpr_lab.errors import RunError
 
 @dataclass(frozen=True, slots=True)
 class Plausible:
-    """Limits of a plausible table; beyond them a unit is wrong or the file is not a recording."""
+    """Limits of a plausible table; outside them a unit is wrong or the file is not a recording."""
 
     nan_share: float = 0.1
-    """Rows without a value, at most."""
+    """Maximum share of rows without a value."""
     doubled_share: float = 0.1
-    """Rows with the time of the row before and other readings, at most."""
+    """Maximum share of rows with the same time as the previous row but other readings."""
     step_s: float = 10.0
-    """Median time between rows, at most."""
+    """Maximum median time between rows, s."""
     duration_s: float = 1e6
-    """From the first row to the last, at most."""
+    """Maximum time from the first row to the last, s."""
     stamps_s: tuple[float, float] = (946_684_800.0, 4_102_444_800.0)
-    """Between these a time counts as seconds since 1970, the years 2000 to 2100: no logger runs for thirty years."""
+    """Range of times that are interpreted as seconds since 1970, the years 2000 to 2100: no logger runs for thirty
+    years.
+    """
     angle: float = 1e4
-    """rad; a rod that turned further would have turned for hours."""
+    """Maximum angle, rad; a larger one would need hours of turning."""
     jump: float = 1.5 * np.pi
-    """Between two rows, rad; less than a wrapped turn, and more than a rod turns."""
+    """Minimum jump between two rows at a wrap, rad: less than a turn, and more than a rod turns."""
     outlier_rows: int = 3
-    """Rows in a row that leap away and back and are then no angles of the rod, at most."""
+    """Maximum number of consecutive rows that jump away and back and are then treated as outliers."""
     window_slack: float = 0.2
-    """How much wider than a turn the angles of a logger that wraps may lie, rad."""
+    """Tolerance on the range of wrapped angles, rad."""
     gap_steps: float = 1.5
     """Steps longer than this many median steps are reported as gaps."""
     speed: float = 100.0
-    """Of the faster rod, rad/s, exceeded in nine of ten rows: sixteen turns a second; degrees taken for radians are."""
+    """Speed of the faster rod, rad/s, that is exceeded in nine of ten rows if degrees are interpreted as radians:
+    sixteen turns per second.
+    """
     typical_rows: int = 20_000
-    """Rows, evenly spaced, that show what holds most of the time; of more only these are looked at."""
+    """Maximum number of examined rows, evenly spaced; sufficient to show typical properties."""
 
 
 PLAUSIBLE = Plausible()
 
 
 def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
-    """Refuse rows too far apart, or a table too long, for (n,) times in seconds.
+    """Refuse rows that are too far apart, or a table that is too long, for (n,) times in seconds.
 
     Raises:
         RunError: the unit of time is probably another one.
@@ -63,9 +67,9 @@ def check_spacing(path: Path, t: NDArray[np.float64]) -> None:
 
 
 def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The angles of a logger that wraps, turns counted: all within one turn, with jumps of nearly that.
+    """Unwrap the angles of a logger that wraps: all within one turn, with jumps of nearly one turn.
 
-    Others are returned as they are.
+    Other angles are returned unchanged.
     """
     if np.ptp(angles) > 2 * np.pi + PLAUSIBLE.window_slack or not _jumps(angles):
         return angles
@@ -73,7 +77,7 @@ def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def outliers(angles: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(n,) which angles lie beyond all turns, or leap away and back within a few rows without a wrap."""
+    """(n,) mask of angles beyond all turns, or that jump away and back within a few rows without a wrap."""
     wild = np.abs(angles) > PLAUSIBLE.angle
     if not wild.any() and not _jumps(angles):
         return wild
@@ -90,8 +94,8 @@ def _jumps(angles: NDArray[np.float64]) -> bool:
 
 
 def _leaps(angles: NDArray[np.float64], rows: int) -> NDArray[np.bool_]:
-    """(n,) which angles are in as many rows that leap away and back, unless a logger wrapped just these."""
-    # Beyond either end lies what lies next to the leap, so that the first row and the last can be one.
+    """(n,) mask of angles in this number of rows that jump away and back, unless caused by a wrap."""
+    # The ends are extended, so that the first and the last row can be outliers.
     x = np.concatenate([angles[rows : rows + 1], angles, angles[-rows - 1 : -rows]])
     into, back = x[1:-rows] - x[: -rows - 1], x[rows + 1 :] - x[rows:-1]
     away = (np.abs(into) > PLAUSIBLE.jump) & (np.abs(back) > PLAUSIBLE.jump) & (into * back < 0)
@@ -109,19 +113,21 @@ def _leaps(angles: NDArray[np.float64], rows: int) -> NDArray[np.bool_]:
 
 
 def gap_notes(t: NDArray[np.float64]) -> list[str]:
-    """A note on gaps between (n,) times, s, if there are any."""
+    """Note on gaps between (n,) times, s, if there are any."""
     steps = np.diff(t)
     gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
 
 
 def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64], upright: bool) -> list[str]:
-    """Notes on (n, 3) angles, rad, that no rods can have, or that point upwards most of the time."""
+    """Notes on (n, 3) angles, rad, that are impossible, or that point upwards most of the time."""
     rows = np.linspace(0, len(t) - 2, min(len(t) - 1, PLAUSIBLE.typical_rows)).astype(np.intp)
     steps, moved = t[rows + 1] - t[rows], np.abs(theta[rows + 1, 1:] - theta[rows, 1:])
     above = upright & (np.median(np.cos(theta[rows, 1:]), axis=0) > 0)
     speed = float(np.quantile(moved.max(axis=1) / steps, 0.1))
-    fast = [f"the rods turn at more than {speed:.3g} rad/s nearly always: are the units right (--unit, --time-unit)?"]
+    fast = [
+        f"the rods turn at more than {speed:.3g} rad/s most of the time: are the units right (--unit, --time-unit)?"
+    ]
     inverted = [
         "both rods point upwards most of the time: if the table's zero is hanging, import it with --zero hanging"
     ]
@@ -129,7 +135,7 @@ def odd_notes(t: NDArray[np.float64], theta: NDArray[np.float64], upright: bool)
 
 
 def recorded_by_stamps(first_s: float) -> str:
-    """The date and time in UTC of a table whose first time is seconds since 1970; empty where it cannot be that."""
+    """Date and time in UTC of a table whose first time is in seconds since 1970; empty otherwise."""
     if not PLAUSIBLE.stamps_s[0] <= first_s <= PLAUSIBLE.stamps_s[1]:
         return ""
     return datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")

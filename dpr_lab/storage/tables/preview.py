@@ -1,4 +1,4 @@
-"""What was understood of a table, to be looked at before it becomes a run."""
+"""Preview: interpretation of a table before the import."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +21,9 @@ class Preview:
 
     file: Path
     kind: str
-    """What kind of file it is."""
+    """Kind of the file."""
     columns: dict[str, str]
-    """Of t and the axes, the column's name."""
+    """Column name of t and of each axis."""
     angles: str
     zero: str
     unit: str
@@ -32,30 +32,34 @@ class Preview:
     duration_s: float
     rate_hz: float
     steps_s: tuple[float, float]
-    """Shortest and longest step."""
+    """Shortest and longest step, s."""
     gaps: int
-    """Steps that are longer than they should be."""
+    """Number of gaps."""
     notes: tuple[str, ...]
-    """What was done with the table."""
+    """Notes on the conversion of the table."""
     questions: tuple[TableQuestion, ...]
-    """What is doubtful of it."""
+    """Doubts about the interpretation."""
     torques: dict[str, tuple[str, str]]
-    """Of each kind of known torques, `measured` first, the columns of joint 1 and 2; of no kind where none is said."""
+    """Columns of joint 1 and 2 for each kind of known torques, `measured` first; the kind is empty if not stated."""
     largest_Nm: float
-    """Of all known torques, by size."""
+    """Maximum absolute value of all known torques, N m."""
     rest_s: float
-    """Duration of the rest before the release that is kept."""
+    """Duration of the rest before the release, s."""
     recorded_at: str
-    """ISO 8601 date, or date and time in UTC; empty where it is not known."""
+    """ISO 8601 date, or date and time in UTC; empty if unknown."""
     t: NDArray[np.float64]
     """(n,) s since the release; negative in the rest before it."""
     theta: NDArray[np.float64]
-    """(n, 3) absolute angles, 0 = upright, as the run would hold them, rad."""
+    """(n, 3) absolute angles of the run, 0 = upright, rad."""
 
     def facts(self) -> dict[str, str]:
         """Interpretation of the table, one line per property."""
         by_rig = self.unit == "counts"
-        reading = f"{self.unit}, by the rig's encoders" if by_rig else f"{self.unit}, {self.angles}, {self.zero} is 0"
+        reading = (
+            f"{self.unit}, converted by the encoders of the rig"
+            if by_rig
+            else f"{self.unit}, {self.angles}, {self.zero} is 0"
+        )
         axes = ", ".join(f"{axis} = {name}" for axis, name in self.columns.items())
         gaps = f"; {self.gaps} gaps" if self.gaps else "; no gaps"
         rest = f" and {self.rest_s:.4g} s of rest before it" if self.rest_s else ""
@@ -66,23 +70,23 @@ class Preview:
             "columns": axes,
             "angles": reading,
             "time": f"{self.samples:,} rows, {self.duration_s:.6g} s from the release{rest}, unit {self.time_unit}",
-            "recorded": self.recorded_at or "date not known (--recorded-at)",
+            "recorded": self.recorded_at or "date unknown (--recorded-at)",
             "rate": f"{self.rate_hz:.6g} Hz, steps {self.steps_s[0]:.4g} to {self.steps_s[1]:.4g} s{gaps}",
             "rods": "; ".join(f"theta{k} {_range(self.theta[:, k])}" for k in (1, 2)),
             **(driven if kinds else {}),
         }
 
     def first_rows(self, rows: int = 5) -> list[tuple[float, ...]]:
-        """Time and angles of the first rows, s and rad."""
+        """Times and angles of the first rows, s and rad."""
         return [(t, *theta) for t, theta in zip(self.t[:rows].tolist(), self.theta[:rows].tolist(), strict=True)]
 
     @property
     def mend(self) -> tuple[str, ...]:
-        """Words of the command line that certainly mend what is doubtful."""
+        """Command-line options that resolve the doubts with certainty."""
         return tuple(word for question in self.questions for word in question.mend)
 
     def to_json(self) -> dict[str, object]:
-        """Everything but the record, of which the first rows."""
+        """All properties as a JSON object, with the first rows of the recording."""
         names = ("kind", "columns", "angles", "zero", "unit", "time_unit", "samples", "duration_s", "rate_hz", "gaps")
         stated = {name: getattr(self, name) for name in names}
         return {
@@ -99,10 +103,10 @@ class Preview:
 
 
 def preview(file: Path, rig: Rig, options: ImportOptions, on_progress: OnImport = unwatched) -> Preview:
-    """Read a table as `import_csv` does, and write nothing.
+    """Read a table as `import_csv` does, without writing.
 
     Raises:
-        RunError: as `import_csv`.
+        RunError: as for `import_csv`.
     """
     swing = understand(file, rig, options, on_progress)
     steps = np.diff(swing.t)

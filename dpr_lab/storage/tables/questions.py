@@ -1,4 +1,4 @@
-"""Doubts about a table: refused where nothing can come of it, asked where an option mends it."""
+"""Doubts about a table: it is refused if it cannot be used, and a warning names the option that may correct it."""
 
 import math
 from collections.abc import Mapping
@@ -23,37 +23,42 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class QuestionSettings:
-    """Limits beyond which an import asks for confirmation."""
+    """Limits beyond which an import warns or refuses."""
 
     fewest_rows: int = 10
-    """Rows of a swing below which a table is refused: the noise alone takes seven."""
+    """Minimum number of rows of a swing; the noise estimate alone needs seven."""
     few_rows: int = 100
-    """Rows below which little can be learnt."""
+    """Number of rows below which the information is small."""
     rows_a_period: float = 8.0
-    """Rows in a period of the faster small oscillation, at least: a swing of some rad is faster than that."""
+    """Minimum number of rows per period of the faster small oscillation; large swings are faster."""
     refused_rows_a_period: float = 2.0
-    """The same, below which no swing can be followed."""
+    """Number of rows per period below which a swing cannot be followed."""
     still_share: float = 0.002
-    """Excursion of a rod as a share of the other's, below which its column is dead: the rods pull at each other."""
+    """Excursion of a rod relative to the other's, below which its column is considered constant: coupled rods always
+    move both.
+    """
     stiff_rad: float = 0.02
-    """Turn of joint 2 below which it does not turn, and the same as a share of the rods' excursion."""
+    """Range of joint 2 below which it is considered fixed, and the same relative to the excursion of the rods."""
     unexplained: tuple[float, float] = (0.3, 0.8)
-    """Residual of the energy of a free and of a driven swing from which a question is asked: geared drives of real rigs
-    take up to half of the exchanged energy by dry friction."""
+    """Residual of the energy of a free and of a driven swing above which a warning is given: geared drives of real
+    rigs dissipate up to half of the exchanged energy by Coulomb friction.
+    """
     time_scale: float = 1.6
-    """Factor by which kinetic and potential energy disagree about the times, beyond which a question is asked."""
+    """Factor of the times from kinetic and potential energy above which a warning is given."""
     arm_rad: float = 0.05
-    """Motion of an arm that is given as clamped from which a question is asked: a brake and a column yield by less."""
+    """Motion of a clamped arm above which a warning is given; a brake and a column yield by less."""
     other_unit: float = 30.0
-    """The same, from which the unit of time is wrong."""
+    """The same factor above which the unit of time must be wrong."""
     energy_rows: int = 200_000
-    """Rows of the swing whose energy is looked at, at most: a wrong reading is wrong from the start."""
+    """Maximum number of rows for the energy test; a wrong interpretation is wrong from the start."""
     pose: tuple[float, float] = (3.0, 10.0)
-    """Distance from the named pose, in its tolerances, from which a question is asked and a table is refused."""
+    """Distance from the named pose, in units of its tolerance, above which a warning is given and above which the
+    table is refused.
+    """
     hanging_rad: float = 0.03
-    """Rods this close to hanging at rest do not begin to swing by themselves."""
+    """Distance from hanging at rest within which rods do not start to swing by themselves, rad."""
     pushed_rad: float = 0.2
-    """Excursion afterwards from which they were pushed."""
+    """Later excursion that shows that they were pushed, rad."""
 
 
 SETTINGS = QuestionSettings()
@@ -65,53 +70,54 @@ class TableQuestion:
 
     sentence: str
     mend: tuple[str, ...] = ()
-    """Words of the command line that mend it, where that is certain."""
+    """Command-line options that correct it, if this is certain."""
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A table as it was understood."""
+    """A table with its interpretation."""
 
     path: Path
     rig: Rig
     options: ImportOptions
     columns: Mapping[str, str]
     t: Array
-    """(n,) s, the rest before the release included."""
+    """(n,) times including the rest before the release, s."""
     theta: Array
     """(n, 3) absolute angles, rad."""
     values: Values
-    """(n,) by axis, in the table's unit."""
+    """(n,) values by axis, in the unit of the table."""
     part: FreePart
     torques: Array | None
-    """(n, 2) known torques, N m; None of a free swing."""
+    """(n, 2) known torques, N m; None for a free swing."""
     arm_moves: bool
     """Whether the motion of the arm is prescribed."""
 
     @property
     def swing(self) -> slice:
-        """The samples of the swing."""
+        """Samples of the swing."""
         return slice(self.part.start, self.part.stop)
 
     @property
     def rest(self) -> slice:
-        """The samples of the rest before it, or the first of the swing."""
+        """Samples of the rest before it, or the first sample of the swing."""
         return slice(self.part.rest, max(self.part.start, self.part.rest + 1))
 
     def looked_at(self, settings: QuestionSettings) -> slice:
-        """The samples of the swing whose energy is looked at."""
+        """Samples of the swing for the energy test."""
         return slice(self.part.start, min(self.part.stop, self.part.start + settings.energy_rows))
 
 
 def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[TableQuestion]:
-    """The doubts about a table, gravest first.
+    """Doubts about a table, most serious first.
 
     Raises:
-        RunError: nothing can come of it: too few rows, dead or identical columns, another unit of time, another pose.
+        RunError: the table cannot be used: too few rows, constant or identical columns, another unit of time, another
+        pose.
     """
     t, theta = asked.t[asked.swing], asked.theta[asked.swing]
     if len(t) < settings.fewest_rows:
-        raise RunError(f"{asked.path}: only {len(t)} rows of a swing: at least {settings.fewest_rows} are needed")
+        raise RunError(f"{asked.path}: only {len(t)} rows of a swing; at least {settings.fewest_rows} are needed")
     _refuse_dead(asked, theta, settings)
     doubts, other = _energy_questions(asked, settings)
     doubts += _arm_questions(asked, theta[:, 0], settings)
@@ -121,7 +127,7 @@ def questions(asked: Asked, settings: QuestionSettings = SETTINGS) -> list[Table
 
 
 def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None:
-    """Refuse a rod or a joint that does not turn although it hangs there."""
+    """Refuse a mounted rod or a free joint that does not move."""
     if asked.rig.rods.mounted != "both":
         return
     names = [asked.columns.get(axis, axis) for axis in ("theta1", "theta2")]
@@ -131,29 +137,30 @@ def _refuse_dead(asked: Asked, theta: Array, settings: QuestionSettings) -> None
         return
     if np.array_equal(asked.values["theta1"], asked.values["theta2"]):
         raise RunError(
-            f"{asked.path}: {names[0]!r} and {names[1]!r} hold the same numbers. Name the columns of the two rods:"
+            f"{asked.path}: {names[0]!r} and {names[1]!r} contain the same numbers. Name the columns of the two rods:"
             " --columns theta1=NAME,theta2=NAME; if the elbow was clamped: --elbow clamped"
         )
     if joint2 < settings.stiff_rad and joint2 < settings.stiff_rad * most:
         raise RunError(
-            f"{asked.path}: theta2 - theta1 stays within {joint2:.2g} rad while the rods turn by {most:.3g} rad: joint"
-            " 2 does not turn. If the elbow was clamped: --elbow clamped; else name the column: --columns theta2=NAME"
+            f"{asked.path}: theta2 - theta1 stays within {joint2:.2g} rad while the rods turn by {most:.3g}"
+            f" rad: joint 2 does not turn. If the elbow was clamped: --elbow clamped; otherwise name the"
+            f" column: --columns theta2=NAME"
         )
     if moved2 < settings.still_share * most:
         raise RunError(
-            f"{asked.path}: theta2 ({names[1]!r}) stands still while theta1 turns by {most:.3g} rad. If no outer rod"
+            f"{asked.path}: theta2 ({names[1]!r}) is constant while theta1 turns by {most:.3g} rad. If no outer rod"
             " was mounted: --rods inner; if it is the angle to the inner rod and the elbow was clamped: --angles"
-            " relative --elbow clamped; else name the column: --columns theta2=NAME"
+            " relative --elbow clamped; otherwise name the column: --columns theta2=NAME"
         )
     if moved1 < settings.still_share * most:
         raise RunError(
-            f"{asked.path}: theta1 ({names[0]!r}) stands still while theta2 turns by {most:.3g} rad. If the outer rod"
-            " swung alone: --rods outer; else name the column: --columns theta1=NAME"
+            f"{asked.path}: theta1 ({names[0]!r}) is constant while theta2 turns by {most:.3g} rad. If the outer rod"
+            " swung alone: --rods outer; otherwise name the column: --columns theta1=NAME"
         )
 
 
 def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[TableQuestion], list[OtherReading]]:
-    """Doubts about units, zero, signs and order, by the energy of the swing; and the readings that mend them."""
+    """Doubts about units, zero, signs and order from the energy of the swing, and corrected interpretations."""
     looked_at = asked.looked_at(settings)
     t, theta = asked.t[looked_at], asked.theta[looked_at]
     both = asked.rig.rods.mounted == "both" and asked.rig.rods.elbow == "free"
@@ -172,14 +179,15 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
     if others:
         others = [_as_posed(asked, other, settings) for other in others]
         causes = "; or ".join(other.sentence for other in others)
-        sentence = f"read with these options the swing does not keep its energy; it does if {causes}"
+        sentence = f"with these options the energy of the swing is not conserved; it is if {causes}"
         return [TableQuestion(sentence, others[0].mend if len(others) == 1 else ())], others
     doubts = []
     if residual > settings.unexplained[asked.torques is not None]:
         share = f"{residual:.0%} of" if residual < 1 else f"{residual:.2g} times"
         doubts.append(
             TableQuestion(
-                f"the energy of the swing changes by {share} what gravity exchanges, which friction and known torques"
+                f"the energy of the swing changes by {share} the energy exchanged by gravity, which"
+                f" friction and known torques"
                 " do not explain: check --unit, --zero, --angles, --columns, --time-unit, --torque (in N m) and --arm,"
                 " and lengths and masses of the rig"
             )
@@ -187,7 +195,8 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
     elif fit is not None and _free(asked) and not 1 / settings.time_scale < fit.time_scale < settings.time_scale:
         doubts.append(
             TableQuestion(
-                f"the rods swing {fit.time_scale:.3g} times as fast as the rig file's lengths and masses say: check"
+                f"the rods swing {fit.time_scale:.3g} times as fast as predicted from lengths and masses of"
+                f" the rig file: check"
                 " L1, masses and inertias of the rig, --rate-hz or --time-unit"
             )
         )
@@ -197,17 +206,17 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
 
 
 def _arm_questions(asked: Asked, theta0: Array, settings: QuestionSettings) -> list[TableQuestion]:
-    """Doubt about an arm that is given as clamped."""
+    """Doubt about an arm that is specified as clamped."""
     if asked.arm_moves or not (moved := float(np.ptp(theta0))) > settings.arm_rad:
         return []
     known = "L0" in asked.rig.rig.model_fields_set
     mend = "--arm prescribed" + ("" if known else ", with the arm's length L0 in [rig] of the rig file")
-    sentence = f"theta0 moves by {moved:.2g} rad, but the arm is given as clamped: if it moved, import with {mend}"
+    sentence = f"theta0 moves by {moved:.2g} rad, but the arm is specified as clamped: if it moved, import with {mend}"
     return [TableQuestion(sentence, ("--arm", "prescribed") if known else ())]
 
 
 def _free(asked: Asked) -> bool:
-    """Whether nothing but gravity and friction acts."""
+    """Whether only gravity and friction act."""
     return asked.torques is None and not asked.arm_moves
 
 
@@ -223,8 +232,8 @@ def _refuse_unit_of_time(asked: Asked, scale: float, settings: QuestionSettings)
 def _unit_of_time(asked: Asked, unit: str) -> str:
     lasts = asked.t[-1] - asked.t[0]
     return (
-        f"{asked.path}: taken in {asked.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
-        f" {'hardly move' if unit != 's' else 'turn far too fast'}; those of the rig swing with periods of"
+        f"{asked.path}: in {asked.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
+        f" {'hardly move' if unit != 's' else 'turn far too fast'}; the rods of the rig swing with periods of"
         f" {' and '.join(f'{period:.2g} s' for period in periods(asked.rig))}: the times are in {unit}"
         f" (--time-unit {unit}), or the angles in another unit (--unit)"
     )
@@ -241,20 +250,22 @@ def _few(asked: Asked, t: Array, settings: QuestionSettings) -> list[TableQuesti
     doubts = []
     if step > fast / settings.refused_rows_a_period:
         raise RunError(
-            f"{asked.path}: rows are {step:.3g} s apart, but the rods of this rig swing with a period of {fast:.2g} s:"
-            " too few to follow them. Is the unit of time right (--time-unit ms), or the rate (--rate-hz)?"
+            f"{asked.path}: rows are {step:.3g} s apart, but the rods of this rig swing with a period of"
+            f" {fast:.2g} s: too few rows per period. Is the unit of time right (--time-unit ms), or the"
+            f" rate (--rate-hz)?"
         )
     if step > fast / settings.rows_a_period:
         doubts.append(
             TableQuestion(
                 f"rows are {step:.3g} s apart, {fast / step:.1f} in a period of the faster oscillation ({fast:.2g} s):"
-                f" record at {settings.rows_a_period * 4 / fast:.0f} Hz or more, or mend --time-unit or --rate-hz"
+                f" record at {settings.rows_a_period * 4 / fast:.0f} Hz or more, or correct --time-unit or --rate-hz"
             )
         )
     if len(t) < settings.few_rows or lasts < slow / 2:
         doubts.append(
             TableQuestion(
-                f"{len(t)} rows in {lasts:.3g} s: little can be learnt from less than {settings.few_rows} rows or half"
+                f"{len(t)} rows in {lasts:.3g} s: the information is small with less than"
+                f" {settings.few_rows} rows or half"
                 f" a period of the slower oscillation ({slow:.2g} s)"
             )
         )
@@ -262,10 +273,10 @@ def _few(asked: Asked, t: Array, settings: QuestionSettings) -> list[TableQuesti
 
 
 def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuestion]:
-    """Doubts about the pose that the release was from.
+    """Doubts about the pose of the release.
 
     Raises:
-        RunError: it is another one.
+        RunError: it is another pose.
     """
     if asked.options.pose is None:
         return []
@@ -280,11 +291,11 @@ def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuest
     keys = (
         "zero_counts, joint2, direction and counts_per_rev of the rig file" if counted else "--zero, --angles, --unit"
     )
-    mend, words = f"leave --pose out, or mend {keys}", ()
+    mend, words = f"remove --pose, or correct {keys}", ()
     if near:
         mend, words = f"it is pose {near[0]} (--pose {near[0]})", ("--pose", near[0])
     elif others := _readings_in_pose(asked, settings):
-        mend = f"it does if {'; or '.join(other.sentence for other in others)}"
+        mend = f"it would if {'; or '.join(other.sentence for other in others)}"
         words = others[0].mend if len(others) == 1 else ()
     sentence = f"the swing starts at {began_at}, not in pose {asked.options.pose} ({asked_for}): {mend}"
     if away > settings.pose[1]:
@@ -293,7 +304,7 @@ def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuest
 
 
 def _readings_in_pose(asked: Asked, settings: QuestionSettings) -> list[OtherReading]:
-    """Other readings with which the swing starts in the pose that is named and keeps its energy, by fewest changes."""
+    """Interpretations with the swing starting in the named pose and conserving its energy, fewest changes first."""
     looked_at = asked.looked_at(settings)
     values = {axis: column[looked_at] for axis, column in asked.values.items()}
     others = list(other_readings(values, asked.options, asked.columns))
@@ -315,7 +326,7 @@ def _residual(asked: Asked, other: OtherReading, looked_at: slice) -> float:
 
 
 def _as_posed(asked: Asked, other: OtherReading, settings: QuestionSettings) -> OtherReading:
-    """A reading of a swing, or the same from behind if only that starts in the pose that is named."""
+    """An interpretation, or its mirror image if only that starts in the named pose."""
     behind = not _in_pose(asked, other, settings) and _in_pose(asked, other.mirrored, settings)
     return other.mirrored if behind else other
 
@@ -330,15 +341,15 @@ def _in_pose(asked: Asked, other: OtherReading, settings: QuestionSettings) -> b
 
 
 def _apart(rods: Array, pose: Array) -> float:
-    """Largest distance of a rod from a pose, whole turns aside, rad."""
+    """Largest distance of a rod from a pose, without whole turns, rad."""
     return float(np.abs((rods - pose + np.pi) % (2 * np.pi) - np.pi).max())
 
 
 def refuse_push(asked: Asked, origin: float, settings: QuestionSettings = SETTINGS) -> None:
-    """Refuse rods that swing from the hanging rest without a known drive.
+    """Refuse rods that start to swing from the hanging rest without a known drive.
 
     Raises:
-        RunError: they were pushed; names the option that leaves the push out.
+        RunError: they were pushed; the message names the option that excludes the push.
     """
     rest, start = asked.part.rest, asked.part.start
     if start == rest or not _free(asked):
@@ -347,7 +358,8 @@ def refuse_push(asked: Asked, origin: float, settings: QuestionSettings = SETTIN
     if hung <= settings.hanging_rad and np.ptp(asked.theta[asked.swing, 1:], axis=0).max() > settings.pushed_rad:
         begins = asked.t[start] - origin
         raise RunError(
-            f"{asked.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing: something"
-            f" unknown pushed them. Leave the push out (--start-s {begins + 1:.4g}), or name the torques' columns"
-            " tau1_Nm, tau2_Nm; --keep-rest takes the table as it is"
+            f"{asked.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing:"
+            f" they were pushed by an unknown force. Exclude the push (--start-s {begins + 1:.4g}), or name"
+            f" the torques' columns"
+            " tau1_Nm, tau2_Nm; --keep-rest uses all rows"
         )

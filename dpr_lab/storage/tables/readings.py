@@ -1,4 +1,4 @@
-"""A table's values read as angles: with its options, and otherwise where these make no swing of the rig."""
+"""Conversion of a table's values to angles with given options, and other interpretations if these fail."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from dpr_lab.storage.tables.plausible import unwrapped
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]
-"""By axis, (n,) what was read, in the table's unit."""
+"""By axis, (n,) values in the unit of the table."""
 TO_RADIANS = {"rad": 1.0, "deg": np.pi / 180}
 
 
@@ -26,14 +26,17 @@ class ReadingSettings:
     """Limits beyond which another interpretation of a table is proposed."""
 
     right: float = 0.15
-    """Residual of the energy up to which a table is read right: 0.01 in simulations, 0.02 to 0.12 on real rigs, above
-    0.2 where one option is wrong."""
+    """Maximum residual of the energy of a correct interpretation: 0.01 in simulations, 0.02 to 0.12 on real rigs,
+    above 0.2 with one wrong option.
+    """
     better: float = 4.0
-    """Factor by which another reading's residual must be smaller."""
+    """Factor by which the residual of another interpretation must be smaller."""
     sure: float = 0.1
-    """Residual of another reading, at most."""
+    """Maximum residual of another interpretation."""
     alike: float = 2.0
-    """Readings whose residuals differ by less than this factor are equally good; the one with fewer changes counts."""
+    """Interpretations whose residuals differ by less than this factor are equally good; the one with fewer changes
+    is preferred.
+    """
 
 
 SETTINGS = ReadingSettings()
@@ -41,21 +44,21 @@ SETTINGS = ReadingSettings()
 
 @dataclass(frozen=True, slots=True)
 class OtherReading:
-    """Another way to read a table."""
+    """Another interpretation of a table."""
 
     causes: tuple[str, ...]
-    """What is so instead of what the options say, in words."""
+    """Description of the difference."""
     words: tuple[str, ...]
-    """Words of the command line besides `--scale`; empty where none is certain to be the cure."""
+    """Command-line options besides `--scale`; empty if the correction is not certain."""
     values: Values
     options: ImportOptions
     time_factor: float = 1.0
     scale: tuple[float, float] = (1.0, 1.0)
-    """By what the option `--scale` must further multiply the readings of the two rods."""
+    """Additional factors of the option `--scale` for the two rods."""
 
     @property
     def mend(self) -> tuple[str, ...]:
-        """Words of the command line; empty where none is certain to be the cure."""
+        """Command-line options; empty if the correction is not certain."""
         if self.scale == (1.0, 1.0):
             return self.words
         scale = dict(self.options.scale)
@@ -72,15 +75,15 @@ class OtherReading:
 
     @property
     def mirrored(self) -> "OtherReading":
-        """The same rods seen from behind; their energy is equal."""
+        """The mirror image of the rods, which has the same energy."""
         turned = {axis: -self.values[axis] for axis in AXES[1:]}
         signs = -self.scale[0], -self.scale[1]
-        causes = self.causes if signs == (-1.0, 1.0) else (*self.causes, "both angles have the other sign")
+        causes = self.causes if signs == (-1.0, 1.0) else (*self.causes, "both angles have the opposite sign")
         return replace(self, causes=causes, values={**self.values, **turned}, scale=signs)
 
 
 def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, NDArray[np.int64] | None]:
-    """(n, 3) absolute angles, rad, each axis contiguous, and the counts they come from, if any.
+    """(n, 3) absolute angles, rad, each axis contiguous, and the counts, if any.
 
     Raises:
         RunError: counts with fractions.
@@ -120,7 +123,7 @@ def better_readings(
     columns: Mapping[str, str],
     path: Path,
 ) -> list[OtherReading]:
-    """Readings that keep the energy of a swing certainly better than `fit`, of it as it is read; best first."""
+    """Interpretations that conserve the energy of a swing clearly better than `fit`, the current one; best first."""
     if fit.residual <= SETTINGS.right:
         return []
     tried: list[tuple[float, OtherReading]] = []
@@ -137,7 +140,7 @@ def better_readings(
 
 
 def other_readings(values: Values, options: ImportOptions, columns: Mapping[str, str]) -> Iterator[OtherReading]:
-    """Other interpretations of a table than its options state."""
+    """Other interpretations than given by the options."""
     counted = options.unit == "counts"
     zeros, references = ((False,), (False,)) if counted else ((False, True), (False, True))
     for zero, reference, sign, swap in product(zeros, references, (False, True), (False, True)):
@@ -165,11 +168,14 @@ def other_readings(values: Values, options: ImportOptions, columns: Mapping[str,
 
 
 def _slower(values: Values, options: ImportOptions, factor: float) -> OtherReading:
-    """The same angles at times that go so many times as slowly."""
+    """The same angles with times multiplied by this factor."""
     if options.rate_hz is not None:
         cause = f"the rate is about {options.rate_hz / factor:.3g} Hz (--rate-hz)"
     else:
-        cause = f"its seconds are about {factor:.3g} s: the logger's clock, or a rate instead of times (--rate-hz)"
+        cause = (
+            f"one second of the table is about {factor:.3g} s: wrong clock of the logger, or use a rate"
+            f" instead of the times (--rate-hz)"
+        )
     return OtherReading((cause,), (), values, options, factor)
 
 
@@ -194,11 +200,11 @@ def _changed(
     if reference:
         options = replace(options, angles="absolute" if options.angles == "relative" else "relative")
         to = "inner rod" if options.angles == "relative" else "vertical"
-        causes.append(f"the outer rod's angle is measured to the {to}")
+        causes.append(f"the angle of the outer rod is measured to the {to}")
         words += ["--angles", options.angles]
     if sign:
         changed["theta2"] = -changed["theta2"]
-        causes.append("one rod's angle has the other sign (direction of its encoder)")
+        causes.append("the angle of one rod has the opposite sign (direction of its encoder)")
     return OtherReading(tuple(causes), tuple(words), changed, options, scale=(1.0, -1.0 if sign else 1.0))
 
 
@@ -207,5 +213,7 @@ def _counts(path: Path, values: Values, rig: Rig) -> NDArray[np.int64]:
     still = (np.full(n, float(zero)) for zero in rig.encoders.zero_counts)
     columns = np.column_stack([values.get(axis, zero) for axis, zero in zip(AXES, still, strict=True)])
     if np.any(columns != np.round(columns)):
-        raise RunError(f"{path}: unit counts needs whole numbers; these have fractions, so they are rad or deg")
+        raise RunError(
+            f"{path}: the unit counts requires integers, but these values have fractions, so they are rad or deg"
+        )
     return columns.astype(np.int64)

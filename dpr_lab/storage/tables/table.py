@@ -1,4 +1,4 @@
-"""Read the text table of any logger: delimiter, header, comments and decimal sign are found, not asked for."""
+"""Reading of a text table of any logger; delimiter, header, comments and decimal sign are detected."""
 
 import csv
 from array import array
@@ -16,64 +16,64 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.storage.tables.clean import NOT_A_VALUE, clean_rows
 from dpr_lab.storage.tables.content import Content, Line, TableLimits
 
-DELIMITERS = (";", "\t", ",")  # in this order: next to a semicolon or a tab a comma is the decimal sign
+DELIMITERS = (";", "\t", ",")  # in this order: with a semicolon or tab as delimiter, a comma is the decimal sign
 LIMITS = TableLimits()
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table's columns."""
+    """Columns of a table."""
 
     path: Path
     names: tuple[str, ...]
-    """Column names; `1`, `2`, ... when the table has no header."""
+    """Column names; `1`, `2`, ... if the table has no header."""
     values: tuple[NDArray[np.float64], ...]
-    """Of each column; NaN where the logger wrote no value, or none that is a number."""
+    """Values of each column; NaN if a value is missing or not a number."""
     strange: tuple[str, ...]
-    """Of each column, the first field that is neither number nor missing, with its line; empty without."""
+    """First field of each column that is neither a number nor missing, with its line; empty without such a field."""
     lines: NDArray[np.int64]
-    """Line number in the file of each row (row number, where it has no lines), counted from 1."""
+    """Line number in the file of each row (row number if the file has no lines), from 1."""
     notes: tuple[str, ...] = ()
     kind: str = "text table"
-    """What kind of file it is."""
+    """Kind of the file."""
     heading: tuple[tuple[str, ...], ...] = ()
-    """The rows above the numbers, as they stand."""
+    """Rows above the numbers, unchanged."""
     other_lengths: Mapping[str, int] = field(default_factory=dict)
-    """Columns with another number of values, left out, and how many they have."""
+    """Ignored columns with another number of values, and this number."""
     settled: bool = False
-    """Whether the angles are absolute, 0 = upright, rad, regardless of the options."""
+    """Whether the angles are absolute, 0 = upright, rad, independent of the options."""
 
     def column(self, name: str) -> NDArray[np.float64]:
-        """(n,) values of one column; NaN where the logger wrote none.
+        """(n,) values of one column; NaN for missing values.
 
         Raises:
-            RunError: a field that is not a number; names line and column.
+            RunError: a field that is not a number; the message names line and column.
         """
         at = self.names.index(name)
         if self.strange[at]:
             raise RunError(
-                f"{self.path}: {self.strange[at]} in column {name!r} is not a number: correct it, or leave the field"
-                " empty if its value is missing; where another table begins, cut the file"
+                f"{self.path}: {self.strange[at]} in column {name!r} is not a number: correct it, or leave"
+                f" the field empty if its value is missing; if another table begins there, split the file"
             )
         return self.values[at].copy()
 
 
 def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
-    """Read a table with one header line or none; a text that gzip packed is unpacked on the way.
+    """Read a table with at most one header line; text compressed by gzip is decompressed.
 
     Args:
         path: the file
         on_progress: called after each block
 
     Raises:
-        RunError: cannot be read, empty, not text, without numbers, or a row of another length.
+        RunError: the file cannot be read, is empty, not text, without numbers, or has a row of another length.
     """
     try:
         with Content(path, LIMITS, on_progress) as content:
             lines = content.lines()
             head = list(islice(lines, LIMITS.looked_at))
             if not head:
-                raise RunError(f"{path}: holds no rows")
+                raise RunError(f"{path}: contains no rows")
             delimiter = _delimiter([line for _, line in head])
             rows = ((number, _cells(path, line, delimiter)) for number, line in chain(head, lines))
             early: list[list[str]] = []
@@ -82,15 +82,15 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
                     break
                 early.append(begin[1])
                 if len(early) > LIMITS.head:
-                    raise RunError(f"{path}: holds no row of numbers in its first {LIMITS.head} lines")
+                    raise RunError(f"{path}: contains no row of numbers in its first {LIMITS.head} lines")
             else:
-                raise RunError(f"{path}: holds no row of numbers, so it is not a table of angles")
+                raise RunError(f"{path}: contains no row of numbers, so it is not a table of angles")
             early = [_trimmed(other, len(begin[1])) for other in early]
             names = _names(early, content.comments, delimiter, len(begin[1]))
             first = [begin, *islice(rows, LIMITS.looked_at - 1)]
             comma = delimiter != "," and any("," in cell for _, cells in first for cell in cells)
             columns = _Columns(path, len(names), comma)
-            # `rows` may hold lines of `head` still.
+            # `rows` may still contain lines of `head`.
             columns.take(chain(first, islice(rows, LIMITS.looked_at)))
             for number, text in content.blocks():
                 if not columns.take_block(number, text, delimiter):
@@ -105,7 +105,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
 
 
 class _Columns:
-    """Columns of numbers that grow row by row."""
+    """Columns of numbers to which rows are appended."""
 
     def __init__(self, path: Path, width: int, decimal_comma: bool) -> None:
         self.strange = [""] * width
@@ -124,7 +124,7 @@ class _Columns:
         return np.frombuffer(self._lines, dtype=np.int64)
 
     def take(self, rows: Iterable[tuple[int, list[str]]]) -> None:
-        """Append rows; after one that is too short there must be none."""
+        """Append rows; a row that is too short must be the last one."""
         for number, row in rows:
             if self._short is not None or len(row) > len(self._values):
                 self._refuse(*(self._short or (number, len(row))))
@@ -132,13 +132,13 @@ class _Columns:
                 self._short = (number, len(row))
                 continue
             if len(self._lines) == LIMITS.rows:
-                raise RunError(f"{self._path}: has more than {LIMITS.rows:,} rows: cut it into recordings")
+                raise RunError(f"{self._path}: has more than {LIMITS.rows:,} rows: split it into recordings")
             self._lines.append(number)
             for at, cell in enumerate(row):
                 self._values[at].append(self._number(cell.strip(), at, number))
 
     def take_block(self, number: int, text: str, delimiter: str | None) -> bool:
-        """Append whole lines of numbers, the first of this number; false, and nothing appended, if they are not."""
+        """Append complete lines of numbers from this line number on; returns false, without appending, for others."""
         if self._short is not None:
             return False
         rows = clean_rows(text, len(self._values), delimiter, self._comma, LIMITS.line_length)
@@ -150,18 +150,18 @@ class _Columns:
         return True
 
     def finish(self) -> None:
-        """After the last row: one that is too short was cut off by a logger that was switched off."""
+        """Finish after the last row: a short last row was truncated when the logger was switched off."""
         if self._short is None:
             return
         if not self._lines:
             self._refuse(*self._short)
-        self.notes = (f"line {self._short[0]}, the last one, is cut off: left out",)
+        self.notes = (f"line {self._short[0]}, the last one, is incomplete: ignored",)
 
     def _refuse(self, number: int, length: int) -> NoReturn:
         width = len(self._values)
         decimal = ": if commas are decimal signs, export it with semicolons between the columns"
         raise RunError(
-            f"{self._path}: line {number} has {length} fields where there are {width} columns"
+            f"{self._path}: line {number} has {length} fields, but there are {width} columns"
             + (decimal if width < length <= 2 * width else "")
         )
 
@@ -175,21 +175,21 @@ class _Columns:
 
 
 def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:
-    """The names of the columns: of the rows above the numbers, else of the last comment, else numbers."""
+    """Names of the columns: from the rows above the numbers, otherwise from the last comment, otherwise numbers."""
     if not early:
         return _commented_header(comments, delimiter, width)
     wide = [row for row in early if len(row) == width]
-    # Above the names of columns, names of groups of them may stand.
+    # There may be names of groups above the names of columns.
     return next((row for row in wide if all(row)), (wide or early[-1:])[0])
 
 
 def _trimmed(row: list[str], width: int) -> list[str]:
-    """A row above the numbers without the empty fields that stand beyond them."""
+    """A row above the numbers without trailing empty fields."""
     return row[:width] if not any(row[width:]) else row
 
 
 def _delimiter(lines: list[str]) -> str | None:
-    """The first that most lines hold; None for blanks."""
+    """First delimiter that most lines contain; None for blanks."""
     return next((d for d in DELIMITERS if sum(d in line for line in lines) > len(lines) / 2), None)
 
 
@@ -203,7 +203,7 @@ def _cells(path: Path, line: str, delimiter: str | None) -> list[str]:
 
 
 def _is_data(row: list[str]) -> bool:
-    """Whether a row holds numbers, rather than names or units; a further column of words does not matter."""
+    """Whether a row contains numbers rather than names or units; an additional column of words is accepted."""
     numbers = sum(map(_is_number, row))
     empty = sum(cell.strip().lower() in NOT_A_VALUE for cell in row)
     return numbers > 0 and 2 * (numbers + empty) >= len(row)
@@ -217,6 +217,6 @@ def _is_number(cell: str) -> bool:
 
 
 def _commented_header(comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:
-    """The header in the last comment above the numbers, where it has as many names; else column numbers."""
+    """Header in the last comment above the numbers, if it has the right number of names; otherwise column numbers."""
     names = comments[-1][1].lstrip("#%/ ").split(delimiter) if comments else []
     return names if len(names) == width else [str(n + 1) for n in range(width)]

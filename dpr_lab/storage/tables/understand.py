@@ -1,7 +1,7 @@
-"""Understand a table of any kind: columns, units, zero, the release, and what is doubtful.
+"""Interpretation of a table: columns, units, zero, release, and doubts.
 
-Times stay as the table has them: uneven steps and gaps are kept, nothing is resampled. Rows without a value and rows
-with the time of the row before are left out, counted and reported.
+Times are not changed: uneven steps and gaps are kept, nothing is resampled. Rows without a value and rows with the same
+time as the previous row are removed, counted and reported.
 """
 
 from collections.abc import Mapping
@@ -32,42 +32,44 @@ class Understood:
     """Interpretation of a table."""
 
     since_first_s: NDArray[np.float64]
-    """(n,) s since the first row that is kept."""
+    """(n,) times since the first kept row, s."""
     release: int
-    """Row of the release; those before are the rest."""
+    """Row of the release; earlier rows are the rest."""
     theta: NDArray[np.float64]
     """(n, 3) absolute angles, 0 = upright, rad."""
     counts: NDArray[np.int64] | None
     t_offset_s: float
-    """The table's time at the release, s."""
+    """Time in the table at the release, s."""
     columns: Mapping[str, str]
     notes: tuple[str, ...]
-    """What was done with the table."""
+    """Notes on the conversion of the table."""
     options: ImportOptions
-    """With the units that were found."""
+    """Options including the detected units."""
     kind: str
     torques: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    """(n, 2) by kind, `measured` first; of no kind where their columns do not say it; none of a free swing."""
+    """(n, 2) torques by kind, `measured` first; the kind is empty if the columns do not state it; no entry for a
+    free swing.
+    """
     torque_columns: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Of each kind, the columns of joint 1 and 2."""
+    """Columns of joint 1 and 2 for each kind."""
     questions: tuple[TableQuestion, ...] = ()
-    """What is doubtful of it."""
+    """Doubts about the interpretation."""
     recorded_at: str = ""
-    """ISO 8601 date, or date and time in UTC; empty where it is not known."""
+    """ISO 8601 date, or date and time in UTC; empty if unknown."""
 
     @property
     def t(self) -> NDArray[np.float64]:
-        """(n,) s since the release; negative in the rest before it."""
+        """(n,) times since the release, s; negative in the rest before it."""
         return self.since_first_s - self.since_first_s[self.release]
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Notes and doubts, as a run keeps them."""
+        """Notes and doubts, as stored with a run."""
         return (*self.notes, *(question.sentence for question in self.questions))
 
     @property
     def rate_hz(self) -> float:
-        """Rows a second, by the median step."""
+        """Sample rate from the median step, Hz."""
         return round(float(1 / np.median(np.diff(self.t))), 6)
 
 
@@ -96,7 +98,7 @@ def understand(
     driving = find_torques([*recorded, *table.other_lengths], options.torque, path)
     factor, drive = 1.0, None
     if driving and options.arm in ("free", "driven"):
-        raise RunError(f"{path}: torques of the rods' joints cannot be used with an arm that moves: use --torque none")
+        raise RunError(f"{path}: torques of joints 1 and 2 are not supported with a moving arm: use --torque none")
     if options.arm == "driven":
         assert rig.motor is not None
         drive, factor = find_input(recorded, rig.motor, options.columns.get("input"), path)
@@ -115,7 +117,7 @@ def understand(
     elif torques:
         unrecorded.append(f"driven by {' and '.join(torques) or 'known'} torques, each held until the next row")
         passive = {f"joint {k + 1}" for pair in driving.values() for k, name in enumerate(pair) if name == PASSIVE}
-        unrecorded += [f"{joint} has no torque column: taken as passive, with a torque of zero" for joint in passive]
+        unrecorded += [f"{joint} has no torque column: treated as passive, with a torque of zero" for joint in passive]
     values = {axis: _scaled(column[kept], axis, options) for axis, column in readings.items()}
     notes = [*table.notes, *columns.notes, *notes, *outliers, *unrecorded]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
@@ -125,12 +127,12 @@ def understand(
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """The rows of a table that are kept."""
+    """Kept rows of the table."""
 
     path: Path
     kept: NDArray[np.intp]
     t: NDArray[np.float64]
-    """(all rows,) s"""
+    """(all rows,) times, s."""
     values: Mapping[str, NDArray[np.float64]]
     torques: Mapping[str, NDArray[np.float64]]
     columns: Mapping[str, str]
@@ -158,14 +160,15 @@ def _understood(
         refuse_push(asked, origin)
     doubts = questions(asked)
     if options.keep_rest and _seems_held(motion, whole):
-        doubts.append(TableQuestion("all rows are kept, although the rods seem to be held: leave --keep-rest out"))
+        doubts.append(TableQuestion("all rows are kept, although the rods seem to be held: remove --keep-rest"))
     quiet = rest_is_quiet(motion, part)
     notes += _cut_notes(time, part, quiet)
     first, release = part.rest if quiet else part.start, float(time[part.start])
     rows = slice(first, part.stop)
     stamped = recorded_by_stamps(release) if options.rate_hz is None else ""
     return Understood(
-        # Decimals that a run file holds in few characters; a nanosecond and 1e-11 rad are far below any logger's step.
+        # Decimals that need few characters in a run file; 1 ns and 1e-11 rad are far below the resolution of any
+        # logger.
         np.round(time[rows] - time[first], 9),
         part.start - first,
         np.round(theta[rows], 11) if counts is None else theta[rows],
@@ -190,24 +193,24 @@ def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
 
 
 def _cut_notes(t: NDArray[np.float64], part: FreePart, quiet: bool) -> list[str]:
-    """What was cut because the rods were held, and a first row before t = 0 that was taken for the release."""
+    """Notes on rows removed because the rods were held, and on a first row before t = 0 treated as the release."""
     notes = []
     if part.start == 0 and t[0] < 0 < t[-1]:
         notes.append(
-            f"the first row, at t = {t[0]:g} s, was taken for the release: if the release is at t = 0, add --start-s"
+            f"the first row, at t = {t[0]:g} s, is treated as the release: if the release is at t = 0, add --start-s"
             f" {-t[0]:g}"
         )
     if part.start > 0:
         kept = f"the {t[part.start] - t[part.rest]:.4g} s of rest before it are kept for the noise floor"
-        restless = "the rest before it is restless and left out"
-        what = (kept if quiet else restless) if part.start > part.rest else "the rows before it are left out"
+        restless = "the rods moved during the rest before it, which is excluded"
+        what = (kept if quiet else restless) if part.start > part.rest else "the rows before it are excluded"
         notes.append(
-            f"starts at {t[part.start]:.7g} s, when the rods begin to move; {what} (--keep-rest takes all rows)"
+            f"starts at {t[part.start]:.7g} s, when the rods begin to move; {what} (--keep-rest uses all rows)"
         )
     if part.stop < len(t):
         notes.append(
-            f"ends at {t[part.stop - 1]:.7g} s, when the rods are held; the rows after it are left out (--keep-rest"
-            " takes all rows)"
+            f"ends at {t[part.stop - 1]:.7g} s, when the rods are held; the rows after it are excluded"
+            f" (--keep-rest uses all rows)"
         )
     return notes
 
@@ -216,7 +219,8 @@ def _refuse_conventions(table: Table, options: ImportOptions) -> None:
     stated = (options.unit, options.angles, options.zero)
     if table.settled and stated != ("rad", "absolute", "upright"):
         raise RunError(
-            f"{table.path}: angles from points are absolute, upright is 0, in rad: leave out the options that say else"
+            f"{table.path}: angles from points are absolute, upright is 0, in rad: remove the options that"
+            f" contradict this"
         )
 
 
@@ -232,7 +236,7 @@ def _torque(table: Table, name: str) -> NDArray[np.float64]:
 
 
 def _held_torque(t: NDArray[np.float64], torque: NDArray[np.float64], kept: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Torque of the rows that are kept: before rows that are left out, the mean over them, which keeps its impulse.
+    """Torque of the kept rows. Before removed rows it is the mean over them, which conserves the impulse.
 
     Args:
         t: (rows,) s
@@ -258,7 +262,7 @@ def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> 
 
 
 def _scaled(column: NDArray[np.float64], axis: str, options: ImportOptions) -> NDArray[np.float64]:
-    """What was read without wraps, scale and offset."""
+    """Values before removal of wraps, scale and offset."""
     if options.wrap is not None:
         column = np.unwrap(column, period=options.wrap)
     return column * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
@@ -267,13 +271,13 @@ def _scaled(column: NDArray[np.float64], axis: str, options: ImportOptions) -> N
 def _recorded(
     table: Table, readings: dict[str, NDArray[np.float64]]
 ) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
-    """The axes whose column holds a number, and a note for one that holds none; both rods are needed."""
+    """Axes whose column contains numbers, and a note for an empty column; both rods are required."""
     silent = [axis for axis, column in readings.items() if not np.isfinite(column).any()]
     for axis in silent:
         if axis != "theta0":
-            raise RunError(f"{table.path}: the column of {axis} is empty throughout; both rods are needed")
+            raise RunError(f"{table.path}: the column of {axis} is empty; both rods are required")
     kept = {axis: column for axis, column in readings.items() if axis not in silent}
-    return kept, [f"{axis}: its column is empty throughout, so this axis was not recorded" for axis in silent]
+    return kept, [f"{axis}: its column is empty, so this axis was not recorded" for axis in silent]
 
 
 def _check_forwards(table: Table, t: NDArray[np.float64], options: ImportOptions) -> None:
@@ -286,14 +290,14 @@ def _check_forwards(table: Table, t: NDArray[np.float64], options: ImportOptions
         wrap = wrap_behind(float(t[before]) / unit, float(t[row]) / unit)
         if wrap is not None:
             raise RunError(
-                f"{there}: time falls by {t[before] - t[row]:g} s, as a counter does that wraps: import with"
+                f"{there}: time falls by {t[before] - t[row]:g} s, like a wrapping counter: import with"
                 f" --time-wrap {wrap:.10g}"
             )
         if len(backwards) == len(known) - 1:
-            raise RunError(f"{there}: time runs backwards in all rows: sort the rows by time")
+            raise RunError(f"{there}: time decreases in all rows: sort the rows by time")
         raise RunError(
-            f"{there}: time runs backwards, from {t[before]:g} s to {t[row]:g} s; cut the table there, each recording"
-            " is a run of its own"
+            f"{there}: time decreases from {t[before]:g} s to {t[row]:g} s; split the table there, because"
+            f" each recording is a separate run"
         )
 
 
@@ -306,10 +310,10 @@ def _rows_to_keep(
 ) -> tuple[NDArray[np.intp], list[str]]:
     known = t[np.isfinite(t)]
     if not len(known):
-        raise RunError(f"{path}: the time column holds no number")
+        raise RunError(f"{path}: the time column contains no number")
     start = known[0] + options.start_s
     stop = np.inf if options.duration_s is None else start + options.duration_s
-    # A row without a time belongs where the row before it does.
+    # A row without a time belongs to the same part as the previous row.
     at = np.maximum.accumulate(np.where(np.isfinite(t), t, known[0]))
     inside = np.flatnonzero((at >= start) & (at < stop))
     whole = np.logical_and.reduce([np.isfinite(column[inside]) for column in (t, *readings.values())])
@@ -317,7 +321,7 @@ def _rows_to_keep(
     if empty > PLAUSIBLE.nan_share * len(inside):
         raise RunError(
             f"{path}: {empty} of {len(inside)} rows have no value (NaN): too many for a recording."
-            " Export it again, or take a part that is whole (--start-s, --duration-s)"
+            " Export it again, or use a complete part (--start-s, --duration-s)"
         )
     rows = inside[whole]
     if len(rows) == 0:
@@ -326,30 +330,31 @@ def _rows_to_keep(
     _refuse_coarse_times(path, readings, rows, doubled)
     kept = rows[~doubled]
     if len(kept) < 2:
-        raise RunError(f"{path}: only {len(kept)} row is left: a run needs at least two instants")
+        raise RunError(f"{path}: only {len(kept)} row remains: a run needs at least two instants")
     return kept, _counted_notes(empty, int(doubled.sum()))
 
 
 def _refuse_coarse_times(
     path: Path, readings: Mapping[str, NDArray[np.float64]], rows: NDArray[np.intp], doubled: NDArray[np.bool_]
 ) -> None:
-    """Refuse many rows of the same time with other readings: the time column has too few digits."""
+    """Refuse a table with many rows of equal time and different readings: the time column has too few digits."""
     later, before = rows[doubled], rows[np.flatnonzero(doubled) - 1]
     again = np.logical_or.reduce([column[later] != column[before] for column in readings.values()])
     if again.sum() > PLAUSIBLE.doubled_share * len(rows):
         raise RunError(
-            f"{path}: {again.sum()} of {len(rows)} rows have the time of the row before and other readings: the time"
+            f"{path}: {again.sum()} of {len(rows)} rows have the same time as the previous row but other"
+            f" readings: the time"
             f" column has too few digits. Export it with more, or give the rate (--rate-hz)"
         )
 
 
 def _counted_notes(empty: int, doubled: int) -> list[str]:
-    notes = [f"rows without a value (NaN), left out as gaps: {empty}"] if empty else []
-    return notes + ([f"rows with the time of the row before, left out: {doubled}"] if doubled else [])
+    notes = [f"rows without a value (NaN), treated as gaps: {empty}"] if empty else []
+    return notes + ([f"rows with the same time as the previous row, removed: {doubled}"] if doubled else [])
 
 
 def _drop_outliers(readings: dict[str, NDArray[np.float64]], rig: Rig, options: ImportOptions) -> list[str]:
-    """Put NaN in place of readings that are none of the rod; notes how many."""
+    """Replace outliers by NaN and note their number."""
     notes = []
     for axis, column in readings.items():
         counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None
@@ -359,5 +364,5 @@ def _drop_outliers(readings: dict[str, NDArray[np.float64]], rig: Rig, options: 
         wild = known[outliers(turned * scale)]
         if len(wild):
             column[wild] = np.nan
-            notes.append(f"{axis}: outliers left out: {len(wild)}")
+            notes.append(f"{axis}: outliers removed: {len(wild)}")
     return notes

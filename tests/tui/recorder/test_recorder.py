@@ -148,7 +148,7 @@ def test_a_cancelled_recording_is_kept_as_incomplete(recorder, tmp_path: Path, r
     seen = await_report(process, AttemptSeen, lambda report: isinstance(report.progress, SwingReading)).progress.samples
     process.tell(CancelAttempt(1))
     failed = await_report(process, RecorderFailed)
-    assert "stopped by the operator; what was recorded until then is kept in" in failed.message
+    assert "stopped by the operator; the data recorded so far are kept in" in failed.message
     assert failed.alive
     (partial,) = (tmp_path / "runs").glob("*.mcap")
     assert verify(partial).faults[0].startswith("the recording was not completed")

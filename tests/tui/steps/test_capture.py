@@ -360,7 +360,7 @@ async def test_a_cable_pulled_while_recording_costs_the_rest_of_the_swing_only(a
         seen = step.attempt.recorded.samples
         port.pull()
         await until(pilot, lambda: step.attempt is None)
-        await until(pilot, lambda: "what was recorded until then is kept in" in said(app))
+        await until(pilot, lambda: "the data recorded so far are kept in" in said(app))
         assert step.missing().startswith("Capture needs a device")
         (partial,) = recorded(app)
         assert not info(partial).complete

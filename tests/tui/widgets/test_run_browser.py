@@ -27,7 +27,7 @@ class Answer:
 
 @pytest.fixture
 def folder(recorded: list[Path], tmp_path: Path) -> Path:
-    """The recorded runs, and one that was cut off before its end."""
+    """The recorded runs, and one that was incomplete: the end is missing."""
     out = tmp_path / "bench" / "runs"
     out.mkdir(parents=True)
     for name, run in zip(("first", "second", "third"), recorded, strict=True):
