@@ -1,1 +1,1 @@
-"""Acceptance: whether a rig keeps the limits of a file, by equivalence tests on a diagnosis."""
+"""Acceptance test of a rig: equivalence tests of the limits in a file, based on a diagnosis."""

@@ -1,14 +1,14 @@
-"""Judge a diagnosis by limits: equivalence tests at 95 %.
+"""Equivalence tests of limits at 95 %, based on a diagnosis.
 
 Two one-sided tests at 5 % each are one comparison with the 90 % interval [l, u] of a quantity:
 
     pass           [l, u] lies inside the limits
     fail           [l, u] lies outside the limits
-    not decidable  otherwise, or where these recordings do not give a valid interval
+    not decidable  otherwise, or if these recordings do not give a valid interval
 
 A named effect has the interval of its fit. An effect that was not named has that of the score test around the corrected
-model, a -+ 1.645 s. Where the common scale b is uncertain, an absolute size is a ratio times b^k, and its interval
-holds at both ends of the interval of b.
+model, a -+ 1.645 s. If the common scale b is uncertain, an absolute size is a ratio times b^k, and its interval covers
+both ends of the interval of b.
 
 Source: D. J. Schuirmann (1987), A comparison of the two one-sided tests procedure and the power approach, J.
 Pharmacokinetics and Biopharmaceutics 15, 657-680.
@@ -25,7 +25,9 @@ from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.diagnosis import Diagnosis, NamedEffect
 
 SURE = 0.95
-"""Probability of a cause from which its size can fail a limit, and of its absence from which it can pass one."""
+"""Probability of a cause above which its size can fail a limit, and probability of its absence above which it can
+pass one.
+"""
 
 Answer = Literal["pass", "fail", "not decidable"]
 Range = tuple[float, float]
@@ -33,42 +35,42 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class JudgedLimit:
-    """One limit and the answer of the recordings."""
+    """Result for one limit."""
 
     quantity: str
-    """`coulomb_joint2.torque_Nm`, or a ratio."""
+    """Name of the quantity: `coulomb_joint2.torque_Nm`, or a ratio."""
     unit: str
-    """Of the numbers, SI."""
+    """Unit of the numbers, SI."""
     lower: float | None
-    """Lower limit; None where there is none."""
+    """Lower limit; None: no limit."""
     upper: float | None
-    """Upper limit; None where there is none."""
+    """Upper limit; None: no limit."""
     interval90: Range | None
-    """90 % interval of the quantity; None where the recordings give none."""
+    """90 % interval of the quantity; None if the recordings give none."""
     answer: Answer
     """Result of the test."""
     reason: str
-    """Why it is not decidable; empty otherwise."""
+    """Reason why it is not decidable; empty otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """Limits judged by one diagnosis."""
+    """Results for all limits from one diagnosis."""
 
     answer: Answer
     """`fail` if a limit fails, else `not decidable` if one is, else `pass`."""
     sentence: str
-    """The diagnosis that it rests on, in words."""
+    """The underlying diagnosis in words."""
     limits: tuple[JudgedLimit, ...]
-    """In the order of the file."""
+    """Results in the order of the file."""
 
 
 def judge(diagnosis: Diagnosis, limits: Limits) -> Acceptance:
-    """Judge every limit.
+    """Test every limit.
 
     Args:
         diagnosis: the diagnosis of the recordings, with its evidence
-        limits: what the rig must keep
+        limits: the limits of the rig
     """
     judged = (*_effects(diagnosis, limits), *_ratios(diagnosis, limits))
     answers = {limit.answer for limit in judged}
@@ -120,7 +122,7 @@ def _answer(interval: Range | None, lower: float | None, upper: float | None) ->
 
 
 def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
-    """90 % interval of an amplitude, the uncertainty of the scale included."""
+    """90 % interval of an amplitude, including the uncertainty of the scale."""
     for named in diagnosis.effects:
         if named.name == effect:
             size = named.parameters.get(parameter)
@@ -146,19 +148,19 @@ def _with_scale(diagnosis: Diagnosis, effect: str, low: float, high: float) -> R
 
 
 def _untrusted(diagnosis: Diagnosis) -> str:
-    """Why no interval of this diagnosis is valid; empty where they are."""
+    """Reason why no interval of this diagnosis is valid; empty if they are valid."""
     if diagnosis.hints:
         return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
     reasons = {
         "inconclusive": "the recordings cannot show a gap",
-        "unexplained": "no effect explains the gap, so that the intervals are not valid",
-        "partly_explained": "part of the gap is unexplained, so that the intervals are not valid",
+        "unexplained": "no effect explains the gap, so the intervals are not valid",
+        "partly_explained": "part of the gap is unexplained, so the intervals are not valid",
     }
     return reasons.get(diagnosis.verdict, "")
 
 
 def _confused(diagnosis: Diagnosis, effect: str) -> str:
-    """The named effect that this one may be instead; empty where there is none."""
+    """Named effect that could be present instead of this one; empty if there is none."""
     if any(named.name == effect for named in diagnosis.effects):
         return ""
     for named in diagnosis.effects:
@@ -166,12 +168,12 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
             return f"indistinguishable from {named.name}"
     for rival in diagnosis.rivals:
         if effect in (rival.name, *rival.members) and rival.probability > 1 - SURE:
-            return f"with probability {rival.probability:.0%} it is the cause instead of {rival.instead_of or 'none'}"
+            return f"it is the cause with probability {rival.probability:.0%}, instead of {rival.instead_of or 'none'}"
     return "named before, but not confirmed on other recordings" if effect in diagnosis.withdrawn else ""
 
 
 def _doubted(named: NamedEffect) -> str:
-    """Why the ratios depend on whether a named effect is right; empty where its class is sure."""
+    """Reason why the ratios depend on a named effect; empty if its class is certain."""
     if named.probability >= SURE:
         return ""
     return f"the ratios depend on the cause, and the probability of {named.name} is {named.probability:.0%}"
@@ -186,7 +188,7 @@ def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
 
 
 def _unsure(diagnosis: Diagnosis, effect: str) -> str:
-    """Why an effect that is too large may be another one; empty where it is sure, or was not named."""
+    """Reason why an effect that is too large may be another one; empty if it is certain or was not named."""
     for named in diagnosis.effects:
         if named.name == effect:
             sure = named.probability * named.odds.get(effect, 1 / len(named.members))

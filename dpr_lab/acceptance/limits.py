@@ -1,4 +1,4 @@
-"""A limits file: largest sizes of effects and ranges of ratios.
+"""Limits file: maximum sizes of effects and ranges of ratios.
 
 [effects.coulomb_joint2]
 torque_Nm = { max = 0.002, unit = "N m" }
@@ -27,10 +27,10 @@ Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
 class EffectLimit(RigTable):
-    """Largest permitted size of one amplitude of an effect, of either sign."""
+    """Maximum absolute size of one amplitude of an effect."""
 
     max: Positive
-    """In `unit`."""
+    """Maximum in `unit`."""
     unit: str
     """Unit of the amplitude, as in docs/effects.md."""
 
@@ -43,16 +43,16 @@ class RatioLimit(RigTable):
     tolerance: Positive | None = None
     """Half the width of the range, with `nominal`."""
     min: Finite | None = None
-    """Lower bound; without it there is none."""
+    """Lower bound; None: no bound."""
     max: Finite | None = None
-    """Upper bound; without it there is none."""
+    """Upper bound; None: no bound."""
     unit: str
     """Unit of the ratio."""
 
     @model_validator(mode="after")
     def _is_a_range(self) -> "RatioLimit":
         if (self.nominal is None) != (self.tolerance is None):
-            raise ValueError("nominal and tolerance go together")
+            raise ValueError("give both nominal and tolerance")
         if (self.nominal is None) == (self.min is None and self.max is None):
             raise ValueError("needs either nominal and tolerance, or min, max or both")
         if self.min is not None and self.max is not None and not self.min < self.max:
@@ -61,14 +61,14 @@ class RatioLimit(RigTable):
 
     @property
     def bounds(self) -> tuple[float | None, float | None]:
-        """Lower and upper bound; None where there is none."""
+        """Lower and upper bound; None: no bound."""
         if self.nominal is None or self.tolerance is None:
             return self.min, self.max
         return self.nominal - self.tolerance, self.nominal + self.tolerance
 
 
 class Limits(RigTable):
-    """The limits that a rig must keep."""
+    """Limits of a rig."""
 
     effects: dict[str, dict[str, EffectLimit]] = Field(default={})
     """Effect -> amplitude -> limit of its size."""
@@ -80,7 +80,8 @@ def load_limits(path: Path) -> Limits:
     """Read a limits file.
 
     Raises:
-        ConfigError: not readable, no limit in it, or a wrong key, name, unit or value; the message names them.
+        ConfigError: the file is not readable, contains no limit, or has a wrong key, name, unit or value; the message
+        names them.
     """
     limits = read_config(path, Limits)
     if not limits.ratios and not any(limits.effects.values()):

@@ -19,7 +19,7 @@ def choices_of(certificate: Certificate) -> list[Declared]:
         Declared("held-out recordings", ", ".join(each.file for each in recordings if each.held_out) or "none"),
         Declared("rig file", f"{certificate.rig.file} (SHA-256 {certificate.rig.sha256[:12]})"),
         Declared("library", EVERYTHING) if library is None else _not_default("library", ", ".join(library), EVERYTHING),
-        _choice("effects left out", without or "none", "none"),
+        _choice("excluded effects", without or "none", "none"),
         _choice("maximum number of effects", str(choices.max_effects), "4"),
         _choice("seed", str(choices.seed), "0"),
         _choice("any device clock", "accepted" if choices.any_clock else "refused", "refused"),

@@ -66,9 +66,9 @@ class CertifiedChoices(_Part):
     """Free choices of the diagnosis; `verify` shows them first."""
 
     library: Annotated[tuple[str, ...], Field(min_length=1)] | None
-    """Names of the effects to choose from; None: all."""
+    """Names of the candidate effects; None: all."""
     without: tuple[str, ...]
-    """Names of effects to leave out."""
+    """Names of excluded effects."""
     max_effects: int = Field(ge=1, le=8)
     """Maximum number of effects at once."""
     seed: int = Field(ge=0, lt=1 << 63)
@@ -76,7 +76,7 @@ class CertifiedChoices(_Part):
     any_clock: bool
     """Whether runs are accepted if their device clock is less accurate than a crystal."""
     torque: Literal["measured", "commanded"] | None
-    """Kind of known torques that is used of runs with both; None: measured."""
+    """Kind of torques to use for runs that contain both; None: measured."""
 
     @model_validator(mode="after")
     def _known_effects(self) -> Self:

@@ -60,7 +60,7 @@ def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | Non
     if not same_file and not _has_readings(path, certified.readings):
         return False, now[:12], "is not the certified file"
     if same_file and load_run(path).readings_sha256 != certified.readings:
-        return False, now[:12], "does not hold the certified readings"
+        return False, now[:12], "does not contain the certified readings"
     return True, now[:12], "" if same_file else "another file with the same readings"
 
 

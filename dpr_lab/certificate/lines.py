@@ -16,7 +16,7 @@ class Verified:
     holds: bool
     """Whether the two agree within the tolerance."""
     reason: str = ""
-    """Why the claim fails, or a remark on one that holds."""
+    """Reason why the claim fails, or a remark on a valid claim."""
     within: float | None = None
     """Tolerance of a claim; 0: must be equal; None: a file or a signature."""
 

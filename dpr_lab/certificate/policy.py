@@ -1,7 +1,7 @@
-"""RequiredClaim claims of a certificate and their tolerances.
+"""Claims of a certificate and their tolerances.
 
-These rules are part of the code, not of the file: a certificate with a missing, added or changed claim does not hold.
-Changed rules are a new policy (`dpr_lab.certificate.document.POLICY`).
+These rules are part of the code, not of the file: a certificate with a missing, added or changed claim is not valid.
+Changed rules require a new policy (`dpr_lab.certificate.document.POLICY`).
 
 Names and verdicts must be equal. The tolerances of numbers are those that compare the results of different versions of
 this program (tests/golden). They follow from the repeated diagnosis, so editing the file cannot widen them.
@@ -59,7 +59,10 @@ def required_claims(diagnosis: Diagnosis) -> dict[str, RequiredClaim]:
         "share of the gap closed": _share(closed.estimate, closed.interval90),
     }
     if diagnosis.scale is not None:
-        required |= {"scale of torques fixed by": _text(diagnosis.scale.fixed_by), "b, kg m^2": _scale(diagnosis.scale)}
+        required |= {
+            "scale of torques fixed by": _text(diagnosis.scale.fixed_by),
+            "b, kg m^2": _scale(diagnosis.scale),
+        }
     for effect in diagnosis.effects:
         required |= {f"{effect.name}: {name}": claim for name, claim in _effect_claims(effect, diagnosis.scale)}
     ratios = diagnosis.ratios.items()

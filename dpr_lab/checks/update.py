@@ -9,9 +9,9 @@ density of the result under it, Bayes' theorem gives
     Bayes factor of c  =  L_c / (sum over j != c of p_j L_j / sum over j != c of p_j).
 
 The densities of a measured amplitude are those of `dpr_lab.gap.advice.measurement`. A recording has the predictive cost
-of each candidate, fitted with the other named effects and tempered as in `dpr_lab.gap.classes.posterior`; it says
-nothing of a cause that was not fitted, whose probability it keeps. Nothing of the old recordings is fitted again.
-Equations (57) and (58) of docs/theory.md.
+of each candidate, fitted with the other named effects and tempered as in `dpr_lab.gap.classes.posterior`; it contains
+no information about a cause that was not fitted, whose probability does not change. The old recordings are not fitted
+again. Equations (57) and (58) of docs/theory.md.
 """
 
 from collections.abc import Mapping
@@ -52,13 +52,13 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
     """The diagnosis after a check.
 
     Args:
-        diagnosis: it recommends the check
+        diagnosis: the diagnosis that recommends the check
         check: the check
         answer: its result
 
     Raises:
-        RunError: the answer is not what the check asks for, cannot be true, or is not predicted by any candidate and
-            not confirmed; runs that cannot be fitted.
+        RunError: the answer is of the wrong kind, is impossible, or is not predicted by any candidate and not
+        confirmed; runs that cannot be fitted.
     """
     kind = kind_of(check)
     if answer.given != kind.takes:
@@ -151,7 +151,7 @@ def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
 
 
 def _remedies(diagnosis: Diagnosis, about: str, done: CheckDone) -> list[str]:
-    """The remedies without that of an effect that is not the most probable cause any more."""
+    """Remedies without that of an effect that is no longer the most probable cause."""
     if likeliest(done.after) == about:
         return diagnosis.remedies
     return [remedy for remedy in diagnosis.remedies if not remedy.startswith(f"For {about}:")]
@@ -160,7 +160,7 @@ def _remedies(diagnosis: Diagnosis, about: str, done: CheckDone) -> list[str]:
 def _standing(
     diagnosis: Diagnosis, about: str, after: Mapping[str, float]
 ) -> tuple[list[NamedEffect], list[RivalEffect]]:
-    """Named effects and rivals; members of the class that a check split off are rivals from then on."""
+    """Named effects and alternatives; members of a class that a check separated become alternatives."""
     named = _named(diagnosis, about)
     whole = sum(after[name] for name in named.members)
     kept = [name for name in named.members if after[name] > SETTINGS.dropped * whole]

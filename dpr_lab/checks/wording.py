@@ -10,7 +10,7 @@ from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, CheckDone, Diagnosis
 
 
 def likeliest(probabilities: Mapping[str, float]) -> str:
-    """The hypothesis of the highest probability; of equal ones the first."""
+    """Hypothesis with the highest probability; the first of equal ones."""
     return max(probabilities, key=lambda name: probabilities[name])
 
 
@@ -23,7 +23,7 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
         others = [effect for effect in diagnosis.effects if effect.name != about]
         left = others and diagnosis.verdict in ("named", "partly_explained")
         none = (
-            f"{result} none of the named effects explains what was measured. Either the cause is another one, or the"
+            f"{result} none of the named effects explains the measured value. Either the cause is another one, or the"
             f" measurement is of another quantity (probability {done.before[after]:.2g} -> {done.after[after]:.2g},"
             f" {factor})."
         )
@@ -33,7 +33,7 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
         f"{result} {best} {done.before[best]:.2f} -> {done.after[best]:.2f}, Bayes factor {bayes_factor(done, best)}."
     )
     if not explained:
-        moved += " The value itself fits none of the candidates."
+        moved += " The value agrees with none of the candidates."
     if best == about:
         return diagnosis.verdict, f"{diagnosis.sentence} {moved}"
     return diagnosis.verdict, (

@@ -1,7 +1,7 @@
-"""The corrected model for other programs; a new format is one file and one row of `FORMATS`.
+"""Export of the corrected model to other programs; a new format is one file and one row of `FORMATS`.
 
-Each effect says in `Effect.exported` what it is in the words that programs share; a program that can call functions is
-given its kernel. What is left over is lost there, and named with the reason.
+`Effect.exported` describes each effect by elements that programs share. A program that can call functions gets the
+kernel of an effect. Effects without either are lost in this format, and are listed with the reason.
 """
 
 import json
@@ -24,17 +24,17 @@ class ExportFormat:
     """One export format: the files of a corrected model and how it expresses effects."""
 
     program: str
-    """What it is called."""
+    """Name of the program."""
     main: str
-    """Name of the file that a program reads first."""
+    """Name of the main file."""
     files: Callable[[Model, Rig, Mapping[str, str]], Mapping[str, str | bytes]]
-    """Of a model, its rig and what is lost: name of each file -> what it holds."""
+    """Function of model, rig and lost effects: name of each file -> content."""
     runs_in: Program
-    """The program that replays recordings with what is written."""
+    """Program that replays recordings with the written files."""
     words: frozenset[str] = frozenset()
-    """Words of effects that it has."""
+    """Elements of effects that the format supports."""
     calls: tuple[str, ...] = ()
-    """Stages of the effects whose kernels it calls."""
+    """Stages of the effects whose kernels the program calls."""
     optional: bool = False
     """Whether it requires optional packages; `diagnose --out` then does not write it."""
 
@@ -50,10 +50,10 @@ class ExportFormat:
         """Name of each file -> content; with a JSON file of the lost effects, if any.
 
         Args:
-            model: what to write
+            model: the model to write
             rig: its rig
             lost: effects already left out of the refitted model; none: those that the format cannot express
-            check: what that costs, for the JSON
+            check: loss of accuracy, for the JSON
         """
         lost = self.lost(model, rig) if lost is None else lost
         document = {"lost": dict(lost), "check": check}
@@ -102,4 +102,4 @@ FORMATS: dict[str, ExportFormat] = {
         optional=True,
     ),
 }
-"""Name of a format -> how it is written."""
+"""Name of a format -> its definition."""

@@ -1,4 +1,4 @@
-"""The corrected rig as rigid bodies on hinges, in the words that simulators share (`dpr_lab.effects.effect.Words`)."""
+"""The corrected rig as rigid bodies on hinges, with elements that simulators share (`Words` of effects)."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -16,25 +16,25 @@ from dpr_lab.rig import Rig
 Effects = Mapping[str, Mapping[str, float]]
 
 THIN = 1e-12
-"""Inertia of what is as thin as a line about its own axis, kg m^2: simulators want more than none."""
+"""Inertia of a thin rod about its own axis, kg m^2, because simulators require a positive value."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rod:
-    """A rod in its own frame: the joint at the origin, z along the rod, turning about y; SI."""
+    """A rod in its own frame: joint at the origin, z along the rod, rotation about y; SI."""
 
     length: float
     mass: float
     centroid: float
-    """Along the rod."""
+    """Distance of the centroid along the rod."""
     offset: float
-    """Of the centroid across the rod, along x."""
+    """Distance of the centroid across the rod, along x."""
     inertia: float
-    """About its centroid."""
+    """Inertia about its centroid."""
     damping: float
     """Viscous friction of its joint."""
     words: Words
-    """What its joint has besides."""
+    """Additional elements of its joint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Arm:
 
     length: float
     inertia: float
-    """Without the rods."""
+    """Inertia without the rods."""
     damping: float
     stiffness: float
 
@@ -54,14 +54,14 @@ class Bodies:
 
     rods: tuple[Rod, Rod]
     tip_mass: float
-    """Of the encoder at joint 2, kg."""
+    """Mass of the encoder at joint 2, kg."""
     gravity: float
     tilt: float
     arm: Arm | None
 
 
 def words_of(effects: Effects) -> dict[str, Words]:
-    """Effect -> its words, of those that words express completely."""
+    """Effect -> its elements, for effects that are represented completely."""
     expressed = {}
     for name, values in effects.items():
         effect = EFFECTS.get(name)
@@ -78,26 +78,27 @@ def in_words(model: Model, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
 
 
 def left_out(model: Model, expressed: Collection[str], program: str) -> dict[str, str]:
-    """Effect -> why the program cannot express it."""
+    """Effect -> reason why the program cannot express it."""
     return {name: _reason(name, model.effects[name], program) for name in model.effects if name not in expressed}
 
 
 def _reason(name: str, values: Mapping[str, float], program: str) -> str:
     if name not in EFFECTS:
-        return "this dpr-lab does not know it"
+        return "unknown effect in this version of dpr-lab"
     if words := words_of({name: values}).get(name):
-        return f"{program} has no word for {' and '.join(words)}"
+        return f"{program} has no element for {' and '.join(words)}"
     if EFFECTS[name].stage in ("timing", "encoder", "play"):
-        return f"{program} describes bodies, not what their encoders read"
+        return f"{program} describes bodies, but not encoder readings"
     if EFFECTS[name].driven:
-        return "torques are given to the model as they act, without their drives"
-    return f"{program} has no words for it"
+        return "the inputs of the model are the acting torques, without drives"
+    return f"{program} has no element for it"
 
 
 def bodies(model: Model, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
-    """Rigid bodies with the motion of equation (1), docs/theory.md, and the effects that the format expresses.
+    """Rigid bodies with the motion of equation (1), docs/theory.md, and the effects that the format supports.
 
-    Their masses are those of the model at the scale of its base parameters; only what these fix is felt in a swing.
+    Their masses are those of the model at the scale of its base parameters; a swing depends only on the base
+    parameters.
     """
     z = {name: parameter.value for name, parameter in model.parameters.items()}
     a, b, d, e1 = (model.base[name].value for name in ("a", "b", "d", "e1"))
@@ -138,7 +139,7 @@ def arm_of(model: Model, rig: Rig) -> Arm | None:
 
 
 def _of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:
-    """The words of the effects of one joint, of which no two share one."""
+    """Elements of the effects of one joint; no two effects may use the same element."""
     words_of_joint: dict[str, Any] = {}
     for name, words in expressed.items():
         if EFFECTS[name].joints == (joint,):

@@ -1,4 +1,4 @@
-"""The model with the named effects in it: for `compare`, as a plain Python module, and as MJCF."""
+"""The model with the named effects: for `compare`, as a plain Python module, and as MJCF."""
 
 from collections.abc import Sequence
 
@@ -18,12 +18,12 @@ AXES = {"joint1": "theta1", "joint2": "theta2"}
 
 
 def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model:
-    """The diagnosed model as `model.json`, its effects in the table `effects`.
+    """The diagnosed model as `model.json`, with its effects in the table `effects`.
 
     Args:
         diagnosis: ratios, covariance and effects
-        runs: what was diagnosed
-        rig: what fixes the nine parameters beyond the ratios
+        runs: the diagnosed runs
+        rig: measured values and bounds of the nine parameters
     """
     values = np.array([interval.value for interval in diagnosis.ratios.values()])
     covariance = np.array(diagnosis.ratio_covariance)

@@ -1,4 +1,4 @@
-"""Cost of an export: replay errors compared with those of the corrected and of the bare model."""
+"""Loss of accuracy of an export: replay errors compared with those of the corrected and of the bare model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,9 +21,11 @@ class ReplayRule:
     """Settings and limits of the replay."""
 
     most: int = 3
-    """Releases that are replayed: a program may take as long as the swing itself."""
+    """Maximum number of replayed releases, because a program may run in real time."""
     worse: float = 1.02
-    """Times the bare model's error from which an export is refused: it is worse, beyond what a start state tells."""
+    """Error relative to the bare model's above which an export is refused; smaller differences are within the
+    uncertainty of the initial state.
+    """
 
 
 REPLAY_RULE = ReplayRule()
@@ -31,38 +33,38 @@ REPLAY_RULE = ReplayRule()
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """A model replayed in one program."""
+    """Errors of a model replayed in one program."""
 
     off_rad: float
-    """Root mean square of what both rods are off."""
+    """Rms error of both rods, rad."""
     closed: float
-    """Share of the gap above the noise floor that closes there."""
+    """Share of the gap above the noise floor that closes."""
     by_run: dict[str, float]
-    """Run -> what it is off, rad."""
+    """Run -> rms error, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Yardstick:
-    """Swings of the corrected and of the bare model in recordings: what an export is held against."""
+    """Reference for an export: swings of the corrected and of the bare model in recordings."""
 
     rig: Rig
     runs: tuple[Run, ...]
     model: Model
     bare: Model
     own: tuple[Replay, ...]
-    """Of the corrected model, as far as the swing can be predicted."""
+    """Swings of the corrected model, up to the predictability horizon."""
     before: tuple[Replay, ...]
-    """Of the bare model, as far."""
+    """Swings of the bare model, over the same time."""
 
     @property
     def bare_rad(self) -> float:
-        """Root mean square of what the bare model is off, rad."""
+        """Rms error of the bare model, rad."""
         return _rms([swing.lab for swing in self.before])
 
     def held_against(self, model: Model) -> tuple[Model, tuple[Replay, ...]]:
-        """Model to write and its replays: the bare model if the other one is worse over the whole swing.
+        """Model to write and its replays: the bare model if the refitted model is worse over the whole swing.
 
-        What was fitted again over half a second may still be that.
+        A fit over segments of half a second does not exclude this.
         """
         if model is self.model:
             return model, self.own
@@ -77,8 +79,8 @@ class Yardstick:
         """Result of the replay of swings in a program.
 
         Args:
-            swings: by the lab
-            squares: mean square of what each is off in a program, rad^2; by the lab where left out
+            swings: dpr-lab's own simulation
+            squares: mean square error of each in a program, rad^2; default: that of dpr-lab
         """
         squares = [swing.lab for swing in swings] if squares is None else squares
         floor = np.array([float(np.mean(swing.noise_rad**2)) for swing in swings])
@@ -92,14 +94,14 @@ def yardstick(model: Model, runs: Sequence[Run], rig: Rig) -> Yardstick:
 
     Args:
         model: the corrected model
-        runs: what was recorded; a long record is cut, and only what a diagnosis does not fit of it is replayed
+        runs: the recordings; a long record is cut, and only its held-out pieces are replayed
         rig: the rig
 
     Raises:
-        RunError: no run, one too short to fit, or one that no initial state comes near.
+        RunError: no run, a run that is too short, or one that no initial state fits.
     """
     if not runs:
-        raise RunError("no run that can be replayed")
+        raise RunError("no run can be replayed")
     pieces, held_out, _ = in_pieces(runs, [])
     seen = tuple((held_out or pieces)[: REPLAY_RULE.most])
     own = tuple(release(run, rig, model) for run in seen)

@@ -1,8 +1,7 @@
 """The corrected model as a functional mock-up unit for co-simulation, FMI 3.0 or 2.0.
 
-Joint torques go in; angles, speeds and what the encoders read come out. It contains the Python module, so that
-the program that runs it needs a Python with numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4, sec. 4 (Modelica
-Association, 2022).
+Inputs are the joint torques; outputs are angles, speeds and encoder readings. The unit contains the Python module, so
+it requires a Python with numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4, sec. 4 (Modelica Association, 2022).
 """
 
 import importlib.util
@@ -17,7 +16,7 @@ from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 
 BUILDERS = {"3.0": "pythonfmu3", "2.0": "pythonfmu"}
-"""Version of the standard -> the package that builds its units."""
+"""Version of the standard -> package that builds its units."""
 
 _SLAVE = '''
 from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64 as Real
@@ -77,8 +76,8 @@ def fmu(model: Model, rig: Rig, standard: str = "3.0") -> bytes:
     """The corrected model as an FMU of a version of the standard.
 
     Raises:
-        ConfigError: the package that builds such units is not installed.
-        DprError: it does not build this one.
+        ConfigError: the required package is not installed.
+        DprError: the package failed to build the unit.
     """
     package = BUILDERS[standard]
     if importlib.util.find_spec(package) is None:
@@ -86,7 +85,7 @@ def fmu(model: Model, rig: Rig, standard: str = "3.0") -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder) / f"corrected_model_fmi{standard[0]}.py"
         script.write_text(python_module(model, rig) + _in_words_of(standard), encoding="utf-8")
-        # In a process of its own: the builder imports the script under its name.
+        # In a separate process: the builder imports the script under its name.
         built = subprocess.run(
             [sys.executable, "-m", package, "build", "-f", script.name], cwd=folder, capture_output=True, text=True
         )
@@ -97,7 +96,7 @@ def fmu(model: Model, rig: Rig, standard: str = "3.0") -> bytes:
 
 
 def _in_words_of(standard: str) -> str:
-    """The slave in the names of the package, which looks its class up by the literal name of its base."""
+    """The slave class with the names of the package, which finds the class by the literal name of its base."""
     if standard == "3.0":
         return _SLAVE
     return _SLAVE.replace("Float64 as Real", "Real").replace("pythonfmu3", BUILDERS[standard]).replace("Fmi3", "Fmi2")

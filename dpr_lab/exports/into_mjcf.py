@@ -1,8 +1,8 @@
 """Write the corrected model into the MJCF file of the user.
 
-The swing fixes inertias, first moments and frictions of the rods, not their masses. Therefore the masses of the file
-stay; centroid, inertia, damping, Coulomb friction, armature, spring and length are set. What the corrected model does
-not contain is set to zero, so that the file swings as the corrected model does.
+The swing determines inertias, first moments and friction of the rods, but not their masses. Therefore the masses of the
+file are kept, and centroid, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that the
+corrected model does not contain are set to zero, so that the file has the motion of the corrected model.
 """
 
 import math
@@ -23,21 +23,21 @@ from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import ChangedAttribute, XmlEdit
 
 WORDS = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length"})
-"""Words of effects that attributes of joints and bodies hold."""
+"""Elements of effects that attributes of joints and bodies represent."""
 
 
 @dataclass(frozen=True, slots=True)
 class PatchSettings:
-    """What counts as equal."""
+    """Tolerances for equal values."""
 
     same: float = 1e-6
     """Relative difference of L1 and g between the rig file and the model."""
     digits: int = 9
-    """Significant digits of a number that is written."""
+    """Significant digits of a written number."""
     negligible: float = 1e-9
-    """Relative change, or shift in m, that is left out."""
+    """Relative change, or shift in m, that is ignored."""
     reached: float = 1e-5
-    """Relative error of the changed file, read again."""
+    """Maximum relative error of the changed file when it is read again."""
 
 
 PATCH = PatchSettings()
@@ -45,14 +45,14 @@ PATCH = PatchSettings()
 
 @dataclass(frozen=True, slots=True)
 class RodTarget:
-    """What a rod of the changed file shall be; SI."""
+    """Target values of a rod in the changed file; SI."""
 
     centroid: float
-    """Along the rod."""
+    """Distance of the centroid along the rod."""
     offset: float
-    """Of the centroid across the rod."""
+    """Distance of the centroid across the rod."""
     inertia: float
-    """About the centroid."""
+    """Inertia about the centroid."""
     damping: float
     words: Words
 
@@ -64,7 +64,7 @@ class PatchedModel:
     text: bytes
     changes: tuple[ChangedAttribute, ...]
     lost: dict[str, str]
-    """Effect -> why the file cannot hold it."""
+    """Effect -> reason why the file cannot contain it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,9 @@ class _File:
         name = self.chain.rods[number].joint.name
         index = edit.find("joint", name=name)
         if index is None:
-            raise ConfigError(f"{self.path}: no <joint name={name!r}> is in the file itself: name the joint there")
+            raise ConfigError(
+                f"{self.path}: no <joint name={name!r}> in the file itself: add the name to the joint in this file"
+            )
         return index, edit.tags[index].parent
 
 
@@ -106,12 +108,12 @@ def into_mjcf(model: Model, rig: Rig, path: Path, joints: Sequence[str] = ()) ->
 
     Args:
         model: the corrected or identified model
-        rig: its rig, as `dpr-lab rig from` wrote it from this file
+        rig: its rig, from the rig file that `dpr-lab rig from` wrote for this file
         path: the MJCF file
-        joints: of inner rod, outer rod and perhaps the arm; none: found
+        joints: joints of inner rod, outer rod and optionally the arm; empty: detected
 
     Raises:
-        ConfigError: the file cannot be read or changed, or its L1 or g is not that of the rig.
+        ConfigError: the file cannot be read or changed, or its L1 or g differs from that of the rig.
     """
     file = _read(path, joints)
     refuse_other_rig(file.chain, model.rig.L1, model.rig.g, path)
@@ -141,7 +143,7 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
     for name, own, wanted in (("L1", chain.rods[0].length, L1), ("g", chain.gravity, g)):
         if own is None or abs(own - wanted) > PATCH.same * wanted:
             raise ConfigError(
-                f"{path}: its {name} is {own:.6g}, that of the model {wanted:.6g}: start from the rig file that"
+                f"{path}: its {name} is {own:.6g}, but that of the model is {wanted:.6g}: start from the rig file that"
                 f" `dpr-lab rig from {path.name}` writes"
             )
 
@@ -161,9 +163,9 @@ def _targets(chain: ModelChain, rods: tuple[Rod, Rod], tip: float) -> tuple[RodT
 
 
 def _set_body(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> None:
-    """Move the centroid of the body of a joint, and scale its inertia, so that all that turns with it has the target's.
+    """Move the centroid of the body of a joint and scale its inertia to reach the target of the whole rod.
 
-    The shift of the common centroid comes from this body alone.
+    The common centroid is shifted by moving this body alone.
     """
     chain, rod = file.chain, file.chain.rods[number]
     part = next(part for part in file.read.parts if part.joint is not None and part.joint.name == rod.joint.name)
@@ -204,7 +206,7 @@ def _set_body(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> Non
 
 
 def _set_joint(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> None:
-    """Set the attributes of a joint that differ."""
+    """Set the attributes of a joint that differ from the target."""
     rod, words = file.chain.rods[number], target.words
     joint = rod.joint
     values = {
@@ -226,7 +228,7 @@ def _set_joint(edit: XmlEdit, file: _File, number: int, target: RodTarget) -> No
 
 
 def _lengthen(edit: XmlEdit, file: _File, longer: float) -> None:
-    """Move the body of the outer rod along the inner one."""
+    """Move the body of the outer rod along the inner rod."""
     (_, inner), (_, outer) = file.tags(edit, 0), file.tags(edit, 1)
     names = [rod.joint.name for rod in file.chain.rods]
     if edit.tags[outer].parent != inner:
@@ -237,7 +239,7 @@ def _lengthen(edit: XmlEdit, file: _File, longer: float) -> None:
 
 
 def _refuse_overridden(chain: ModelChain, targets: tuple[RodTarget, RodTarget], length: float, path: Path) -> None:
-    """Compare the changed file, read again, with what it shall be.
+    """Compare the changed file, read again, with the target values.
 
     Raises:
         ConfigError: compiler options of the file override the numbers.

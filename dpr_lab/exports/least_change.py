@@ -1,9 +1,9 @@
-"""The fewest numbers of a simulator's model that must change, so that it swings as the corrected model does.
+"""Smallest set of changes in a simulator's model after which it moves like the corrected model.
 
-A free swing fixes ratios of the base parameters alone. The common scale s of all masses, inertias and torques is
-therefore free where neither recordings nor measured values fix it, and is chosen so that most base parameters of the
-file stay: with u the estimated base parameters at b = 1 and x those of the file, x_i stays where |s u_i / x_i - 1| is
-within its tolerance, and s is one of x_i / u_i.
+A free swing determines only ratios of the base parameters. The common scale s of all masses, inertias and torques is
+therefore free unless recordings or measured values determine it, and is chosen such that as many base parameters of the
+file as possible are unchanged: with u the estimated base parameters at b = 1 and x those of the file, x_i is unchanged
+if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -28,16 +28,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ChangeSettings:
-    """When a number of the file stays."""
+    """Tolerances within which a number of the file is unchanged."""
 
     same: float = 0.01
-    """Relative difference that never counts as a change: the softened friction of an engine moves the others by it."""
+    """Relative difference that never counts as a change; the softened friction of an engine affects other parameters
+    by this amount.
+    """
     stds: float = 3.0
     """Standard deviations of a ratio within which it counts as unchanged."""
     idle: float = 1e-6
-    """Share of the typical damping below which damping counts as none."""
+    """Share of the typical damping below which damping counts as zero."""
     felt: float = 0.01
-    """Growth of the mean square error over segments below which an effect stays as it is in the file."""
+    """Growth of the mean square error over segments below which an effect keeps its value of the file."""
 
 
 CHANGE = ChangeSettings()
@@ -48,48 +50,49 @@ BODY_TERMS = (("a", "e1"), ("b", "d"))
 
 @dataclass(frozen=True, slots=True)
 class ModelCause:
-    """One number of the file that differs from the rig, in the words of the file."""
+    """One number of the file that differs from the rig, with the names of the file."""
 
     joint: str
     """Name of the joint in the file."""
     quantity: str
-    """What it is: `Coulomb friction`, `centroid of the body`."""
+    """Name of the quantity: `Coulomb friction`, `centroid of the body`."""
     before: float
-    """In the file, SI."""
+    """Value in the file, SI."""
     after: float
-    """Identified, SI."""
+    """Identified value, SI."""
     unit: str
     effect: str = ""
-    """The named effect that it is; empty for a base parameter."""
+    """Named effect that it represents; empty for a base parameter."""
     share: float = 0.0
-    """Growth of the mean square error over segments where this cause alone is left as in the file, over that with no
-    cause corrected. All numbers of one body share it; the largest is that of the first cause."""
+    """Growth of the mean square error over segments if this cause alone keeps its value of the file, relative to the
+    growth if no cause is corrected. All numbers of one body share it; the first cause has the largest value.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class LeastChange:
-    """The corrected model with the file's own numbers wherever they fit, and the causes, the first one first."""
+    """The corrected model with the numbers of the file wherever they are compatible, and the causes in order."""
 
     model: Model
     causes: tuple[ModelCause, ...]
     unnamed: tuple[str, ...]
-    """Named effects that no number of a body or joint expresses."""
+    """Named effects that no attribute of a body or joint represents."""
 
 
 def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain, runs: Sequence[Run]) -> LeastChange:
-    """Change as few numbers as the recordings ask for.
+    """Change as few numbers as the recordings require.
 
     Args:
-        diagnosis: for the intervals of its effects
+        diagnosis: the diagnosis, for the intervals of its effects
         model: its corrected model
-        rig: its rig, of the file
+        rig: rig file for the simulator's file
         chain: the double pendulum of the file
-        runs: those that were diagnosed, to rank the causes
+        runs: the diagnosed runs, to rank the causes
     """
     effects = {name: _without_chance(diagnosis, name, values) for name, values in model.effects.items()}
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     own = _base_of(chain, longer)
-    rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # a free swing shows it in a alone
+    rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # visible only in a during a free swing
     total = _base(own + rotor, model, diagnosis)
     base = _with_own_numbers(chain, np.where(total == own + rotor, own, total - rotor), own, longer)
     factor = base[1] / model.base["b"].value
@@ -124,7 +127,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
 
 
 def _base_of(chain: ModelChain, longer: float) -> Array:
-    """(6,) base parameters of the file, its rod longer by so much, m."""
+    """(6,) base parameters of the file with its rod longer by this length, m."""
     inner, outer = chain.rods
     values = {"l1": inner.centroid, "l2": outer.centroid, "m1": inner.mass, "m2": outer.mass, "mb": chain.elbow_mass}
     values |= {"c1": inner.joint.damping, "c2": outer.joint.damping, "J1": inner.inertia, "J2": outer.inertia}
@@ -132,7 +135,7 @@ def _base_of(chain: ModelChain, longer: float) -> Array:
 
 
 def _base(own: Array, model: Model, diagnosis: Diagnosis) -> Array:
-    """(6,) base parameters: those of the file that fit, and the others as estimated, at one scale."""
+    """(6,) base parameters: those of the file if compatible, the others as estimated, at one scale."""
     u = np.insert(model.ratio_values, 1, 1.0)
     std = np.insert(np.sqrt(np.diag(np.array(diagnosis.ratio_covariance))), 1, 0.0)
     tolerance = np.maximum(CHANGE.same, CHANGE.stds * std / u)
@@ -149,7 +152,7 @@ def _base(own: Array, model: Model, diagnosis: Diagnosis) -> Array:
 
 
 def _with_own_numbers(chain: ModelChain, base: Array, own: Array, longer: float) -> Array:
-    """(6,) base parameters with the file's own centroid or inertia of a body where only the other one changed."""
+    """(6,) base parameters with the file's centroid or inertia of a body if only the other one changed."""
     length, carried = (chain.rods[0].length or 0.0) + longer, chain.rods[1].mass + chain.elbow_mass
     changed = base.copy()
     for number, terms in enumerate(BODY_TERMS):
@@ -170,7 +173,7 @@ def _with_own_numbers(chain: ModelChain, base: Array, own: Array, longer: float)
 
 
 def _without_chance(diagnosis: Diagnosis, name: str, values: Mapping[str, float]) -> dict[str, float]:
-    """The values of an effect; an amplitude whose interval holds zero is zero, unless it is the only one."""
+    """Values of an effect; an amplitude whose interval contains zero is zero, unless it is the only one."""
     sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
     chance = {key for key, size in sizes.items() if size.interval90[0] <= 0 <= size.interval90[1]}
     own = {p.name for p in EFFECTS[name].amplitudes}
@@ -197,7 +200,7 @@ def _term(name: str) -> tuple[int, tuple[str, str, str, str] | None]:
 
 
 def _in_file(chain: ModelChain, name: str) -> dict[str, float]:
-    """The values of an effect in the file, of those that a joint holds."""
+    """Values of an effect in the file, for effects that a joint represents."""
     number, term = _term(name)
     if term is None:
         return {}
@@ -209,7 +212,7 @@ def _in_file(chain: ModelChain, name: str) -> dict[str, float]:
 
 
 def _unseen(diagnosis: Diagnosis, chain: ModelChain, named: Collection[str]) -> dict[str, dict[str, float]]:
-    """Effects of the file that are not named and below what the recordings show; they stay."""
+    """Effects of the file that are not named and below the minimum detectable size; they are kept."""
     kept = {}
     for kind, (_, key, *_) in _TERMS.items():
         for name in (f"{kind}_joint1", f"{kind}_joint2"):
@@ -225,7 +228,7 @@ def _attribute(joint: ModelJoint, attribute: str) -> float:
 
 
 def _as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[str, float]) -> dict[str, float]:
-    """The values of an effect, with that of the file where it lies in the interval."""
+    """Values of an effect, with the value of the file if it is in the interval."""
     sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
     for key, own in _in_file(chain, name).items():
         half = np.ptp(sizes[key].interval90) / 2 / abs(sizes[key].value) if key in sizes and sizes[key].value else 0.0
@@ -276,7 +279,7 @@ def _ranked(cause: ModelCause, share: float) -> ModelCause:
 def _effect_rows(
     chain: ModelChain, name: str, values: Mapping[str, float], file: Mapping[str, float]
 ) -> list[ModelCause]:
-    """What of an effect differs from the file."""
+    """Differences of an effect from the file."""
     number, term = _term(name)
     rows = []
     for key, after in values.items():
@@ -289,7 +292,7 @@ def _effect_rows(
 
 
 def _body_rows(chain: ModelChain, base: Array, own: Array, number: int, longer: float) -> list[ModelCause]:
-    """Centroid and inertia of the body that a joint turns, with the masses of the file."""
+    """Centroid and inertia of the body on a joint, with the masses of the file."""
     before, after = (_bodies(chain, values, longer)[number] for values in (own, base))
     names = ("centroid of the body along the rod", "m"), ("inertia of the body about its centroid", "kg m^2")
     return [
@@ -300,7 +303,7 @@ def _body_rows(chain: ModelChain, base: Array, own: Array, number: int, longer: 
 
 
 def _bodies(chain: ModelChain, base: Array, longer: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Centroid and inertia of both rods by (6,) base parameters."""
+    """Centroid and inertia of both rods from (6,) base parameters."""
     inner, outer = chain.rods
     a, b, d, e1 = base[:4]
     length, carried = (inner.length or 0.0) + longer, outer.mass + chain.elbow_mass
@@ -312,7 +315,7 @@ def _bodies(chain: ModelChain, base: Array, longer: float) -> tuple[tuple[float,
 def _shares(
     least: Model, without: Mapping[str, Model], nothing: Model, runs: Sequence[Run], rig: Rig
 ) -> dict[str, float]:
-    """Growth of the mean square error over short segments without each cause, over that without any."""
+    """Growth of the mean square error over short segments without each cause, relative to that without any."""
     error = {key: _error(model, runs, rig) for key, model in without.items()}
     floor, all_left = _error(least, runs, rig), _error(nothing, runs, rig)
     whole = max(all_left - floor, max((value - floor for value in error.values()), default=0.0), 1e-30)

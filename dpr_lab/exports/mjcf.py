@@ -1,7 +1,8 @@
-"""The corrected model as MuJoCo's MJCF, and what MJCF has no words for as a passive force (`mjcb_passive`).
+"""Export of the corrected model as MJCF of MuJoCo, with a passive force (`mjcb_passive`) for other effects.
 
-MuJoCo softens dry friction (a constraint of finite stiffness) and integrates presliding to first order: with either the
-swing is the lab's in the limit of small time steps. All else is the lab's to the integrator's accuracy.
+MuJoCo softens Coulomb friction (a constraint of finite stiffness) and integrates presliding to first order: with either
+effect its motion converges to that of dpr-lab for small time steps. Otherwise both agree to the accuracy of the
+integrator.
 """
 
 import math
@@ -28,7 +29,7 @@ WORDS = frozenset(
     {"friction", "stiffness", "rest_angle", "armature", "cogging", "presliding", "offset", "added_length", "tilt"}
     | {"arm", "encoder_offset", "encoder_scale"}
 )
-"""Words of effects that MJCF has."""
+"""Elements of effects that MJCF supports."""
 
 XML, CALLBACK = "corrected_model.xml", "passive.py"
 
@@ -90,7 +91,7 @@ class EngineSwing(Swing):
 def mjcf(model: Model, rig: Rig) -> str:
     """The corrected model as MJCF: two hinges, 0 = upright, joint 2 relative to the inner rod.
 
-    What it has no words for is listed as the custom text `left_out`, and is in the passive force (`passive`).
+    Effects without an MJCF element are listed in the custom text `left_out`, and are in the passive force (`passive`).
     """
     expressed = in_words(model, rig, WORDS)
     made = bodies(model, rig, expressed)
@@ -99,7 +100,7 @@ def mjcf(model: Model, rig: Rig) -> str:
     pull = f"{made.gravity * math.sin(made.tilt)!r} 0 {-made.gravity * math.cos(made.tilt)!r}"
     element(root, "option", gravity=pull, timestep="0.0005", integrator="RK4")
     custom = element(root, "custom")
-    left = [name for name in model.effects if name not in expressed]  # in the passive force, where it is known
+    left = [name for name in model.effects if name not in expressed]  # in the passive force, if known
     text = f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed."
     element(custom, "text", name="left_out", data=text)
     element(custom, "text", name="scale", data=model.scale_sentence)
@@ -120,7 +121,7 @@ def mjcf(model: Model, rig: Rig) -> str:
 
 
 def passive(model: Model, rig: Rig) -> str:
-    """A module with the passive force of the effects that MJCF has no words for, and readings of the encoders."""
+    """Module with the passive force of the effects without an MJCF element, and the encoder readings."""
     expressed = in_words(model, rig, WORDS)
     called = [name for name in model.effects if name in EFFECTS and name not in expressed]
     more = {"motion_of": motion_of, "under_load": under_load, "joint_forces": joint_forces, "held": held, "plus": plus}
@@ -132,7 +133,7 @@ def passive(model: Model, rig: Rig) -> str:
 
 
 def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float]:
-    """Dry friction of both hanging joints at rest, N m; the smaller value where the two directions differ."""
+    """Coulomb friction of both hanging joints at rest, N m; the smaller value if the two directions differ."""
     constants = rig_constants(rig)
     params = effect_params(known_effects(effects))
     hanging = motion_of(0.0, (0.0, math.pi, math.pi), (0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
@@ -154,7 +155,7 @@ def _arm(world: Element, made: Bodies) -> Element:
 
 
 def _rod(parent: Element, rod: Rod, joint: int, at: str, friction: float) -> Element:
-    """A rod on its hinge, as thin as a line about its own axis."""
+    """A thin rod on its hinge."""
     body = element(parent, "body", name=("inner", "outer")[joint - 1], **({"pos": at} if at else {}))
     element(body, "joint", name=f"joint{joint}", type="hinge", axis="0 1 0", **_hinge(rod, joint, friction))
     _inertia(body, f"{rod.offset!r} 0 {rod.centroid!r}", rod.mass, rod.inertia)
@@ -177,7 +178,7 @@ def _hinge(rod: Rod, joint: int, friction: float) -> dict[str, str]:
 
 
 def _motors(root: Element, made: Bodies) -> None:
-    """Detents and presliding, as motors without a winding."""
+    """Cogging and presliding as motors without a winding."""
     passive_parts = [(f"joint{j}", _told(rod.words, math.pi if j == 1 else 0.0)) for j, rod in enumerate(made.rods, 1)]
     actuators = element(root, "actuator") if any(parts for _, parts in passive_parts) else root
     for joint, parts in passive_parts:

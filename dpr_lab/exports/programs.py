@@ -1,4 +1,4 @@
-"""Programs that run an export: Python, MuJoCo, FMPy. Each simulates a recording from the start that the lab fitted."""
+"""Programs that run an export: Python, MuJoCo, FMPy. Each simulates a recording from the fitted initial state."""
 
 import json
 import runpy
@@ -27,11 +27,11 @@ class ReplaySettings:
     """Settings of the replay of recordings."""
 
     length_s: float = 10.0
-    """Longest replay; shorter where the swing cannot be predicted so far."""
+    """Maximum duration of a replay, s; shorter at an earlier predictability horizon."""
     rate_hz: float = 200.0
-    """Rate at which readings are compared."""
+    """Rate at which readings are compared, Hz."""
     step_s: float = 1e-3
-    """Step of the programs, through which torques are held."""
+    """Step of the programs during which torques are constant, s."""
 
 
 REPLAY = ReplaySettings()
@@ -43,23 +43,23 @@ class Replay:
 
     run: str
     t: Array
-    """(n,) since the release, s."""
+    """(n,) times since the release, s."""
     measured: Array
-    """(n, 2) theta1, theta2, rad."""
+    """(n, 2) measured theta1, theta2, rad."""
     simulated: Array
-    """(n, 2) by the lab, rad."""
+    """(n, 2) dpr-lab's simulation, rad."""
     start: float
     """Start of the simulation, s since the release."""
     x0: Array
-    """(4,) the state there."""
+    """(4,) initial state."""
     noise_rad: Array
     """(2,) noise floor."""
     torques: Array
-    """(m, 2) mean known torques of joints 1 and 2 through each step from the start on, N m; zero without drives."""
+    """(m, 2) mean known torques of joints 1 and 2 in each step from the start, N m; zero without drives."""
 
     @property
     def lab(self) -> float:
-        """Mean square error of the lab's simulation, rad^2."""
+        """Mean square error of dpr-lab's simulation, rad^2."""
         return float(np.mean((self.measured - self.simulated) ** 2))
 
     def driven(self, t: float, state: object) -> list[float]:
@@ -72,7 +72,7 @@ class Replay:
 
 
 Program = Callable[[Path, Model, Rig], Callable[[Replay], Array]]
-"""Function of the file that the program reads first, the model in it and its rig: replays in that program."""
+"""Function of the main file, the model in it and its rig that replays swings in that program."""
 
 
 def in_python(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
@@ -87,13 +87,13 @@ def in_mujoco(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
 
 
 def in_urdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
-    """MuJoCo, which reads URDF."""
+    """MuJoCo, which can read URDF."""
     file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
     return _engine(file, {"passive": None, "GRAVITY": model.rig.g, "FIRST": 0})
 
 
 def in_sdf(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
-    """Replay in MuJoCo with the content of the file; Drake, which reads SDFormat itself, ignores dry friction."""
+    """Replay in MuJoCo with the content of the file, because Drake ignores Coulomb friction."""
     expressed = in_words(model, rig, sdf.WORDS)
     held = model.model_copy(update={"effects": {name: model.effects[name] for name in expressed}})
     file.with_name(XML).write_text(mjcf(held, rig), encoding="utf-8")
@@ -128,7 +128,7 @@ os._exit(0)  # a unit that embeds Python is not unloaded cleanly from a Python p
 
 
 def in_fmu(file: Path, model: Model, rig: Rig) -> Callable[[Replay], Array]:
-    """Replay in FMPy, in its own process."""
+    """Replay in FMPy, in a separate process."""
 
     def read(replay: Replay) -> Array:
         steps = replay.start + REPLAY.step_s * np.arange(len(replay.torques))

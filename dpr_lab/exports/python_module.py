@@ -1,7 +1,7 @@
-"""The corrected model as a plain Python module that needs numpy alone.
+"""Export of the corrected model as a plain Python module that needs only numpy.
 
-It holds the functions that the lab itself simulates with (`dpr_lab.exports.source`), of the effects that were named.
-Text from a file, such as the name of a rig, enters the source as a Python literal only, so that it is never run.
+It contains the functions with which dpr-lab itself simulates (`dpr_lab.exports.source`), for the named effects. Text
+from a file, such as the name of a rig, enters the source only as a Python literal, so that it is never executed.
 """
 
 import ast
@@ -45,7 +45,7 @@ FOLDED = {
     "held_angle": held_angle,
     "internal_after": internal_after,
 }
-"""Functions that go through all effects; in an export through those that it holds."""
+"""Functions that iterate over all effects; in an export they contain only its effects."""
 
 _USED = {"RigModel": RigModel, "RigState": RigState, "accelerations_at": accelerations_at, "stepped": stepped}
 _USED |= {kind.__name__: kind for kind in (BaseParameters, RigConstants, ArmModel, Requirements)}
@@ -191,14 +191,14 @@ def derivative(t, x, torques=(0.0, 0.0)):
 
 
 def python_module(model: Model, rig: Rig) -> str:
-    """The corrected model as a self-contained module that needs numpy alone: every effect of the library."""
+    """The corrected model as a self-contained module that needs only numpy, with every effect of the library."""
     return module_text(model, rig)
 
 
 def module_text(
     model: Model, rig: Rig, more: Mapping[str, Any] | None = None, rewritten: Mapping[str, Rewrite] | None = None
 ) -> str:
-    """The module, with more of the lab's functions in it; arguments as of `sources`."""
+    """The module with additional functions of dpr-lab; arguments as for `sources`."""
     effects = {name: values for name, values in model.effects.items() if name in OF_FREE_SWINGS}
     params = effect_params(known_effects(effects))
     base = tuple(model.base[name].value for name in ("a", "b", "d", "e1", "c1", "c2"))
@@ -227,14 +227,14 @@ def module_text(
 
 
 def _functions(effects: Collection[str], more: Mapping[str, Any], rewritten: Mapping[str, Rewrite]) -> str:
-    """Sources of the lab's own functions as far as these effects need them."""
+    """Sources of dpr-lab's own functions, as far as these effects need them."""
     chosen: dict[str, Rewrite] = {name: partial(of_effects, effects=effects) for name in FOLDED}
     chosen |= {"effect_torques": partial(_driven, effects=effects)}
     return sources(FOLDED | _USED | dict(more), chosen | dict(rewritten))
 
 
 def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """The library's definitions of the effects that a file names."""
+    """Definitions in the library of the effects in a file."""
     return {
         name: {p.name: values[p.name] for p in EFFECTS[name].parameters if p.name in values}
         for name, values in effects.items()
@@ -243,19 +243,19 @@ def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[
 
 
 def _parameters(effects: Iterable[str]) -> Iterable[str]:
-    """A line for each parameter, by the name that the functions use."""
+    """One line for each parameter, with the name that the functions use."""
     for name in effects:
         for p in EFFECTS[name].parameters:
             yield f"{name}_{p.name} = EFFECTS[{name!r}].get({p.name!r}, {p.default!r})"
 
 
 def of_effects(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
-    """Function that evaluates all effects, specialised to those that are on."""
+    """Function that evaluates all effects, specialised to the active ones."""
     return _Chosen(effects).visit(node)
 
 
 def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
-    """The torques of effects, and those of joints 1 and 2 that `params` then is."""
+    """Torques of effects, and the resulting torques of joints 1 and 2 in `params`."""
     node = of_effects(node, effects)
     (more,) = ast.parse("torque1, torque2 = torque1 + (params[0] - params[1]), torque2 + params[1]").body
     node.body.insert(-1, more)
@@ -263,7 +263,7 @@ def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
 
 
 class _Chosen(ast.NodeTransformer):
-    """Takes the branches of effects that are on, and calls parameters by name."""
+    """Transformer that selects the branches of active effects and refers to parameters by name."""
 
     def __init__(self, effects: Collection[str]) -> None:
         self.on = [name in effects for name in EFFECTS]
@@ -281,7 +281,7 @@ class _Chosen(ast.NodeTransformer):
 
 
 def _index_of(node: ast.expr, array: str) -> int | None:
-    """The index in `array[index]`; None where it is something else."""
+    """Index in `array[index]`; None for other indices."""
     if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id == array:
         return ast.literal_eval(node.slice)
     return None

@@ -1,7 +1,7 @@
-"""Replace effects that a program cannot express by simpler ones, refitted to the recordings.
+"""Replacement of effects that a program cannot express by simpler ones, refitted to the recordings.
 
-An effect that is left out biases what was fitted together with it (a viscous friction that went to
-nothing) is wrong without it. So ratios, simpler effects and all that the program can say are fitted once more.
+Parameters that were fitted together with an omitted effect are wrong without it, for example a viscous friction that
+was estimated as zero. Ratios, simpler effects and all effects that the program supports are therefore refitted.
 """
 
 from collections.abc import Sequence
@@ -29,20 +29,20 @@ from dpr_lab.run import Run
 Array = NDArray[np.float64]
 
 MOVING = ("torque", "load", "arm")
-"""Stages of effects that move the rods; the others are between the rods and what is read of them."""
+"""Stages of effects that move the rods; the others act between the rods and the readings."""
 
 
 def fitted_for(formats: Sequence[str], model: Model, runs: Sequence[Run], rig: Rig) -> dict[str, Model]:
-    """Format -> the model to write: the same, or, where the format cannot express it, a simpler one, refitted.
+    """Format -> model to write: the same model, or a simpler, refitted one if the format cannot express it.
 
     Args:
         formats: names of `FORMATS`
         model: the corrected model
-        runs: what to fit to; a long record is cut, and only what a diagnosis fits of it counts
+        runs: the runs to fit; a long record is cut, and its held-out pieces are not fitted
         rig: the rig
 
     Raises:
-        RunError: a run too short to fit, or one that no initial state comes near.
+        RunError: a run that is too short, or one that no initial state fits.
     """
     losses = {name: moving_losses(name, model, rig) for name in formats}
     if not any(losses.values()):
@@ -57,7 +57,7 @@ def fitted_for(formats: Sequence[str], model: Model, runs: Sequence[Run], rig: R
 
 
 def _best_fit(problem: Problem, effects: Effects, ratios: Sequence[Array], initial: Array) -> Estimate:
-    """The best of the fits that begin with these ratios: one far off ends where it began."""
+    """Best of the fits from these initial ratios; a poor initial value can end in a wrong minimum."""
     params, fits = effect_params(effects), []
     for start in ratios:
         at = Estimate.of(start, params, initial)
@@ -67,7 +67,7 @@ def _best_fit(problem: Problem, effects: Effects, ratios: Sequence[Array], initi
 
 
 def bare_model(model: Model, runs: Sequence[Run], rig: Rig) -> Model:
-    """The model without effects, fitted to the same runs; arguments and errors as of `fitted_for`."""
+    """The model without effects, fitted to the same runs; arguments and errors as for `fitted_for`."""
     return _with(model, _bare_fit(model, runs, rig)[1])
 
 
@@ -89,14 +89,14 @@ def _bare_fit(model: Model, runs: Sequence[Run], rig: Rig) -> tuple[Problem, Est
 
 
 def _without(model: Model, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
-    """The effects that are left, and simpler ones in place of those that are lost."""
+    """Remaining effects, and simpler ones in place of the lost effects."""
     kept = {name: values for name, values in known_effects(model.effects).items() if name not in lost}
     stand_ins = {name for gone in sorted(lost) for name in _simpler(EFFECTS[gone], words)} - set(kept)
     return kept | {name: _typical(EFFECTS[name]) for name in sorted(stand_ins)}
 
 
 def _simpler(effect: Effect, words: frozenset[str]) -> set[str]:
-    """Simpler forms of an effect that can be expressed in these words."""
+    """Simpler forms of an effect that these elements can express."""
     simpler: set[str] = set()
     for name in effect.nested:
         own_words = words_of({name: _typical(EFFECTS[name])}).get(name, {"": None})

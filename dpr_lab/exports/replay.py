@@ -1,4 +1,4 @@
-"""Recordings replayed in the program of an export, from the start state that the lab fitted."""
+"""Replay of recordings in the program of an export, from the fitted initial state."""
 
 import tempfile
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def release(run: Run, rig: Rig, model: Model, until: float | None = None, settings: ReplaySettings = REPLAY) -> Replay:
-    """Fit a start state and simulate, until an instant or as far as the swing can be predicted."""
+    """Fit an initial state and simulate, until an instant or the predictability horizon."""
     followed = follow(run, rig, model)
     first = float(followed.preprocessed.run.t[0])
     freely = free_run_from(followed, first)
@@ -43,11 +43,11 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None, settin
 
 
 def replayed(name: str, model: Model, rig: Rig, swings: Sequence[Replay]) -> list[Array]:
-    """(n, 2) rods' angles of each swing, rad, in the program of a format.
+    """(n, 2) angles of the rods for each swing, rad, in the program of a format.
 
     Raises:
-        ConfigError: what runs it is not installed.
-        DprError: it did not run.
+        ConfigError: the program is not installed.
+        DprError: the program failed.
     """
     export = FORMATS[name]
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""The corrected model as SDFormat 1.10: inertia, viscous and dry friction, linear springs, gravity.
+"""The corrected model as SDFormat 1.10: inertia, viscous and Coulomb friction, linear springs, gravity.
 
 Source: http://sdformat.org/spec (world, link, joint/axis/dynamics).
 """
@@ -14,7 +14,7 @@ from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 
 WORDS = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_length", "tilt"})
-"""Words of effects that SDFormat has."""
+"""Elements of effects that SDFormat supports."""
 
 
 def sdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
@@ -23,7 +23,7 @@ def sdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
     made = bodies(model, rig, expressed)
     root = element(None, "sdf", version="1.10")
     comment(root, model.scale_sentence)
-    comment(root, f"left out: {json.dumps(dict(lost), ensure_ascii=False)}")
+    comment(root, f"omitted: {json.dumps(dict(lost), ensure_ascii=False)}")
     world = element(root, "world", name="lab")
     pull = made.gravity * math.sin(made.tilt), 0.0, -made.gravity * math.cos(made.tilt)
     _text(world, "gravity", " ".join(map(repr, pull)))
@@ -57,7 +57,7 @@ def _joint(body: Element, j: int, ends: tuple[str, str], rod: Rod) -> None:
 
 
 def _inertial(link: Element, rod: Rod, tip_mass: float) -> None:
-    """A rod, and what is fixed to its end."""
+    """A rod, and the parts fixed to its end."""
     mass = rod.mass + tip_mass
     offset, centroid = rod.mass * rod.offset / mass, (rod.mass * rod.centroid + tip_mass * rod.length) / mass
     apart = [(rod.mass, rod.offset, rod.centroid), (tip_mass, 0.0, rod.length)]

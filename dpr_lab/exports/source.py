@@ -1,7 +1,7 @@
-"""Python sources of compiled functions with all that they use, for programs that have neither this package nor Numba.
+"""Python sources of compiled functions with all dependencies, for programs without this package and without Numba.
 
-What is written is the function that the lab itself runs: decorators and annotations are taken off, names made unique,
-and a division by zero gives what it gives in compiled code.
+The source is that of the function that dpr-lab itself runs: decorators and annotations are removed, names made unique,
+and a division by zero gives the same result as in compiled code.
 """
 
 import ast
@@ -15,26 +15,26 @@ PREAMBLE = '''def divided(x, y):
     """x / y, also where y is zero: inf or nan."""
     return x / y if y else (math.copysign(math.inf, x) * math.copysign(1.0, y) if x * x > 0.0 else math.nan)
 '''
-"""What sources of this module need before them, with `import math`, `import numpy as np`, `namedtuple`."""
+"""Preamble of the sources, in addition to `import math`, `import numpy as np`, `namedtuple`."""
 
 Rewrite = Callable[[ast.FunctionDef], ast.FunctionDef]
 
 
 def sources(roots: Mapping[str, Any], rewritten: Mapping[str, Rewrite] | None = None) -> str:
-    """Definitions of the roots and of everything they use, in an order in which they can be run.
+    """Definitions of the roots and of everything they use, in executable order.
 
     Args:
         roots: name in the source -> function, compiled or not, named tuple or number
-        rewritten: name of a root -> what is to become of its definition, before names in it are followed
+        rewritten: name of a root -> transformation of its definition, before its dependencies are resolved
 
     Raises:
-        TypeError: a root uses what has no source, such as a closure or an array.
+        TypeError: a root uses an object without a source, such as a closure or an array.
     """
     writer = _Writer(rewritten or {})
     for name, root in roots.items():
         writer.names.setdefault(_identity(root), name)
     for name, root in roots.items():
-        if writer.write(root) != name:  # the same once more, rewritten otherwise
+        if writer.write(root) != name:  # the same function, rewritten differently
             writer.written.append(writer.definition(name, root))
     return "\n\n\n".join(writer.written)
 
@@ -47,7 +47,7 @@ class _Writer:
         self.written: list[str] = []
 
     def write(self, value: Any) -> str:
-        """Write the definition of a value after those of its dependencies, unless it is written; return its name."""
+        """Write the definition of a value after those of its dependencies, unless it exists; return its name."""
         key = _identity(value)
         if key not in self.names:
             self.names[key] = self._free_name(value)
@@ -58,7 +58,7 @@ class _Writer:
         return name
 
     def _free_name(self, value: Any) -> str:
-        """Its own name, or one with that of its module before it where another has that."""
+        """Its own name, with the name of its module as prefix if the name is already used."""
         function = _plain(value)
         name, taken = function.__name__, set(self.names.values())
         return name if name not in taken else f"{function.__module__.rsplit('.', 1)[-1]}_{name}"
@@ -69,7 +69,7 @@ class _Writer:
             return f"{name} = namedtuple({name!r}, {' '.join(function._fields)!r})"
         (node,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
         if not isinstance(node, ast.FunctionDef):
-            raise TypeError(f"{name} is no function that has a source")
+            raise TypeError(f"{name} is not a function with a source")
         node.name, node.decorator_list, node.returns = name, [], None
         node = self.rewritten.get(name, lambda same: same)(node)
         return ast.unparse(ast.fix_missing_locations(_Names(self, function).visit(node)))
@@ -90,11 +90,11 @@ class _Writer:
             return ast.Attribute(ast.Name("math", ast.Load()), value.__name__, ast.Load())
         if isinstance(value, bool | int | float):
             return ast.Constant(value) if value - value == 0 else ast.parse(f"math.{value}", mode="eval").body
-        raise TypeError(f"{value!r} has no source that stands alone")
+        raise TypeError(f"{value!r} has no self-contained source")
 
 
 class _Names(ast.NodeTransformer):
-    """A function's definition in the words of the file that it goes into."""
+    """Definition of a function with the names used in the target file."""
 
     def __init__(self, writer: _Writer, function: types.FunctionType) -> None:
         self.writer, self.globals = writer, function.__globals__
@@ -119,7 +119,7 @@ class _Names(ast.NodeTransformer):
 
 
 def _plain(value: Any) -> Any:
-    """The function beneath a compiled one."""
+    """Python function of a compiled one."""
     return getattr(value, "py_func", value)
 
 
@@ -128,5 +128,5 @@ def _identity(value: Any) -> Any:
 
 
 def _is_record(value: Any) -> bool:
-    """Whether it is a class of named tuples."""
+    """Whether it is a named tuple class."""
     return isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields")

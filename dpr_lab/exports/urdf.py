@@ -1,7 +1,7 @@
-"""The corrected model as URDF: inertia, viscous and dry friction.
+"""Export of the corrected model as URDF: inertia, viscous and Coulomb friction.
 
-Gravity is the simulator's; a tilt is a fixed joint beneath the base. Source:
-https://wiki.ros.org/urdf/XML (link, joint).
+Gravity is a setting of the simulator; a tilt is a fixed joint below the base. Source: https://wiki.ros.org/urdf/XML
+(link, joint).
 """
 
 import json
@@ -14,7 +14,7 @@ from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 
 WORDS = frozenset({"friction", "offset", "added_length", "tilt"})
-"""Words of effects that URDF has."""
+"""Elements of effects that URDF supports."""
 
 
 def urdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
@@ -23,7 +23,7 @@ def urdf(model: Model, rig: Rig, lost: Mapping[str, str]) -> str:
     made = bodies(model, rig, expressed)
     root = element(None, "robot", name=model.rig.name)
     comment(root, model.scale_sentence)
-    comment(root, f"left out: {json.dumps(dict(lost), ensure_ascii=False)}")
+    comment(root, f"omitted: {json.dumps(dict(lost), ensure_ascii=False)}")
     element(root, "link", name="world")
     element(root, "link", name="base")
     _joint(root, "stand", "fixed", ("world", "base"), "0 0 0", f"0 {made.tilt!r} 0")

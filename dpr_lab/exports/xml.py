@@ -1,14 +1,14 @@
-"""XML with texts that come from files."""
+"""XML output with texts from files."""
 
 import re
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")
-"""Characters that XML 1.0 cannot hold in any spelling."""
+"""Characters that XML 1.0 cannot contain, even escaped."""
 
 
 def in_xml(text: str) -> str:
-    """The text in characters that XML can hold."""
+    """The text without characters that XML cannot contain."""
     return _NO_XML.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
@@ -19,12 +19,12 @@ def element(parent: Element | None, tag: str, **attributes: str) -> Element:
 
 
 def comment(parent: Element, text: str) -> None:
-    """A comment, which may hold neither two hyphens in a row nor one at its end."""
+    """A comment, without two consecutive hyphens or a hyphen at its end."""
     unbroken = in_xml(text).replace("-", "\N{NON-BREAKING HYPHEN}")
     parent.append(Comment(f" {unbroken} "))
 
 
 def text_of(root: Element) -> str:
-    """The document."""
+    """The document as text."""
     indent(root)
     return tostring(root, encoding="unicode") + "\n"

@@ -1,1 +1,1 @@
-"""The published experiment repeated: tables, search and figures, compared with the printed ones."""
+"""Reproduction of the published experiment: tables, search and figures, compared with the printed ones."""

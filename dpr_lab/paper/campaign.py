@@ -1,4 +1,4 @@
-"""The published search over several seeds, with the true values on the coding grid and off it."""
+"""Published search over several seeds, with the true values on and off the coding grid."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -23,7 +23,9 @@ TRUTHS: dict[Grid, NDArray[np.float64]] = {
     "on": TRUE,
     "off": TRUE * np.random.default_rng(2012).uniform(0.85, 1.15, len(TRUE)),
 }
-"""True parameters: the published ones, which the coding grid holds at its middle; each times a factor drawn once."""
+"""True parameters: the published ones, which are in the middle of the coding grid, or each multiplied by a random
+factor.
+"""
 
 HISTORY = ("best_cost", "best_fitness", "population_fitness")
 
@@ -33,7 +35,7 @@ class SearchCase:
     """One search of the campaign."""
 
     reading: str
-    """A name of `READINGS`."""
+    """Interpretation of H, a name in `READINGS`."""
     grid: Grid
     seed: int
 
@@ -46,9 +48,9 @@ class Found:
     best: NDArray[np.float64]
     """(9,) parameters, SI."""
     H: float
-    """In the reading of the search."""
+    """H in the interpretation of the search."""
     E: dict[str, NDArray[np.float64]]
-    """(3,) E from X1, X2, X3 by the names of `TERMS`."""
+    """(3,) E from X1, X2, X3 for each name in `TERMS`."""
     generations: int
     evaluations: int
     gate_opened: int | None
@@ -69,11 +71,11 @@ class Found:
 
     @property
     def as_good_as_printed(self) -> bool:
-        """Whether H is no larger than that of the published best row."""
+        """Whether H is at most that of the published best row."""
         return self.H <= BEST_H
 
     def record(self, rig: Rig) -> dict[str, Any]:
-        """Plain lists and numbers, for JSON."""
+        """The result as lists and numbers, for JSON."""
         case = {field.name: getattr(self.case, field.name) for field in fields(SearchCase)}
         values = {field.name: getattr(self, field.name) for field in fields(Found) if field.name not in ("case", "E")}
         return (
@@ -96,13 +98,13 @@ def ratio_percent(Z: NDArray[np.float64], truth: NDArray[np.float64], rig: Rig) 
 
 
 def search_cases(seeds: int, readings: Sequence[str]) -> list[SearchCase]:
-    """Every search of a campaign, the costly readings first."""
+    """All searches of a campaign, the most expensive first."""
     grids: tuple[Grid, ...] = ("on", "off")
     return [SearchCase(reading, grid, seed) for reading in readings for grid in grids for seed in range(seeds)]
 
 
 def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> Found:
-    """Run one search to its end; the same case gives the same answer on any number of cores."""
+    """Run one search; the result does not depend on the number of cores."""
     reading, truth = READINGS[case.reading], swings(TRUTHS[case.grid], rig)
     wall, cpu = time.perf_counter(), time.process_time()
     history = list(iga(objective(reading, truth, rig), rig.bounds, settings, np.random.default_rng(case.seed)))
@@ -123,16 +125,16 @@ def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> Found:
 
 
 def run_searches(wanted: Sequence[SearchCase], rig: Rig, settings: IgaSettings, workers: int) -> Iterator[Found]:
-    """Run searches side by side, each on one core, and yield them as they end.
+    """Run searches in parallel, each on one core, and yield them as they end.
 
-    Side by side they waste nothing on waiting for one another, unlike the threads of a single search, whose batches
-    are often too small for all cores.
+    Separate processes are more efficient than the threads of a single search, whose batches are often too small for all
+    cores.
 
     Args:
         wanted: the searches
         rig: bounds, lengths, poses
         settings: the published ones, perhaps with fewer generations
-        workers: processes; with 1 everything happens in this one
+        workers: number of processes; with 1 the searches run in this process
     """
     if workers == 1:
         yield from (run_search(case, rig, settings) for case in wanted)

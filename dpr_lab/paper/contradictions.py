@@ -1,4 +1,4 @@
-"""Where the publication contradicts itself, each point with what we recomputed for it."""
+"""Contradictions of the publication, each with our recomputed values."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ class Contradiction:
 
 
 def contradictions(ours: Recomputed, rig: Rig) -> list[Contradiction]:
-    """Every contradiction, in the order of the publication."""
+    """All contradictions in the order of the publication."""
     truth = swings(TRUE, rig)
     return [
         _group_four(ours),
@@ -51,7 +51,8 @@ def _printed_errors(ours: Recomputed) -> Contradiction:
     return Contradiction(
         "Table 1's E does not follow from its parameters and equation (1) as restored here.",
         f"Printed / ours in angles / ours in angles and speeds, from X1: {pairs}. "
-        "The printed parameters are rounded and the paper's own equation is lost; no reading gives all rows.",
+        "The printed parameters are rounded and the paper's own equation is lost; no interpretation"
+        " reproduces all rows.",
     )
 
 
@@ -104,11 +105,13 @@ def _scale_family(truth: NDArray[np.float64], rig: Rig, scale: float = 1.1) -> C
     scaled = TRUE * np.where([name in ("l1", "l2") for name in PARAMETERS], 1.0, scale)
     E = errors(scaled, truth, rig)["angles"]
     return Contradiction(
-        "The paper reports 1 % on all nine parameters from zero-input responses. No torque enters them, so they fix "
-        "only five ratios; the coding grid holds the true values exactly, at the middle of each range.",
+        "The paper reports 1 % on all nine parameters from zero-input responses. Without external torque"
+        " they determine only five ratios; the coding grid contains the true values exactly, at the middle"
+        " of each range.",
         f"All masses, inertias and frictions {scale:g} times too large, inside the bounds: E = "
         + ", ".join(f"{e:.2g} ({p})" for p, e in zip(POSES, E, strict=True))
-        + " rad², nothing but rounding. The searches with the true values off the grid show what is left of the 1 %.",
+        + " rad², which is rounding. The searches with the true values off the grid show the accuracy"
+        " without this coincidence.",
     )
 
 
@@ -118,5 +121,5 @@ def _step(truth: NDArray[np.float64], rig: Rig, fine: float = STEP / 32) -> Cont
         "E is summed over 10 s with a Runge-Kutta step of 5 ms, also from X2 and X3, which are chaotic.",
         f"Largest angle error of that step against one of {1e3 * fine:.2g} ms: "
         + ", ".join(f"{w:.2g} rad ({p})" for p, w in zip(POSES, worst, strict=True))
-        + ". From X2 and X3 a 10 s comparison says as much about the solver as about the parameters.",
+        + ". From X2 and X3 a comparison over 10 s depends on the solver as much as on the parameters.",
     )

@@ -1,4 +1,4 @@
-"""Figures 2 to 4 of the publication, for what our search found."""
+"""Figures 2 to 4 of the publication for our search."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,12 +17,12 @@ from dpr_lab.whole_file import write_whole
 
 
 def response_figure(search: Found, rig: Rig) -> Figure:
-    """Figure 2: angles with the true and with the found parameters, one row for each pose."""
+    """Figure 2: angles with the true and with the identified parameters, one row for each pose."""
     true, ours = swings(TRUTHS[search.case.grid], rig), swings(search.best, rig)
 
     def draw(axes: Axes, pose: int, axis: int) -> None:
         axes.plot(INSTANTS, true[pose, :, axis], label="true parameters", **style.MEASURED)
-        axes.plot(INSTANTS, ours[pose, :, axis], label="found parameters", **style.SIMULATED)
+        axes.plot(INSTANTS, ours[pose, :, axis], label="identified parameters", **style.SIMULATED)
 
     return _by_pose("angle (rad)", draw)
 
@@ -32,7 +32,7 @@ def error_figure(search: Found, rig: Rig) -> Figure:
     error = swings(TRUTHS[search.case.grid], rig) - swings(search.best, rig)
 
     def draw(axes: Axes, pose: int, axis: int) -> None:
-        axes.plot(INSTANTS, error[pose, :, axis], label="true − found", **style.RESIDUAL)
+        axes.plot(INSTANTS, error[pose, :, axis], label="true − identified", **style.RESIDUAL)
 
     return _by_pose("error (rad)", draw)
 

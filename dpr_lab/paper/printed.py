@@ -1,4 +1,4 @@
-"""The numbers of the publication (docs/theory.md), digit for digit; nothing here is computed.
+"""Printed numbers of the publication (docs/theory.md), digit by digit; nothing is computed here.
 
 Rows of parameters are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 TRUE = np.array([0.2, 0.2, 0.1, 0.1, 0.208, 0.001, 0.001, 0.00133, 0.00133])
-"""(9,) the "actual" parameters of its section 4.1."""
+"""(9,) the "actual" parameters of section 4.1 of the publication."""
 
 POSES = ("X1", "X2", "X3")
 
@@ -61,10 +61,11 @@ BEST_H = float(TABLE_3[-1, -1])
 """H of the best published chromosome."""
 
 FIGURES = {
-    "figure2": "Figure 2: response of inner and outer rod with the true and with the found parameters; "
-    'the paper says that the curves are "almost overlapped". It does not say from which pose.',
+    "figure2": "Figure 2: response of inner and outer rod with the true and with the identified parameters; "
+    'the paper says that the curves are "almost overlapped". The pose is not given.',
     "figure3": "Figure 3: error of both angles between the two responses; the paper gives no number.",
-    "figure4": "Figure 4: best individual of each generation; the paper tells of fast convergence before generation "
-    "100, a slower stretch under feedback mutation, and a last gain by dynamic encoding and variable precision.",
+    "figure4": "Figure 4: best individual of each generation; the paper describes fast convergence before"
+    " generation 100, slower progress with feedback mutation, and a final improvement by dynamic encoding"
+    " and variable precision.",
 }
-"""What the publication shows and says of each figure; its pictures are not reproduced here."""
+"""Content of each figure according to the publication; its pictures are not reproduced here."""

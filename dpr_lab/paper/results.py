@@ -1,4 +1,4 @@
-"""The whole reproduction in a folder: `paper.json`, tables as CSV, figures, and `paper.md` that reads them together."""
+"""Results of the reproduction in a folder: `paper.json`, tables as CSV, figures, and `paper.md`."""
 
 import csv
 import io
@@ -22,11 +22,11 @@ from dpr_lab.whole_file import write_text
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """Everything that was computed, ready to be written or shown."""
+    """All computed results."""
 
     settings: IgaSettings
     results: tuple[Found, ...]
-    """In the order of `campaign.search_cases`."""
+    """Searches in the order of `campaign.search_cases`."""
     ours: Recomputed
     tables: tuple[PaperTable, ...]
     verdicts: tuple[str, ...]
@@ -34,9 +34,9 @@ class Reproduction:
 
     @property
     def best(self) -> Found:
-        """The search that the figures show: true values on the grid, smallest E in angles from X1.
+        """Search shown in the figures: true values on the grid, smallest E in angles from X1.
 
-        The H of different readings cannot be compared with one another.
+        H of different interpretations is not comparable.
         """
         return min((f for f in self.results if f.case.grid == "on"), key=lambda f: f.E["angles"][0])
 
@@ -55,13 +55,13 @@ def reproduce(
     Args:
         rig: the published one
         settings: the published ones, perhaps with fewer generations
-        seeds: searches for each reading of H and each grid
+        seeds: searches for each interpretation of H and each grid
         readings: names of `READINGS`
-        workers: searches side by side
+        workers: number of searches in parallel
         on_search: called with each search as it ends
 
     Raises:
-        ValueError: no seed, or an unknown reading.
+        ValueError: no seed, or an unknown interpretation.
     """
     if seeds < 1 or not readings or not set(readings) <= set(READINGS):
         raise ValueError(f"needs at least one seed and readings among {', '.join(READINGS)}")
@@ -84,7 +84,7 @@ def reproduce(
 
 
 def record(result: Reproduction, rig: Rig) -> dict[str, Any]:
-    """The content of `paper.json`."""
+    """Content of `paper.json`."""
     return {
         "version": __version__,
         "settings": result.settings.model_dump(),
@@ -133,11 +133,11 @@ def _page(result: Reproduction, figures: dict[str, Path]) -> str:
     shown = result.best
     s = result.settings
     head = (
-        "# The published experiment, run again\n\n"
+        "# Reproduction of the published experiment\n\n"
         f"M = {s.population}, {s.generations} generations, Pc = {s.crossover_rate}, Pm = {s.mutation_rate}, "
         f"alpha = {s.alpha}, sigma = {s.sigma}, delta = {s.delta}, mu = {s.mu}, nu = {s.nu}; 10 s, 5 ms, "
-        "classical Runge-Kutta. M of the fitness "
-        f"({s.fitness_scale:g}) and the reading of H are ours: the paper gives neither.\n\n"
+        "classical Runge-Kutta. M of the fitness ({s.fitness_scale:g}) and the interpretation of H are our"
+        " choices: the paper gives neither.\n\n"
         + "\n".join(f"- {sentence}" for sentence in result.verdicts)
         + "\n- The contradictions of the printed numbers are in [contradictions.md](contradictions.md).\n"
     )
@@ -151,4 +151,4 @@ def _page(result: Reproduction, figures: dict[str, Path]) -> str:
 
 def _contradictions_page(result: Reproduction) -> str:
     points = [f"{i}. {c.claim}\n\n   {c.evidence}\n" for i, c in enumerate(result.contradictions, start=1)]
-    return "# Where the printed numbers contradict themselves\n\n" + "\n".join(points)
+    return "# Contradictions of the printed numbers\n\n" + "\n".join(points)

@@ -18,7 +18,7 @@ STEP = 0.005
 """Simulation interval and Runge-Kutta step, s (section 4.1 of the publication)."""
 
 INSTANTS = STEP * np.arange(2001)
-"""(2001,) sampled instants of its 10 s, s."""
+"""(2001,) sampling instants of the 10 s, s."""
 
 
 def _angles(error: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -34,10 +34,10 @@ TERMS: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
     "relative angles": lambda error: JointAngles(relative2=True).of_rods(_angles(error)),
     "angles and speeds": _with_speeds,
 }
-"""Readings of E(Z): which errors are squared and summed.
+"""Interpretations of E(Z): the errors that are squared and summed.
 
-docs/theory.md (2) names angles and speeds; the printed sizes suit angles alone; an encoder at joint 2 reads
-theta2 - theta1.
+docs/theory.md (2) contains angles and speeds; the printed values are compatible with angles alone; an encoder at joint
+2 measures theta2 - theta1.
 """
 
 
@@ -46,7 +46,7 @@ class Reading:
     """One interpretation of the cost H(Z), which the publication leaves open."""
 
     poses: tuple[str, ...]
-    """H is the sum of E over these."""
+    """Poses over which E is summed to H."""
     speeds: bool
     """Whether E contains speeds as well as angles."""
     why: str
@@ -54,7 +54,7 @@ class Reading:
 
 READINGS = {
     "sum": Reading(POSES, True, "equation (2) with angles and speeds, summed over all three poses (section 3.7)"),
-    "X1": Reading(("X1",), False, "angles alone from pose X1, as the size of the printed H suggests"),
+    "X1": Reading(("X1",), False, "angles alone from pose X1, suggested by the size of the printed H"),
 }
 
 
@@ -64,7 +64,7 @@ def start_states(rig: Rig) -> NDArray[np.float64]:
 
 
 def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> NDArray[np.float64]:
-    """The zero-input responses of one set of parameters.
+    """Zero-input responses of one set of parameters.
 
     Args:
         Z: (9,) parameters, SI
@@ -80,7 +80,7 @@ def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> NDArray[np.float64]:
 
 
 def errors(Z: ArrayLike, truth: NDArray[np.float64], rig: Rig) -> dict[str, NDArray[np.float64]]:
-    """E(Z) of one set of parameters in every reading of `TERMS`.
+    """E(Z) of one set of parameters in every interpretation of `TERMS`.
 
     Args:
         Z: (9,) parameters, SI
@@ -88,18 +88,18 @@ def errors(Z: ArrayLike, truth: NDArray[np.float64], rig: Rig) -> dict[str, NDAr
         rig: L1, g and poses
 
     Returns:
-        (3,) E from X1, X2, X3 by reading; rad^2, where speeds count (rad/s)^2
+        (3,) E from X1, X2, X3 by interpretation; rad^2, with speeds also (rad/s)^2
     """
     error = swings(Z, rig) - truth
     return {name: np.sum(term(error) ** 2, axis=(1, 2)) for name, term in TERMS.items()}
 
 
 def objective(reading: Reading, truth: NDArray[np.float64], rig: Rig) -> Objective:
-    """The cost of a population under one reading of H.
+    """Cost of a population in one interpretation of H.
 
     Args:
         reading: poses and terms
-        truth: (3, 2001, 4) the swings to find again
+        truth: (3, 2001, 4) the swings to reproduce
         rig: L1, g and poses
 
     Returns:

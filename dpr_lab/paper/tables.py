@@ -1,4 +1,4 @@
-"""The published tables, printed and recomputed, and what follows from them."""
+"""Published tables, printed and recomputed, and the conclusions from them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class PaperTable:
 
 @dataclass(frozen=True, slots=True)
 class Recomputed:
-    """E of every printed row of parameters."""
+    """E of all printed rows of parameters."""
 
     table1: dict[str, NDArray[np.float64]]
     """(7, 3) rows and poses, by the names of `TERMS`."""
@@ -34,13 +34,13 @@ class Recomputed:
 
 
 def recompute(rig: Rig) -> Recomputed:
-    """Simulate every row that was published."""
+    """Simulate all published rows."""
     truth = swings(TRUE, rig)
     return Recomputed(*(_by_term([errors(row[:9], truth, rig) for row in table]) for table in (TABLE_1, TABLE_3)))
 
 
 def all_tables(ours: Recomputed, results: Sequence[Found], rig: Rig) -> list[PaperTable]:
-    """Every table of the reproduction, in the order of the publication."""
+    """All tables of the reproduction, in the order of the publication."""
     return [
         table1(ours),
         table2(ours),
@@ -52,7 +52,7 @@ def all_tables(ours: Recomputed, results: Sequence[Found], rig: Rig) -> list[Pap
 
 
 def table1(ours: Recomputed) -> PaperTable:
-    """Table 1: E of seven sets of parameters, in every reading."""
+    """Table 1: E of seven sets of parameters in every interpretation."""
     rows = [
         (str(i + 1), _digits(printed), *(_digits(ours.table1[term][i, 0]) for term in TERMS))
         for i, printed in enumerate(TABLE_1[:, -1])
@@ -61,7 +61,7 @@ def table1(ours: Recomputed) -> PaperTable:
 
 
 def table2(ours: Recomputed) -> PaperTable:
-    """Table 2: groups 1, 4 and 6 from the three poses; ours in angles, then in angles and speeds."""
+    """Table 2: groups 1, 4 and 6 from the three poses; recomputed with angles, then with angles and speeds."""
     rows = [
         (
             str(int(group)),
@@ -76,9 +76,19 @@ def table2(ours: Recomputed) -> PaperTable:
 
 
 def table3(ours: Recomputed, rig: Rig) -> PaperTable:
-    """Table 3: H of the ten printed rows in several readings, and how far the rows are from the truth."""
+    """Table 3: H of the ten printed rows in several interpretations, and the errors of the rows."""
     angles, speeds = ours.table3["angles"], ours.table3["angles and speeds"]
-    columns = ("row", "printed H", "X1", "min", "max", "sum", "sum with speeds", "worst of nine %", "worst ratio %")
+    columns = (
+        "row",
+        "printed H",
+        "X1",
+        "min",
+        "max",
+        "sum",
+        "sum with speeds",
+        "largest error of the nine, %",
+        "largest error of the ratios, %",
+    )
     rows = [
         (
             str(i + 1),
@@ -93,8 +103,18 @@ def table3(ours: Recomputed, rig: Rig) -> PaperTable:
 
 
 def searches(results: Sequence[Found], rig: Rig) -> PaperTable:
-    """Our searches: what each reached, in H, in the nine and in the five ratios."""
-    columns = ("H", "grid", "seed", "best H", "≤ printed", "worst of nine %", "worst ratio %", "step (4) from", "cpu s")
+    """Our searches: H, and errors of the nine parameters and of the five ratios."""
+    columns = (
+        "H",
+        "grid",
+        "seed",
+        "best H",
+        "≤ printed",
+        "largest error of the nine, %",
+        "largest error of the ratios, %",
+        "step (4) from",
+        "cpu s",
+    )
     rows = [
         (
             *_head(f),
@@ -123,7 +143,7 @@ def ratios(results: Sequence[Found], rig: Rig) -> PaperTable:
 
 
 def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
-    """What reproduces and what does not, one sentence for each reading of H and each grid."""
+    """Agreement with the publication, one sentence for each interpretation of H and each grid."""
     return [
         _verdict(reading, grid, group, rig)
         for reading in READINGS
@@ -133,7 +153,7 @@ def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
 
 
 def _verdict(reading: str, grid: str, group: Sequence[Found], rig: Rig, within_percent: float = 1.0) -> str:
-    """How often the searches of a group reach the published H, and the published accuracy of each of the nine."""
+    """Number of searches in a group that reach the published H, and the published accuracy of each of the nine."""
     costs = [f.H for f in group]
     nine = sum(bool((np.abs(f.percent) <= within_percent).all()) for f in group)
     five = sum(bool((np.abs(f.ratio_percent(rig)) <= within_percent).all()) for f in group)

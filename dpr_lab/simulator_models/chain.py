@@ -1,4 +1,4 @@
-"""The double pendulum in a model: an inner rod, an outer rod on it, and perhaps an arm that turns about the vertical.
+"""Double pendulum in a model: an inner rod, an outer rod on it, and optionally an arm with a vertical axis.
 
 theta_i is the angle of rod i from upright about the axis of joint 1 (docs/theory.md). The inner rod points from joint 1
 to joint 2, the outer rod from joint 2 to its centroid.
@@ -20,15 +20,15 @@ class ChainLimits:
     """Tolerances for parallel axes and for parts fixed to the elbow; default gravity."""
 
     gravity: float = 9.81
-    """m/s^2"""
+    """Default gravity, m/s^2."""
     parallel: float = math.radians(10.0)
-    """Angle of two axes that are taken as parallel, rad; above it the model is refused."""
+    """Maximum angle of axes that are treated as parallel, rad; with a larger angle the model is refused."""
     noticed: float = math.radians(0.01)
-    """Angle that is listed, rad."""
+    """Angle above which a note is given, rad."""
     elbow: float = 1e-3
-    """Distance of a part from the axis of joint 2, in lengths of the rod, up to which it counts as mb."""
+    """Distance of a part from the axis of joint 2, in lengths of the rod, up to which it is part of mb."""
     offset: float = 1e-7
-    """Distance of the centroid from the line of the inner rod that is listed, m."""
+    """Distance of the centroid from the line of the inner rod above which a note is given, m."""
 
 
 CHAIN = ChainLimits()
@@ -54,19 +54,19 @@ class ChainRod:
     joint: ModelJoint
     mass: float
     centroid: float
-    """Along the rod, from its joint, m."""
+    """Distance of the centroid along the rod from its joint, m."""
     inertia: float
-    """About its centroid, kg m^2."""
+    """Inertia about its centroid, kg m^2."""
     length: float | None
-    """m; None where no shape shows it."""
+    """Length, m; None if no shape shows it."""
     hanging: float
-    """Angle of the model's joint with the rods hanging, rad."""
+    """Angle of the joint in the model with the rods hanging, rad."""
     direction: int
-    """-1 where the angle of the model's joint falls while theta rises."""
+    """-1 if the angle of the joint in the model decreases while theta increases."""
     along: Vector
     """(3,) unit vector along the rod, all joints at zero."""
     offset: float = 0.0
-    """Of the centroid across the rod, m."""
+    """Distance of the centroid across the rod, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,38 +76,39 @@ class ChainArm:
     joint: ModelJoint
     length: float
     inertia: float
-    """About its axis, without the rods."""
+    """Inertia about its axis, without the rods."""
     direction: int
 
 
 @dataclass(frozen=True, slots=True)
 class ModelChain:
-    """The double pendulum that a model holds."""
+    """The double pendulum in a model."""
 
     rods: tuple[ChainRod, ChainRod]
     elbow_mass: float
-    """Of parts on the axis of joint 2 that are fixed to the inner rod, kg."""
+    """Mass of the parts on the axis of joint 2 that are fixed to the inner rod, kg."""
     gravity: float
-    """In the plane of the swing, m/s^2."""
+    """Gravity in the plane of the swing, m/s^2."""
     axis: Vector
-    """(3,) unit vector about which theta grows."""
+    """(3,) unit vector of the axis with positive theta."""
     arm: ChainArm | None
     terms: tuple[JointTerm, ...]
-    """What the joints have besides, as numbers."""
+    """Additional terms of the joints with their values."""
     notes: tuple[str, ...]
-    """What the rig file cannot hold."""
+    """Notes on parts that the rig file cannot contain."""
 
 
 def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: float | None = None) -> ModelChain:
-    """Find the rods and the arm, and their numbers.
+    """Find the rods and the arm with their values.
 
     Args:
-        model: as read
-        names: joints of the inner rod, the outer rod, and perhaps of the arm; none: found where only one choice exists
+        model: the model
+        names: joints of the inner rod, the outer rod and optionally the arm; empty: detected if there is only one
+        choice
         gravity: m/s^2, downwards along z, instead of that of the model
 
     Raises:
-        ConfigError: no such joints, several choices, or axes that are not parallel.
+        ConfigError: unknown joints, several choices, or axes that are not parallel.
     """
     notes = list(model.notes)
     indices = _named(model, names) if names else _only_choice(model)
@@ -149,7 +150,9 @@ def _pull(model: SimulatorModel, gravity: float | None, notes: list[str]) -> Vec
     if gravity is not None:
         return np.array([0.0, 0.0, -gravity])
     if model.gravity is None:
-        notes.append(f"{model.format} holds no gravity: g = {CHAIN.gravity} m/s^2 downwards along z (--g changes it)")
+        notes.append(
+            f"{model.format} contains no gravity: g = {CHAIN.gravity} m/s^2 downwards along z (--g changes it)"
+        )
         return np.array([0.0, 0.0, -CHAIN.gravity])
     if model.gravity.shape != (3,) or not np.linalg.norm(model.gravity) > 0:
         raise ConfigError("the model has no gravity, and a pendulum needs it: give --g 9.81")
@@ -167,7 +170,7 @@ def _hinges(model: SimulatorModel) -> list[int]:
 
 
 def _carrier(model: SimulatorModel, index: int, among: set[int]) -> int:
-    """The next of these parts towards the world; -1: none."""
+    """Next of these parts towards the world; -1: none."""
     above = model.parts[index].parent
     while above >= 0 and above not in among:
         above = model.parts[above].parent
@@ -182,29 +185,31 @@ def _named(model: SimulatorModel, names: Sequence[str]) -> list[int]:
     """Parts of the named joints.
 
     Raises:
-        ConfigError: no such joint, another number than two or three, or joints that do not carry one another.
+        ConfigError: unknown joint, not two or three joints, or joints that are not in a chain.
     """
     hinges = _hinges(model)
     by_name = {_joint_of(model, index).name: index for index in hinges}
     if len(names) not in (2, 3) or len(set(names)) != len(names):
-        raise ConfigError("--joints names two joints, of the inner and of the outer rod, and perhaps that of the arm")
+        raise ConfigError(
+            "--joints names two joints, of the inner and of the outer rod, and optionally that of the arm"
+        )
     if unknown := [name for name in names if name not in by_name]:
-        raise ConfigError(f"no hinge is named {unknown[0]!r}; the model has {_names(model, hinges)}")
+        raise ConfigError(f"no hinge is named {unknown[0]!r}; hinges of the model: {_names(model, hinges)}")
     indices = [by_name[name] for name in names]
     shoulder, elbow, *arm = indices
     chain = set(indices)
     if _carrier(model, elbow, chain) != shoulder:
-        raise ConfigError(f"joint {names[1]!r} is not on the rod that {names[0]!r} turns: give the inner joint first")
+        raise ConfigError(f"joint {names[1]!r} is not on the rod of {names[0]!r}: give the inner joint first")
     if arm and _carrier(model, shoulder, chain) != arm[0]:
-        raise ConfigError(f"joint {names[0]!r} is not carried by the arm that {names[2]!r} turns")
+        raise ConfigError(f"joint {names[0]!r} is not on the arm of {names[2]!r}")
     return indices
 
 
 def _only_choice(model: SimulatorModel) -> list[int]:
-    """Inner rod, outer rod and perhaps arm, of a model with no other hinge.
+    """Inner rod, outer rod and optionally arm of a model without other hinges.
 
     Raises:
-        ConfigError: other than two or three hinges, or not in a chain with parallel axes.
+        ConfigError: not two or three hinges, or hinges that are not in a chain with parallel axes.
     """
     hinges = _hinges(model)
     if len(hinges) < 2:
@@ -219,14 +224,14 @@ def _only_choice(model: SimulatorModel) -> list[int]:
     chain = set(hinges)
     ordered = sorted(hinges, key=lambda index: _depth(model, index))
     if any(_carrier(model, outer, chain) != inner for inner, outer in pairwise(ordered)):
-        raise ConfigError(f"the hinges {_names(model, hinges)} do not carry one another: no double pendulum")
+        raise ConfigError(f"the hinges {_names(model, hinges)} are not in a chain: not a double pendulum")
     if len(ordered) == 2:
         return ordered
     arm, shoulder, elbow = ordered
     if _between(_joint_of(model, arm).axis, _joint_of(model, shoulder).axis) < math.pi / 4:
         raise ConfigError(
-            f"the model has three hinges, {_names(model, ordered)}, and the first turns about no other axis than the"
-            " second: choose two with --joints INNER,OUTER"
+            f"the model has three hinges, {_names(model, ordered)}, and the first has the same axis as the"
+            f" second: choose two with --joints INNER,OUTER"
         )
     return [shoulder, elbow, arm]
 
@@ -239,7 +244,7 @@ def _depth(model: SimulatorModel, index: int) -> int:
 
 
 def _between(first: Vector, second: Vector) -> float:
-    """Angle of two axes without a sense, rad."""
+    """Angle between two axes without direction, rad."""
     return math.atan2(float(np.linalg.norm(np.cross(first, second))), abs(float(first @ second)))
 
 
@@ -252,34 +257,34 @@ def _refuse_tilted(joint: ModelJoint, axis: Vector, what: str, notes: list[str])
         )
     if angle > CHAIN.noticed:
         notes.append(
-            f"the axis of {joint.name!r} is {math.degrees(angle):.3g} degrees away from {what}: taken as parallel"
+            f"the axis of {joint.name!r} is {math.degrees(angle):.3g} degrees away from {what}: treated as parallel"
         )
 
 
 def _others(model: SimulatorModel, indices: Sequence[int], notes: list[str]) -> None:
-    """List joints that are held at their zero."""
+    """Notes on joints that are fixed at zero."""
     for index, part in enumerate(model.parts):
         if part.joint is not None and index not in indices:
             below = _carrier(model, index, set(indices)) >= 0
             where = f"; {part.mass:.6g} kg turn with the rods" if below and part.mass else ""
-            notes.append(f"joint {part.joint.name!r} ({part.joint.kind}) is taken as fixed at zero{where}")
+            notes.append(f"joint {part.joint.name!r} ({part.joint.kind}) is treated as fixed at zero{where}")
 
 
 def _fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
-    """Parts that move with a joint of the chain; its own part first."""
+    """Parts that move with a joint of the chain, the part of the joint first."""
     fixed = [i for i in range(len(model.parts)) if i not in chain and _carrier(model, i, chain) == index]
     return [model.parts[index], *(model.parts[i] for i in fixed)]
 
 
 def _sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
-    """Mass, centroid and (3, 3) inertia about it.
+    """Mass, centroid and (3, 3) inertia about the centroid.
 
     Raises:
         ConfigError: no mass.
     """
     mass = sum(part.mass for part in parts)
     if not mass > 0 or not math.isfinite(mass):
-        raise ConfigError(f"the part {parts[0].name!r} and all that is fixed to it have no mass")
+        raise ConfigError(f"the part {parts[0].name!r} and all parts fixed to it have no mass")
     centroid = sum((part.mass * part.centroid for part in parts), np.zeros(3)) / mass
     inertia = np.zeros((3, 3))
     for part in parts:
@@ -289,7 +294,7 @@ def _sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
 
 
 def _at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJoint, plane: Vector) -> list[Part]:
-    """Parts of the inner rod, but its own body, with their centroid on the axis of joint 2."""
+    """Parts of the inner rod, except its own body, with their centroid on the axis of joint 2."""
     length = float(np.linalg.norm(plane @ (next_joint.anchor - joint.anchor)))
     if not length > 1e-6:
         raise ConfigError(f"the axes of {joint.name!r} and {next_joint.name!r} coincide: L1 would be zero")
@@ -300,7 +305,7 @@ def _at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJoint, 
 def _inner(
     own: Sequence[Part], at_elbow: Sequence[Part], joints: tuple[ModelJoint, ModelJoint], plane: Vector, e: Vector
 ) -> tuple[ChainRod, float]:
-    """The inner rod, and its angle at the zero of its joint."""
+    """The inner rod, and its angle at zero of its joint."""
     joint, next_joint = joints
     to = plane @ (next_joint.anchor - joint.anchor)
     length = float(np.linalg.norm(to))
@@ -309,7 +314,7 @@ def _inner(
     along, offset = float(place @ to) / length, float(to[0] * place[1] - to[1] * place[0]) / length
     if not along > 0:
         raise ConfigError(
-            f"the centroid of the inner rod lies {-along:.3g} m behind {joint.name!r}: l1 must be above zero"
+            f"the centroid of the inner rod is {-along:.3g} m behind {joint.name!r}: l1 must be above zero"
         )
     about = float(e @ (inertia + sum((part.inertia for part in at_elbow), np.zeros((3, 3)))) @ e)
     angle, side = math.atan2(to[1], to[0]), 1 if joint.axis @ e > 0 else -1
@@ -318,12 +323,12 @@ def _inner(
 
 
 def _outer(parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, inner: float) -> ChainRod:
-    """The outer rod, which points to its centroid; `inner` is the angle of the other rod, rad."""
+    """The outer rod, whose direction is that of its centroid; `inner` is the angle of the inner rod, rad."""
     mass, centroid, inertia = _sum_of(parts)
     to = plane @ (centroid - joint.anchor)
     distance = float(np.linalg.norm(to))
     if not distance > 1e-6:
-        raise ConfigError(f"the centroid of the outer rod lies on the axis of {joint.name!r}: it does not swing")
+        raise ConfigError(f"the centroid of the outer rod is on the axis of {joint.name!r}: it does not swing")
     reach = [float(plane @ (end - joint.anchor) @ to) / distance for part in parts for end in part.ends]
     length, side = max(reach, default=0.0), 1 if joint.axis @ e > 0 else -1
     hanging = _wrapped(side * (inner - math.atan2(to[1], to[0])))
@@ -333,7 +338,7 @@ def _outer(parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, i
 
 
 def _wrapped(angle: float) -> float:
-    """In (-pi, pi], rad."""
+    """Angle in (-pi, pi], rad."""
     return -((-angle + math.pi) % (2 * math.pi) - math.pi)
 
 
@@ -345,7 +350,7 @@ def _terms(joint: ModelJoint) -> list[JointTerm]:
     )
     terms = [JointTerm(joint.name, quantity, value, unit) for quantity, value, unit in values if value]
     if joint.stiffness:
-        terms.append(JointTerm(joint.name, "joint angle at which the spring is slack", joint.rest, "rad"))
+        terms.append(JointTerm(joint.name, "joint angle with the spring relaxed", joint.rest, "rad"))
     return terms
 
 
@@ -363,7 +368,7 @@ def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str
 
 
 def _arm(joint: ModelJoint, groups: Sequence[Sequence[Part]], up: Vector, e: Vector, notes: list[str]) -> ChainArm:
-    """The arm, with the rods at its end; `e` is the axis of the rods."""
+    """The arm with the rods at its end; `e` is the axis of the rods."""
     _refuse_tilted(joint, up, "the vertical", notes)
     mass, own, inertia = _sum_of(groups[2])
     r = own - joint.anchor
@@ -371,8 +376,8 @@ def _arm(joint: ModelJoint, groups: Sequence[Sequence[Part]], up: Vector, e: Vec
     to = _sum_of([*groups[0], *groups[1]])[1] - joint.anchor
     length = float(abs(to @ e))
     if not length > 1e-6:
-        raise ConfigError(f"the rods lie on the axis of the arm {joint.name!r}: L0 would be zero")
+        raise ConfigError(f"the rods are on the axis of the arm {joint.name!r}: L0 would be zero")
     sideways = float(np.linalg.norm(to - (to @ e) * e - (to @ up) * up))
     if sideways > 1e-3 * length:
-        notes.append(f"the rods are {1e3 * sideways:.3g} mm off the radius of the arm: taken as zero")
+        notes.append(f"the rods are {1e3 * sideways:.3g} mm away from the radius of the arm: treated as zero")
     return ChainArm(joint, length, about, 1 if joint.axis @ up > 0 else -1)

@@ -1,6 +1,6 @@
-"""Numbers in the files of simulators: each must be a finite decimal number before a format's library sees it.
+"""Check of the numbers in files of simulators before the library of a format reads them.
 
-The libraries read some of them as another number: `1,5` is 1.0 to SDFormat's, and an empty one is zero to MuJoCo.
+The libraries misread some numbers: SDFormat's reads `1,5` as 1.0, and MuJoCo reads an empty text as zero.
 """
 
 import math
@@ -19,7 +19,8 @@ def refuse_bad_attributes(root: Element, names: frozenset[str], path: Path) -> N
     """Check the attributes with these names.
 
     Raises:
-        ConfigError: one of them holds something else than finite numbers; names file, element and attribute.
+        ConfigError: one of them contains something other than finite numbers; the message names file, element and
+        attribute.
     """
     for label, element in _labelled(root):
         for name in names & set(element.attrib):
@@ -31,13 +32,14 @@ def refuse_bad_texts(root: Element, keys: Mapping[str, frozenset[str]], unbounde
     """Check the texts of elements.
 
     Args:
-        root: of the file
-        keys: element -> its children that hold numbers
+        root: root element of the file
+        keys: element -> its children with numbers
         unbounded: names of children that may be infinite
         path: the file
 
     Raises:
-        ConfigError: one of them holds something else than finite numbers; names file, elements and the text.
+        ConfigError: one of them contains something other than finite numbers; the message names file, elements and
+        text.
     """
     for label, element in _labelled(root):
         for child in element:
@@ -45,23 +47,23 @@ def refuse_bad_texts(root: Element, keys: Mapping[str, frozenset[str]], unbounde
                 text = child.text or ""
                 if child.tag in unbounded and _INFINITY.fullmatch(text.strip()):
                     continue
-                if child.tag == "pose" and not text.strip():  # at the frame that it is relative to
+                if child.tag == "pose" and not text.strip():  # in the frame to which it is relative
                     continue
                 if problem := _problem(text):
                     raise ConfigError(f"{path}: <{element.tag}>{label}: element <{child.tag}>: {problem}")
 
 
 def _problem(text: str) -> str:
-    """What is wrong with the numbers of a text; empty: nothing."""
+    """Description of invalid numbers in a text; empty if all are valid."""
     parts = text.split()
     if not parts:
-        return "is empty: give a number, or leave it out"
+        return "is empty: give a number, or remove it"
     bad = next((part for part in parts if not _NUMBER.fullmatch(part) or not math.isfinite(float(part))), None)
     return "" if bad is None else f"{bad[:50]!r} is not a finite number: write it as 1.5 or 1e-3"
 
 
 def _labelled(root: Element) -> Iterator[tuple[str, Element]]:
-    """Every element, with words for its own name or that of the nearest named element around it."""
+    """Every element with a description: its own name, or that of the nearest named ancestor."""
     waiting = [("", root)]
     while waiting:
         label, element = waiting.pop()

@@ -1,6 +1,6 @@
 """Read SDFormat with Drake, which contains the format's own library.
 
-Friction and springs of joints, which Drake leaves out or turns into other elements, are read from the file itself.
+Friction and springs of joints, which Drake omits or converts to other elements, are read from the file itself.
 """
 
 import logging
@@ -18,13 +18,13 @@ from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel
 from dpr_lab.simulator_models.xml_file import read_xml
 
 IGNORED = {"visual", "collision", "plugin", "sensor", "light", "include", "actor", "gui", "scene", "particle_emitter"}
-"""Elements that do not move rods, or that name other files."""
+"""Elements that do not move rods, or that contain names of other files."""
 
 EARTH = "0 0 -9.8"
-"""Gravity of a world that gives none, m/s^2 (specification of `world`)."""
+"""Default gravity of a world, m/s^2 (specification of `world`)."""
 
 KINDS = {"revolute": "hinge", "prismatic": "slide", "ball": "ball", "quaternion_floating": "free"}
-"""Type of a joint in Drake -> what it lets happen."""
+"""Type of a joint in Drake -> its motion."""
 
 NUMBERS = {
     "inertial": frozenset({"mass", "pose"}),
@@ -35,10 +35,10 @@ NUMBERS = {
     "world": frozenset({"gravity"}),
     **dict.fromkeys(("model", "link", "joint", "frame"), frozenset({"pose"})),
 }
-"""Element -> its children that are read as numbers."""
+"""Element -> its children with numbers."""
 
 UNBOUNDED = frozenset({"lower", "upper"})
-"""Children that may be infinite: a joint without a stop."""
+"""Children that may be infinite: a joint without limits."""
 
 
 def read_sdf(path: Path) -> SimulatorModel:
@@ -47,7 +47,7 @@ def read_sdf(path: Path) -> SimulatorModel:
     Raises:
         ConfigError: Drake is not installed or refuses the file.
     """
-    try:  # by name, or the type checker would read all of Drake's stubs
+    try:  # imported by name, because the type checker would read all of Drake's stubs
         parsing, plants = (import_module(f"pydrake.multibody.{module}") for module in ("parsing", "plant"))
     except ModuleNotFoundError as missing:
         raise ConfigError("reading SDFormat needs Drake: pip install drake (Linux and macOS)") from missing
@@ -68,9 +68,9 @@ def read_sdf(path: Path) -> SimulatorModel:
         parts = tuple(_parts(plant, context, {j.get("name", ""): j for j in root.iter("joint")}))
         pull = root.findtext("world/gravity") or EARTH
         gravity = np.array(pull.split(), dtype=np.float64)
-    except (RuntimeError, ValueError, SystemExit) as error:  # Drake exits where a condition of its own fails
+    except (RuntimeError, ValueError, SystemExit) as error:  # Drake exits if one of its own conditions fails
         text = " ".join(str(error).replace("<literal-string>.sdf:", "").split())
-        raise ConfigError(f"{path}: SDFormat's library cannot read it: {text}") from error
+        raise ConfigError(f"{path}: the library of SDFormat cannot read it: {text}") from error
     model = next((element.get("name") for element in root.iter("model")), None)
     notes = [f"{count} <{tag}> elements, not read" for tag, count in sorted(counts.items())]
     return SimulatorModel(model or path.stem, "SDFormat", gravity, parts, (), tuple(notes))
@@ -101,7 +101,7 @@ def _parts(plant: Any, context: Any, elements: dict[str, Element]) -> list[Part]
     while waiting:
         ready = [body for body in waiting if _above(by_child, body, world) in place]
         if not ready:
-            raise ValueError("its joints form a circle")
+            raise ValueError("its joints form a loop")
         for body in ready:
             joint = by_child.get(body.index())
             pose = plant.EvalBodyPoseInWorld(context, body)

@@ -1,4 +1,4 @@
-"""The model of a simulator as parts on joints, all of them in world coordinates at the zero of every joint; SI."""
+"""Model of a simulator as parts on joints, all in world coordinates with every joint at zero; SI."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -16,23 +16,23 @@ class ModelJoint:
     name: str
     kind: Literal["hinge", "slide", "ball", "free", "other"]
     axis: Vector
-    """(3,) unit vector."""
+    """(3,) unit vector of the axis."""
     anchor: Vector
     """(3,) a point of the axis, m."""
     damping: float = 0.0
-    """N m s/rad"""
+    """Viscous friction, N m s/rad."""
     friction: float = 0.0
     """Coulomb friction, N m."""
     armature: float = 0.0
-    """kg m^2"""
+    """Rotor inertia (armature), kg m^2."""
     stiffness: float = 0.0
-    """N m/rad"""
+    """Spring stiffness, N m/rad."""
     rest: float = 0.0
-    """ModelJoint angle at which the spring is slack, rad."""
+    """Joint angle with the spring relaxed, rad."""
     limits: tuple[float, float] | None = None
-    """Smallest and largest joint angle, rad; None without a stop."""
+    """Smallest and largest joint angle, rad; None without limits."""
     other: dict[str, str] = field(default_factory=dict)
-    """What no rig file holds: what it is -> its numbers."""
+    """Terms that a rig file cannot contain -> their numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,17 +41,17 @@ class Part:
 
     name: str
     parent: int
-    """Index of the part that carries it; -1: the world."""
+    """Index of its parent; -1: the world."""
     joint: ModelJoint | None
-    """None: fixed to its parent."""
+    """Joint to its parent; None: fixed."""
     mass: float
-    """kg"""
+    """Mass, kg."""
     centroid: Vector
-    """(3,) m"""
+    """(3,) centroid, m."""
     inertia: Vector
-    """(3, 3) about the centroid, kg m^2."""
+    """(3, 3) inertia about the centroid, kg m^2."""
     ends: tuple[Vector, ...] = ()
-    """Points of its shapes, m: they give the length of a rod."""
+    """Points of its shapes, m, which give the length of a rod."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,23 +61,23 @@ class ModelActuator:
     name: str
     joint: str
     kind: str
-    """As the format calls it."""
+    """Kind of the actuator in the format."""
     gear: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatorModel:
-    """A model as its file has it."""
+    """A model from a file."""
 
     name: str
     format: Literal["MJCF", "URDF", "SDFormat"]
     gravity: Vector | None
-    """(3,) m/s^2; None: the format does not hold it."""
+    """(3,) gravity, m/s^2; None: not in the format."""
     parts: tuple[Part, ...]
-    """Parents first."""
+    """Parts, parents first."""
     actuators: tuple[ModelActuator, ...] = ()
     notes: tuple[str, ...] = ()
-    """What was not read, and what no rig file holds."""
+    """Notes on elements that were not read, and on terms that a rig file cannot contain."""
 
 
 def frame(roll: float, pitch: float, yaw: float) -> Vector:

@@ -1,4 +1,4 @@
-"""Read URDF with `urdf_parser_py`, which is given links and joints alone.
+"""Read URDF with `urdf_parser_py`, which gets only links and joints.
 
 Source: https://wiki.ros.org/urdf/XML.
 """
@@ -17,10 +17,10 @@ from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, Simul
 from dpr_lab.simulator_models.xml_file import read_xml
 
 KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free", "fixed": "fixed"}
-"""Type of a joint -> what it lets happen."""
+"""Type of a joint -> its motion."""
 
 NUMBERS = frozenset("xyz rpy value ixx ixy ixz iyy iyz izz damping friction lower upper multiplier offset".split())
-"""Attributes that are read as numbers, in any element of a link's inertial or of a joint."""
+"""Attributes with numbers, in any element of a link's inertial or of a joint."""
 
 
 def read_urdf(path: Path) -> SimulatorModel:
@@ -35,7 +35,7 @@ def read_urdf(path: Path) -> SimulatorModel:
         raise ConfigError("reading URDF needs urdf-parser-py: pip install dpr-lab[exports]") from missing
     root = read_xml(path)
     if any("xacro" in element.tag for element in root.iter()):
-        raise ConfigError(f"{path}: holds macros of xacro: expand them first (xacro FILE > model.urdf)")
+        raise ConfigError(f"{path}: contains macros of xacro: expand them first (xacro FILE > model.urdf)")
     shapes = {link.get("name", ""): _ends(link) for link in root.iter("link")}
     ignored = Counter(child.tag for child in root if child.tag not in ("link", "joint", "transmission", "material"))
     meshes, plugins = sum(1 for _ in root.iter("mesh")), sum(1 for _ in root.iter("plugin"))
@@ -51,7 +51,7 @@ def read_urdf(path: Path) -> SimulatorModel:
         parts = tuple(_parts(robot, shapes, path))
     except ConfigError:
         raise
-    except Exception as error:  # the library raises whatever its helpers do
+    except Exception as error:  # the library raises any exception of its helpers
         raise ConfigError(f"{path}: is not valid URDF: {str(error) or type(error).__name__}") from error
     notes = [f"{count} <{tag}> elements, not read" for tag, count in ignored.items()]
     notes += [f"{meshes} meshes, not loaded"] if meshes else []
@@ -90,7 +90,7 @@ def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], path: Path) -> 
     if len(roots) != 1:
         raise ConfigError(f"{path}: has {len(roots)} links without a parent; a robot has one")
     if len(below) != len(robot.joints):
-        raise ConfigError(f"{path}: a link hangs on two joints: closed chains are not URDF")
+        raise ConfigError(f"{path}: a link has two parent joints, but URDF does not support closed chains")
     parts: list[Part] = []
     waiting: list[tuple[str, int, Any, Vector, Vector]] = [(roots[0], -1, None, np.eye(3), np.zeros(3))]
     while waiting:
@@ -107,7 +107,7 @@ def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], path: Path) -> 
         parts.append(Part(name, above, moving, mass, at + turned @ offset, axes @ tensor @ axes.T, ends))
         waiting += [(child.child, len(parts) - 1, child, turned, at) for child in children.get(name, [])]
     if len(parts) != len(robot.links):
-        raise ConfigError(f"{path}: joints form a circle: {len(robot.links) - len(parts)} links are not reached")
+        raise ConfigError(f"{path}: joints form a loop: {len(robot.links) - len(parts)} links are not reached")
     return parts
 
 
@@ -145,7 +145,7 @@ def _ends(link: Element) -> tuple[Vector, ...]:
                 points += [
                     at + sign * axis * size for axis, size in zip(axes.T, reach, strict=True) for sign in (1, -1)
                 ]
-        except ValueError:  # a shape is no part of the motion
+        except ValueError:  # a shape has no influence on the motion
             continue
     return tuple(point for point in points if np.all(np.isfinite(point)))
 

@@ -1,4 +1,4 @@
-"""Change attributes in the text of an XML file; everything else stays as it is, byte for byte."""
+"""Change attributes in the text of an XML file; everything else is unchanged, byte for byte."""
 
 import re
 from dataclasses import dataclass
@@ -11,29 +11,29 @@ from dpr_lab.simulator_models.xml_file import parse_xml
 
 @dataclass(slots=True)
 class StartTag:
-    """A start tag in the text."""
+    """Position of a start tag in the text."""
 
     tag: str
     attributes: dict[str, str]
     parent: int
-    """Index of the element around it; -1: none."""
+    """Index of its parent element; -1: none."""
     first: int
-    """Place of its `<`, bytes."""
+    """Position of its `<`, bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChangedAttribute:
-    """One number of the file that changed."""
+    """One changed number of the file."""
 
     element: str
     attribute: str
     before: str
-    """Empty for an attribute that was not there."""
+    """Old value; empty if the attribute was missing."""
     after: str
 
 
 class XmlEdit:
-    """The text of a file, and the changes to it."""
+    """Text of a file with pending changes."""
 
     def __init__(self, data: bytes, name: str) -> None:
         """Raises: ConfigError: as for `parse_xml`, or another encoding than UTF-8."""
@@ -59,12 +59,12 @@ class XmlEdit:
     changes: list[ChangedAttribute]
 
     def find(self, tag: str, **attributes: str) -> int | None:
-        """Index of the first element with these attributes; None: there is none."""
+        """Index of the first element with these attributes; None without one."""
         wanted = attributes.items()
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and wanted <= t.attributes.items()), None)
 
     def child(self, parent: int, tag: str) -> int | None:
-        """Index of the first child with this tag; None: there is none."""
+        """Index of the first child with this tag; None without one."""
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and t.parent == parent), None)
 
     def set(self, index: int, label: str, **attributes: str) -> None:
@@ -76,13 +76,13 @@ class XmlEdit:
                 self._new.setdefault(index, {})[name] = value
 
     def insert(self, parent: int, tag: str, label: str, **attributes: str) -> None:
-        """Put an element at the beginning of another."""
+        """Insert an element at the beginning of another."""
         text = " ".join(f"{name}={quoteattr(value)}" for name, value in attributes.items())
         self._inserted[parent] = f"<{tag} {text}/>"
         self.changes += [ChangedAttribute(label, name, "", value) for name, value in attributes.items()]
 
     def text(self) -> bytes:
-        """The file with the changes."""
+        """The file with the changes applied."""
         data = self.data
         for index in sorted({*self._new, *self._inserted}, reverse=True):
             first = self.tags[index].first
@@ -94,7 +94,7 @@ class XmlEdit:
         return data
 
     def _insertion(self, index: int, data: bytes, first: int) -> str:
-        """The inserted element on a line of its own, two spaces deeper than its parent."""
+        """The inserted element on its own line, indented by two more spaces than its parent."""
         if index not in self._inserted:
             return ""
         line = data[data.rfind(b"\n", 0, first) + 1 : first].decode("utf-8")
@@ -103,7 +103,7 @@ class XmlEdit:
 
 
 def _end_of_tag(data: bytes, first: int) -> int:
-    """Place behind the `>` of a start tag: one inside quotes does not count."""
+    """Position after the `>` of a start tag, ignoring any inside quotes."""
     quote = 0
     for place in range(first, len(data)):
         byte = data[place]

@@ -1,4 +1,4 @@
-"""XML files of strangers: no entities, no document types, no file outside the folder of the model."""
+"""Untrusted XML files: no entities, no document types, no file outside the folder of the model."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,18 +14,18 @@ class XmlLimits:
     """Size limits of a pendulum model."""
 
     bytes: int = 5_000_000
-    """Of one file."""
+    """Maximum size of one file, bytes."""
     depth: int = 100
-    """Of nested elements."""
+    """Maximum depth of nested elements."""
     files: int = 50
-    """Included by one model."""
+    """Maximum number of files included by one model."""
 
 
 XML_LIMITS = XmlLimits()
 
 
 def read_xml(path: Path) -> Element:
-    """Parse a file; comments are left out.
+    """Parse a file; comments are removed.
 
     Raises:
         ConfigError: it cannot be read, is too large or too deep, is not well-formed, or declares a document type or
@@ -42,7 +42,7 @@ def read_xml(path: Path) -> Element:
 
 
 def parse_xml(data: bytes, name: str) -> Element:
-    """Parse a document; `name` is what messages call it.
+    """Parse a document; `name` is used in messages.
 
     Raises:
         ConfigError: as for `read_xml`.
@@ -76,7 +76,7 @@ def parse_xml(data: bytes, name: str) -> Element:
 
 
 def with_includes(path: Path, data: bytes | None = None) -> Element:
-    """The document with the content of each `<include file="...">` in the place of the include; `data` is its text.
+    """The document with each `<include file="...">` replaced by the content of the file; `data` is its text.
 
     Raises:
         ConfigError: an include outside the folder of the model, one that includes itself, or too many.
@@ -106,15 +106,15 @@ def _include(parent: Element, path: Path, folder: Path, above: tuple[Path, ...],
 
 
 def _inside(file: Path, folder: Path, place: str) -> Path:
-    """The file, links followed.
+    """The file with links resolved.
 
     Raises:
-        ConfigError: it lies outside the folder.
+        ConfigError: it is outside the folder.
     """
     try:
         real = file.resolve()
     except (OSError, ValueError, RuntimeError) as error:
         raise ConfigError(f"{place}: cannot be read: {error}") from error
     if not real.is_relative_to(folder):
-        raise ConfigError(f"{place}: lies outside the folder of the model and is not read: copy the file into it")
+        raise ConfigError(f"{place}: is outside the folder of the model and is not read: copy the file into it")
     return real

@@ -1,1 +1,1 @@
-"""Blind trials: a plant that nobody chose is sealed, recorded, diagnosed, opened and scored."""
+"""Blind trials: a random plant is sealed, recorded, diagnosed, revealed and scored."""

@@ -1,9 +1,9 @@
-"""Trials by the hundred: numbered cases, results kept line by line, so that a campaign goes on where it was killed.
+"""Campaigns of many trials: numbered cases with results stored line by line, for continuation.
 
-campaign.json    what is tried; a folder holds one campaign
-trials.jsonl     one line for each trial done
-summary.json     what came out
-.lock            held while a campaign runs
+campaign.json   definition of the campaign; a folder contains one campaign
+trials.jsonl    one line for each finished trial
+summary.json    scores
+.lock           locked while a campaign runs
 """
 
 import json
@@ -30,21 +30,21 @@ SETTINGS, TRIALS, LOCK = "campaign.json", "trials.jsonl", ".lock"
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """Definition of a campaign: trial `number` hides `kinds[number % len(kinds)]`, drawn from `seed + number`."""
+    """Definition of a campaign: trial `number` hides `kinds[number % len(kinds)]`, drawn with `seed + number`."""
 
     kinds: tuple[Kind, ...]
     level: Level = Level.CLEAR
     seed: int = 1
     rig: str = "paper"
-    """Rig file or built-in name that every rig is drawn around."""
+    """Rig file or built-in name: centre of the random rigs."""
     plant: str = "paper"
-    """Plant file or built-in name; a file must lie where every worker finds it."""
+    """Plant file or built-in name: centre of the random plants; every worker needs access to the file."""
 
     def cases(self, numbers: Sequence[int]) -> list[Case]:
         """Requests of the trials with these numbers, as JSON values.
 
         Raises:
-            ConfigError: no such rig.
+            ConfigError: unknown rig.
         """
         path = load_rig(self.rig).path
         assert path is not None
@@ -60,7 +60,7 @@ class Campaign:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A trial that ended in an error; it is repeated when the campaign continues."""
+    """A trial that ended with an error; it is repeated when the campaign continues."""
 
     number: int
     error: str
@@ -71,7 +71,7 @@ class Tried:
     """Results of a campaign."""
 
     outcomes: tuple[TrialOutcome, ...]
-    """In the order of their numbers."""
+    """Results ordered by number."""
     failures: tuple[Failure, ...]
 
 
@@ -84,19 +84,19 @@ def run_campaign(
     scheduler: str | None = None,
     on_trial: Callable[[int, TrialOutcome | Failure | None], None] = lambda done, last: None,
 ) -> Tried:
-    """Run the first `n` trials of a campaign, but for those that the folder holds already.
+    """Run the first `n` trials of a campaign, except those that the folder already contains.
 
     Args:
-        campaign: what to try
-        n: how many in all
-        folder: of the campaign; made, or gone on with
-        jobs: processes on this machine
+        campaign: definition of the campaign
+        n: total number of trials
+        folder: folder of the campaign, created or continued
+        jobs: number of processes on this machine
         scheduler: address of a dask scheduler to use instead
         on_trial: called at the start and after each with the number done and the last result
 
     Raises:
-        RunError: the folder holds another campaign, or one that is running.
-        DprError: a file cannot be written, or the workers are gone; what was done is kept.
+        RunError: the folder contains another campaign, or one that is running.
+        DprError: a file cannot be written, or the workers are lost; finished trials are kept.
     """
     with _alone(folder):
         _claim(folder, campaign)
@@ -117,7 +117,7 @@ def run_campaign(
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Keep other processes out of a folder; the system lets go of it when a process is killed."""
+    """Lock a folder against other processes; the system releases the lock when a process is killed."""
     lock = FileLock(folder / LOCK, timeout=0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -139,7 +139,7 @@ def _done(cases: list[Case], jobs: int, scheduler: str | None) -> Iterator[Done]
 
 
 def _claim(folder: Path, campaign: Campaign) -> None:
-    """Write down what is tried in a folder, or make sure that it is the same as before."""
+    """Write the definition of a campaign to a folder, or check that it is unchanged."""
     settings = json.loads(json.dumps(asdict(campaign))) | {"version": __version__}
     file = folder / SETTINGS
     if not file.exists():
@@ -149,14 +149,14 @@ def _claim(folder: Path, campaign: Campaign) -> None:
     other = [name for name, value in settings.items() if before.get(name) != value]
     if other:
         was = ", ".join(f"{name} = {before.get(name)}" for name in other)
-        raise RunError(f"{folder}: holds another campaign ({was}); go on with that one, or give another folder")
+        raise RunError(f"{folder}: contains another campaign ({was}); continue that one, or give another folder")
 
 
 def read_trials(folder: Path) -> dict[int, TrialOutcome]:
-    """The trials that a folder holds, by number. A line that a kill cut short is dropped from the file.
+    """Trials in a folder by number. An incomplete last line of a killed process is removed from the file.
 
     Raises:
-        RunError: a line that is whole is not a trial's.
+        RunError: a complete line is not a valid trial.
     """
     file = folder / TRIALS
     if not file.is_file():
@@ -181,4 +181,4 @@ def _append(file: Path, line: dict[str, Any]) -> None:
         with file.open("ab") as trials:
             trials.write(json.dumps(line).encode() + b"\n")
     except OSError as error:
-        raise DprError(f"{file}: cannot be written: {error.strerror}; run again to go on") from error
+        raise DprError(f"{file}: cannot be written: {error.strerror}; run the command again to continue") from error

@@ -1,6 +1,7 @@
-"""One trial of a campaign, in whichever process: a case comes in as JSON, its outcome goes out as JSON.
+"""One trial of a campaign, in any process: the case and its outcome are JSON.
 
-The device records its plant directly, without link and waiting: the same counts, so that hundreds are affordable.
+The device records its plant directly, without link and without waiting: the counts are the same, and hundreds of trials
+are feasible.
 """
 
 import time
@@ -20,11 +21,11 @@ from dpr_lab.version import __version__
 
 
 def run_case(case: dict[str, Any]) -> dict[str, Any]:
-    """Seal, record, diagnose, open and score one plant.
+    """Seal, record, diagnose, reveal and score one plant.
 
     Args:
-        case: `kind`, `level`, `seed`; `rig`, the text of a rig file; `plant`, a name or file that this machine has;
-            `version`, of the program that asks
+        case: `kind`, `level`, `seed`; `rig`, the text of a rig file; `plant`, a name or a file on this machine;
+        `version` of the calling program
 
     Returns:
         `outcome`, as `TrialOutcome.to_json` gives it
@@ -37,7 +38,9 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
     from dpr_lab.gap.diagnose import diagnose
 
     if case["version"] != __version__:
-        raise DprError(f"this worker has dpr-lab {__version__}, the campaign is of {case['version']}: install the same")
+        raise DprError(
+            f"this worker has dpr-lab {__version__}, but the campaign uses {case['version']}: install the same version"
+        )
     numba.set_num_threads(1)
     request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"])
     with sealed_in_memory(request, case["rig"]) as (sealed, opened):
@@ -51,7 +54,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
 
 
 def run_of(recording: dict[str, Any], rig: Rig) -> Run:
-    """The run that a run file of this recording would be read as."""
+    """The run that results from reading a run file of this recording."""
     t, counts, pose = np.array(recording["t"]), np.array(recording["counts"], dtype=np.int64), recording["pose"]
     theta = rig.theta(counts)
     return Run(

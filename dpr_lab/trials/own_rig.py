@@ -1,8 +1,8 @@
-"""Blind trials on plants like one rig: the corrected model, recorded again as the rig was, with other noise.
+"""Blind trials on plants like one rig: the corrected model, recorded in the same way with different noise.
 
-The lab's own model makes the readings, at a quarter of its step. So the trials say how far names are to be trusted on
-this rig, these recordings and this noise; what no model of the library can do is not among them. Those against plants
-that the lab did not write are `dpr-lab trials`.
+The readings are simulated by dpr-lab's own model with a quarter of its step. The trials therefore show the reliability
+of names for this rig, these recordings and this noise, but not for effects outside the library. `dpr-lab trials` uses
+plants of an independent program.
 """
 
 import time
@@ -43,11 +43,11 @@ class OwnRigSettings:
     """Hidden content and simulation of a plant."""
 
     times_detectable: tuple[float, float] = (2.0, 20.0)
-    """Sizes of an effect drawn, over the least detectable one; evenly in their logarithm."""
+    """Range of the sizes of drawn effects, relative to the minimum detectable size; uniform in the logarithm."""
     finer: float = 4.0
-    """Times finer than the lab integrates."""
+    """Factor by which the step is smaller than in the fits."""
     kinds: tuple[str, ...] = ("as found", "another", "another", "clean")
-    """In turn."""
+    """Kinds of plants in turn."""
 
 
 OWN_RIG = OwnRigSettings()
@@ -55,12 +55,12 @@ OWN_RIG = OwnRigSettings()
 
 @dataclass(frozen=True, slots=True)
 class _Original:
-    """A recording, and the state in which its plant starts."""
+    """A recording, and the initial state of its plant."""
 
     run: Run
     seen: Screened
     start: Array
-    """(1, 4)"""
+    """(1, 4) initial state."""
     start_s: float
 
 
@@ -76,17 +76,17 @@ def trust(
     processes: int = 1,
     on_trial: Callable[[int], None] = lambda done: None,
 ) -> Trust:
-    """Try a diagnosis on plants of which the truth is known.
+    """Test a diagnosis on plants with known truth.
 
     Args:
         diagnosis: the diagnosis of the rig
-        runs: what was diagnosed, without what was held out
+        runs: the diagnosed runs, without held-out runs
         rig: the rig
-        count: how many trials
-        library: the effects that it chooses from
-        max_effects: at most so many at once
-        seed: same seed, same plants and noise
-        processes: trials side by side; with one they are made in this process
+        count: number of trials
+        library: the candidate effects
+        max_effects: maximum number of effects at once
+        seed: seed of plants and noise
+        processes: number of trials in parallel; with 1 they run in this process
         on_trial: called before the first and after each with the number done
 
     Raises:
@@ -105,13 +105,13 @@ def trust(
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """What every trial is made from; called with its number, in whichever process."""
+    """Common data of all trials; called with the number of a trial, in any process."""
 
     diagnosis: Diagnosis
     originals: tuple[_Original, ...]
     rig: Rig
     library: tuple[str, ...]
-    """Names: compiled kernels stay in their process."""
+    """Names instead of effects, because compiled kernels cannot be sent to another process."""
     max_effects: int
     seed: int
 
@@ -127,13 +127,13 @@ class _Plan:
         whole = {"library": library, "max_effects": self.max_effects, "start": diagnosis.unknowns, "seed": self.seed}
         try:
             diagnosis = diagnose(again, rig, **whole)
-        except DprError:  # of some plants nobody could say anything, and the other trials still count
+        except DprError:  # if a diagnosis fails for one plant, the other trials still count
             diagnosis = None
         return _judged(kind if truth else "clean", truth, diagnosis, time.perf_counter() - began)
 
 
 def _made(trial: Callable[[int], TrustTrial], count: int, processes: int) -> Iterator[tuple[int, TrustTrial]]:
-    """Each trial with its number as it is done, here or in processes of their own."""
+    """Each finished trial with its number, from this process or from others."""
     if processes < 2:
         yield from ((number, trial(number)) for number in range(count))
         return
@@ -158,7 +158,7 @@ def _original(run: Run, rig: Rig, at: Estimate) -> _Original:
 
 
 def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
-    """One effect that was not named and can be seen, at a size drawn; of several amplitudes one."""
+    """One effect that was not named but is detectable, with a random size; one of its amplitudes."""
     named = {effect.name for effect in diagnosis.effects}
     seen = {name: {k: v for k, v in sizes.items() if v} for name, sizes in diagnosis.detectable.items()}
     names = [n for n in seen if n in library and n not in named and seen[n] and not library[n].event]
@@ -174,7 +174,7 @@ def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random
 
 
 def _recorded_again(original: _Original, rig: Rig, ratios: Array, params: Array, rng: np.random.Generator) -> Run:
-    """The readings of a plant at the instants of a recording; the rest before the release stays as it was."""
+    """Readings of a plant at the instants of a recording; the rest before the release is unchanged."""
     run, seen = original.run, original.seen
     swing = run.t > original.start_s
     finer = segments([run.t[swing]], setups=[run.setup], step=STEP / OWN_RIG.finer)
@@ -229,7 +229,7 @@ def _summed(trials: Sequence[TrustTrial], seed: int) -> Trust:
 
 
 def _cells(trial: TrustTrial) -> list[tuple[str, str]]:
-    """(true, named) for each effect and each name; what was not named and what was not there stand for one another."""
+    """(true, named) pairs for each effect and each name; missed effects and wrong names are paired with each other."""
     missed = [name for name in trial.truth if name not in trial.right]
     count = max(len(missed), len(trial.wrong))
     pairs = zip(

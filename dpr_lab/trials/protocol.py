@@ -1,11 +1,11 @@
-"""One blind trial in a folder: drawn and recorded, diagnosed, and opened once the diagnosis stands.
+"""One blind trial in a folder: drawn and recorded, diagnosed, and revealed after the diagnosis is written.
 
-trial.json       the seal, given away before anything was recorded; written when all runs are there
-rig.toml         the rig file that goes with the plant
-runs/            one recording from each of its poses, through the real protocol
-device/          the device's own: nothing of the lab reads it
-diagnosis.json   the diagnosis
-opened.json      the truth, checked against the seal, and the score
+trial.json      the seal, published before the recording; written when all runs are complete
+rig.toml        the rig file of the plant
+runs/           one recording from each of its poses, through the real protocol
+device/         files of the device, which dpr-lab never reads
+diagnosis.json  the diagnosis
+opened.json     the truth, checked against the seal, and the score
 """
 
 import json
@@ -32,13 +32,13 @@ RIG_FILE, DEVICE = "rig.toml", "device"
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A trial's folder."""
+    """Folder of the trial."""
 
     folder: Path
     seal: str
     """Hex SHA-256 of salt and truth."""
     asked: str
-    """Kind and level that the draw was asked for, such as `any:clear`."""
+    """Requested kind and level, such as `any:clear`."""
     runs: tuple[Path, ...]
 
     @property
@@ -59,7 +59,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """A trial, opened."""
+    """A revealed trial."""
 
     truth: Truth
     diagnosis: dict[str, Any]
@@ -67,30 +67,30 @@ class Opened:
 
 
 def keep_runs(folder: Path, seal: str, request: PlantRequest, files: Sequence[Path]) -> Trial:
-    """Write down that a plant is drawn, sealed and recorded; from here on the folder holds a trial."""
+    """Record that a plant is drawn, sealed and recorded; from now on the folder contains a trial."""
     names = [path.relative_to(folder).as_posix() for path in files]
     write_json({"seal": seal, "asked": f"{request.kind}:{request.level}", "runs": names}, folder / "trial.json")
     return read_trial(folder)
 
 
 def read_trial(folder: Path) -> Trial:
-    """The trial of a folder.
+    """Trial in a folder.
 
     Raises:
-        RunError: no trial is there, or its draw was not finished.
+        RunError: there is no trial, or its draw was not finished.
     """
     file = folder / "trial.json"
     if not file.is_file():
-        raise RunError(f"{folder}: holds no finished trial; start one: dpr-lab trials draw --out NEW_FOLDER")
+        raise RunError(f"{folder}: contains no finished trial; start one: dpr-lab trials draw --out NEW_FOLDER")
     kept = read_json(file)
     try:
         return Trial(folder, kept["seal"], kept["asked"], tuple(folder / name for name in kept["runs"]))
     except (KeyError, TypeError) as error:
-        raise RunError(f"{file}: is not what `trials draw` wrote: {error!r}") from error
+        raise RunError(f"{file}: was not written by `trials draw`: {error!r}") from error
 
 
 def recordings(trial: Trial) -> list[Run]:
-    """The trial's runs.
+    """Runs of the trial.
 
     Raises:
         RunError: a run that cannot be read.
@@ -100,17 +100,17 @@ def recordings(trial: Trial) -> list[Run]:
 
 
 def keep_diagnosis(trial: Trial, diagnosis: dict[str, Any]) -> None:
-    """Record the diagnosis.
+    """Write the diagnosis.
 
     Raises:
-        RunError: the trial is open already: a diagnosis after that is not blind.
+        RunError: the trial is already open, so the diagnosis would not be blind.
     """
     refuse_opened(trial)
     write_json(diagnosis, trial.diagnosis)
 
 
 def refuse_opened(trial: Trial) -> None:
-    """Raise RunError where the truth is known already."""
+    """Raise RunError if the truth is already known."""
     if trial.opened.exists():
         raise RunError(f"{trial.folder}: this trial was opened already; a diagnosis after that would not be blind")
 
@@ -136,19 +136,19 @@ def _diagnosis(file: Path) -> dict[str, Any]:
     try:
         return Diagnosis.model_validate(read_json(file)).to_json()
     except ValidationError as error:
-        raise RunError(f"{file}: is not what `trials run` wrote; run it again: {error}") from error
+        raise RunError(f"{file}: was not written by `trials run`; run the trial again: {error}") from error
 
 
 def read_json(file: Path) -> dict[str, Any]:
-    """A JSON object from a file.
+    """JSON object from a file.
 
     Raises:
-        RunError: it cannot be read or is none.
+        RunError: the file cannot be read, or is not a JSON object.
     """
     try:
         kept = json.loads(regular(file, RunError).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise RunError(f"{file}: cannot be read as JSON: {error}") from error
     if not isinstance(kept, dict):
-        raise RunError(f"{file}: holds no JSON object")
+        raise RunError(f"{file}: contains no JSON object")
     return kept

@@ -1,4 +1,4 @@
-"""Score of one trial: the diagnosis against the hidden effects."""
+"""Score of one trial: comparison of the diagnosis with the hidden effects."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,13 +20,13 @@ Json = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """One effect that was there."""
+    """One hidden effect."""
 
     name: str
     over_limit: float | None
-    """Its size over the least that the diagnosis says it could see; None where that is not known."""
+    """Size relative to the minimum detectable size of the diagnosis; None if unknown."""
     named: bool
-    """Whether the diagnosis names it, or its class."""
+    """Whether the diagnosis names it or a member of its class."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,9 @@ class SizeError:
     effect: str
     parameter: str
     relative: float
-    """|found - true| over the largest true amplitude of the effect in the same unit."""
+    """|estimate - true value| over the largest true amplitude of the effect in the same unit."""
     covered: bool
-    """Whether the 90 % interval holds the truth."""
+    """Whether the 90 % interval contains the true value."""
     leads: bool
     """Whether it is the largest amplitude of its effect."""
 
@@ -59,43 +59,43 @@ class TrialOutcome:
     level: str
     seed: int
     truth: tuple[str, ...]
-    """Names of the effects that were there, the largest first; a foreign one by its own name."""
+    """Names of the hidden effects, the largest first; an out-of-library effect by its own name."""
     held_back: bool
     verdict: str
     named: tuple[str, ...]
-    """Effects that the diagnosis names, in its order."""
+    """Named effects in the order of the diagnosis."""
     class_sizes: tuple[int, ...]
-    """How many names each of their classes holds: a class that holds everything is always right."""
+    """Number of names in each of their classes, because a class of all effects would always be right."""
     first: bool
     """Whether the first name is one of the causes."""
     top3: bool
-    """Whether one of the causes is among the first three names, rivals included."""
+    """Whether one of the causes is among the first three names, including alternatives."""
     exact: bool
-    """Whether the names are the causes: none missing, none invented."""
+    """Whether the names are exactly the causes."""
     invented: bool
     """Whether a name is not a cause."""
     silent: bool
-    """Whether the diagnosis says that there is no gap."""
+    """Whether the diagnosis reports no gap."""
     wrong_name: bool
     """Whether a name that is not a cause has a probability above `SURE`."""
     admitted: bool
-    """Whether the diagnosis says that something stays unexplained."""
+    """Whether the diagnosis reports an unexplained part."""
     explained_share: float
     closed: float
-    """Share of the gap above the floor that closes on data not used for the fit; nan when it does not say."""
+    """Share of the gap above the noise floor that closes on held-out data; nan if the diagnosis gives none."""
     sizes: tuple[SizeError, ...]
     claims: tuple[Claim, ...]
     sensor_findings: tuple[str, ...]
     faults_missed: tuple[str, ...]
-    """Faults of the encoders that were there and that no sensor finding names."""
+    """Encoder faults of the plant that no sensor finding names."""
     seconds: float
     seal: str = ""
     causes: tuple[Cause, ...] = ()
-    """As `truth`."""
+    """Encoder faults of the plant."""
 
     @property
     def grade(self) -> str:
-        """The trial in a word: right, right in part, not named, or wrong."""
+        """Grade of the trial: right, right in part, not named, or wrong."""
         if not self.truth or self.kind == "outside":
             right = self.admitted and not self.wrong_name if self.truth else self.silent
             return "right" if right else "wrong"
@@ -106,7 +106,7 @@ class TrialOutcome:
         return "wrong" if self.named else "not named"
 
     def to_json(self) -> dict[str, Any]:
-        """A plain dict, with null for what is not finite; `read_outcome` undoes it."""
+        """The outcome as a dict, non-finite numbers as null; inverse of `read_outcome`."""
         numbers = {name: value for name in _NUMBERS if math.isfinite(value := getattr(self, name))}
         return asdict(self) | dict.fromkeys(_NUMBERS) | numbers
 
@@ -116,7 +116,7 @@ _NUMBERS = ("explained_share", "closed")
 
 
 def read_outcome(kept: Mapping[str, Any]) -> TrialOutcome:
-    """The outcome that `to_json` gave."""
+    """Outcome from the dict of `to_json`."""
     lists = {name: tuple(kept[name]) for name in _LISTS}
     sizes, claims = (
         tuple(make(**record) for record in kept[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
@@ -132,14 +132,14 @@ def score(
     """Score a diagnosis.
 
     Args:
-        diagnosis: as `dpr-lab diagnose --json` gives it
-        truth: the opened plant
-        rig: the rig file that the lab had
-        kind: what was drawn
-        level: how visible it was to be
-        seed: of the draw
-        seconds: what the diagnosis took
-        seal: what the plant had been sealed with
+        diagnosis: output of `dpr-lab diagnose --json`
+        truth: the revealed plant
+        rig: the rig file of the diagnosis
+        kind: the requested kind
+        level: the requested visibility
+        seed: seed of the draw
+        seconds: duration of the diagnosis
+        seal: the published seal
     """
     effects = _named(diagnosis)
     listed = [*effects, *(rival for rival in diagnosis["rivals"] if rival not in effects)]
@@ -175,7 +175,7 @@ def score(
 
 
 def _named(diagnosis: Json) -> list[Json]:
-    """The effects that are named; a step that the sensor screen alone found is a name too, without a probability."""
+    """Named effects; a step found only by the sensor screening counts as a name without a probability."""
     effects: list[Json] = list(diagnosis["effects"]) if diagnosis["verdict"] in NAMING else []
     steps = any(finding["name"] == STEP for finding in diagnosis["sensor_findings"])
     if steps and all(effect["name"] != STEP for effect in effects):
@@ -199,7 +199,7 @@ def over_limit(sizes: Mapping[str, float], least: Mapping[str, float | None]) ->
 
 
 def _faults(truth: Truth) -> list[str]:
-    """Sensor findings that the encoders of the plant call for."""
+    """Expected sensor findings for the encoders of the plant."""
     there = {
         "undithered_quantisation": truth.encoders["step_counts"] > 1,
         "jitter": truth.encoders["jitter_ms"] > 0,
@@ -230,7 +230,7 @@ def _claimed(effects: Sequence[Json], hits: Sequence[int | None]) -> list[Claim]
 
 
 def _sizes(effects: Sequence[Json], true: Mapping[str, Mapping[str, float]]) -> list[SizeError]:
-    """Errors of the amplitudes of those effects that were named by their own name, not by a twin's."""
+    """Errors of the amplitudes of effects that were named themselves, not through an indistinguishable effect."""
     errors: list[SizeError] = []
     for effect in effects:
         amplitudes = true.get(effect["name"], {})

@@ -1,6 +1,6 @@
-"""What the lab asks of the simulated device's own process: draw and seal a plant, and open it again.
+"""Requests to the process of the simulated device: draw and seal a plant, and reveal it.
 
-The truth stays in a folder of the device's. Nothing here reads it; the lab sees a seal, a rig file and recordings.
+The truth stays in a folder of the device, which nothing here reads; dpr-lab gets a seal, a rig file and recordings.
 """
 
 import json
@@ -22,27 +22,27 @@ class Kind(StrEnum):
     """Kind of hidden content of a plant."""
 
     ANY = "any"
-    """One of the others; which is withheld too."""
+    """One of the other kinds; the kind is hidden too."""
     SINGLE = "single"
     """One effect of the library."""
     PAIR = "pair"
     TRIPLE = "triple"
     CLEAN = "clean"
-    """None."""
+    """No effect."""
     FORM = "form"
-    """An effect of the library in another form."""
+    """An effect of the library in another functional form."""
     OUTSIDE = "outside"
-    """An effect that the library does not hold."""
+    """An effect outside the library."""
     DIRTY = "dirty"
-    """One or none, and faulty encoders."""
+    """No effect or one, and faulty encoders."""
     DRIVEN = "driven"
-    """Joints that are driven by torques the device tells, their drives with a fault or none; never in place of any."""
+    """Driven joints with reported torques, with or without a fault of the drives; never part of `ANY`."""
     BACKGROUND = "background"
-    """One effect among several small ones, sometimes with a fault of the logger; never in place of any."""
+    """One effect among several small ones, sometimes with a fault of the logger; never part of `ANY`."""
 
 
 DRAWN: tuple[Kind, ...] = tuple(kind for kind in Kind if kind not in (Kind.ANY, Kind.DRIVEN, Kind.BACKGROUND))
-"""Those of free swings: what `ANY` stands for."""
+"""Kinds of free swings, from which `ANY` chooses."""
 
 
 class Level(StrEnum):
@@ -51,7 +51,7 @@ class Level(StrEnum):
     CLEAR = "clear"
     """A gap of at least twice the noise."""
     SUBTLE = "subtle"
-    """A gap of about the noise."""
+    """A gap of about the size of the noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +61,13 @@ class PlantRequest:
     kind: Kind = Kind.ANY
     level: Level = Level.CLEAR
     seed: int | None = None
-    """None: fresh chance of 128 bits, which nobody can draw again; with a seed, whoever tries seeds finds the plant."""
+    """Seed; None: 128 random bits, so that nobody can draw the plant again. With a small seed, the plant can be
+    found by trying seeds.
+    """
     rig: str = "paper"
-    """Rig file or built-in name that the rig is drawn around."""
+    """Rig file or built-in name: centre of the random rig."""
     plant: str = "paper"
-    """Plant file or built-in name that the plant is drawn around; never read here."""
+    """Plant file or built-in name: centre of the random plant; never read here."""
 
 
 def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[str, Any]:
@@ -73,14 +75,14 @@ def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[s
 
     Args:
         request: what to draw
-        folder: made by the device
-        direct: whether the device is to record it too, without link
+        folder: created by the device
+        direct: whether the device also records it, without link
 
     Returns:
-        `seal`; `rig`, the text of the rig file that goes with it; `runs` when recorded
+        `seal`; `rig`, the text of its rig file; `runs` if recorded
 
     Raises:
-        ConfigError: no such rig or plant, or the folder is there already.
+        ConfigError: unknown rig or plant, or the folder exists already.
     """
     compiling_simulator()
     return ask(*_words(request), "--rig", request.rig, "--seal", str(folder), *(["--direct"] if direct else []))
@@ -93,18 +95,18 @@ def _words(request: PlantRequest) -> list[str]:
 
 @contextmanager
 def sealed_in_memory(request: PlantRequest, rig: str) -> Iterator[tuple[dict[str, Any], Callable[[], dict[str, Any]]]]:
-    """Draw, seal and record a plant in a process that keeps the truth in memory only.
+    """Draw, seal and record a plant in a process that keeps the truth only in memory.
 
     Args:
         request: what to draw
-        rig: text of the rig file that it is drawn around
+        rig: text of the rig file at the centre of the draw
 
     Yields:
-        What `seal` gives, with `runs`; and a function that has the plant opened, once
+        the result of `seal` with `runs`, and a function that reveals the plant once
 
     Raises:
-        ConfigError: it refuses a file or a word; with what it says.
-        DprError: it failed; likewise.
+        ConfigError: the device refuses a file or an argument; with its message.
+        DprError: the device failed; with its message.
     """
     words = [sys.executable, "-m", "sim_device", *_words(request), "--seal", "-"]
     with (
@@ -115,7 +117,7 @@ def sealed_in_memory(request: PlantRequest, rig: str) -> Iterator[tuple[dict[str
         def parsed(line: str) -> dict[str, Any]:
             assert device.stdin is not None
             assert device.stdout is not None
-            with suppress(BrokenPipeError):  # what it says is better than that it is gone
+            with suppress(BrokenPipeError):  # its message is more informative than the lost connection
                 device.stdin.write(line + "\n")
                 device.stdin.flush()
             if answer := device.stdout.readline():
@@ -128,20 +130,20 @@ def sealed_in_memory(request: PlantRequest, rig: str) -> Iterator[tuple[dict[str
 
 
 def unseal(folder: Path) -> dict[str, Any]:
-    """The truth that the device keeps in a folder, with its salt.
+    """Truth that the device keeps in a folder, with its salt.
 
     Raises:
-        ConfigError: no sealed plant is there.
+        ConfigError: the folder contains no sealed plant.
     """
     return ask("--unseal", str(folder))
 
 
 def ask(*words: str) -> dict[str, Any]:
-    """Output of the simulated device for some arguments.
+    """Output of the simulated device for given arguments.
 
     Raises:
-        ConfigError: it refuses a file or a word; with what it says.
-        DprError: it failed; likewise.
+        ConfigError: the device refuses a file or an argument; with its message.
+        DprError: the device failed; with its message.
     """
     done = subprocess.run(
         [sys.executable, "-m", "sim_device", *words],
@@ -157,4 +159,4 @@ def ask(*words: str) -> dict[str, Any]:
 
 def _refusal(code: int, output: str) -> DprError:
     refused = ConfigError if code == ConfigError.exit_code else DprError
-    return refused(f"the simulated device says: {output.strip() or f'nothing, code {code}'}")
+    return refused(f"the simulated device reports: {output.strip() or f'nothing, code {code}'}")

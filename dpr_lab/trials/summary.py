@@ -1,4 +1,4 @@
-"""Many trials: how often the diagnosis is right, how honest its probabilities are, how well it measures."""
+"""Scores of many trials: success rates, calibration of probabilities, errors of sizes."""
 
 import math
 from collections import Counter
@@ -12,14 +12,14 @@ from dpr_lab.trials.score import Cause, Claim, SizeError, TrialOutcome
 
 
 def share(outcomes: Sequence[TrialOutcome], holds: Callable[[TrialOutcome], bool]) -> float:
-    """Share of the trials for which something holds; nan without trials."""
+    """Share of the trials with a property; nan without trials."""
     return float(np.mean([holds(outcome) for outcome in outcomes])) if outcomes else float("nan")
 
 
 def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float]]:
-    """Of each bin of stated probability that is not empty: how many claims, their mean probability, how many held.
+    """For each non-empty bin of stated probability: number of claims, mean probability, number of true claims.
 
-    The bins are of equal width. `low` and `high` are the 90 % interval of the share that held.
+    The bins are of equal width. `low` and `high` are the 90 % interval of the share of true claims.
     """
     table: list[dict[str, float]] = []
     place = np.minimum((np.array([claim.probability for claim in claims]) * bins).astype(int), bins - 1)
@@ -33,7 +33,7 @@ def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float
 
 
 def calibration_error(claims: Sequence[Claim]) -> float:
-    """Expected calibration error: mean distance of stated probability and truth over the bins, by their claims.
+    """Expected calibration error: weighted mean distance of stated probability and observed frequency.
 
     Source: Naeini, Cooper & Hauskrecht (2015), Obtaining well calibrated probabilities using Bayesian binning, AAAI.
     """
@@ -43,22 +43,22 @@ def calibration_error(claims: Sequence[Claim]) -> float:
 
 
 def brier(claims: Sequence[Claim]) -> float:
-    """Mean squared distance of stated probability and truth."""
+    """Mean squared distance of stated probability and outcome."""
     return float(np.mean([(claim.probability - claim.true) ** 2 for claim in claims])) if claims else float("nan")
 
 
 def wilson90(held: int, of: int) -> tuple[float, float]:
-    """90 % interval of a share, by Wilson's score."""
-    from scipy.stats import binomtest  # slow to import
+    """90 % interval of a share by Wilson's score."""
+    from scipy.stats import binomtest  # slow import
 
     interval = binomtest(held, of).proportion_ci(0.9, method="wilson")
     return float(interval.low), float(interval.high)
 
 
 def summary(outcomes: Sequence[TrialOutcome]) -> dict[str, Any]:
-    """Everything that is scored, over all trials given; shares of none are nan.
+    """All scores over the given trials; shares of no trials are nan.
 
-    Names count where the library holds the right one; what it does not hold is to be admitted as unexplained.
+    Names are scored if the library contains the cause; otherwise the cause should be reported as unexplained.
     """
     sizes = [size for o in outcomes for size in o.sizes]
     claims = [claim for o in outcomes for claim in o.claims]
@@ -99,7 +99,7 @@ SHARES: dict[str, tuple[str, Callable[[TrialOutcome], bool]]] = {
     "wrong_name": ("all", lambda o: o.wrong_name),
     "faults_missed": ("all", lambda o: bool(o.faults_missed)),
 }
-"""Key of the summary -> the trials it is about, and what is to hold."""
+"""Key of the summary -> the trials it refers to, and the counted property."""
 
 
 def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
@@ -123,7 +123,7 @@ def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
 
 
 def by_kind(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
-    """One row for each kind and level that was drawn."""
+    """One row for each requested kind and level."""
     groups: dict[tuple[str, str], list[TrialOutcome]] = {}
     for o in outcomes:
         groups.setdefault((o.kind, o.level), []).append(o)
@@ -135,7 +135,7 @@ def by_kind(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
 
 
 def by_effect(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
-    """One row for each effect that was there: how often it was named, and in trials that it leads, how well."""
+    """One row for each hidden effect: how often it was named, and scores of the trials in which it is the largest."""
     rows: list[dict[str, Any]] = []
     for name in sorted({cause.name for o in outcomes for cause in o.causes}):
         there = [o for o in outcomes if name in o.truth]
@@ -156,11 +156,10 @@ def by_effect(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
 def by_size(
     outcomes: Sequence[TrialOutcome], limits: Sequence[float] = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 ) -> list[dict[str, Any]]:
-    """One row for each range of an effect's size over the least detectable one; `to` is None in the last.
+    """One row for each range of an effect's size relative to the minimum detectable size; `to` is None in the last.
 
-    `limits` are where the ranges begin.
-
-    `named` counts every effect there; `first` and `exact` the trials that an effect of this size leads.
+    `limits` are the lower ends of the ranges. `named` counts every effect; `first` and `exact` count the trials in
+    which an effect of this size is the largest.
     """
     rows: list[dict[str, Any]] = []
     for low, high in pairwise([*limits, math.inf]):
@@ -181,7 +180,7 @@ def by_size(
 
 
 def astray(outcome: TrialOutcome) -> dict[str, Any]:
-    """A failed trial and the arguments that draw it again."""
+    """A failed trial and the arguments that reproduce it."""
     names = ("kind", "level", "seed", "truth", "named", "verdict", "grade")
     return {name: getattr(outcome, name) for name in names}
 
@@ -191,7 +190,7 @@ def _within(cause: Cause, low: float, high: float) -> bool:
 
 
 def confusion(outcomes: Sequence[TrialOutcome]) -> dict[str, dict[str, int]]:
-    """True first effect -> effect named first (or the verdict) -> number of trials."""
+    """True largest effect -> first named effect (or the verdict) -> number of trials."""
     table: dict[str, Counter[str]] = {}
     for o in outcomes:
         table.setdefault(o.truth[0] if o.truth else "nothing", Counter())[o.named[0] if o.named else o.verdict] += 1

@@ -1,4 +1,4 @@
-"""The hidden effects of a sealed plant, revealed once the diagnosis is recorded."""
+"""Hidden effects of a sealed plant, revealed after the diagnosis is written."""
 
 import hashlib
 import json
@@ -21,23 +21,23 @@ class Truth:
     """Revealed truth of a plant."""
 
     effects: Coefficients
-    """Library effects and their parameters, SI; torques at the plant's own scale."""
+    """Library effects and their parameters, SI; torques at the scale of the plant."""
     foreign: str | None
-    """The effect that is not in the library, or not in this form."""
+    """Effect that is not in the library, or not in this form."""
     family: tuple[str, ...]
-    """Library effects that would be a right answer for the foreign one."""
+    """Library effects that count as right for an out-of-library effect."""
     held_back: bool
-    """Whether the foreign effect is kept out of all tuning."""
+    """Whether the out-of-library effect is excluded from all tuning."""
     parameters: Mapping[str, float]
     """The nine true parameters, SI."""
     encoders: Mapping[str, Any]
-    """What encoders and board add."""
+    """Errors of encoders and board."""
     drawn: Mapping[str, Any] = field(default_factory=dict)
-    """What was asked of the draw: kind, level, seed; empty for a plant that was not sealed."""
+    """Requested kind, level and seed; empty for a plant that was not sealed."""
 
     @property
     def answers(self) -> tuple[tuple[str, ...], ...]:
-        """For each cause that there is, the names that are right for it."""
+        """For each cause, the names that are right for it."""
         known = tuple((name,) for name in self.effects)
         return (*known, self.family) if self.family else known
 
@@ -48,14 +48,14 @@ class Truth:
 
     @property
     def clean(self) -> bool:
-        """Whether there is nothing to find."""
+        """Whether the plant has no effect."""
         return not self.effects and self.foreign is None
 
     def sizes(self, rig: Rig, scale_b: float) -> dict[str, dict[str, float]]:
-        """True amplitudes of the library effects, converted to the scale that the lab assumes.
+        """True amplitudes of the library effects, converted to the scale assumed by dpr-lab.
 
-        A free swing does not show the common scale of torques and inertias: the lab's are relative to a b that it
-        holds, so that true torques and inertias are to be multiplied by scale_b / b of the plant.
+        A free swing does not show the common scale of torques and inertias: dpr-lab's values are relative to an assumed
+        b, so true torques and inertias are multiplied by scale_b / b of the plant.
         """
         Z = np.array([self.parameters[name] for name in PARAMETERS])
         larger = scale_b / float(base_parameters(Z, rig.L1, rig.g)[BASE.index("b")])
@@ -70,7 +70,7 @@ class Truth:
 
 
 def read_truth(opened: Mapping[str, Any]) -> Truth:
-    """The truth as the opened plant tells it."""
+    """The truth from a revealed plant."""
     foreign = next(iter(opened["foreign"]), None)
     return Truth(
         effects=opened["effects"],
@@ -84,12 +84,12 @@ def read_truth(opened: Mapping[str, Any]) -> Truth:
 
 
 def unsealed(opened: Mapping[str, Any], seal: str) -> Truth:
-    """The truth of a plant whose seal was given away before.
+    """The truth of a plant whose seal was published before.
 
     Raises:
-        DprError: the revealed truth is not the sealed one.
+        DprError: the revealed truth does not match the seal.
     """
     text = opened["salt"] + json.dumps(opened["truth"], sort_keys=True, separators=(",", ":"))
     if hashlib.sha256(text.encode()).hexdigest() != seal:
-        raise DprError(f"the opened plant is not the one that was sealed as {seal[:16]}...: this trial does not count")
+        raise DprError(f"the revealed plant does not match the seal {seal[:16]}...: this trial does not count")
     return read_truth(opened["truth"])

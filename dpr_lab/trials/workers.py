@@ -1,6 +1,6 @@
-"""Where the cases of a campaign run: processes of this machine, or the workers of a cluster.
+"""Workers for the cases of a campaign: processes of this machine, or workers of a cluster.
 
-Either way a case goes out and its result comes back as plain JSON values, one case on one thread at a time.
+A case and its result are JSON values; each worker runs one case on one thread at a time.
 """
 
 import asyncio
@@ -20,23 +20,23 @@ from dpr_lab.kernel_cache import compiling_simulator
 Case = dict[str, Any]
 CaseFunction = Callable[[Case], dict[str, Any]]
 Done = tuple[Case, dict[str, Any]]
-"""A case, and its result or `error`, a sentence."""
+"""A case, and its result or `error`, a message."""
 
 ADDRESS = re.compile(r"(?P<scheme>tcp|tls)://(?P<host>[^/\s]+):\d+")
 
 START_SCHEDULER = "dask scheduler --host 127.0.0.1 --dashboard-address 127.0.0.1:8787"
 START_WORKERS = "dask worker {scheduler} --host 127.0.0.1 --dashboard-address 127.0.0.1:0 --nthreads 1 --nworkers auto"
-"""Both listen on this machine alone; left to themselves they listen on every interface and run what anyone sends."""
+"""Both listen on this machine only; by default they listen on every interface and execute any code they receive."""
 
 
 def exposure(scheduler: str) -> str | None:
-    """Warning about the access that this address gives to others; None on the local interface, or under TLS."""
+    """Warning about the access that this address gives to others; None on the local interface, or with TLS."""
     address = ADDRESS.fullmatch(scheduler)
     if address is None or address["scheme"] == "tls" or _loopback(address["host"].strip("[]")):
         return None
     return (
-        f"warning: {scheduler}: whoever reaches this scheduler or its workers over the network can run any code there"
-        " and on this machine: keep it on 127.0.0.1, or use tls:// (docs/reliability.md, A cluster)"
+        f"warning: {scheduler}: anyone who can reach this scheduler or its workers over the network can run"
+        f" any code there and on this machine: keep it on 127.0.0.1, or use tls:// (docs/reliability.md, A cluster)"
     )
 
 
@@ -48,10 +48,10 @@ def _loopback(host: str) -> bool:
 
 
 def on_this_machine(run: CaseFunction, cases: Sequence[Case], processes: int) -> Iterator[Done]:
-    """Run the cases on this machine, the first one alone, so that kernels are compiled only once.
+    """Run the cases on this machine; the first one runs alone, so that kernels are compiled only once.
 
     Raises:
-        DprError: a process was killed; what was yielded before stands.
+        DprError: a process was killed; the results yielded before are valid.
     """
     compiling_simulator()
     try:
@@ -61,23 +61,25 @@ def on_this_machine(run: CaseFunction, cases: Sequence[Case], processes: int) ->
                 for future in as_completed(pending):
                     yield pending[future], _result(future)
     except BrokenProcessPool as error:
-        raise DprError("a process of the campaign was killed (out of memory?); run it again to go on") from error
+        raise DprError(
+            "a process of the campaign was killed (out of memory?); run the command again to continue"
+        ) from error
 
 
 def on_cluster(
     run: CaseFunction, cases: Sequence[Case], scheduler: str, *, connect_s: float = 10.0, workers_s: float = 60.0
 ) -> Iterator[Done]:
-    """Every case as it is done by the workers of a dask scheduler, which need dpr-lab installed.
+    """Run the cases on the workers of a dask scheduler, which need dpr-lab installed.
 
     Args:
         run: a function of this package, which the workers import
         cases: JSON objects
-        scheduler: its address, such as tcp://127.0.0.1:8786
-        connect_s: how long it may take to answer, s
-        workers_s: how long its first worker may take to come, s
+        scheduler: address of the scheduler, such as tcp://127.0.0.1:8786
+        connect_s: maximum time for its answer, s
+        workers_s: maximum time for its first worker, s
 
     Raises:
-        LinkError: no scheduler there, or it went away.
+        LinkError: no scheduler at this address, or the connection was lost.
         DprError: dask.distributed is not installed.
     """
     try:
@@ -85,12 +87,12 @@ def on_cluster(
         from distributed import as_completed as as_arrived
     except ImportError as error:
         raise DprError("--scheduler needs dask.distributed: pip install 'dpr-lab[cluster]'") from error
-    # It logs a traceback of what becomes one sentence here.
+    # it logs a traceback of errors that become one message here
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     if not ADDRESS.fullmatch(scheduler):
-        raise LinkError(f"{scheduler}: is not the address of a scheduler; write for example tcp://127.0.0.1:8786")
+        raise LinkError(f"{scheduler}: is not the address of a scheduler; use for example tcp://127.0.0.1:8786")
     absent = (
-        f"{scheduler}: no scheduler answers there: look at host and port, or start one with `{START_SCHEDULER}`, and"
+        f"{scheduler}: no scheduler answers: check host and port, or start one with `{START_SCHEDULER}`, and"
         f" `{START_WORKERS.format(scheduler=scheduler)}`"
     )
     if not asyncio.run(_is_scheduler(scheduler, connect_s)):
@@ -104,12 +106,15 @@ def on_cluster(
         pending = {client.submit(run, case, pure=False): case for case in cases}
         for future in as_arrived(pending):
             if future.cancelled():
-                raise LinkError(f"{scheduler}: the scheduler is gone; what was done is kept, run it again to go on")
+                raise LinkError(
+                    f"{scheduler}: the connection to the scheduler was lost; finished trials"
+                    f" are kept, run the command again to continue"
+                )
             yield pending[future], _result(future)
 
 
 async def _is_scheduler(address: str, patience_s: float) -> bool:
-    """Whether a dask scheduler answers at an address; a client that meets anything else may wait for ever."""
+    """Whether a dask scheduler answers at an address; a client could wait forever for another server."""
     from distributed.comm.core import connect
     from distributed.security import Security
 
@@ -119,7 +124,7 @@ async def _is_scheduler(address: str, patience_s: float) -> bool:
         await comm.write({"op": "identity", "reply": True})
         answer = await asyncio.wait_for(comm.read(), patience_s)
         comm.abort()
-    except Exception:  # the library raises many kinds on bytes that are no message of its own
+    except Exception:  # the library raises many exceptions for bytes that are not its messages
         return False
     return isinstance(answer, dict) and answer.get("type") == "Scheduler"
 
@@ -134,7 +139,7 @@ def _wait_for_workers(wait: Callable[[], object], scheduler: str) -> None:
 
 
 def _result(future: Any) -> dict[str, Any]:
-    """What a future of either kind came to; a process that died is no result."""
+    """Result of a future of either kind; a killed process is an error."""
     error = future.exception()
     if isinstance(error, BrokenProcessPool):
         raise error

@@ -149,7 +149,7 @@ def test_what_a_diagnosis_writes_says_what_it_costs(corrected: Model, runs, pape
     lost = json.loads(Path(f"{files['urdf']}.lost.json").read_text(encoding="utf-8"))
     assert 0 < lost["check"]["off_rad"] <= lost["check"]["bare_rad"]
     assert _yardstick(corrected, [], paper, said.append) is None
-    assert "error is unknown: no run that can be replayed" in said[-1]
+    assert "error is unknown: no run can be replayed" in said[-1]
 
 
 def test_an_export_worse_than_the_bare_model_is_refused(saved, tmp_path: Path):

@@ -96,7 +96,7 @@ def test_the_numbers_of_a_joint_are_read(tmp_path: Path, text: str) -> None:
     assert load_rig(tmp_path / "rig.toml").parameters["c1"].nominal == pytest.approx(0.01)
     wanted = {"Coulomb friction": 0.02}
     if text != URDF:  # which has no springs
-        wanted |= {"spring stiffness": 0.3, "joint angle at which the spring is slack": 0.05}
+        wanted |= {"spring stiffness": 0.3, "joint angle with the spring relaxed": 0.05}
     if text == MJCF:
         wanted |= {"rotor inertia (armature)": 0.001}
     assert {term.quantity: term.value for term in imported.terms} == pytest.approx(wanted)

@@ -93,7 +93,7 @@ def test_numbers_zeros_and_signs_of_a_hand_written_model(tmp_path: Path) -> None
             "Coulomb friction": 0.03,
             "rotor inertia (armature)": 0.004,
             "spring stiffness": 0.5,
-            "joint angle at which the spring is slack": math.radians(20),
+            "joint angle with the spring relaxed": math.radians(20),
         }
     )
     assert any("gear 30" in note for note in read.notes)
