@@ -1,4 +1,4 @@
-"""The wire between dpr-lab and its device, for both ends: messages, framing, sessions, clock fit.
+"""Protocol between dpr-lab and its device, for both sides: messages, framing, sessions, clock fit.
 
-No I/O, no clock, no threads: bytes, frames and the time go in, frames and messages come out.
+No I/O, no clock, no threads: inputs are bytes, frames and the time; outputs are frames and messages.
 """

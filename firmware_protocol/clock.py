@@ -1,7 +1,8 @@
-"""Device ticks to host time, with uncertainty.
+"""Conversion of device ticks to host time, with uncertainty.
 
-Every answered PING gives an exchange: sent at t_sent, the device's time when it arrived, and the answer received at
-t_received. The device read its clock somewhere between, and close to halfway when the round trip was short.
+Every answered PING gives an exchange: the host time t_sent, the device time at its arrival, and the host time
+t_received of the answer. The device read its clock between both host times, near the middle if the round trip was
+short.
 """
 
 from collections.abc import Sequence
@@ -14,16 +15,16 @@ from firmware_protocol.messages import Ping, Pong
 from firmware_protocol.stream import unwrap
 
 OUTSTANDING = 16
-"""Pings whose answer is waited for; an older one is given up."""
+"""Number of pings waiting for an answer; older ones are discarded."""
 RESOLUTION_S = 1e-6
-"""Round trips closer than this are not distinguished."""
+"""Difference below which round trips are not distinguished, s."""
 FEWEST = 5
-"""Exchanges a fit needs: two for the line and three to tell how well it fits."""
+"""Minimum number of exchanges of a fit: two for the line and three for its accuracy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """One PING and its PONG: host times, s, and the device's time between them, ticks."""
+    """One PING and its PONG: host times, s, and the device time in between, ticks."""
 
     t_sent: float
     ticks: float
@@ -36,7 +37,7 @@ class Exchange:
 
 
 class Pinger:
-    """Matches PONGs with their PINGs."""
+    """Assignment of PONGs to their PINGs."""
 
     def __init__(self) -> None:
         self._sent: dict[int, float] = {}
@@ -44,7 +45,7 @@ class Pinger:
         self._tick = 0
 
     def ping(self, now: float) -> Ping:
-        """The next PING, sent at the host time `now`, s."""
+        """Next PING, sent at the host time `now`, s."""
         self._token = (self._token + 1) & 0xFFFF
         self._sent[self._token] = now
         if len(self._sent) > OUTSTANDING:
@@ -52,7 +53,7 @@ class Pinger:
         return Ping(self._token)
 
     def exchange(self, pong: Pong, now: float) -> Exchange | None:
-        """What a PONG received at the host time `now` completes; None for one not waited for."""
+        """Exchange completed by a PONG at the host time `now`, s; None for an unexpected one."""
         t_sent = self._sent.pop(pong.token, None)
         if t_sent is None:
             return None
@@ -67,16 +68,18 @@ class ClockFit:
     offset: float
     """Host time of tick 0, s."""
     offset_std: float
-    """Its uncertainty, s: that of the line at tick 0, and that nobody knows how the shortest round trip divides."""
+    """Standard uncertainty of the offset, s: that of the line at tick 0, and the unknown division of the shortest
+    round trip.
+    """
     rate_ppm: float
-    """How much faster than nominal the ticks run by the host's clock, parts per million."""
+    """Rate of the ticks relative to nominal by the host's clock, ppm."""
     rate_ppm_std: float
     rtt_min: float
     """Shortest round trip, s."""
     n: int
-    """Exchanges used."""
+    """Number of used exchanges."""
     period: float
-    """Host time of one tick, s."""
+    """Duration of one tick in host time, s."""
 
     def host_time(self, tick: float) -> float:
         """Host time of a device tick, s."""
@@ -86,14 +89,15 @@ class ClockFit:
 def fit_clock(exchanges: Sequence[Exchange], rate_hz: float) -> ClockFit:
     """Fit a line through the exchanges of one stream (ticks restart with every STREAM).
 
-    Only the half with the shortest round trips is used: waiting in a queue makes one longer, never shorter. What a
-    round trip took longer than the shortest was spent on one way or the other, so the midpoint has the variance of a
-    uniform distribution of that width, with the median width as a floor since the shortest was not free of it either.
-    The line is weighted by the inverse; scatter larger than so expected widens the uncertainties in proportion.
+    Only the half with the shortest round trips is used, because queues can only increase a round trip. The excess of a
+    round trip over the shortest one occurred on the way to or from the device, so the midpoint has the variance of a
+    uniform distribution of this width; the median width is a lower limit, because the shortest round trip also contains
+    such a delay. The line is weighted by the inverse variances; if the scatter is larger than expected, the
+    uncertainties are increased in proportion.
 
     Args:
         exchanges: at least `FEWEST`, at different ticks
-        rate_hz: nominal ticks a second
+        rate_hz: nominal tick rate
 
     Raises:
         ValueError: too few exchanges.
@@ -104,7 +108,10 @@ def fit_clock(exchanges: Sequence[Exchange], rate_hz: float) -> ClockFit:
     used = _shortest(exchanges)
     ticks = np.array([e.ticks for e in used])
     if len(np.unique(ticks)) < FEWEST:
-        raise ValueError(f"{len(exchanges)} exchanges do not make a clock fit: at least {FEWEST} at different ticks")
+        raise ValueError(
+            f"{len(exchanges)} exchanges are not enough for a clock fit: at least {FEWEST} at"
+            f" different ticks are needed"
+        )
     start = used[0].t_sent
     middle = np.array([(e.t_sent - start + e.t_received - start) / 2 for e in used])
     round_trip = np.array([e.round_trip for e in used])

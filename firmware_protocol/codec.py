@@ -1,7 +1,7 @@
-"""How a dataclass travels in the bytes that a DBC lays out for it.
+"""Conversion of dataclasses to and from the byte layout defined by a DBC.
 
-A message whose signals are all whole bytes goes through `struct` with a format read off the DBC, which is what lets a
-sample cost less than a microsecond; one with single bits or pages goes through cantools.
+A message whose signals are all whole bytes is converted by `struct` with a format derived from the DBC, so that a
+sample takes less than a microsecond; a message with single bits or pages is converted by cantools.
 """
 
 import struct
@@ -23,9 +23,9 @@ Convert = Callable[[int], int]
 
 @dataclass(frozen=True, slots=True)
 class Codec:
-    """One message's way to bytes and back.
+    """Conversion of one message to bytes and back.
 
-    `pack` raises `struct.error`, `ValueError` or cantools' `EncodeError` on a value out of range, `unpack` raises
+    `pack` raises `struct.error`, `ValueError` or cantools' `EncodeError` for a value out of range, `unpack` raises
     `ValueError`.
     """
 
@@ -36,7 +36,7 @@ class Codec:
 
 
 def plain_codec(kind: type[Any], layout: Layout) -> Codec:
-    """The codec of a dataclass whose fields are the signals of the message, in the same order."""
+    """Codec of a dataclass whose fields are the signals of the message, in the same order."""
     names = [field.name for field in fields(kind)]
     assert names == [signal.name for signal in layout.signals], f"{kind.__name__} and the DBC differ"
     to_bytes, from_bytes = _struct_pair(layout) if _whole_bytes(layout) else _cantools_pair(layout)
@@ -60,12 +60,12 @@ def plain_codec(kind: type[Any], layout: Layout) -> Codec:
 
 
 def paged_codec(kind: type[Any], layout: Layout) -> Codec:
-    """The codec of a dataclass of a page's number and the signals of that page by name."""
+    """Codec of a dataclass with the number of a page and the signals of that page by name."""
     pages = range(1 + int(layout.get_signal_by_name("page").maximum or 0))
 
     def unpack(data: bytes) -> Any:
         page = data[0]
-        if page not in pages:  # from a newer minor version: that it exists is all there is to know
+        if page not in pages:  # from a newer minor version: only its existence is known
             return kind(page, {})
         raw = cast(dict[str, int], layout.decode_simple(data, decode_choices=False))
         return kind(page, {name: value for name, value in raw.items() if name != "page"})
@@ -89,7 +89,7 @@ def _getter(names: list[str]) -> Callable[[Any], tuple[int, ...]]:
 
 
 def _converter(hint: type, signal: Signal) -> Convert | None:
-    """What makes a field of a raw value and refuses a bad one; None where every raw value is a good integer."""
+    """Function that converts a raw value to a field and refuses an invalid one; None if every raw value is valid."""
     if hint is bool or issubclass(hint, IntEnum):
         return hint
     lowest, highest = cast(int, signal.minimum), cast(int, signal.maximum)

@@ -1,4 +1,4 @@
-"""dpr.dbc, the definition of the protocol: its text, its hash, its version, its messages."""
+"""dpr.dbc, the definition of the protocol: text, hash, version and messages."""
 
 import hashlib
 from importlib import resources
@@ -29,4 +29,4 @@ def _version(database: Database) -> tuple[int, int]:
 DATABASE = _load(DBC_TEXT)
 SCHEMA_HASH = schema_hash(DBC_TEXT)
 PROTOCOL_VERSION = _version(DATABASE)
-"""Major and minor."""
+"""Major and minor version."""

@@ -1,4 +1,4 @@
-"""The device's end of the conversation."""
+"""Device side of the protocol."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,10 +40,10 @@ from firmware_protocol.messages import (
 from firmware_protocol.session import LATCHED, LEASE_S, STREAMS, TRANSITIONS, Trigger
 
 REMEMBERED = 16
-"""Answers kept to repeat; a host has one command under way, so an older one cannot come back."""
+"""Number of answers kept for repetition; a host has only one pending command, so older ones are not needed."""
 
 Task = Hold | Release | Stream | Stop | ClearFault | Ping
-"""What the owner of a `DeviceSession` has to carry out."""
+"""Task that the owner of a `DeviceSession` must execute."""
 
 _TRIGGERS: dict[type[Command], Trigger] = {
     Hold: Trigger.HOLD,
@@ -55,20 +55,20 @@ _TRIGGERS: dict[type[Command], Trigger] = {
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Frames to send, and at most one task for the owner: engage or open the latch, start or stop sampling, `pong`."""
+    """Frames to send, and at most one task: engage or open the latch, start or stop sampling, `pong`."""
 
     frames: tuple[Frame, ...] = ()
     task: Task | None = None
 
 
 class DeviceSession:
-    """The rules a device keeps, without its hardware.
+    """Protocol rules of a device, without hardware.
 
-    The owner passes in what arrived and when, sends the frames that come back, then carries out the task: `Hold` engage
+    The owner passes received frames with their times, sends the returned frames, then executes the task: `Hold` engage
     the latch, `Stream` restart the tick at 0 and sample (three `positions` first), `Release` open the latch and send
-    `released(tick)`, `Stop` stop sampling, `ClearFault` try again, `Ping` send `pong`. It calls `check_lease` often
-    and, once `greeted`, sends a `report` ten times a second. Times are seconds of any monotonic clock, ticks and
-    positions are the device's own and may be any size.
+    `released(tick)`, `Stop` stop sampling, `ClearFault` retry, `Ping` send `pong`. It calls `check_lease` regularly
+    and, once `greeted`, sends a `report` ten times per second. Times are seconds of any monotonic clock; ticks and
+    positions are those of the device and may have any size.
     """
 
     def __init__(self, identity: DeviceInfo, node: int = DEVICE_NODE):
@@ -84,11 +84,11 @@ class DeviceSession:
 
     @property
     def streams(self) -> bool:
-        """Whether samples are to be sent."""
+        """Whether samples should be sent."""
         return self.state in STREAMS
 
     def receive(self, frame: Frame, now: float) -> Answer:
-        """Take a frame off the link; frames for other nodes and damaged ones do nothing.
+        """Process a frame from the link; frames for other nodes and damaged ones are ignored.
 
         Args:
             frame: as received
@@ -108,13 +108,13 @@ class DeviceSession:
         return self._answer_once(message)
 
     def check_lease(self, now: float, tick: int) -> Answer:
-        """Stop streaming when the host has been silent for `LEASE_S`; the latch stays as it is."""
+        """Stop streaming if the host has been silent for `LEASE_S`; the latch does not change."""
         if now - self._heard_at < LEASE_S or not self._move(Trigger.LEASE_LOST):
             return Answer()
         return Answer((self.event(EventKind.LEASE_LOST, tick),), Stop())
 
     def fault(self, fault: Fault, tick: int) -> Answer:
-        """Stop on a fault the owner found; the latch stays as it is."""
+        """Stop on a fault detected by the owner; the latch does not change."""
         if fault is Fault.NONE:
             raise ValueError("Fault.NONE is no fault; CLEAR_FAULT is for the host to send")
         self.fault_code = fault
@@ -126,43 +126,43 @@ class DeviceSession:
         return self._frame(Event(kind, detail, tick & 0xFFFFFFFF))
 
     def released(self, tick: int) -> Frame:
-        """The EVENT that the latch opened at a tick; every `report` repeats it while the device is RELEASED."""
+        """EVENT that the latch opened at a tick; every `report` repeats it while the device is RELEASED."""
         self._release_tick = tick
         return self.event(EventKind.RELEASED, tick)
 
     def sample(self, tick: int, positions: Sequence[int]) -> Frame:
-        """A SAMPLE of the three counters, counts, latched at a tick."""
+        """SAMPLE of the three counters, counts, latched at a tick."""
         arm, inner, outer = positions
         return self._frame(Sample(tick & 0xFFFF, arm & 0xFFFF, inner & 0xFFFF, outer & 0xFFFF))
 
     def torque(self, kind: TorqueKind, tick: int, torques: Sequence[int]) -> Frame:
-        """A TORQUE of joint 1 and 2 at the tick of a sample, in the identity's unit; cut to what it can carry."""
+        """TORQUE of joint 1 and 2 at the tick of a sample, in the unit of the identity; limited to its range."""
         first, second = (min(max(torque, -0x8000), 0x7FFF) for torque in torques)
         return self._frame(Torque(kind, tick & 0xFFFF, first, second))
 
     def arm_input(self, kind: TorqueKind, tick: int, value: int) -> Frame:
-        """An ARM_INPUT at the tick of a sample, in the identity's unit; cut to what it can carry."""
+        """ARM_INPUT at the tick of a sample, in the unit of the identity; limited to its range."""
         return self._frame(ArmInput(kind, tick & 0xFFFF, min(max(value, -(1 << 31)), (1 << 31) - 1)))
 
     def positions(self, tick: int, positions: Sequence[int]) -> tuple[Frame, ...]:
-        """The three POSITION frames of counters, counts, latched at a tick."""
+        """Three POSITION frames of counters, counts, latched at a tick."""
         return tuple(
             self._frame(Position(joint, tick & 0xFFFF, (position + (1 << 31)) % (1 << 32) - (1 << 31)))
             for joint, position in enumerate(positions)
         )
 
     def status(self, overruns: int, dropped: int, sent: int) -> Frame:
-        """A STATUS with the counts of samples since STREAM."""
+        """STATUS with the counts of samples since STREAM."""
         counters = (overruns & 0xFFFF, dropped & 0xFFFF, sent & 0xFFFF)
         return self._frame(Status(self.state, self.fault_code, self.latched, *counters))
 
     def report(self, tick: int, positions: Sequence[int], overruns: int, dropped: int, sent: int) -> tuple[Frame, ...]:
-        """What is sent ten times a second; the release is repeated, so that no lost frame costs a swing."""
+        """Reports that are sent ten times per second; the release is repeated, so that a lost frame has no effect."""
         frames = (*self.positions(tick, positions), self.status(overruns, dropped, sent))
         return (*frames, self.released(self._release_tick)) if self.state is State.RELEASED else frames
 
     def pong(self, ping: Ping, tick: int, fraction: float) -> Frame:
-        """The PONG to a ping that arrived `fraction` (0 up to 1) of a tick after `tick`."""
+        """PONG for a ping that arrived `fraction` (0 up to 1) of a tick after `tick`."""
         return self._frame(Pong(ping.token, tick & 0xFFFFFFFF, min(int(fraction * 65536), 65535)))
 
     def _answer_once(self, message: Message) -> Answer:
@@ -181,7 +181,7 @@ class DeviceSession:
         return Answer((answer,), None if refusal else message)
 
     def _greet(self, hello: Hello) -> Answer:
-        """Begin a new conversation: answers of the last one are not repeated in it."""
+        """Start a new session: answers of the previous session are not repeated."""
         self._answers.clear()
         refusal = self._hello_refusal(hello)
         self.greeted = refusal is None

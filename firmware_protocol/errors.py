@@ -1,35 +1,35 @@
-"""Who broke the protocol is in the type of the error.
+"""Protocol errors, classified by the side that caused them.
 
     ProtocolError
-     +-- LocalProtocolError   this program: a value out of range, a command while another is unanswered
-     +-- RemoteProtocolError  the other end, or noise between: a frame that means nothing
-          +-- CommandRefused    the device answered NAK
-          +-- CommandUnanswered the device did not answer, however often asked
-          +-- VersionMismatch   both ends speak, but not the same protocol
-          +-- DevicesCollide    two devices under one node
+    +-- LocalProtocolError      this program: a value out of range, a command while another is unanswered
+    +-- RemoteProtocolError     the other side, or noise: an invalid frame
+    +-- CommandRefused          the device answered NAK
+    +-- CommandUnanswered       the device did not answer after all repetitions
+    +-- VersionMismatch         both sides use different versions of the protocol
+    +-- DevicesCollide          two devices with the same node
 
-Damaged frames are normal on a real cable: count a `RemoteProtocolError`, do not stop for it.
+Damaged frames are normal on a real cable: count a `RemoteProtocolError` and continue.
 """
 
 
 class ProtocolError(Exception):
-    """The protocol was broken."""
+    """Violation of the protocol."""
 
 
 class LocalProtocolError(ProtocolError):
-    """This program broke the protocol."""
+    """Violation of the protocol by this program."""
 
 
 class RemoteProtocolError(ProtocolError):
-    """The other end broke the protocol, or noise did."""
+    """Violation of the protocol by the other side, or noise."""
 
 
 class DevicesCollide(RemoteProtocolError):
-    """More than one device answers under the node of this host's device."""
+    """More than one device answers with the node of this host's device."""
 
 
 class CommandRefused(RemoteProtocolError):
-    """The device answered NAK; `code` is its `NakCode`, the message its text and remedy."""
+    """The device answered NAK; `code` is its `NakCode`, the message contains its text and remedy."""
 
     def __init__(self, message: str, code: int):
         super().__init__(message)
@@ -37,8 +37,8 @@ class CommandRefused(RemoteProtocolError):
 
 
 class CommandUnanswered(RemoteProtocolError):
-    """The device did not answer a command, however often it was repeated."""
+    """The device did not answer a command after all repetitions."""
 
 
 class VersionMismatch(RemoteProtocolError):
-    """The two ends speak different versions of the protocol; the message says which one to upgrade."""
+    """Both sides use different versions of the protocol; the message says which one to upgrade."""

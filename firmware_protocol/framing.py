@@ -1,8 +1,8 @@
 """Frames on a byte stream: COBS(id | data | crc) 0x00.
 
 The identifier and the CRC are 16 bits, little-endian; the CRC is CRC-16/IBM-3740 (polynomial 0x1021, start 0xFFFF) over
-identifier and data. COBS leaves no zero in a packet, so a zero always ends one and a reader that joins late, or
-meets noise, is in step again at the next zero.
+identifier and data. COBS removes all zeros from a packet, so a zero always ends a packet, and a reader that starts late
+or receives noise is synchronised again at the next zero.
 """
 
 import struct
@@ -12,7 +12,7 @@ from firmware_protocol.errors import LocalProtocolError, RemoteProtocolError
 from firmware_protocol.messages import MAX_DATA, Frame
 
 MAX_ID = 0x7FF
-"""Of 11 bits, as on a CAN bus."""
+"""Largest identifier, 11 bits as on a CAN bus."""
 MIN_PACKET = 4
 """Bytes of a frame without data: identifier and CRC."""
 MAX_PACKET = MIN_PACKET + MAX_DATA
@@ -28,7 +28,7 @@ def crc16(data: bytes) -> int:
 
 
 def cobs_encode(data: bytes) -> bytes:
-    """The same data without zeros, one byte longer for every 254.
+    """COBS encoding: the same data without zeros, one byte longer per 254 bytes.
 
     Source: Cheshire & Baker (1999), IEEE/ACM Transactions on Networking 7(2) 159-172.
     """
@@ -42,10 +42,10 @@ def cobs_encode(data: bytes) -> bytes:
 
 
 def cobs_decode(data: bytes) -> bytes:
-    """The data that `cobs_encode` was given.
+    """Decode COBS; inverse of `cobs_encode`.
 
     Raises:
-        RemoteProtocolError: no such data; there is a zero inside or the end is missing.
+        RemoteProtocolError: invalid data: there is a zero inside or the end is missing.
     """
     if not data or 0 in data:
         raise RemoteProtocolError("a COBS packet is empty or has a zero inside")
@@ -63,30 +63,32 @@ def cobs_decode(data: bytes) -> bytes:
 
 
 def encode_frame(frame: Frame) -> bytes:
-    """A frame as the bytes of a serial line, with the zero that ends it; 14 bytes for 8 of data.
+    """A frame as bytes of a serial line, with the final zero; 14 bytes for 8 bytes of data.
 
     Raises:
         LocalProtocolError: identifier beyond 11 bits or more than eight bytes of data.
     """
     if not 0 <= frame.id <= MAX_ID or len(frame.data) > MAX_DATA:
-        raise LocalProtocolError(f"{frame} is no frame: 11 bits of identifier and at most {MAX_DATA} bytes of data")
+        raise LocalProtocolError(
+            f"{frame} is not a valid frame: 11 bits of identifier and at most {MAX_DATA} bytes of data"
+        )
     body = _HEAD.pack(frame.id) + frame.data
     return cobs_encode(body + _HEAD.pack(crc16(body))) + b"\0"
 
 
 class FrameDecoder:
-    """Finds frames in a byte stream, however it was cut into pieces."""
+    """Decoder of frames in a byte stream that arrives in arbitrary pieces."""
 
     def __init__(self) -> None:
         self.crc_errors = 0
-        """Packets that were whole and did not match their CRC."""
+        """Complete packets that did not match their CRC."""
         self.framing_errors = 0
-        """Packets that were no packets: broken COBS, too short, too long, an identifier beyond 11 bits."""
+        """Invalid packets: broken COBS, too short, too long, an identifier beyond 11 bits."""
         self._rest = b""
         self._skipping = False
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Take bytes as they arrived; give the good frames they complete and count the bad ones."""
+        """Process received bytes; return the completed valid frames and count the invalid ones."""
         *packets, rest = (self._rest + data).split(b"\0")
         if packets and self._skipping:
             del packets[0]

@@ -1,4 +1,4 @@
-"""The host's end of the conversation."""
+"""Host side of the protocol."""
 
 from dataclasses import dataclass, replace
 
@@ -33,16 +33,16 @@ from firmware_protocol.messages import (
 )
 
 KEEPALIVE_S = 0.1
-"""A fifth of the lease: four may be lost in a row."""
+"""Interval of keepalives: a fifth of the lease, so that four in a row may be lost."""
 RETRY_S = 0.1
-"""How long an answer may take before the command is sent again."""
+"""Time without an answer after which the command is repeated, s."""
 RETRIES = 5
-"""How often it is sent again before the device counts as silent."""
+"""Number of repetitions after which the device counts as silent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a command ended: accepted, or with a `CommandRefused`, `CommandUnanswered` or `VersionMismatch`."""
+    """Result of a command: accepted, or with a `CommandRefused`, `CommandUnanswered` or `VersionMismatch`."""
 
     command: Command
     error: RemoteProtocolError | None = None
@@ -57,21 +57,21 @@ class _Pending:
 
 
 class HostSession:
-    """The rules a host keeps, without its link.
+    """Protocol rules of a host, without a link.
 
-    One command is under way at a time: `hello` or `command` gives the frame to send, `receive` takes what arrives,
-    `due`, called every few hundredths of a second, gives what has to be sent again or to keep the device streaming, and
-    `outcome` turns from None into how the command ended. Times are seconds of any monotonic clock.
+    One command is pending at a time: `hello` or `command` returns the frame to send, `receive` processes arriving
+    frames, and `due`, called every few hundredths of a second, returns repetitions and keepalives. `outcome` changes
+    from None to the result of the command. Times are seconds of any monotonic clock.
     """
 
     def __init__(self, node: int = DEVICE_NODE):
         self.node = node
         self.info: DeviceInfo | None = None
-        """What the device is, once it was greeted."""
+        """Identity of the device, after the handshake."""
         self.status: Status | None = None
-        """Where the device stood by its last STATUS."""
+        """State of the device in its last STATUS."""
         self.outcome: Outcome | None = None
-        """How the last command ended; None while it is under way."""
+        """Result of the last command; None while it is pending."""
         self._pending: _Pending | None = None
         self._pages: dict[int, Info] = {}
         self._hello_answer: Ack | Nak | None = None
@@ -80,23 +80,23 @@ class HostSession:
 
     @property
     def pending(self) -> Command | None:
-        """The command under way."""
+        """The pending command."""
         return self._pending.command if self._pending else None
 
     def hello(self, now: float) -> Frame:
-        """Greet the device; once that succeeded, `info` says what it is."""
+        """Start the handshake; when it has succeeded, `info` contains the identity."""
         frame = self.command(Hello(), now)
         self.info, self._hello_answer = None, None
         self._pages.clear()
         return frame
 
     def command(self, command: Command, now: float) -> Frame:
-        """Begin a command under a new token and give the frame to send.
+        """Start a command with a new token and return the frame to send.
 
-        A `Stop` may always begin, and takes the place of the command under way.
+        A `Stop` is always permitted and replaces the pending command.
 
         Raises:
-            LocalProtocolError: another command is under way, or a field is out of its range.
+            LocalProtocolError: another command is pending, or a field is out of its range.
         """
         if self._pending and not isinstance(command, Stop):
             raise LocalProtocolError(f"{_name(command)} while {_name(self._pending.command)} is unanswered")
@@ -107,13 +107,13 @@ class HostSession:
         return frame
 
     def receive(self, frame: Frame) -> Message | None:
-        """The message in a frame off the link, after having taken note of it.
+        """Decode a frame from the link and update the state.
 
         Returns:
-            None for what is not for this host: another node's, another host's, or a newer minor version's.
+            None for messages of another node, of another host, or of a newer minor version.
 
         Raises:
-            RemoteProtocolError: the frame means nothing.
+            RemoteProtocolError: the frame is not valid.
             DevicesCollide: a second device answers under the same node.
         """
         if frame.node != self.node or frame.number >= FIRST_HOST_NUMBER or frame.number not in NAMES:
@@ -128,7 +128,7 @@ class HostSession:
         return message
 
     def due(self, now: float) -> list[Frame]:
-        """What has to be sent by now: a command that went unanswered, a KEEPALIVE."""
+        """Frames to send now: repetition of an unanswered command, a KEEPALIVE."""
         frames = self._retry(self._pending, now) if self._pending else []
         if self.info and now - self._keepalive_at >= KEEPALIVE_S:
             self._keepalive_at = now
@@ -145,14 +145,14 @@ class HostSession:
         return [pending.frame]
 
     def _told(self, page: Info) -> None:
-        """Take a page of INFO; one that says something else than before comes from another device."""
+        """Process a page of INFO; a page that contradicts an earlier one comes from another device."""
         if page != self._pages.setdefault(page.page, page):
             raise DevicesCollide(
                 f"two devices answer as node {self.node}: connect only one, or give one of them another node"
             )
         if isinstance(self.pending, Hello):
             self._greeted()
-        elif self.info is not None:  # the page that only some devices have came late
+        elif self.info is not None:  # the optional page arrived late
             self.info = assemble(self._pages.values())
 
     def _answered(self, command: Command, message: Ack | Nak) -> None:
@@ -165,7 +165,7 @@ class HostSession:
             self._end(_refused(command, message) if isinstance(message, Nak) else None)
 
     def _greeted(self) -> None:
-        """End HELLO once the answer and all pages are here, or as soon as page 0 tells that there is no use in it."""
+        """Finish HELLO when the answer and all pages have arrived, or when page 0 shows an incompatible version."""
         error: RemoteProtocolError | None = mismatch(self._pages[0].fields) if 0 in self._pages else None
         info = assemble(self._pages.values())
         if error is None and (info is None or self._hello_answer is None):

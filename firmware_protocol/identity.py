@@ -1,4 +1,4 @@
-"""What a device is, as its INFO pages say, and whether this side can talk to it."""
+"""Identity of a device from its INFO pages, and its compatibility with this side."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from firmware_protocol.errors import VersionMismatch
 from firmware_protocol.messages import ArmQuantity, Info, TorqueKind
 
 PAGES = 8
-"""INFO pages of a whole identity; a device with drives on its joints tells one more, before them."""
+"""INFO pages of a complete identity; a device with joint drives sends one more before them."""
 ARM_PAGE = PAGES + 1
 """INFO page of a device whose arm has a drive."""
 _TORQUE_FLAGS = {"torque_measured": TorqueKind.MEASURED, "torque_commanded": TorqueKind.COMMANDED}
@@ -20,32 +20,32 @@ class DeviceInfo:
     """A device's identity."""
 
     firmware: str
-    """Version, `major.minor.patch`."""
+    """Firmware version, `major.minor.patch`."""
     uid: str
-    """Sixteen hexadecimal digits that no other device has."""
+    """Sixteen hexadecimal digits, unique for each device."""
     counts_per_rev: tuple[int, int, int]
     rate_max_hz: int
     rate_default_hz: int
     """Rate of the tick while the device is not streaming."""
     simulated_time: bool = False
-    """Whether ticks may run faster or slower than wall time."""
+    """Whether ticks may run faster or slower than real time."""
     torque_kinds: tuple[TorqueKind, ...] = ()
-    """Which torques follow every sample; none of a device without drives."""
+    """Kinds of torques that follow every sample; empty for a device without drives."""
     torque_unit_uNm: int = 0
-    """What 1 in TORQUE is."""
+    """Unit of TORQUE."""
     input_kinds: tuple[TorqueKind, ...] = ()
-    """Which inputs of the arm's drive follow every sample; none of a device without one."""
+    """Kinds of inputs of the arm's drive that follow every sample; empty for a device without one."""
     input_unit: int = 0
-    """What 1 in ARM_INPUT is, uN m, uA or uV."""
+    """Unit of ARM_INPUT, uN m, uA or uV."""
     input_quantity: ArmQuantity | None = None
-    """What that input is."""
+    """Quantity of this input."""
     major: int = PROTOCOL_VERSION[0]
     minor: int = PROTOCOL_VERSION[1]
     schema_hash: int = SCHEMA_HASH
 
     @property
     def frames(self) -> int:
-        """Frames that a sample takes: its own, and one of each kind of torques and inputs."""
+        """Frames per sample: SAMPLE, and one for each kind of torques and inputs."""
         return 1 + len(self.torque_kinds) + len(self.input_kinds)
 
 
@@ -78,7 +78,7 @@ def info_pages(info: DeviceInfo) -> list[Info]:
 
 
 def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
-    """The identity that INFO pages tell, in any order; None while one is missing."""
+    """Identity from INFO pages in any order; None while one is missing."""
     known = {page.page: page.fields for page in pages if page.page <= ARM_PAGE}
     if len(known.keys() - {PAGES, ARM_PAGE}) < PAGES:
         return None
@@ -103,28 +103,28 @@ def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
 
 
 def same_major(major: int) -> bool:
-    """Whether the other end's major version is this one's."""
+    """Whether both sides have the same major version."""
     return major == PROTOCOL_VERSION[0]
 
 
 def same_schema(minor: int, schema_hash: int) -> bool:
-    """Whether two ends of one minor version were built from one dpr.dbc; other minor versions need not be."""
+    """Whether two sides of one minor version were built from the same dpr.dbc."""
     return minor != PROTOCOL_VERSION[1] or schema_hash == SCHEMA_HASH
 
 
 def mismatch(protocol_page: Mapping[str, int]) -> VersionMismatch | None:
-    """Why this host cannot talk to a device, by INFO page 0; None when it can.
+    """Reason why this host cannot communicate with a device, from INFO page 0; None if it can.
 
-    Other major versions differ in what messages mean. Another minor version only lacks or adds messages, so both sides
-    use what they share.
+    In another major version messages have other meanings. Another minor version only adds or lacks messages, so both
+    sides use the common ones.
     """
     major, minor = protocol_page["major"], protocol_page["minor"]
     ours = f"{PROTOCOL_VERSION[0]}.{PROTOCOL_VERSION[1]}"
     if not same_major(major):
-        return VersionMismatch(f"the device speaks protocol {major}.{minor} and this dpr-lab {ours}: {_upgrade(major)}")
+        return VersionMismatch(f"the device uses protocol {major}.{minor} and this dpr-lab {ours}: {_upgrade(major)}")
     if not same_schema(minor, protocol_page["schema_hash"]):
         return VersionMismatch(
-            f"the device and this dpr-lab both speak protocol {ours}, but from different dpr.dbc files"
+            f"the device and this dpr-lab both use protocol {ours}, but from different dpr.dbc files"
             f" ({protocol_page['schema_hash']:08x} and {SCHEMA_HASH:08x}): flash the firmware built from the same"
             " dpr.dbc, or install the dpr-lab release that matches"
         )

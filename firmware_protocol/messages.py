@@ -1,7 +1,7 @@
-"""The messages of dpr.dbc as typed values, and the frames that carry them.
+"""Messages of dpr.dbc as typed values, and the frames that carry them.
 
-One dataclass a message, with the signals of dpr.dbc as fields in the same order. A frame is what both links carry:
-an 11-bit identifier, node * 64 + number, and up to eight bytes.
+There is one dataclass per message, with the signals of dpr.dbc as fields in the same order. A frame is the same on both
+links: an 11-bit identifier, node * 64 + number, and up to eight bytes.
 """
 
 import struct
@@ -17,21 +17,21 @@ from firmware_protocol.definition import DATABASE, PROTOCOL_VERSION, SCHEMA_HASH
 from firmware_protocol.errors import LocalProtocolError, RemoteProtocolError
 
 MAX_DATA = 8
-"""Bytes of data in a frame, as in one of classic CAN."""
+"""Maximum data bytes of a frame, as in classic CAN."""
 DEVICE_NODE = 1
-"""The node of a device that was given no other."""
+"""Default node of a device."""
 FIRST_HOST_NUMBER = 32
-"""Numbers below come from the device, numbers from here on from the host."""
-# Together the 11 bits of a CAN identifier.
+"""First message number of the host; lower numbers are those of the device."""
+# together the 11 bits of a CAN identifier
 _NODE_BITS, _NUMBER_BITS = 5, 6
 _NUMBER_MASK = (1 << _NUMBER_BITS) - 1
 
 RELEASE_KEY = 0xD0B1
-"""Must come with RELEASE, so that no damaged identifier turns another command into one."""
+"""Key of RELEASE, so that a damaged identifier cannot turn another command into a release."""
 
 
 class State(IntEnum):
-    """Where a device stands."""
+    """State of a device."""
 
     IDLE = 0
     HOLDING = 1
@@ -53,7 +53,7 @@ class Fault(IntEnum):
 
 
 class NakCode(IntEnum):
-    """Why a device refused a command."""
+    """Reason why a device refused a command."""
 
     UNKNOWN_COMMAND = 1
     WRONG_STATE = 2
@@ -66,7 +66,7 @@ class NakCode(IntEnum):
 
 
 class EventKind(IntEnum):
-    """What an EVENT tells."""
+    """Kind of an EVENT."""
 
     RELEASED = 1
     INDEX = 2
@@ -75,14 +75,14 @@ class EventKind(IntEnum):
 
 
 class TorqueKind(IntEnum):
-    """Which torques a TORQUE tells, and which input an ARM_INPUT."""
+    """Kind of a TORQUE or an ARM_INPUT."""
 
     MEASURED = 1
     COMMANDED = 2
 
 
 class ArmQuantity(IntEnum):
-    """What the input of an arm's drive is."""
+    """Quantity of the input of an arm's drive."""
 
     TORQUE = 1
     CURRENT = 2
@@ -91,7 +91,7 @@ class ArmQuantity(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something happened at an instant; `detail` is the joint of INDEX, the fault of FAULT."""
+    """Event at an instant; `detail` is the joint of INDEX, or the fault of FAULT."""
 
     kind: EventKind
     detail: int
@@ -100,7 +100,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The encoders at one tick: the low 16 bits of the tick and of each multi-turn counter."""
+    """Encoders at one tick: the low 16 bits of the tick and of each multi-turn counter."""
 
     tick: int
     position0: int
@@ -110,7 +110,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """One whole multi-turn counter, counts, and the low 16 bits of the tick it was latched at."""
+    """One complete multi-turn counter, counts, and the low 16 bits of its tick."""
 
     joint: int
     tick: int
@@ -131,7 +131,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class Pong:
-    """The device's time when a PING arrived: tick + fraction / 65536."""
+    """Device time at the arrival of a PING: tick + fraction / 65536."""
 
     token: int
     tick: int
@@ -148,7 +148,7 @@ class Ack:
 
 @dataclass(frozen=True, slots=True)
 class Nak:
-    """A command was refused and changed nothing."""
+    """A command was refused and had no effect."""
 
     command: int
     token: int
@@ -157,7 +157,7 @@ class Nak:
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """One page of what the device is: the signals of that page by name, none for a page not in dpr.dbc."""
+    """One page of the identity: the signals of this page by name, empty for a page not in dpr.dbc."""
 
     page: int
     fields: Mapping[str, int]
@@ -165,7 +165,7 @@ class Info:
 
 @dataclass(frozen=True, slots=True)
 class Torque:
-    """Torques of the joint drives, in the unit that INFO names, at the tick of a SAMPLE; low 16 bits of that tick."""
+    """Torques of the joint drives, in the unit of INFO, at the tick of a SAMPLE; low 16 bits of this tick."""
 
     kind: TorqueKind
     tick: int
@@ -175,7 +175,7 @@ class Torque:
 
 @dataclass(frozen=True, slots=True)
 class ArmInput:
-    """Input of the arm's drive, in the unit that INFO names, at the tick of a SAMPLE; low 16 bits of that tick."""
+    """Input of the arm's drive, in the unit of INFO, at the tick of a SAMPLE; low 16 bits of this tick."""
 
     kind: TorqueKind
     tick: int
@@ -184,7 +184,7 @@ class ArmInput:
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """Opens a conversation."""
+    """Start a session."""
 
     token: int = 0
     major: int = PROTOCOL_VERSION[0]
@@ -194,7 +194,7 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Engages the latch; `pose` counts from 1 in the order of the rig file, 0 is none."""
+    """Engage the latch; `pose` counts from 1 in the order of the rig file, 0 means none."""
 
     token: int = 0
     pose: int = 0
@@ -202,7 +202,7 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """Opens the latch."""
+    """Open the latch."""
 
     token: int = 0
     key: int = RELEASE_KEY
@@ -210,7 +210,7 @@ class Release:
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """Starts sampling at a rate; the first sample is tick 0."""
+    """Start sampling at a rate; the first sample has tick 0."""
 
     token: int = 0
     rate_hz: int = 1000
@@ -218,32 +218,32 @@ class Stream:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Stops sampling; never opens the latch."""
+    """Stop sampling; the latch does not open."""
 
     token: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class KeepAlive:
-    """The host is alive."""
+    """Sign of life of the host."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClearFault:
-    """Leaves FAULT; the latch stays as it is."""
+    """Leave FAULT; the latch does not change."""
 
     token: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Ping:
-    """Asks for the device's time."""
+    """Request the device's time."""
 
     token: int
 
 
 Command: TypeAlias = Hello | Hold | Release | Stream | Stop | ClearFault
-"""What the host asks for and the device answers by ACK or NAK."""
+"""Commands of the host that the device answers by ACK or NAK."""
 
 Message: TypeAlias = (
     Event | Sample | Position | Status | Pong | Ack | Nak | Info | Torque | ArmInput | Command | KeepAlive | Ping
@@ -281,7 +281,7 @@ NUMBERS: dict[type[Message], int] = {kind: codec.number for kind, codec in _CODE
 """The number of every message: the low six bits of its identifier."""
 
 NAMES: dict[int, str] = {NUMBERS[kind]: name for name, kind in MESSAGES.items()}
-"""The name of every number."""
+"""Message number -> name."""
 
 
 def frame_id(node: int, number: int) -> int:
@@ -297,24 +297,24 @@ def frame_id(node: int, number: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """What a link carries: an 11-bit identifier and at most eight bytes."""
+    """Frame of a link: an 11-bit identifier and at most eight bytes."""
 
     id: int
     data: bytes
 
     @property
     def node(self) -> int:
-        """Which device the frame is to or from."""
+        """Node of the device that sends or receives the frame."""
         return self.id >> _NUMBER_BITS
 
     @property
     def number(self) -> int:
-        """Which message it is."""
+        """Message number."""
         return self.id & _NUMBER_MASK
 
 
 def encode(message: Message, node: int = DEVICE_NODE) -> Frame:
-    """The frame that carries a message to or from a node.
+    """Frame that carries a message to or from a node.
 
     Raises:
         LocalProtocolError: a field is out of its range in dpr.dbc.
@@ -323,15 +323,15 @@ def encode(message: Message, node: int = DEVICE_NODE) -> Frame:
     try:
         data = codec.pack(message)
     except (struct.error, ValueError, EncodeError) as error:
-        raise LocalProtocolError(f"{message} does not fit dpr.dbc: {error}") from error
+        raise LocalProtocolError(f"{message} does not match dpr.dbc: {error}") from error
     return Frame(node << _NUMBER_BITS | codec.number, data)
 
 
 def decode(frame: Frame) -> Message:
-    """The message in a frame, whichever node it is from.
+    """Message in a frame, from any node.
 
     Raises:
-        RemoteProtocolError: a number or a value that dpr.dbc does not know, or a wrong length.
+        RemoteProtocolError: a number or value that is not in dpr.dbc, or a wrong length.
     """
     codec = _CODEC_OF_NUMBER.get(frame.id & _NUMBER_MASK)
     if codec is None:
@@ -352,14 +352,14 @@ _EXPLAINED: dict[type[NakCode | Fault | EventKind], tuple[str, str]] = {
 
 
 def explain_fault(number: int) -> str:
-    """What the fault that an EVENT names means and what to do, also of one that dpr.dbc does not know."""
+    """Meaning of the fault in an EVENT and what to do, also for a fault that is not in dpr.dbc."""
     if number in tuple(Fault):
         return " ".join(explain(Fault(number)))
     return f"The device reports fault {number}, which is not in dpr.dbc. Read its documentation, then clear it."
 
 
 def explain(code: NakCode | Fault | EventKind) -> tuple[str, str]:
-    """What a code means and what to do about it, two sentences from dpr.dbc."""
+    """Meaning of a code and what to do, two sentences from dpr.dbc."""
     message, signal = _EXPLAINED[type(code)]
     comment = DATABASE.get_message_by_name(message).get_signal_by_name(signal).comment or ""
     lines = dict(line.split(": ", 1) for line in comment.splitlines())

@@ -1,8 +1,8 @@
-"""The states of a device and the one table of what leads from one to another.
+"""States of a device and the table of transitions.
 
-`device_role.DeviceSession` acts on it; `host_role.HostSession` is the other end. The latch holds in HOLDING and
-STREAMING and is open in IDLE and RELEASED; FAULT leaves it as it was. The one way from a latched state to an open one
-is RELEASE: no stop, no fault and no silence lets the rods go.
+`device_role.DeviceSession` uses it; `host_role.HostSession` is the other side. The latch holds in HOLDING and STREAMING
+and is open in IDLE and RELEASED; FAULT does not change it. Only RELEASE leads from a latched state to an open one: no
+stop, fault or silence releases the rods.
 """
 
 from enum import Enum, auto
@@ -11,7 +11,7 @@ from firmware_protocol.messages import State
 
 
 class Trigger(Enum):
-    """What can move a device from state to state."""
+    """Causes of transitions."""
 
     HOLD = auto()
     STREAM = auto()
@@ -41,7 +41,7 @@ TRANSITIONS: dict[tuple[State, Trigger], State] = {
     (State.FAULT, Trigger.STOP): State.FAULT,
     **{(state, Trigger.FAULT): State.FAULT for state in State},
 }
-"""What is not here is refused."""
+"""Transitions; all others are refused."""
 
 LATCHED: dict[State, bool] = {
     State.IDLE: False,
@@ -55,4 +55,4 @@ STREAMS = (State.STREAMING, State.RELEASED)
 """States in which samples are sent."""
 
 LEASE_S = 0.5
-"""A device that hears nothing from its host for this long stops streaming."""
+"""Time without a frame from its host after which a device stops streaming, s."""

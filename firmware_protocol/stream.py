@@ -1,4 +1,4 @@
-"""Whole ticks and positions from the low bits that SAMPLE carries."""
+"""Complete ticks and positions from the low bits in SAMPLE."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -6,15 +6,15 @@ from typing import NamedTuple
 from firmware_protocol.messages import Event, Message, Position, Sample
 
 FASTEST_TURNS_S = 20.0
-"""No joint turns faster, turns a second; a free rod of a bench rig reaches a third of it."""
+"""Maximum speed of a joint, turns per second; a free rod of a typical rig reaches a third of it."""
 HALF_RANGE = 0x7FFF
-"""Counts or ticks by which two messages may differ and still be distinguished from a turn of the low 16 bits."""
+"""Difference of two messages, counts or ticks, that is still distinguished from a turn of the low 16 bits."""
 
 
 REMEMBERED = 1024
-"""So many samples are kept to compare those that come again with."""
+"""Number of samples kept to compare repeated ones."""
 LATE_IN_A_ROW = 6
-"""Samples in a row whose ticks had passed: no link swaps so many."""
+"""Number of consecutive samples with past ticks that no reordering of a link explains."""
 
 
 class Row(NamedTuple):
@@ -25,42 +25,45 @@ class Row(NamedTuple):
 
 
 def unwrap(low: int, near: int, bits: int) -> int:
-    """The integer nearest to `near` whose low bits are `low`."""
+    """Integer nearest to `near` whose low bits are `low`."""
     half = 1 << bits - 1
     return near + (low - near + half) % (1 << bits) - half
 
 
 def blind_ticks(rate_hz: int, counts_per_rev: Iterable[int]) -> int:
-    """How many ticks may pass unseen before a joint could have turned by more than SAMPLE's low 16 bits can tell."""
+    """Maximum gap, ticks, after which the low 16 bits of SAMPLE still determine the position of every joint."""
     return max(1, min(HALF_RANGE, int(HALF_RANGE * rate_hz / (FASTEST_TURNS_S * max(counts_per_rev)))))
 
 
 class SampleStream:
-    """Follows one device's messages in the order they arrived.
+    """Reconstruction of one device's samples in the order of arrival.
 
-    After a gap longer than `blind_ticks` a counter may have gone round unseen: samples are left out until POSITION, ten
-    times a second, has sent the whole counter of every joint again. A tick that leaps so far is believed once a second
-    sample follows it, since a damaged one would hide all that come before it.
+    After a gap longer than `blind_ticks` a counter may have made an unseen turn: samples are discarded until POSITION,
+    ten times per second, has sent the complete counter of every joint again. A tick with such a jump is accepted when a
+    second sample follows it, because a damaged tick would otherwise discard all later samples.
 
-    Of two samples of one tick with other counts nobody can say which is right. A link that doubles or swaps frames
-    makes late ones, but none that differ, and not several in a row: then the device's count went back.
+    If two samples of one tick have different counts, the correct one is unknown. A link that duplicates or reorders
+    frames delivers late ones, but not different ones, and not several in a row: in this case the device's tick
+    decreased.
     """
 
     def __init__(self) -> None:
         self.lost_tick_gap = 0
-        """Samples that never arrived: ticks missing between those that did."""
+        """Number of missing ticks between received samples."""
         self.out_of_order = 0
-        """Samples left out because their tick had been there or was passed."""
+        """Number of samples discarded because their tick was repeated or past."""
         self.contradicted = 0
-        """Ticks that came again with other counts."""
+        """Number of ticks repeated with other counts."""
         self.went_back = False
-        """Whether the device's ticks went back: what comes after has no time."""
+        """Whether the device's ticks decreased: later samples have no time."""
         self._recent: dict[int, Sample] = {}
         self._late = 0
         self.unanchored = 0
-        """Samples left out because a joint's whole counter was not known yet."""
+        """Number of samples discarded because the complete counter of a joint was not known yet."""
         self.position_slips = 0
-        """Times a POSITION contradicted the rows by whole 65536 counts: some since the POSITION before it are wrong."""
+        """Number of POSITION messages that contradicted the rows by multiples of 65536 counts: some rows since the
+        previous POSITION are wrong.
+        """
         self._blind = HALF_RANGE
         self._tick = -1
         self._leap: int | None = None
@@ -68,13 +71,13 @@ class SampleStream:
         self._told_at = [-1, -1, -1]
 
     def restart(self, blind_ticks: int = HALF_RANGE) -> None:
-        """Begin again at tick 0: call once, before STREAM is sent. Positions stay known."""
+        """Restart at tick 0: call once, before STREAM is sent. Positions remain known."""
         self._blind, self._tick, self._leap, self._told_at = blind_ticks, -1, None, [-1, -1, -1]
         self._late, self.went_back = 0, False
         self._recent.clear()
 
     def feed(self, message: Message) -> Row | None:
-        """Take the next message; a SAMPLE in order gives a row, any other message None."""
+        """Process the next message; returns a row for a SAMPLE in order, otherwise None."""
         if isinstance(message, Sample):
             return self._row(message)
         if isinstance(message, Position):
@@ -82,7 +85,7 @@ class SampleStream:
         return None
 
     def tick_of(self, event: Event) -> int:
-        """The whole tick of an EVENT, on the count of the rows."""
+        """Complete tick of an EVENT, in the numbering of the rows."""
         return unwrap(event.tick, max(self._tick, 0), 32)
 
     def _row(self, sample: Sample) -> Row | None:
@@ -110,20 +113,20 @@ class SampleStream:
         return Row(self._tick, counts)
 
     def contradicts(self, row: Row, sample: Sample) -> bool:
-        """Whether a sample says something else of a row's tick than the row did."""
+        """Whether a sample contradicts the row of its tick."""
         low = tuple(count & 0xFFFF for count in row.counts)
         return sample.tick == row.tick & 0xFFFF and low != (sample.position0, sample.position1, sample.position2)
 
     def _doubt(self, late: Sample) -> None:
         if self._tick < 0:
-            return  # left over from the stream before
+            return  # left over from the previous stream
         before = self._recent.get(late.tick % REMEMBERED)
         self.contradicted += before is not None and before.tick == late.tick and before != late
         self._late += 1
         self.went_back |= self._late >= LATE_IN_A_ROW
 
     def _after_gap(self, low: int, tick: int) -> bool:
-        """Whether a leap of the tick is believed; then counters that no message confirmed since are forgotten."""
+        """Whether a jump of the tick is accepted; unconfirmed counters are then discarded."""
         leap, self._leap = self._leap, low
         if leap is None or not 0 < (low - leap) & 0xFFFF <= self._blind:
             return False
@@ -136,7 +139,7 @@ class SampleStream:
         near, at = self._counts[position.joint], unwrap(position.tick, self._tick, 16)
         if self._tick >= 0:
             if at < self._tick - self._blind:
-                return  # so late that the joint may have gone round since
+                return  # so late that the joint may have made a turn since
             self._told_at[position.joint] = at
         if near is None or at - self._tick > self._blind:
             self._counts[position.joint] = position.position

@@ -1,4 +1,4 @@
-"""Torques put to the samples of their ticks: nothing is made up for one that never came."""
+"""Assignment of torques to the samples of their ticks; missing torques are not replaced."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,9 +7,9 @@ from firmware_protocol.messages import ArmInput, Torque, TorqueKind
 from firmware_protocol.stream import Row, unwrap
 
 LATE = 2
-"""A sample waits for its torques until so many have come after it: links swap neighbours."""
+"""Number of later samples for which a sample waits for its torques, because links may reorder frames."""
 KEPT = 64
-"""Ticks whose torques are kept for a sample that is still to come."""
+"""Number of ticks whose torques are kept for a late sample."""
 
 Pair = tuple[int, int]
 
@@ -20,30 +20,30 @@ class DrivenRow(NamedTuple):
     tick: int
     counts: tuple[int, int, int]
     torques: tuple[Pair, ...]
-    """Of joint 1 and 2, or of the arm's drive and 0, in the device's unit, one of each kind that it tells."""
+    """Torques of joint 1 and 2, or input of the arm and 0, in the device's unit, one entry for each kind."""
 
 
 class TorquePairs:
-    """Follows one device's samples and torques in the order they arrived.
+    """Combination of one device's samples and torques in the order of arrival.
 
     Args:
-        kinds: which torques the device tells of every sample
+        kinds: kinds of torques that follow every sample
     """
 
     def __init__(self, kinds: Sequence[TorqueKind]) -> None:
         self.kinds = tuple(kinds)
         self.missing = 0
-        """Samples left out because not all of their torques came, or two that differ."""
+        """Number of samples discarded because torques were missing or contradictory."""
         self._told: dict[int, dict[TorqueKind, Pair | None]] = {}
         self._waiting: list[Row] = []
         self._newest = 0
 
     def restart(self) -> None:
-        """Begin again at tick 0."""
+        """Restart at tick 0."""
         self._told, self._waiting, self._newest = {}, [], 0
 
     def note(self, torque: Torque | ArmInput) -> None:
-        """Take a TORQUE or an ARM_INPUT."""
+        """Process a TORQUE or an ARM_INPUT."""
         tick = unwrap(torque.tick, self._newest, 16)
         kinds_seen = self._told.setdefault(tick, {})
         pair = (torque.input, 0) if isinstance(torque, ArmInput) else (torque.torque1, torque.torque2)
@@ -52,14 +52,14 @@ class TorquePairs:
             del self._told[old]
 
     def take(self, rows: Sequence[Row]) -> list[DrivenRow]:
-        """Take samples in their order; those that have waited long enough, with their torques."""
+        """Process samples in order; returns those that are complete, or have waited long enough, with their torques."""
         self._waiting += rows
         if rows:
             self._newest = rows[-1].tick
         return self._let_go(LATE)
 
     def rest(self) -> list[DrivenRow]:
-        """Those that waited, once nothing more comes."""
+        """Remaining samples at the end of the stream."""
         return self._let_go(0)
 
     def _let_go(self, kept: int) -> list[DrivenRow]:

@@ -1,1 +1,1 @@
-"""Identification of a rig's parameters from runs, what determined each, and comparison of swings."""
+"""Identification of a rig's parameters from runs, with what determined each, and comparison of model and runs."""

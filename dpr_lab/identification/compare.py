@@ -1,4 +1,4 @@
-"""Comparison of a model with a measurement: segment residuals, and a free run as far as it can be predicted."""
+"""Comparison of a model with a run: residuals of segments, and a free run up to the predictability horizon."""
 
 from __future__ import annotations
 
@@ -35,24 +35,25 @@ from dpr_lab.shown import Row, Shown
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Comparison(Shown):
-    """One run against one model. All arrays share the run's instants from the release on."""
+    """One run compared with one model. All arrays have the run's instants from the release on."""
 
     run: str
     """Name of the run."""
     pose: str | None
-    """Name of the pose it was released from."""
+    """Name of its pose."""
     held_out: bool
-    """Whether the run took no part in the identification."""
+    """Whether the run was not fitted."""
     t: NDArray[np.float64]
-    """(n,) time since the release, s."""
+    """(n,) times since the release, s."""
     measured: NDArray[np.float64]
     """(n, 2) measured theta1, theta2, rad."""
     free_run: NDArray[np.float64]
     """(n, 2) simulated from the initial state fitted on the first segment, rad."""
     tracked: NDArray[np.float64]
-    """(n, 2) simulated segment by segment with free initial states, rad."""
+    """(n, 2) simulated by segment with free initial states, rad."""
     horizon_s: float
-    """Time until the initial state's uncertainty alone moves the free run by 0.1 rad, s.
+    """Time until the uncertainty of the initial state alone moves the free run by 0.1 rad, s. Beyond it a comparison
+    of free runs does not test the model.
 
     Beyond it a sample-by-sample comparison of free runs does not test the model.
     """
@@ -65,7 +66,7 @@ class Comparison(Shown):
     free_run_rms_rad: NDArray[np.float64]
     """(2,) root mean square of measured - free_run up to the horizon, rad."""
     torque_kind: str = ""
-    """`measured` or `commanded`: the known torques that drove the run, where their kind is known."""
+    """Kind of known torques, `measured` or `commanded`, if known."""
 
     def _heading(self) -> str:
         part = "held out" if self.held_out else "used in the fit"
@@ -78,7 +79,7 @@ class Comparison(Shown):
 
     @property
     def free_run_error(self) -> NDArray[np.float64]:
-        """(n, 2) measured - free_run, rad; as published, Figure 3."""
+        """(n, 2) measured - free_run, rad; Figure 3 of the publication."""
         return self.measured - self.free_run
 
     @property
@@ -92,40 +93,40 @@ class FreeRun:
     """One simulation from a fitted initial state to the end of the record."""
 
     t: NDArray[np.float64]
-    """(n,) time since the release, s."""
+    """(n,) times since the release, s."""
     theta: NDArray[np.float64]
     """(n, 2) simulated theta1, theta2, rad."""
     horizon_s: float
-    """Time since the release until which it can be predicted, as in `Comparison`, s."""
+    """Predictability horizon as in `Comparison`, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """A run followed by a model from segment to segment; a free run can start where a segment does."""
+    """A run fitted by segments with a model; a free run can start at any segment."""
 
     preprocessed: PreprocessedRun
     """The run with its velocities and noise."""
     bare: RatioFit
-    """The rods alone, from which the predictability horizon follows."""
+    """The rods without effects, for the predictability horizon."""
     simulated: OutputModel
-    """The model with its effects; the rods alone for one without."""
+    """The model with its effects, or the rods if there are none."""
     estimate: Estimate
-    """Of `simulated`, with the fitted initial states."""
+    """Parameters and fitted initial states of `simulated`."""
     step: float
-    """Its Runge-Kutta step in a free run, s."""
+    """Runge-Kutta step of a free run, s."""
     tracked: NDArray[np.float64]
-    """(n, 2) simulated segment by segment, rad."""
+    """(n, 2) simulated by segment, rad."""
     held_out: bool
-    """Whether the run took no part in the identification."""
+    """Whether the run was not fitted."""
 
 
 def compare_run(run: Run, rig: Rig, model: Model) -> Comparison:
-    """Simulate a run with a model: segment by segment, and as one free run from its first segment's initial state.
+    """Simulate a run with a model: by segment, and as one free run from the initial state of the first segment.
 
     Args:
         run: the measurement
         rig: its encoders, for the noise floor
-        model: what to simulate; its ratios stay as they are, only initial states are fitted
+        model: the model; only initial states are fitted
     """
     return compare_followed(follow(run, rig, model))
 
@@ -137,7 +138,7 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
     Args:
         run: the measurement
         rig: its encoders
-        model: what to follow it with
+        model: the model
         segment_s: length of a segment, s
     """
     preprocessed = preprocess(run, rig)
@@ -152,24 +153,24 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
 
 
 def _with_effects(bare: RatioFit, rig: Rig, model: Model) -> RatioFit:
-    """The run predicted by the model with its effects, the initial states refitted."""
+    """Prediction of the run by the model with its effects and refitted initial states."""
     laid_out = bare.problem.segments
     at_step = replace(laid_out, step=np.full(len(laid_out), STEP))
     problem = replace(bare.problem, segments=at_step, model=RodsWithEffects(rig_constants(rig)))
     firsts = laid_out.t[laid_out.offsets[:-1]]
     leads = firsts - np.array([segment_start(first) for first in firsts.tolist()])
     initial = bare.fit.estimate.initial.copy()
-    initial[:, :2] -= leads[:, None] * initial[:, 2:]  # a segment with effects starts a moment before its first sample
+    initial[:, :2] -= leads[:, None] * initial[:, 2:]  # a segment with effects starts shortly before its first sample
     start = Estimate.of(model.unknowns, effect_params(model.effects), initial, bare.fit.estimate.zeros)
     return RatioFit(problem, fit(problem, start, (), iterations=15, settings=TO_THE_MINIMUM))
 
 
 def free_run_from(followed: Followed, at_s: float) -> FreeRun:
-    """A free run from the segment that an instant lies in.
+    """Free run from the segment that contains an instant.
 
     Args:
         followed: the run and its fitted initial states
-        at_s: where to start, s since the release; it starts where that segment does
+        at_s: the instant, s since the release; the free run starts at the beginning of its segment
     """
     laid_out = followed.bare.problem.segments
     index = max(int(np.searchsorted(laid_out.t[laid_out.offsets[:-1]], at_s, side="right")) - 1, 0)
@@ -181,7 +182,7 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
 
 
 def compare_followed(followed: Followed) -> Comparison:
-    """Compare as `compare_run` does, for a run that was followed already.
+    """Compare as `compare_run` for a run that is already fitted by segments.
 
     Raises:
         RunError: the model cannot follow the readings.
@@ -194,7 +195,7 @@ def compare_followed(followed: Followed) -> Comparison:
     if not np.isfinite([*segment_rms, *free_run_rms]).all():
         raise RunError(
             f"{run.file or run.name}: the model cannot follow these readings: check zero, unit, sign and order of the"
-            " angles and the unit of time, or leave the run out"
+            " angles and the unit of time, or exclude the run"
         )
     return Comparison(
         run=run.name,

@@ -1,7 +1,7 @@
-"""Directions in the space of the nine parameters that recordings and measured values leave free.
+"""Parameter directions that recordings and measured values do not determine.
 
-Knowledge is whitened rows: sensitivities to relative changes of the parameters. A direction is free if a change of
-100 % along it stays below one standard deviation of all rows.
+Information is represented by whitened rows: sensitivities to relative changes of the parameters. A direction is free if
+a change of 100 % along it is below one standard deviation in all rows.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ from dpr_lab.identification.prior_update import UNREACHED
 from dpr_lab.rig import PARAMETERS
 
 SEEN = 1.0
-"""Singular value, standard deviations per 100 % of change, from which a direction counts as determined."""
+"""Singular value, standard deviations per 100 % of change, above which a direction is determined."""
 
 
 def _decompose(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -31,16 +31,16 @@ def free_directions(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def spread(rows: NDArray[np.float64], seen: float = SEEN) -> NDArray[np.float64]:
-    """(n,) relative standard deviation of each column; inf where it has a share in a free direction."""
+    """(n,) relative standard deviation of each column; inf if it has a component in a free direction."""
     s, Vt = _decompose(rows)
     std = np.linalg.norm(Vt[s >= seen].T / s[s >= seen], axis=1)
     return np.where(np.linalg.norm(Vt[s < seen], axis=0) > UNREACHED, np.inf, std)
 
 
 def simple_basis(free: NDArray[np.float64], names: Sequence[str] = PARAMETERS) -> list[dict[str, float]]:
-    """Directions of few parameters each that span the free ones, each scaled to a largest change of 1 %.
+    """Sparse directions that span the free ones, each scaled to a largest change of 1 %.
 
-    Taking the sparsest direction independent of those taken before, again and again, gives the sparsest basis there is.
+    Repeatedly choosing the sparsest direction that is independent of the previous ones gives the sparsest basis.
 
     Source: T. F. Coleman & A. Pothen (1986), The null space problem I.
     """
@@ -54,7 +54,7 @@ def simple_basis(free: NDArray[np.float64], names: Sequence[str] = PARAMETERS) -
 
 
 def _simple_directions(free: NDArray[np.float64], names: Sequence[str]) -> Iterator[NDArray[np.float64]]:
-    """The common scale of masses, inertias and frictions, then free directions of one, two, three, ... parameters."""
+    """Candidates: the common scale of masses, inertias and friction, then directions of few parameters."""
     scaled = np.array([name[0] in "mcJAf" or name in ("k0", "kt") for name in names], dtype=np.float64)
     scale = scaled / np.linalg.norm(scaled)
     if np.linalg.norm(scale - free @ (free.T @ scale)) < UNREACHED:

@@ -1,4 +1,4 @@
-"""Expected information of releases from the rig file's poses, before any is recorded."""
+"""Expected information of releases from the poses of a rig file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,21 +27,21 @@ class Releases:
     """Assumptions on future releases."""
 
     duration_s: float = 10.0
-    """Duration of each recording: the default of `dpr-lab record`."""
+    """Duration of each recording, s: the default of `dpr-lab capture`."""
     segment_s: float = 1.0
-    """Length of segments that the model of a real rig can be expected to follow; longer ones hold more information."""
+    """Length of segments that the model of a real rig should follow, s; longer segments contain more information."""
 
 
 RELEASES = Releases()
 
 
 def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> NDArray[np.float64]:
-    """Fisher information of the ratios, and of b with a known mass clamped on, in one release from each of the poses.
+    """Fisher information of the ratios, and of b with an attached mass, in one release from each pose.
 
     Args:
         Z: (9,) parameters, SI
         rig: lengths, encoders, poses, link and any added mass
-        releases: how long they are
+        releases: duration of recordings and segments
 
     Returns:
         (5, 5) or (6, 6) in the order of `dpr_lab.fitting.estimate.UNKNOWN_RATIOS`; all zero without poses
@@ -65,9 +65,9 @@ def ratio_information(
 def expected_releases(
     base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES
 ) -> tuple[Problem, Estimate]:
-    """Releases simulated without noise, cut into segments, and the truth about them.
+    """Simulated releases without noise, cut into segments, with their true parameters.
 
-    A reading has the noise and the rounding of its encoder (`Rig.reading_std`).
+    The standard deviation of a reading is `Rig.reading_std`.
     """
     joints, rate_hz = rig.encoders.joint_angles, rig.link.rate_hz
     std = rig.reading_std[1:]
@@ -88,8 +88,8 @@ def information_root(information: NDArray[np.float64], scale: NDArray[np.float64
     """F with F^T F = information: sensitivity of whitened readings to the unknowns.
 
     Args:
-        information: (n, n), singular where the recordings are blind
-        scale: (n,) size of each unknown, so that no unit costs digits
+        information: (n, n), singular if the recordings do not determine all unknowns
+        scale: (n,) size of each unknown, for numerical scaling
 
     Returns:
         (n, n)

@@ -1,8 +1,8 @@
-"""Identifiability of a rig from free swings, and which bench measurements determine the rest.
+"""Identifiability of a rig from free swings, and bench measurements that determine the rest.
 
-Knowledge is whitened rows, sensitivities to relative changes of the nine parameters: the recordings by
-F dratios/dZ Z, with F^T F the ratios' information, a measured value by Z / std. Bounds enter only where a spread is
-asked for, as priors of the standard deviation that a uniform one has. docs/theory.md, equations 48 and 49.
+Information is represented by whitened rows, sensitivities to relative changes of the nine parameters: for the
+recordings F dratios/dZ Z, with F^T F the information of the ratios; for a measured value Z / std. Bounds are used only
+for spreads, as priors with the standard deviation of a uniform distribution. docs/theory.md, equations 48 and 49.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,22 +28,22 @@ from dpr_lab.shown import Row, Shown
 
 @dataclass(frozen=True, slots=True)
 class AdviceSettings:
-    """Thresholds from which a measured value is mentioned."""
+    """Thresholds above which a measured value is listed."""
 
     helps: float = 1.1
-    """Growth of a parameter's spread if the value were missing."""
+    """Growth of a parameter's standard deviation without this value."""
     worthwhile_bits: float = 0.1
-    """Gain of a measurement to be made, over all nine parameters: as if one of them were known 7 % better."""
+    """Minimum gain of a recommended measurement over all nine parameters: as if one of them were known 7 % better."""
 
 
 SETTINGS = AdviceSettings()
 
 CRAMER_RAO_NOTE = (
-    "Cramér-Rao: the least standard deviation of any unbiased estimate if residuals were independent, of the size that"
-    " the fit leaves. `identify` prints larger ones where the model misses something, because it includes misfit"
-    " inflation: such residuals are correlated in time."
+    "Cramér-Rao: lower bound of the standard deviation of an unbiased estimate for independent residuals"
+    " with the variance of the fit. `identify` prints larger values if the model is incomplete, because the"
+    " residuals are then correlated in time (misfit inflation)."
 )
-"""Explanation of the two standard deviations that are printed for one ratio."""
+"""Explanation of the two standard deviations of a ratio."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,28 +53,33 @@ class Advice:
     name: str
     """Name of the measurement."""
     how: str
-    """What to do, as an instruction."""
+    """Instruction for the operator."""
     frees: tuple[str, ...]
-    """Parameters that it fixes and that were not fixed without it."""
+    """Parameters that are determined with it but not without it."""
     gain_bits: float
-    """Sum over the parameters of log2(std before / std after), bounds as priors: halvings of one spread."""
+    """Sum over the parameters of log2(std before / std after), with bounds as priors: number of halvings of one
+    standard deviation.
+    """
     quantity: BenchReading
-    """What is read."""
+    """Measured quantity."""
     parameters: int = len(PARAMETERS)
-    """Number of the parameters that the gain is summed over."""
+    """Number of parameters in this sum."""
 
     @property
     def sentence(self) -> str:
         """Instruction and expected gain."""
         start = self.how[0].upper() + self.how[1:]
         if self.gain_bits < SETTINGS.worthwhile_bits:
-            return f"{start}: tells nothing that is not known already."
-        fixes = f"fixes {', '.join(self.frees)}" if self.frees else "fixes no parameter by itself"
+            return f"{start}: adds no information."
+        fixes = f"determines {', '.join(self.frees)}" if self.frees else "determines no parameter alone"
         times = 2 ** (self.gain_bits / self.parameters)
-        return f"{start}: {fixes}; on average the {self.parameters} parameters get {times:.1f} times as exact."
+        return (
+            f"{start}: {fixes}; on average the standard deviations of the {self.parameters} parameters"
+            f" fall by a factor of {times:.1f}."
+        )
 
     def to_json(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The measurement as JSON values."""
         names = ("name", "how", "gain_bits", "sentence")
         return {name: getattr(self, name) for name in names} | {
             "frees": list(self.frees),
@@ -84,7 +89,7 @@ class Advice:
 
 @dataclass(frozen=True, slots=True)
 class LengthError:
-    """Effect on the ratios of an error of L1, which is measured and never searched for."""
+    """Effect of an error of L1, which is measured and not identified, on the ratios."""
 
     error: float
     """The assumed error, m."""
@@ -96,38 +101,39 @@ class LengthError:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Identifiability(Shown):
-    """What recordings and measured values determine together, what remains free, and what to measure next."""
+    """Information of recordings and measured values together, free directions, and recommended measurements."""
 
     rank: int
     """Number of the nine directions that the recordings determine; at most five, six with a known added mass."""
     singular_values: tuple[float, ...]
-    """Of the whitened sensitivity to relative changes of the nine, those that are not zero for every swing."""
+    """Non-zero singular values of the whitened sensitivity to relative changes of the nine parameters."""
     unknowns: Mapping[str, float]
-    """The five ratios; b too where a known added mass makes it visible."""
+    """The five ratios, and b if a known added mass makes it identifiable."""
     cramer_rao_std: Mapping[str, float]
-    """Cramer-Rao bound of the standard deviation of each unknown; inf where the recordings hold no information."""
+    """Cramér-Rao bound of the standard deviation of each unknown; inf without information."""
     null_space: tuple[Mapping[str, float], ...]
-    """Directions that recordings and measured values leave free: relative change of each parameter that takes part."""
+    """Directions that recordings and measured values do not determine: relative changes of the parameters involved."""
     parameters: Mapping[str, ParameterValue]
-    """What determines each of the nine, with its standard deviation where it is determined."""
+    """Source of each of the nine parameters, with its standard deviation if it is determined."""
     helps: Mapping[str, tuple[str, ...]]
-    """For each measured value the other parameters that would be less exact without it."""
+    """For each measured value, the other parameters that would be less accurate without it."""
     advice: tuple[Advice, ...]
-    """Every bench measurement not yet made, best first."""
+    """All bench measurements that are not in the rig file, best first."""
     sequence: tuple[Advice, ...]
-    """Best next measurement after best next measurement, until all nine are fixed."""
+    """Sequence of best measurements until all nine parameters are determined."""
     length_error: LengthError | None
-    """None for a rig file without poses to simulate, or where it was not asked for."""
+    """None for a rig file without poses to simulate, or if it was not requested."""
 
     def _heading(self) -> str:
         least = ", ".join(f"{name} {self.cramer_rao_std[name]:.1g}" for name in self.unknowns)
         return (
-            f"Identifiability: {self.rank} of {len(PARAMETERS)} directions are seen; least standard deviations: {least}"
+            f"Identifiability: {self.rank} of {len(PARAMETERS)} directions are determined; lower bounds of"
+            f" the standard deviations: {least}"
         )
 
     def _rows(self) -> list[Row]:
         fixed = [(name, f"{parameter.value:.5g}", parameter.fixed_by) for name, parameter in self.parameters.items()]
-        return [("parameter", "value", "fixed by"), *fixed]
+        return [("parameter", "value", "determined by"), *fixed]
 
     @property
     def fixed_by(self) -> dict[str, str]:
@@ -135,7 +141,7 @@ class Identifiability(Shown):
         return {name: value.fixed_by for name, value in self.parameters.items()}
 
     def to_json(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The result as JSON values."""
         return {
             "rank": self.rank,
             "singular_values": list(self.singular_values),
@@ -163,12 +169,12 @@ def identifiability(
     """Identifiability of a rig, from the information of recordings on its ratios and from measured values.
 
     Args:
-        information: (5, 5) Fisher information of the ratios, or (6, 6) with b: that of a fit, or
-            `expected_information`
+        information: (5, 5) Fisher information of the ratios, or (6, 6) with b, from a fit or from
+        `expected_information`
         rig: bounds, measured values, encoders and poses
-        Z: (9,) where to look, SI; the rig file's best known values by default
-        visible: places in `UNKNOWN_RATIOS` of what the information is of; the first ones by default
-        lengths: whether an error of L1 is to be tried out, which takes a fit to simulated releases
+        Z: (9,) parameters of the linearisation, SI; default: best known values of the rig file
+        visible: indices in `UNKNOWN_RATIOS` of the unknowns of the information; default: the first ones
+        lengths: whether to compute the effect of an error of L1, which needs a fit to simulated releases
     """
     Z = rig.nominal if Z is None else Z
     places = list(range(len(information)) if visible is None else visible)
@@ -196,7 +202,7 @@ def identifiability(
 
 
 def summary(analysis: Identifiability) -> dict[str, Any]:
-    """The part that an identification's JSON carries: rank, free directions, advice as sentences."""
+    """Part of the JSON of an identification: rank, free directions, recommendations as sentences."""
     return {
         "rank": analysis.rank,
         "null_space": [dict(direction) for direction in analysis.null_space],
@@ -215,7 +221,7 @@ def _bound_rows(rig: Rig, Z: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def already_made(instrument: Instrument, rig: Rig) -> bool:
-    """Whether the rig file has this measurement already, at least as exactly."""
+    """Whether the rig file already contains this measurement, with at least the same accuracy."""
     if len(instrument.parameters) != 1:
         return False
     std = rig.parameters[instrument.parameters[0]].std
@@ -255,7 +261,7 @@ def _helps(
     with_all = _bounded_spread(np.vstack([data, measured]), bounds)
     helped = {}
     for i, name in enumerate(names):
-        weak = measured[i : i + 1] * 1e-6  # nearly nothing rather than nothing: a measured value may have no bounds
+        weak = measured[i : i + 1] * 1e-6  # small instead of zero, because a measured value may have no bounds
         without = _bounded_spread(np.vstack([data, np.delete(measured, i, axis=0), weak]), bounds)
         helped[name] = tuple(
             p for p, grown in zip(PARAMETERS, without > SETTINGS.helps * with_all, strict=True) if grown and p != name
@@ -272,10 +278,10 @@ def bench_advice(
     """Expected gain of each bench measurement, best first.
 
     Args:
-        answers: (k, n) whitened readings of each, by relative changes of the parameters
+        answers: (k, n) whitened readings of each, for relative changes of the parameters
         known: (m, n) rows of recordings and measured values
         bounds: (l, n) rows of the bounds
-        names: of the n parameters
+        names: names of the n parameters
     """
     return tuple(sorted(_advice(answers, known, bounds, names).values(), key=_worth, reverse=True))
 
@@ -309,7 +315,7 @@ def bench_sequence(
     bounds: NDArray[np.float64],
     names: Sequence[str] = PARAMETERS,
 ) -> tuple[Advice, ...]:
-    """Best next measurement after best next measurement, until all parameters are fixed; arguments as above."""
+    """Sequence of best measurements until all parameters are determined; arguments as above."""
     left, taken = dict(answers), []
     while left and np.isinf(spread(known)).any():
         advice = _advice(left, known, bounds, names)

@@ -56,11 +56,13 @@ class IdentifySettings:
     gap_warning: float = 3.0
     """Reduced chi-square above which the model is clearly incomplete."""
     doubted: float = 20.0
-    """Reduced chi-square above which other readings of the runs are tried."""
+    """Reduced chi-square above which other interpretations of the runs are tried."""
     hardly_seen: float = 0.5
     """Relative standard deviation of a ratio above which the runs do not determine it."""
     of_prior: float = 0.5
-    """Share of the prior's variance above which a ratio rests on the rig file's bounds rather than on the runs."""
+    """Share of the prior's variance above which a ratio is determined by the bounds of the rig file rather than by
+    the runs.
+    """
 
 
 SETTINGS = IdentifySettings()
@@ -85,25 +87,26 @@ def identify(
     """Identify the kinetic parameters of a rig from free swings.
 
     The search (IGA by default) finds the basin inside the rig file's bounds; least squares over segments of 0.25 s,
-    then over ever longer ones as far as the model follows, give the ratios and their covariance.
+    then over longer and longer segments while the model follows them, gives the ratios and their covariance.
 
     Args:
-        runs: what was recorded, one run or several; two of the three poses are enough
+        runs: one or several runs; two of the three poses are enough
         rig: bounds, measured values, encoders
         objective: a name of `OBJECTIVES`: `segments` (default) or `paper` (E(Z), docs/theory.md equation 2)
         search: a name of `ALGORITHMS`
-        settings: of the search; the objective's own by default
-        seed: of everything random; same seed, same answer, for any number of threads
-        profile: also find each ratio's interval by profile likelihood; takes some seconds
-        on_generation: called with each generation and the number of generations to come at most
-        stop: asked after each generation; once true the search ends there, and its best so far goes on to the polish
-        on_polish: called when the search is over and the local fit begins
+        settings: settings of the search; default: those of the objective
+        seed: seed of all random numbers; the same seed gives the same result for any number of threads
+        profile: whether to compute the interval of each ratio by profile likelihood as well, which takes some seconds
+        on_generation: called with each generation and the maximum number of generations
+        stop: called after each generation; if it returns true the search ends, and the local fit starts from the best
+        individual
+        on_polish: called at the start of the local fit
 
     Raises:
-        ConfigError: no such objective or search.
-        RunError: nothing to identify from.
-        IdentificationError: not one candidate inside the bounds could be simulated, or the recordings are of no such
-            rig: read with another zero, unit, sign or order than they were written with.
+        ConfigError: unknown objective or search.
+        RunError: no runs.
+        IdentificationError: no candidate inside the bounds could be simulated, or the recordings do not match the rig:
+        zero, unit, sign or order of the readings is specified wrongly.
     """
     runs = as_runs(runs)
     if not runs:
@@ -113,7 +116,9 @@ def identify(
     refuse_misread(runs, rig)
     prepared_runs = [preprocess(run, rig) for run in runs]
     settings = settings or _suited(chosen.settings, search)
-    if not any(run.setup.free for run in runs):  # the search knows free swings only; the rig file is the start
+    if not any(
+        run.setup.free for run in runs
+    ):  # the search supports free swings only; otherwise the fit starts from the rig file
         settings = settings.model_copy(update={"generations": 1})
     began = time.perf_counter()
     history: list[Generation] = []
@@ -125,7 +130,7 @@ def identify(
         if stop and stop():
             break
     if not np.isfinite(history[0].best_cost):
-        raise IdentificationError("no candidate inside the bounds could be simulated: check the rig file's bounds")
+        raise IdentificationError("no candidate inside the bounds could be simulated: check the bounds in the rig file")
     record = SearchRecord(
         algorithm=search,
         objective=objective,
@@ -146,10 +151,10 @@ def identify(
 
 
 def polish(Z: NDArray[np.float64], runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
-    """Least squares from segments of 0.25 s to the longest that the model follows.
+    """Least squares with segments from 0.25 s to the longest that the model follows.
 
     Args:
-        Z: (9,) parameters to start from
+        Z: (9,) initial parameters
         runs: with their states and noise
         rig: lengths, gravity, encoders
 
@@ -170,14 +175,15 @@ def polish(Z: NDArray[np.float64], runs: Sequence[PreprocessedRun], rig: Rig) ->
 def identifiability_of(
     runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
 ) -> Identifiability:
-    """Which parameters free swings of a rig determine, which they do not, and what to measure next.
+    """Parameters that free swings of a rig determine, those that they do not, and recommended measurements.
 
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
     Args:
-        runs: one recording or several; none for releases simulated from the rig's poses at the rig file's values
+        runs: one or several recordings; none: releases simulated from the poses of the rig with the values of the rig
+        file
         rig: bounds, measured values, encoders and poses
-        tell: called with a sentence for each notice or warning
+        tell: called with each notice or warning
 
     Raises:
         ConfigError: neither runs nor poses.
@@ -188,21 +194,24 @@ def identifiability_of(
     if not runs:
         if not rig.poses:
             raise ConfigError(f"{rig.path}: poses: there are none to simulate; add [poses.X1], or name recorded runs")
-        tell(f"no runs given: simulated releases from {', '.join(rig.poses)}, at the rig file's values")
+        tell(f"no runs given: simulated releases from {', '.join(rig.poses)}, with the values of the rig file")
         return identifiability(expected_information(rig.nominal, rig), rig)
     refuse_misread(runs, rig)
     ratio_fit = polish(rig.nominal, [preprocess(run, rig) for run in runs], rig)
     if not ratio_fit.fit.converged:
-        tell("warning: the fit from the rig file's values did not converge; run `dpr-lab identify` for a global search")
+        tell(
+            "warning: the fit from the values of the rig file did not converge; run `dpr-lab identify` for"
+            " a global search"
+        )
     sure = _determined(uncertainty(ratio_fit))
     nine, _ = update_prior(sure.values, sure.of_runs, rig, ratio_fit.visible)
     Z = np.array([value.value for value in nine.values()])
-    # A residual above the noise floor counts as noise of that size.
+    # A residual above the noise floor is treated as noise of that size.
     return identifiability(sure.information / max(1.0, ratio_fit.chi2_per_dof), rig, Z, visible=ratio_fit.visible)
 
 
 def _suited(name: str, search: str) -> SearchSettings:
-    """The objective's own search file where it is for this algorithm, else the algorithm's defaults."""
+    """Search file of the objective if it is for this algorithm, otherwise the defaults of the algorithm."""
     settings = load_search(name)
     return settings if settings.algorithm == search else ALGORITHMS[search].settings()
 
@@ -253,10 +262,10 @@ def _model(
 
 
 def _determined(sure: RatioUncertainty) -> RatioUncertainty:
-    """The same uncertainty.
+    """Check an uncertainty.
 
     Raises:
-        IdentificationError: it is not finite, so that the runs determine nothing.
+        IdentificationError: it is not finite: the runs do not determine the ratios.
     """
     if not (np.isfinite(sure.values).all() and np.isfinite(sure.covariance).all()):
         raise IdentificationError(
@@ -288,7 +297,7 @@ def _ratio(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, name: str, pro
 
 
 def _scale(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
-    """The scale of absolute sizes: determined by the runs, or of the rig file."""
+    """Scale of absolute sizes: determined by the runs, or by the rig file."""
     if SCALE not in ratio_fit.visible:
         return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible)
     low, high = sure.interval90(list(ratio_fit.visible).index(SCALE))
@@ -303,13 +312,13 @@ def _profile(ratio_fit: RatioFit, sure: RatioUncertainty, index: int) -> tuple[f
 def _identifiable(ratio_fit: RatioFit, sure: RatioUncertainty, rig: Rig, Z: NDArray[np.float64]) -> Identifiable:
     seen = sure.information / max(
         1.0, ratio_fit.chi2_per_dof
-    )  # a residual above the noise counts as noise of that size
+    )  # a residual above the noise is treated as noise of that size
     analysis = identifiability(seen, rig, Z, lengths=False, visible=ratio_fit.visible)
     return Identifiable.model_validate(summary(analysis))
 
 
 def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """A sentence on runs that the model fits poorly and that another reading of their columns fits better."""
+    """Note on runs that the model fits poorly and that another interpretation of their columns fits better."""
     look = second_look(runs, rig) if ratio_fit.chi2_per_dof > SETTINGS.doubted else None
     return [look.sentence] if look and look.sentence else []
 
@@ -338,7 +347,7 @@ def _warnings(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
             f"the residual is {ratio_fit.chi2_per_dof**0.5:.1f} times the noise floor over segments of"
             f" {ratio_fit.longest_s:.2g} s: the model lacks an effect of this rig"
         )
-    warnings += [f"{name} is held at zero: its unconstrained estimate is negative" for name in sure.at_zero]
+    warnings += [f"{name} is fixed at zero: its unconstrained estimate is negative" for name in sure.at_zero]
     warnings += [
         f"{name} is poorly determined by these runs: its standard deviation exceeds half its value"
         for name, value, std in zip(sure.names, sure.values, sure.std, strict=True)
@@ -347,13 +356,14 @@ def _warnings(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
     hardly = [name for name, share in zip(sure.names, sure.of_prior, strict=True) if share > SETTINGS.of_prior]
     if hardly:
         warnings.append(
-            f"these runs hardly determine {', '.join(hardly)}: value and interval rest on the nominal values and bounds"
+            f"these runs hardly determine {', '.join(hardly)}: value and interval depend on the nominal"
+            f" values and bounds"
             " of the rig file; record longer and larger swings, or both rods free"
         )
     unseen = [name for name in RATIOS if name not in sure.names]
     if unseen:
         warnings.append(
-            f"these runs do not determine {', '.join(unseen)}: their values are the rig file's; record swings"
+            f"these runs do not determine {', '.join(unseen)}: their values are those of the rig file; record swings"
             " of both rods to determine them"
         )
     return warnings
@@ -362,8 +372,8 @@ def _warnings(ratio_fit: RatioFit, sure: RatioUncertainty) -> list[str]:
 def _beyond_bounds(parameters: Mapping[str, ParameterValue], rig: Rig) -> list[str]:
     lower, upper = rig.bounds
     return [
-        f"{name} = {value.value:.4g} lies outside its bounds {lower[i]:.4g} .. {upper[i]:.4g}: the data and the"
-        " measured values lead there, so check the bounds, the measured values, L1 and g"
+        f"{name} = {value.value:.4g} is outside its bounds {lower[i]:.4g} .. {upper[i]:.4g}, as a result of"
+        f" the data and the measured values: check the bounds, the measured values, L1 and g"
         for i, (name, value) in enumerate(parameters.items())
         if rig.searched[i] and not 0.999 * lower[i] <= value.value <= 1.001 * upper[i]
     ]

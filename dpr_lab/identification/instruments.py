@@ -1,4 +1,4 @@
-"""Bench measurements of what a free swing cannot show: each is one line of `INSTRUMENTS`."""
+"""Bench measurements for parameters that a free swing does not determine: one row of `INSTRUMENTS` each."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,17 +15,17 @@ from dpr_lab.rig_tables import AddedMass
 
 @dataclass(frozen=True, slots=True)
 class BenchReading:
-    """The quantity that an instrument reads."""
+    """Quantity that an instrument measures."""
 
     name: str
-    """In words: `mass of the outer rod`."""
+    """Name in words: `mass of the outer rod`."""
     unit: str
     symbol: str
-    """The parameter of the rig file where it is one."""
+    """Parameter of the rig file, if it is one."""
 
 
 class Measurement(Protocol):
-    """What advice needs of a bench measurement; hashable."""
+    """Common interface of bench measurements for the recommendation; hashable."""
 
     @property
     def name(self) -> str:
@@ -34,33 +34,33 @@ class Measurement(Protocol):
 
     @property
     def how(self) -> str:
-        """What to do, as an instruction."""
+        """Instruction for the operator."""
         ...
 
     @property
     def quantity(self) -> BenchReading:
-        """What is read."""
+        """Measured quantity."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Instrument:
-    """A bench measurement and its usual uncertainty."""
+    """A bench measurement and its typical uncertainty."""
 
     name: str
     parameters: tuple[str, ...]
-    """The parameters that its reading depends on."""
+    """Parameters on which its reading depends."""
     std: tuple[float, ...]
-    """Standard uncertainty of what is read or known, SI."""
+    """Standard uncertainty of the reading, SI."""
     how: str
-    """What to do, as an instruction."""
+    """Instruction for the operator."""
     quantity: BenchReading
-    """What is read."""
+    """Measured quantity."""
     answer: "Answer"
     """(self, Z, rig) -> (k, 9) derivative of its whitened readings with respect to the nine parameters, 1/SI."""
 
     def rows(self, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
-        """(k, 9) derivative of its readings, each over its standard uncertainty, by the nine parameters at Z, 1/SI."""
+        """(k, 9) derivative of its whitened readings with respect to the nine parameters at Z, 1/SI."""
         return self.answer(self, Z, rig)
 
 
@@ -72,7 +72,7 @@ def _one_parameter(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> 
 
 
 def _rod_alone(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
-    """Small swings of one rod about its pivot take T = 2 pi sqrt(h / g), and so give h = J / (m l) + l."""
+    """Small swings of one rod about its pivot: T = 2 pi sqrt(h / g) gives h = J / (m l) + l."""
     at = [PARAMETERS.index(name) for name in instrument.parameters]
     centroid, m, J = Z[at]
     row = np.zeros((1, len(PARAMETERS)))
@@ -91,11 +91,10 @@ def _loaded_outer(instrument: Instrument, Z: NDArray[np.float64], rig: Rig) -> N
 def _loaded_release(
     instrument: Instrument, Z: NDArray[np.float64], rig: Rig, rod: Literal["inner", "outer"], position: float
 ) -> NDArray[np.float64]:
-    """With a known mass clamped on, the ratios determine the scale of all masses.
+    """Release with a known attached mass: the ratios then determine the scale of all masses.
 
-    The uncertainties of the mass and of its position limit it. Readings F dratios whose sensitivity to
-    the errors of mass and position is N have the covariance I + N N^T. Friction is
-    assumed to be independent of the load.
+    The accuracy is limited by the uncertainties of the mass and of its position. Readings F dratios whose sensitivity
+    to these errors is N have the covariance I + N N^T. Friction is assumed to be independent of the load.
     """
     L1, g = rig.L1, rig.g
     mass, (mass_std, position_std) = Z[PARAMETERS.index("m2")] / 2, instrument.std
@@ -113,14 +112,14 @@ def _loaded_release(
 
 @dataclass(frozen=True, slots=True)
 class BenchAccuracy:
-    """Standard uncertainties of measurements with simple means."""
+    """Standard uncertainties of measurements with simple tools."""
 
     scale_kg: float = 1e-4
-    """A kitchen scale that shows 0.1 g."""
+    """Kitchen scale with a resolution of 0.1 g, kg."""
     rule_m: float = 5e-4
-    """Half a millimetre: a rule at a knife edge, the centre of a mass."""
+    """Half a millimetre, m: ruler and knife edge for the centre of mass."""
     swings_m: float = 5e-4
-    """Twenty swings timed to 0.02 s tell h of a 0.4 m rod so well."""
+    """Accuracy of h for a 0.4 m rod from twenty swings timed to 0.02 s, m."""
 
 
 BENCH = BenchAccuracy()
@@ -161,4 +160,4 @@ INSTRUMENTS = (
     _add_mass(1, "the middle of the inner rod", _loaded_inner),
     _add_mass(2, "the end of the outer rod", _loaded_outer),
 )
-"""What the advice considers; the extension point: one more line is one more measurement."""
+"""Bench measurements that can be recommended; an additional row is an additional measurement."""

@@ -1,8 +1,8 @@
-"""Merge segments as far as the model follows: longer ones carry more information.
+"""Merging of segments while the model follows them, because longer segments contain more information.
 
-Neighbours are merged where the first one's free run stays near the second's readings; where it follows only a part, the
-border between them moves by that part. The new set is fitted again. A level whose residual rises is thrown away and
-tried again in smaller steps: the first one's free run must then stay nearer.
+Two neighbours are merged if the free run of the first stays near the readings of the second; if it follows only a part,
+the border between them moves by that part. The new segments are fitted again. If the residual increases, the level is
+discarded and repeated in smaller steps: the free run must then stay nearer.
 """
 
 from dataclasses import dataclass, replace
@@ -23,21 +23,25 @@ class MergeSettings:
     """Settings of segment merging."""
 
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
-    """A free run may stray so far from the readings, where the fit still finds back; the next where it was lost."""
+    """Maximum deviations of a free run from the readings, rad, from which the fit still converges; the next one is
+    used after a failure.
+    """
     follows: float = 3.0
-    """Reduced chi-square above which longer segments would only amplify what the model misses."""
+    """Reduced chi-square above which longer segments would only amplify the model error."""
     worse: float = 1.02
-    """A level whose reduced chi-square rises by this factor over the shortest segments' is lost."""
+    """Factor on the reduced chi-square of the shortest segments above which a level is discarded."""
     worth_moving: float = 0.1
-    """Share of its neighbour that a segment must follow for the border between them to move."""
+    """Minimum share of its neighbour that a segment must follow before the border between them moves."""
     solver_error: float = 0.2
-    """Of the noise: what the integrator may add to a longer segment."""
+    """Maximum integration error of a longer segment, relative to the noise."""
     shortest_step: float = 2e-4
-    """Shortest Runge-Kutta step tried, s: a segment that needs a shorter one is not merged."""
+    """Shortest Runge-Kutta step, s: a segment that needs a shorter step is not merged."""
     levels: int = 30
-    """Rounds at most; whole records of 10 s take about five."""
+    """Maximum number of rounds; whole records of 10 s need about five."""
     iterations: int = 100
-    """Of a fit: over ten chaotic seconds the valley is curved and the steps are short."""
+    """Maximum number of iterations of a fit: over ten chaotic seconds the cost has a curved valley and steps are
+    short.
+    """
 
 
 SETTINGS = MergeSettings()
@@ -45,17 +49,17 @@ SETTINGS = MergeSettings()
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """A segment of the next level; it begins where the one before it ends."""
+    """A segment of the next level; it starts at the end of the previous one."""
 
     run: int
     end: int
-    """Sample after its last."""
+    """Index after its last sample."""
     initial: Array
     step: float
 
 
 def merge_segments(ratio_fit: RatioFit) -> RatioFit:
-    """Fit ever longer segments while the model still follows the data."""
+    """Fit longer and longer segments while the model follows the data."""
     lost, ranges = SETTINGS.worse * ratio_fit.chi2_per_dof, iter(SETTINGS.ranges_rad)
     tolerance = next(ranges)
     for _ in range(SETTINGS.levels):
@@ -85,7 +89,7 @@ def _fitted(ratio_fit: RatioFit, pieces: list[_Piece]) -> RatioFit:
 
 
 def _lengthened(ratio_fit: RatioFit, tolerance: float) -> list[_Piece] | None:
-    """Segments, the first of each pair extended by the part of the second that it follows; None: no change."""
+    """Segments after the first of each pair is extended by the part of the second that it follows; None: no change."""
     run = ratio_fit.problem.segments.run
     pieces: list[_Piece] = []
     index, moved = 0, False
@@ -105,7 +109,7 @@ def _piece(ratio_fit: RatioFit, index: int) -> _Piece:
 
 
 def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece] | None:
-    """A segment extended by the part of the next that it follows, and the rest of that; None: too little."""
+    """A segment extended by the part of the next one that it follows, and the rest; None: too little."""
     t, (border, end) = ratio_fit.problem.t, ratio_fit.problem.segments.offsets[index + 1 : index + 3].tolist()
     first, second = _piece(ratio_fit, index), _piece(ratio_fit, index + 1)
     taken = _followed(ratio_fit, index, tolerance)
@@ -122,7 +126,7 @@ def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece]
 
 
 def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
-    """The longest step whose error, estimated by halving it, stays below the noise; None where chaos rules out any."""
+    """Longest step whose error, estimated by halving, is below the noise; None if chaos makes this impossible."""
     own = slice(int(ratio_fit.problem.segments.offsets[index]), piece.end)
     t, allowed = ratio_fit.problem.t[own], SETTINGS.solver_error / ratio_fit.problem.weight[own].max()
     step = min(piece.step, float(np.median(np.diff(t))))
@@ -136,10 +140,10 @@ def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
 
 
 def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
-    """Number of samples of the next segment that a segment's free run follows."""
+    """Number of samples of the next segment that the free run of a segment follows."""
     begin, border, end = ratio_fit.problem.segments.offsets[index : index + 3]
     layout = ratio_fit.problem.segments
-    passed = begin + 1 if layout.setups[layout.run[index]].free else border  # known torques are looked up by sample
+    passed = begin + 1 if layout.setups[layout.run[index]].free else border  # known torques are indexed by sample
     t = np.concatenate([ratio_fit.problem.t[begin:passed], ratio_fit.problem.t[border:end]])
     angles = _states(ratio_fit, index, t, float(layout.step[index]))[passed - begin :, :2]
     zeros = ratio_fit.fit.estimate.zeros[layout.run[index]] if ratio_fit.problem.rezeroed else 0.0
@@ -150,7 +154,7 @@ def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
 
 
 def _states(ratio_fit: RatioFit, index: int, t: Array, step: float) -> Array:
-    """(n, 4) the free run of a segment."""
+    """(n, 4) free run of a segment."""
     rig, layout, estimate = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate
     own = segments([t], setups=[layout.setups[layout.run[index]]], step=step)
     return followed(estimate.ratios, own, estimate.initial[index : index + 1], rig)[0]

@@ -1,4 +1,4 @@
-"""The result of an identification, as it is kept in `model.json`."""
+"""Result of an identification, as stored in `model.json`."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -32,13 +32,13 @@ Kept = TypeVar("Kept")
 
 
 def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:
-    """A table of these names, in this order."""
+    """Check that a table has these names in this order."""
 
     def ordered(table: dict[str, Kept]) -> dict[str, Kept]:
         if set(table) != set(names):
             missing = ", ".join(name for name in names if name not in table) or "none"
             unknown = ", ".join(name for name in table if name not in names) or "none"
-            raise ValueError(f"must hold {', '.join(names)}; missing: {missing}; unknown: {unknown}")
+            raise ValueError(f"must contain {', '.join(names)}; missing: {missing}; unknown: {unknown}")
         return {name: table[name] for name in names}
 
     return ordered
@@ -54,64 +54,68 @@ class EstimatedValue(_Record):
     interval90: tuple[Number, Number]
     """90 % interval, in the unit of the value."""
     profile90: tuple[Number | None, Number | None] | None = None
-    """90 % interval by profile likelihood, where it was asked for; None for an end without a bound."""
+    """90 % interval by profile likelihood if requested; None for an end without a bound."""
     fixed_by: Literal["data", "bound"] = "data"
-    """`bound`: runs show it hardly or not at all; value and std rest on the rig file's nominal values and bounds."""
+    """Source of the value. `bound`: runs hardly determine it; value and std depend on the nominal values and bounds
+    of the rig file.
+    """
 
 
 class ParameterValue(_Record):
     """One of the nine kinetic parameters and its source.
 
-    `data`: the recordings, given the measured values. `measured`: the bench. `bound`: nothing but the bounds of the
-    search; it is one point of a family of equally good values, so it has no standard deviation.
+    `data`: the recordings, given the measured values. `measured`: a bench measurement. `bound`: only the bounds of the
+    search; it is one of a family of equally good values, so it has no standard deviation.
     """
 
     value: Number
     """The value, SI."""
     std: Number | None
-    """Standard deviation, SI; None for a value that only bounds fix."""
+    """Standard deviation, SI; None for a value that only bounds determine."""
     fixed_by: Literal["data", "measured", "bound"]
-    """What fixed it, as above."""
+    """Source, as above."""
     interval90: tuple[Number, Number] | None = None
-    """90 % interval by the recordings and the rig file; of a value that only bounds fix, by those bounds as a prior."""
+    """90 % interval from the recordings and the rig file; for a value that only bounds determine, with these bounds
+    as a prior.
+    """
 
 
 class RigFacts(_Record):
-    """Constants of the rig that a simulation needs besides the ratios."""
+    """Constants of the rig that a simulation needs in addition to the ratios."""
 
     name: str
     """Name of the rig."""
     sha256: str
     """SHA-256 of the rig file."""
     L1: Annotated[float, Field(gt=0, allow_inf_nan=False)]
-    """Distance of the two joints along the inner rod, m."""
+    """Distance between the two joints along the inner rod, m."""
     g: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     """Gravity, m/s^2."""
 
 
 class RunUsed(_Record):
-    """A run that the model was identified from."""
+    """A run used in the identification."""
 
     file: str
-    """Its run file, or its name."""
+    """Its run file or its name."""
     sha256: str
-    """SHA-256 of the file; empty where there is none."""
+    """SHA-256 of the file; empty without a file."""
     pose: str | None = None
-    """Name of the pose it was released from."""
+    """Name of its pose."""
     samples: int = 0
     """Number of samples."""
     duration_s: Number = 0.0
-    """From the release to the last sample, s."""
+    """Time from the release to the last sample, s."""
     chi2_per_dof: Number | None = None
-    """Squared residual over noise variance and degrees of freedom, of this run alone."""
+    """Reduced chi-square of this run alone."""
     segments: int = 0
     """Number of segments with free initial states."""
     horizon_s: Number | None = None
-    """How long a free run from the fitted initial state can be predicted: until its uncertainty fills 0.1 rad."""
+    """Predictability horizon of a free run from the fitted initial state, s: its uncertainty reaches 0.1 rad."""
     torque_kind: str = ""
-    """`measured` or `commanded`: the known torques that drove it, where their kind is known."""
+    """Kind of known torques, `measured` or `commanded`, if known."""
     zeros_rad: list[Number] = []
-    """Fitted zero offsets of encoders 1 and 2 in this run; empty where they keep their zeros."""
+    """Fitted zero offsets of encoders 1 and 2 in this run; empty for fixed zeros."""
 
 
 class Covariance(_Record):
@@ -127,9 +131,7 @@ class Covariance(_Record):
         n = len(self.order)
         in_order = [name for name in UNKNOWN_RATIOS if name in self.order]
         if in_order != self.order or any(len(row) != n for row in [*self.matrix, self.matrix]):
-            raise ValueError(
-                f"must be a square matrix in the order {', '.join(UNKNOWN_RATIOS)}, of those that it is of"
-            )
+            raise ValueError(f"must be a square matrix of some of {', '.join(UNKNOWN_RATIOS)}, in this order")
         return self
 
 
@@ -139,22 +141,22 @@ class Identifiable(_Record):
     rank: int
     """Number of the nine directions that the runs determine."""
     null_space: list[dict[str, Number]]
-    """Relative changes of the parameters that leave every swing as it is."""
+    """Relative changes of the parameters that do not affect any swing."""
     advice: list[str]
-    """Bench measurements that would fix more, best first."""
+    """Bench measurements that would determine more, best first."""
 
 
 class FitSummary(_Record):
     """Quality of the fit of each run, over segments with free initial states."""
 
     rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
-    """Root mean square residual by axis, `theta1` and `theta2`."""
+    """Rms residual by axis, `theta1` and `theta2`."""
     noise_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
     """Noise floor by axis, from the rest before the release, quantisation or differences."""
     segments: int
     """Number of segments with free initial states."""
     chi2_per_dof: Number
-    """Squared residual over noise variance and degrees of freedom; 1 = noise only."""
+    """Reduced chi-square; 1 = noise only."""
     iterations: int
     """Iterations of the local solver."""
     longest_segment_s: Number
@@ -162,22 +164,22 @@ class FitSummary(_Record):
 
 
 class SearchRecord(_Record):
-    """History of the search, by generation."""
+    """History of the search by generation."""
 
     algorithm: str
-    """A name of `dpr_lab.search.ALGORITHMS`."""
+    """Algorithm, a name in `dpr_lab.search.ALGORITHMS`."""
     objective: str
-    """A name of `dpr_lab.identification.objectives.OBJECTIVES`."""
+    """Objective, a name in `dpr_lab.identification.objectives.OBJECTIVES`."""
     seed: int
-    """Seed of everything random."""
+    """Seed of all random numbers."""
     evaluations: int
-    """Number of candidates simulated."""
+    """Number of simulated candidates."""
     seconds: Number
-    """Time it took, s."""
+    """Duration, s."""
     generations: int
     """Number of the last generation."""
     best: dict[str, Number]
-    """The best individual of the search, before the local solver."""
+    """Best individual of the search, before the local solver."""
     best_cost: Number
     """Cost of the best individual, in the unit of the objective."""
     history: dict[str, list[Number]]
@@ -185,38 +187,40 @@ class SearchRecord(_Record):
 
 
 class Model(Shown, _Record):
-    """An identified model: five ratios with intervals, nine values with what fixed each, and how it was identified."""
+    """Identified model: five ratios with intervals, nine values with what determined each, and its history."""
 
     rig: RigFacts
-    """The rig that it is of."""
+    """Rig of the model."""
     ratios: Annotated[dict[str, EstimatedValue], AfterValidator(by_name(RATIOS))]
-    """a/b, d/b, e1/b, c1/b, c2/b: all that a free swing fixes (physics: the equation is homogeneous)."""
+    """a/b, d/b, e1/b, c1/b, c2/b: the quantities that a free swing determines, because its equation of motion is
+    homogeneous.
+    """
     covariance: Covariance
-    """Covariance of the unknowns that the runs show."""
+    """Covariance of the unknowns that the runs determine."""
     cramer_rao_std: Annotated[dict[str, Number], AfterValidator(by_name(RATIOS))]
     """Cramer-Rao bound of the standard deviation of each ratio at this noise."""
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
-    """The nine kinetic parameters by name, SI, and what fixed each."""
+    """The nine kinetic parameters by name, SI, with what determined each."""
     base: Annotated[dict[str, ParameterValue], AfterValidator(by_name(BASE))]
-    """a, b, d, e1, c1, c2 in SI; their common scale is in the data only with measured values or a known added mass."""
+    """a, b, d, e1, c1, c2 in SI; their common scale is determined by measured values or a known added mass only."""
     scale: Scale | None = None
-    """The b that absolute sizes assume, its interval and what fixed it; None in a file of an older version."""
+    """Assumed b of absolute sizes, its interval and what determined it; None in a file of an older version."""
     identifiability: Identifiable | None = None
-    """What the runs determine; None in a corrected model."""
+    """Directions that the runs determine; None in a corrected model."""
     fit: FitSummary
     """Residuals, noise and segments of the fit."""
     search: SearchRecord
-    """What the global search did."""
+    """Result of the global search."""
     runs: list[RunUsed]
-    """The runs that it was identified from."""
+    """Runs used in the identification."""
     p_over_b: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
-    """m2 L1^2 / b, which the inner rod alone depends on in addition to the ratios; None where no run was of one."""
+    """m2 L1^2 / b, an additional ratio for runs with the inner rod alone; None without such runs."""
     effects: dict[str, dict[str, Number]] = {}
-    """Effects beyond the base model that a diagnosis named: effect -> parameter -> value, SI."""
+    """Effects named by a diagnosis: effect -> parameter -> value, SI."""
     warnings: list[str] = []
     """Warnings on the interpretation of the values."""
     failures: list[str] = []
-    """Checks of its own that the identification did not pass; empty for a model to be trusted."""
+    """Failed checks of the identification; empty for a reliable model."""
     version: str = ""
     """Version of dpr-lab that wrote it."""
 
@@ -236,7 +240,7 @@ class Model(Shown, _Record):
             )
             for name, estimate in {**self.ratios, **self.parameters}.items()
         ]
-        return [("", "value", "std", "fixed by"), *rows]
+        return [("", "value", "std", "determined by"), *rows]
 
     @property
     def ratio_values(self) -> NDArray[np.float64]:
@@ -245,7 +249,7 @@ class Model(Shown, _Record):
 
     @property
     def scale_sentence(self) -> str:
-        """The value of b that all masses, inertias and torques assume, with its uncertainty."""
+        """Value of b assumed in all masses, inertias and torques, with its uncertainty."""
         if self.scale is not None:
             return self.scale.sentence
         known = self.base["b"].fixed_by != "bound"
@@ -261,24 +265,24 @@ class Model(Shown, _Record):
         return np.append(self.ratio_values, [b, p_over_b])
 
     def starting_point(self, rig: Rig) -> NDArray[np.float64]:
-        """(7,) `unknowns`, for a fit of this rig to start from.
+        """(7,) `unknowns` as initial values of a fit for this rig.
 
         Raises:
-            RunError: it is a model of another rig.
+            RunError: the model belongs to another rig.
         """
         if (self.rig.name, self.rig.L1) != (rig.name, rig.L1):
             raise RunError(
                 f"the model is of rig {self.rig.name}, L1 = {self.rig.L1:g} m, not of {rig.name}, L1 = {rig.L1:g}"
-                " m: identify this rig first, or leave the model out"
+                " m: identify this rig first, or omit the model"
             )
         return self.unknowns
 
     def used(self, sha256: str) -> bool:
-        """Whether the run with this hash took part in the identification; if not, it is held out."""
+        """Whether the run with this hash was used in the identification; otherwise it is held out."""
         return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
 
     def save(self, path: Path) -> None:
-        """Write `model.json`, whole or not at all.
+        """Write `model.json` atomically.
 
         Raises:
             RunError: it cannot be written.
@@ -290,7 +294,7 @@ def load_model(path: Path) -> Model:
     """Read `model.json`.
 
     Raises:
-        RunError: not there, not JSON, or not a model; the message names the key.
+        RunError: the file is missing, not JSON, or not a model; the message names the key.
     """
     try:
         model = Model.model_validate(_printable(json.loads(regular(path, RunError).read_text(encoding="utf-8"))))
@@ -301,13 +305,16 @@ def load_model(path: Path) -> Model:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise RunError(f"{path}: is not a model that dpr-lab wrote: {key}: {first['msg']}") from error
-    except (ValueError, RecursionError) as error:  # text of another coding, no JSON, a number of thousands of digits
+        raise RunError(f"{path}: is not a model of dpr-lab: {key}: {first['msg']}") from error
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # text of another encoding, invalid JSON, or a number with thousands of digits
         raise RunError(f"{path}: is not a model file (JSON): {error}") from error
 
 
 def _printable(value: Any) -> Any:
-    """JSON values whose words can be shown."""
+    """JSON values whose texts can be displayed."""
     if isinstance(value, dict):
         return {printable(key): _printable(entry) for key, entry in value.items()}
     if isinstance(value, list):
@@ -319,4 +326,4 @@ def _refuse_unknown_effects(model: Model) -> None:
     for name, values in model.effects.items():
         known = [parameter.name for parameter in EFFECTS[name].parameters] if name in EFFECTS else []
         if name not in EFFECTS or not set(values) <= set(known):
-            raise ValueError(f"effects.{name}: no such effect, or not with {', '.join(values)}: update dpr-lab")
+            raise ValueError(f"effects.{name}: unknown effect or parameters ({', '.join(values)}): update dpr-lab")

@@ -1,7 +1,7 @@
-"""What the search minimises: the error of a candidate's simulated swings against the runs.
+"""Objectives of the search: error of a candidate's simulated swings relative to the runs.
 
-`segments` starts from the smoothed state at most ten times a run, for 0.25 s each, so that chaos cannot make the
-landscape noise. `paper` is equation (2) of docs/theory.md: one free run over the whole record, angles and speeds.
+`segments` starts from the smoothed state at most ten times per run, for 0.25 s each, so that chaos does not make the
+objective erratic. `paper` is equation (2) of docs/theory.md: one free run over the whole record, angles and speeds.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,11 +27,13 @@ class ObjectiveSettings:
     """Sampling of the objectives."""
 
     step: float = 0.005
-    """Runge-Kutta step and sample spacing of the published search, s; none finer is needed to find the basin."""
+    """Runge-Kutta step and sample spacing of the published search, s; a smaller one is not needed to find the basin."""
     segment_s: float = 0.25
-    """Length of a segment: too short for chaos to decide which candidate follows it."""
+    """Length of a segment, s: short enough that chaos has no influence."""
     segments: int = 10
-    """Of a run, at most, spread over all of it: the basin is seen in these, and the local solver takes every one."""
+    """Maximum number of segments per run, distributed over the run: sufficient to find the basin; the local solver
+    uses all.
+    """
 
 
 SETTINGS = ObjectiveSettings()
@@ -39,13 +41,13 @@ SETTINGS = ObjectiveSettings()
 
 @dataclass(frozen=True, slots=True)
 class ObjectiveChoice:
-    """An objective and the search settings that suit it."""
+    """An objective and its search settings."""
 
     build: "Callable[[Sequence[PreprocessedRun], Rig], Objective]"
     settings: str
-    """Name of the built-in search file."""
+    """Name of its built-in search file."""
     words: str
-    """Title for people."""
+    """Title."""
 
 
 def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
@@ -113,16 +115,16 @@ OBJECTIVES = {
     "segments": ObjectiveChoice(segment_objective, "segments", "short segments, insensitive to chaos"),
     "paper": ObjectiveChoice(paper_objective, "paper", "published E(Z) of whole runs"),
 }
-"""Every objective by the name that `--objective` takes."""
+"""All objectives by their name for `--objective`."""
 
 
 def objective_words(name: str) -> str:
-    """`short segments, insensitive to chaos [segments]` of `segments`; other names are returned unchanged."""
+    """Words and name of an objective, `short segments, insensitive to chaos [segments]`; other names are unchanged."""
     return f"{OBJECTIVES[name].words} [{name}]" if name in OBJECTIVES else name
 
 
 def _thinned(t: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Indices of samples about a step apart: more of them cost time and do not help a search."""
+    """Indices of samples about a step apart: more samples take time and do not help a search."""
     ticks = np.floor((t - t[0]) / SETTINGS.step + 1e-6)
     return np.flatnonzero(np.diff(ticks, prepend=-1.0) > 0)
 
@@ -137,9 +139,9 @@ def _rows(candidates: NDArray[np.float64], run: Run, rig: Rig) -> NDArray[np.flo
 def _as_one(
     bases: NDArray[np.float64], elbow: float, L1: float, g: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n, 6) base parameters of one rod that swings as two do on a clamped elbow, and (n,) by how much it leads, rad.
+    """(n, 6) base parameters of one rod that moves like two rods with a clamped elbow, and (n,) its phase lead, rad.
 
-    A = a + b + 2 d cos(delta) and E exp(i phi) = e1 + e2 exp(i delta), of theta1 + phi. The other rod stands still.
+    A = a + b + 2 d cos(delta) and E exp(i phi) = e1 + e2 exp(i delta), for theta1 + phi. The other rod is fixed.
     """
     a, b, d, e1, c1, _ = bases.T
     pull = e1 + d * g / L1 * np.exp(1j * elbow)
@@ -148,7 +150,7 @@ def _as_one(
 
 
 def _seen_as_one(prepared: "PreprocessedRun", rig: Rig) -> "PreprocessedRun":
-    """A run whose rods turn as one, as the swing of one rod; its lead is that of the rig file's values."""
+    """A run whose rods turn as one body, as the swing of one rod with the phase lead of the rig file."""
     if not prepared.run.setup.held:
         return prepared
     bases = base_of_run(whole_parameters(rig.nominal, rig.L1, rig.g), prepared.run.setup, rig.L1, rig.g)

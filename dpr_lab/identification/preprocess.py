@@ -1,4 +1,4 @@
-"""Preprocessing of runs: the noise of each, and the state at every sample."""
+"""Preprocessing of runs: noise, and the state at every sample."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from dpr_lab.run import Run, refuse_moving_arms
 
 @dataclass(frozen=True, slots=True)
 class PreprocessedRun:
-    """A run from its release on, with what the fit needs in addition."""
+    """A run from its release on, with additional data for the fit."""
 
     run: Run
     noise: NoiseFloor

@@ -1,14 +1,14 @@
 """MAP update of the nine parameters by the ratios, and what determined each (docs/theory.md, equation 47).
 
-A free swing fixes five numbers; the nine parameters have a four-dimensional family of equally good values. Measured
-values (scale, calliper, knife edge) enter as priors with their standard uncertainty, the others as the bounds of the
-search; a known added mass also makes b itself visible. What was estimated then updates that prior as a linear
+A free swing determines five numbers; the nine parameters form a four-dimensional family of equally good values.
+Measured values (scale, calliper, knife edge) enter as priors with their standard uncertainty, the others as the bounds
+of the search; a known added mass also makes b identifiable. The estimates then update this prior as a linear
 observation (maximum a posteriori, by iterated extended Kalman updates):
 
     K = P0 J^T (J P0 J^T + C)^-1,    Z = Z0 + K (q - q(Z0)),    P = P0 - K J P0
 
-with q the ratios (and b), J = dq/dZ and C their covariance. A parameter that the data do not reach given the measured
-ones keeps the spread of its bounds and is reported as fixed by nothing but them.
+with q the ratios (and b), J = dq/dZ and C their covariance. A parameter that data and measured values do not determine
+keeps the standard deviation of its bounds and is reported as determined by bounds only.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from dpr_lab.identification.model import ParameterValue
 from dpr_lab.rig import PARAMETERS, Rig
 
 UNREACHED = 1e-6
-"""Relative change along the null space from which data do not fix a parameter: far above rounding."""
+"""Relative change along the null space above which data do not determine a parameter: far above rounding."""
 
 _RELATIVE = (*range(len(RATIOS)), ON_ELBOW)
 
@@ -35,13 +35,13 @@ def update_prior(
     rig: Rig,
     visible: Sequence[int] | None = None,
 ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
-    """The nine parameters most likely by the rig file and the estimated ratios, and their base parameters.
+    """Most probable nine parameters given the rig file and the estimated ratios, and their base parameters.
 
     Args:
-        estimated: (5,) ratios, or (6,) with b; or those of some places in `UNKNOWN_RATIOS`
+        estimated: (5,) ratios, or (6,) with b; or those with some indices in `UNKNOWN_RATIOS`
         covariance: their covariance
         rig: nominal values, bounds, measured values and L1, g
-        visible: those places; ratios that are not among them stay at the rig file's values
+        visible: these indices; other ratios keep the values of the rig file
 
     Returns:
         the nine parameters by name, and the six absolute base parameters by name
@@ -74,7 +74,7 @@ def _loose(Z: NDArray[np.float64], observed: list[int], rig: Rig) -> NDArray[np.
     scaled = unknown_jacobian(Z, rig)[observed] * Z / np.maximum(_unknowns(Z, rig)[observed], 1e-12)[:, None]
     directions = np.zeros((len(PARAMETERS), 0))
     if rig.searched.any():
-        from scipy.linalg import null_space  # half of the time that importing this room takes
+        from scipy.linalg import null_space  # half of the import time of this package
 
         null = null_space(scaled[:, rig.searched], rcond=1e-9)
         directions = np.zeros((len(PARAMETERS), null.shape[1]))
@@ -108,6 +108,6 @@ def _unknowns(Z: NDArray[np.float64], rig: Rig) -> NDArray[np.float64]:
 
 
 def prior_ratio_std(rig: Rig) -> list[float]:
-    """(5,) standard deviations of the ratios by the rig file alone."""
+    """(5,) standard deviations of the ratios from the rig file alone."""
     J = ratio_jacobian(rig.nominal, rig.L1, rig.g) * parameter_std(rig)
     return np.sqrt(np.sum(J**2, axis=1)).tolist()

@@ -1,9 +1,9 @@
-"""Profile likelihood: how far an unknown can move while everything else is fitted again (docs/theory.md, equation 23).
+"""Profile likelihood of an unknown, with all others refitted (docs/theory.md, equation 23).
 
     D(v) = min chi2(q with q_i = v) - min chi2,    90 % interval where D <= 2.7055 s
 
-with s the reduced chi-square where the model does not reach the noise, else 1. Unlike the covariance it follows curved
-valleys and ends at a bound; like every likelihood it takes residuals as independent.
+with s the reduced chi-square if the residual exceeds the noise, otherwise 1. Unlike the covariance it accounts for
+curved valleys and bounds; like every likelihood it assumes independent residuals.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ from dpr_lab.identification.uncertainty import RatioUncertainty
 
 @dataclass(frozen=True, slots=True)
 class ProfileSettings:
-    """Range and accuracy of the search for the ends."""
+    """Range and accuracy of the search for the ends of the interval."""
 
     widest: float = 30.0
-    """Standard deviations beyond which an unknown counts as unbounded on that side."""
+    """Standard deviations beyond which an unknown counts as unbounded on this side."""
     tolerance: float = 0.02
-    """Of a standard deviation."""
+    """Accuracy in standard deviations."""
     iterations: int = 6
-    """Of a fit: its start is right to first order."""
+    """Maximum number of iterations of a fit: its initial values are correct to first order."""
 
 
 SETTINGS = ProfileSettings()
@@ -35,12 +35,12 @@ def profile90(ratio_fit: RatioFit, sure: RatioUncertainty, index: int) -> tuple[
     """90 % profile likelihood interval of one unknown; a friction ratio's lower end stops at zero.
 
     Args:
-        ratio_fit: where the likelihood is largest
+        ratio_fit: maximum of the likelihood
         sure: its information
-        index: which unknown
+        index: index of the unknown
 
     Returns:
-        lower and upper end; infinite where the likelihood does not fall within `widest` standard deviations
+        lower and upper end; infinite if the likelihood does not decrease within `widest` standard deviations
     """
     std = float(sure.cramer_rao_std[index]) * max(1.0, ratio_fit.chi2_per_dof) ** 0.5
     if std == 0.0:
@@ -65,7 +65,7 @@ def _end(ratio_fit: RatioFit, sure: RatioUncertainty, index: int, unit: float) -
 
 
 def _chi2_at(ratio_fit: RatioFit, sure: RatioUncertainty, index: int, value: float) -> float:
-    """Least chi-square with one unknown held, started where the linear problem has it."""
+    """Minimum chi-square with one unknown fixed, starting from the solution of the linear problem."""
     free = sure.values > 0
     along = np.zeros(len(free))
     along[free] = np.linalg.inv(sure.information[np.ix_(free, free)])[:, np.count_nonzero(free[:index])]
@@ -73,7 +73,7 @@ def _chi2_at(ratio_fit: RatioFit, sure: RatioUncertainty, index: int, value: flo
     estimate = ratio_fit.fit.estimate
     ratios = estimate.ratios.copy()
     ratios[list(ratio_fit.visible)] = np.maximum(sure.values + step, 0.0)
-    of_all = np.concatenate([step, np.zeros(len(ratio_fit.fit.free) - len(step))])  # zeros of encoders, if any, stay
+    of_all = np.concatenate([step, np.zeros(len(ratio_fit.fit.free) - len(step))])  # with zeros of encoders, if any
     start = estimate.changed(ratios=ratios, initial=estimate.initial + ratio_fit.fit.linear.initial_steps(of_all))
     return fit_ratios(
         ratio_fit.problem, start, held=[ratio_fit.visible[index]], iterations=SETTINGS.iterations

@@ -1,8 +1,8 @@
 """The ratios of the rods fitted to segments of runs with free initial states.
 
-The ratios are all that a free swing fixes; where a run was recorded with a known mass clamped on, b itself is fitted
-too, because the known mass sets the scale. Segments hold encoder readings, each weighed by its own noise: that is the
-same as absolute angles with the correlated noise that a relative joint 2 gives them.
+A free swing determines only the ratios. With a known attached mass b is fitted as well, because the mass determines the
+scale. Segments contain encoder readings, each weighted by its own noise; this is equivalent to absolute angles with the
+correlated noise of a relative encoder 2.
 """
 
 from collections.abc import Collection, Sequence
@@ -37,19 +37,21 @@ from dpr_lab.rig import Rig
 Array = NDArray[np.float64]
 
 TO_THE_MINIMUM = GaussNewton(converged=1e-8)
-"""A fit whose ratios are reported: of 6e4 readings, 1e-8 of chi2 is what a fortieth of a standard deviation costs."""
+"""Settings of a fit whose ratios are reported: for 6e4 readings, 1e-8 of chi2 corresponds to a fortieth of a
+standard deviation.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class ShortSegments:
-    """Lengths of the segments that a fit begins with."""
+    """Lengths of the first segments."""
 
     first_segment_s: float = 0.25
-    """Converges from any start inside bounds 20 % wide."""
+    """First length, s: converges from any initial values inside bounds of 20 %."""
     working_segment_s: float = 0.5
-    """Fitted next: long enough that a wrong reading cannot be followed."""
+    """Second length, s: long enough that a wrong interpretation cannot be followed."""
     noise_alone: float = 20.0
-    """Reduced chi-square from which the model is so wrong that noise of what drives the rods is not what matters."""
+    """Reduced chi-square above which the model error is so large that the noise of the inputs is irrelevant."""
 
 
 SHORT = ShortSegments()
@@ -64,7 +66,7 @@ class RatioFit:
 
     @property
     def unknowns(self) -> Array:
-        """(k,) those of the ratios, b and p/b that these runs show, of the rig without any added mass."""
+        """(k,) ratios, b and p/b that these runs determine, of the rig without an added mass."""
         return self.fit.estimate.ratios[list(self.visible)]
 
     @property
@@ -74,7 +76,7 @@ class RatioFit:
 
     @property
     def ratios(self) -> Array:
-        """(5,) a/b, d/b, e1/b, c1/b, c2/b of the rig without any added mass."""
+        """(5,) a/b, d/b, e1/b, c1/b, c2/b of the rig without an added mass."""
         return self.fit.estimate.ratios[: len(RATIOS)]
 
     @property
@@ -89,24 +91,24 @@ class RatioFit:
 
     @property
     def longest_s(self) -> float:
-        """From the first to the last sample of the longest segment, s."""
+        """Time from the first to the last sample of the longest segment, s."""
         t, offsets = self.problem.t, self.problem.segments.offsets
         return float(np.max(t[offsets[1:] - 1] - t[offsets[:-1]]))
 
     @property
     def dof(self) -> int:
-        """Readings less all that is fitted to them."""
+        """Number of readings minus number of fitted values."""
         zeros = sum(parameter.block == "zeros" for parameter in self.fit.free)
         return self.problem.evidence - len(self.visible) - zeros
 
     @property
     def slopes(self) -> Array:
-        """(segments, m, k) whitened, by the unknowns: their part along initial states and encoders' zeros taken out."""
+        """(segments, m, k) whitened derivatives, with initial states and encoder zeros projected out."""
         return _without_zeros(self.fit.linear, self.fit.free)
 
     @property
     def prior_information(self) -> Array:
-        """(k, k) information that the rig file holds of the unknowns; zeros without a prior."""
+        """(k, k) information of the rig file on the unknowns; zeros without a prior."""
         of_ratios = [i for i, parameter in enumerate(self.fit.free) if parameter.block == "ratios"]
         rows = self.fit.prior[:, of_ratios]
         return rows.T @ rows
@@ -118,19 +120,19 @@ class RatioFit:
 
     @property
     def initial_covariances(self) -> Array:
-        """(segments, 4, 4) of each initial state from the noise alone, the unknowns taken as known."""
+        """(segments, 4, 4) covariance of each initial state from the noise alone, for given unknowns."""
         inverse = np.linalg.inv(self.fit.linear.R)
         return inverse @ inverse.transpose(0, 2, 1)
 
 
 def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: float = 5e-3) -> tuple[Problem, Array]:
-    """Runs cut into segments, and the (segments, 4) smoothed states where those begin.
+    """Runs cut into segments, and the (segments, 4) smoothed states at their beginnings.
 
     Args:
-        runs: what to fit
+        runs: the runs to fit
         rig: lengths, gravity, encoders
         length: wanted length of a segment, s
-        step: longest Runge-Kutta step, s; over half a second one of 5 ms errs by less than a microradian
+        step: longest Runge-Kutta step, s; a step of 5 ms has an error below a microradian over half a second
     """
     cuts = [(i, stretch) for i, prepared in enumerate(runs) for stretch in partition(prepared.run, length)]
     joints = rig.encoders.joint_angles
@@ -155,23 +157,23 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
 
 
 def rods_estimate(unknown: Array, initial: Array) -> Estimate:
-    """An estimate without effects, from (7,) ratios, b and p/b, and initial states."""
+    """An estimate without effects from (7,) ratios, b and p/b, and initial states."""
     return Estimate.of(unknown, effect_params({}), initial)
 
 
 def visible_of(laid_out: Segments) -> tuple[int, ...]:
-    """Indices of the unknowns that segments determine: b where a known mass makes it visible."""
+    """Indices of the unknowns that segments determine, including b if a known mass makes it identifiable."""
     return visible_ratios(laid_out.setups, any(setup.weighs for setup in laid_out.setups))
 
 
 def fit_ratios(problem: Problem, start: Estimate, *, held: Collection[int] = (), iterations: int = 40) -> RatioFit:
-    """Fit the unknowns, the initial states and any encoder zeros that are fitted per run to segments as they are.
+    """Fit the unknowns, the initial states and the encoder zeros of each run, if free, to given segments.
 
     Args:
-        problem: what was measured
-        start: where to start from
-        held: places of unknowns that stay as they are: all of them for a run that is held out, one for its profile
-        iterations: give up (`converged` false) after as many
+        problem: the measurements
+        start: initial values
+        held: indices of fixed unknowns: all for a held-out run, one for a profile
+        iterations: maximum number of iterations (`converged` is then false)
     """
     free = ratio_parameters(start, visible_of(problem.segments))
     chosen = [parameter for parameter in free if parameter.place not in held]
@@ -182,10 +184,10 @@ def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations
     """Fit the ratios to segments of a quarter of a second, then of half a second.
 
     Args:
-        Z: (9,) parameters to start from
-        runs: what to fit
+        Z: (9,) initial parameters
+        runs: the runs to fit
         rig: lengths, gravity, encoders
-        iterations: of each fit, at most
+        iterations: maximum number of each fit
     """
     start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
     problem, initial = segmented(runs, rig, SHORT.first_segment_s)
@@ -200,14 +202,14 @@ def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations
 
 
 def driving_noise(problem: Problem, estimate: Estimate) -> Disturbance | None:
-    """Effect of noise in the prescribed motion of an arm on the readings."""
+    """Effect of the noise in the prescribed motion of an arm on the readings."""
     if all(setup.arm is None for setup in problem.segments.setups):
         return None
     return disturbance(problem, estimate, begins=lambda first: first)
 
 
 def information(problem: Problem, estimate: Estimate) -> Array:
-    """(k, k) Fisher information that segments hold of the unknowns that they show; all else that is free eliminated."""
+    """(k, k) Fisher information of segments on the unknowns they determine, all others eliminated."""
     free = problem.all_free(ratio_parameters(estimate, visible_of(problem.segments)))
     slopes = _without_zeros(linearise(problem, problem.with_zeros(estimate), free), free)
     A = slopes.reshape(-1, slopes.shape[2])
@@ -215,7 +217,7 @@ def information(problem: Problem, estimate: Estimate) -> Array:
 
 
 def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Array:
-    """(segments, m, k) slopes by the ratios among what is free, without their part along zeros of encoders."""
+    """(segments, m, k) derivatives with respect to the free ratios, with encoder zeros projected out."""
     of_zeros = np.array([parameter.block == "zeros" for parameter in free], dtype=np.bool_)
     if not of_zeros.any():
         return linear.A
@@ -226,16 +228,16 @@ def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Arra
 
 
 def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: float = 0.1) -> float:
-    """Predictability horizon of a free run from a segment's fitted initial state, on the clock of `t`, s.
+    """Predictability horizon of a free run from the fitted initial state of a segment, in the time of `t`, s.
 
-    Beyond it the initial state's uncertainty alone, carried along by the variational equation, moves an angle by more
-    than an error.
+    Beyond it the uncertainty of the initial state alone, propagated by the variational equation, moves an angle by more
+    than `error_rad`.
 
     Args:
-        ratio_fit: gives ratios and initial state
-        index: the segment to start from
-        t: (n,) instants, the first of them the segment's own
-        error_rad: that error
+        ratio_fit: ratios and initial states
+        index: initial segment
+        t: (n,) instants, starting with that of the segment
+        error_rad: threshold, rad
     """
     rig, layout, estimate = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate
     setup = layout.setups[layout.run[index]]

@@ -20,11 +20,11 @@ class CovarianceSettings:
     """Settings of the independence of residuals."""
 
     block_s: float = 0.5
-    """Residuals further apart are taken as independent: half a swing of a 0.4 m rod."""
+    """Distance above which residuals are treated as independent, s: half a swing of a 0.4 m rod."""
     misfit: float = 1.5
-    """Reduced chi-square above which the model, not the noise, decides how uncertain the result is."""
+    """Reduced chi-square above which the model error, not the noise, dominates the uncertainty."""
     halves: float = 1.1
-    """Factor by which one linear step understates the difference between fits of the two halves."""
+    """Factor by which one linear step underestimates the difference between fits of the two halves."""
 
 
 SETTINGS = CovarianceSettings()
@@ -32,37 +32,38 @@ SETTINGS = CovarianceSettings()
 
 @dataclass(frozen=True, slots=True)
 class RatioUncertainty:
-    """Of the unknowns that runs show, in the order of `dpr_lab.fitting.estimate.UNKNOWN_RATIOS`."""
+    """Uncertainty of the unknowns that runs determine, in the order of `dpr_lab.fitting.estimate.UNKNOWN_RATIOS`."""
 
     values: Array
     """(n,) the unknowns."""
     information: Array
     """(n, n) Fisher information, initial states eliminated."""
     covariance: Array
-    """(n, n) with blocks of residuals as units; zero for what is held at its bound. Ratios that runs do not show are
-    taken as known, as in a prediction of the same rods."""
+    """(n, n) covariance from blocks of residuals; zero for unknowns at their bound. Ratios that the runs do not
+    determine are treated as known, as in a prediction of the same rods.
+    """
     blocks: int
-    """How many there are."""
+    """Number of blocks."""
     names: tuple[str, ...] = UNKNOWN_RATIOS
-    """Of the unknowns."""
+    """Names of the unknowns."""
     prior: Array | None = None
-    """(n, n) information that the rig file holds of them; None: none."""
+    """(n, n) information of the rig file; None: none."""
     assumed: Array | float = 0.0
-    """(n, n) additional covariance, because the ratios that the runs do not show are only known by the rig file."""
+    """(n, n) additional covariance, because ratios that the runs do not determine are known from the rig file only."""
 
     @property
     def std(self) -> Array:
-        """(n,) standard deviations, with those of the ratios that the runs do not show."""
+        """(n,) standard deviations, including the contribution of ratios that the runs do not determine."""
         return np.sqrt(np.diag(self.covariance + self.assumed))
 
     @property
     def at_zero(self) -> tuple[str, ...]:
-        """Friction ratios held at zero, because their unconstrained estimate is negative."""
+        """Friction ratios fixed at zero, because their unconstrained estimate is negative."""
         return tuple(name for name, value in zip(self.names, self.values, strict=False) if value <= 0)
 
     @property
     def cramer_rao_std(self) -> Array:
-        """(n,) Cramer-Rao bound of the standard deviation, with the rig file's prior; zero for what is held at zero."""
+        """(n,) Cramér-Rao bound of the standard deviation, with the prior; zero for unknowns fixed at zero."""
         free = self.values > 0
         std = np.zeros(len(free))
         whole = self.information if self.prior is None else self.information + self.prior
@@ -71,16 +72,17 @@ class RatioUncertainty:
 
     @property
     def of_prior(self) -> Array:
-        """(n,) share of each variance in that of the rig file's prior, 0 to 1; near 1 the runs add nothing."""
+        """(n,) share of each variance in that of the rig file's prior, 0 to 1; near 1 the runs add no information."""
         if self.prior is None:
             return np.zeros(len(self.values))
         return np.minimum(np.diag(self.covariance) / np.diag(np.linalg.inv(self.prior)), 1.0)
 
     @property
     def of_runs(self) -> Array:
-        """(n, n) covariance by the runs alone, without the rig file's prior; no wider than 1000 times the prior's.
+        """(n, n) covariance from the runs alone, without the prior; at most 1000 times that of the prior.
 
-        In coordinates in which the prior is of unit covariance, a variance v by both is v / (1 - v) by the runs alone.
+        In coordinates in which the prior has unit covariance, a variance v from both is v / (1 - v) from the runs
+        alone.
         """
         if self.prior is None:
             return self.covariance
@@ -91,7 +93,7 @@ class RatioUncertainty:
         return np.asarray((back * alone) @ back.T, dtype=np.float64)
 
     def interval90(self, index: int) -> tuple[float, float]:
-        """90 % interval of one unknown, Student-t with the blocks as units; not negative if the rig file widens it."""
+        """90 % interval of one unknown, Student-t with the number of blocks; not negative if the rig file widens it."""
         freedom = max(self.blocks - len(self.values), 1)
         reach = float(stdtrit(freedom, 0.95)) * float(self.std[index])
         assumed = np.broadcast_to(self.assumed, self.covariance.shape)[index, index] > 0.0
@@ -102,10 +104,10 @@ class RatioUncertainty:
 def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     """Uncertainty of a fit with all unknowns free.
 
-    The covariance comes from the information at the noise that is there, widened to what the scatter of the blocks asks
-    for. White residuals make both agree, and the information is the exacter of the two, because a chaotic run holds
-    most of it in few blocks; correlated residuals make the blocks scatter more. What a wrong model leaves changes
-    slowly along a run, so there the 90 % interval is also no narrower than what first and second halves disagree by.
+    The covariance is computed from the information at the actual noise, widened by the scatter of the blocks. For white
+    residuals both agree, and the information is more accurate, because a chaotic run contains most of it in few blocks;
+    correlated residuals increase the scatter of the blocks. Model errors change slowly along a run, so in that case the
+    90 % interval is at least as wide as the difference between first and second halves.
 
     Raises:
         LinAlgError: the recordings do not determine the unknowns.
@@ -117,7 +119,7 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     prior = ratio_fit.prior_information
     bread = np.linalg.inv((H.sum(axis=0) + weight * prior)[np.ix_(free, free)])
     if not (np.diag(bread) > 0.0).all():
-        raise np.linalg.LinAlgError("the information matrix is singular to rounding")
+        raise np.linalg.LinAlgError("the information matrix is numerically singular")
     white = bread * ratio_fit.chi2_per_dof
     own = scores[:, free]
     blocks = len(own) / max(len(own) - len(free), 1) * bread @ own.T @ own @ bread
@@ -137,7 +139,7 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
 
 
 def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: NDArray[np.bool_]) -> Array:
-    """(free, free) covariance by one prior standard deviation of each ratio that the runs do not show.
+    """(free, free) covariance due to one prior standard deviation of each ratio that the runs do not determine.
 
     Source: consider covariance, S. F. Schmidt (1966), as in `dpr_lab.fitting.covariance`.
     """
@@ -154,7 +156,7 @@ def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: NDArray[np.boo
 
 
 def _block_scores(problem: Problem, scores: Array) -> Array:
-    """(blocks, n) gradient of each stretch of `block_s`: the independent units of the covariance."""
+    """(blocks, n) gradient of each block of `block_s`: the independent units of the covariance."""
     owner, t = problem.owner, problem.t
     first = problem.segments.offsets[owner]
     by_sample = scores.reshape(len(scores), -1, 2, scores.shape[2]).sum(axis=2)[owner, np.arange(len(t)) - first]
@@ -164,7 +166,7 @@ def _block_scores(problem: Problem, scores: Array) -> Array:
 
 
 def _halves_apart(problem: Problem, H: Array, gradients: Array) -> Array:
-    """(n,) how far apart one Gauss-Newton step takes the first and the second halves of the runs."""
+    """(n,) difference between Gauss-Newton steps for the first and the second halves of the runs."""
     segments = problem.segments
     last = problem.t[segments.offsets[1:] - 1]
     middle = np.add.reduceat(problem.t, segments.offsets[:-1]) / np.diff(segments.offsets)

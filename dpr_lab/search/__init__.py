@@ -24,11 +24,11 @@ ALGORITHMS: dict[str, Algorithm[Any]] = {
     "cma_es": Algorithm(CmaEsSettings, cma_es, "covariance matrix adaptation"),
     "multistart": Algorithm(MultistartSettings, multistart, "local searches from many starts"),
 }
-"""Name that `algorithm` has in a search file -> algorithm; a new one is one file and one line here."""
+"""Value of `algorithm` in a search file -> algorithm; a new one is one file and one row here."""
 
 
 def search_words(name: str) -> str:
-    """`improved genetic algorithm [iga]` of `iga`; other names are returned unchanged."""
+    """Words and name of an algorithm, `improved genetic algorithm [iga]`; other names are unchanged."""
     return f"{ALGORITHMS[name].words} [{name}]" if name in ALGORITHMS else name
 
 

@@ -1,4 +1,4 @@
-"""CMA-ES with restarts, a baseline: by the ask-and-tell interface of the package `cma`."""
+"""CMA-ES with restarts, for comparison, by the ask-and-tell interface of the package `cma`."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -14,10 +14,10 @@ from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 FEWEST_GENES = 2
-"""The package does not search a single dimension; a second one without meaning is added to it."""
+"""Minimum number of dimensions of the package; a dummy dimension is added if needed."""
 
 LARGEST_GROWTH = 64
-"""Times the first population, beyond which a restart does not grow."""
+"""Factor on the first population beyond which a restart does not grow."""
 
 
 class CmaEsSettings(SearchSettings, frozen=True):
@@ -25,13 +25,13 @@ class CmaEsSettings(SearchSettings, frozen=True):
 
     algorithm: Literal["cma_es"] = "cma_es"
     generations: Annotated[int, Field(ge=0)] = 500
-    """Generations after the first sample, at most, all restarts together."""
+    """Maximum number of generations after the first sample, including all restarts."""
     population: Annotated[int, Field(ge=4)] | None = None
-    """Candidates in a generation; 4 + 3 ln(genes) when left out."""
+    """Candidates in a generation; default: 4 + 3 ln(genes)."""
     sigma: Annotated[Positive, Field(le=1)] = 0.3
     """First standard deviation, share of each gene's range."""
     restart_growth: Count = 2
-    """A restart has so many times the population of the search before it, up to `LARGEST_GROWTH` times the first."""
+    """Growth of the population at each restart, up to `LARGEST_GROWTH` times the first."""
 
 
 def cma_es(
@@ -39,7 +39,8 @@ def cma_es(
 ) -> Iterator[Generation]:
     """Search the box for the smallest H; arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
 
-    A generation's population is its sample and the best individual so far. A restart begins anywhere in the box.
+    A generation's population is its sample and the best individual so far. A restart begins at a random point of the
+    box.
 
     Source: Hansen (2016), The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; restarts: Auger & Hansen (2005),
     IEEE Congress on Evolutionary Computation, 1769-1776.
@@ -61,7 +62,7 @@ def _populations(problem: SearchProblem, settings: CmaEsSettings, rng: np.random
 
 
 def _search(problem: SearchProblem, size: int, sigma: float, rng: np.random.Generator) -> Iterator[Population]:
-    """Samples of one search until it ends by the package's own criteria; in the unit cube inside."""
+    """Samples of one search until its stopping criteria are met; in the unit cube."""
     lower, upper = problem.box
     strategy = _strategy(len(lower), size, sigma, rng)
     while not strategy.stop():
@@ -73,7 +74,7 @@ def _search(problem: SearchProblem, size: int, sigma: float, rng: np.random.Gene
 
 
 def _strategy(genes: int, size: int, sigma: float, rng: np.random.Generator) -> Any:
-    import cma  # takes a second to import
+    import cma  # slow import, one second
 
     dimension = max(genes, FEWEST_GENES)
     options = {
@@ -81,7 +82,7 @@ def _strategy(genes: int, size: int, sigma: float, rng: np.random.Generator) -> 
         "BoundaryHandler": cma.BoundTransform,
         "popsize": size,
         "randn": lambda *shape: rng.standard_normal(shape),
-        "seed": np.nan,  # leaves numpy's global generator alone
+        "seed": np.nan,  # does not change numpy's global generator
         "verbose": -9,
     }
     return cma.CMAEvolutionStrategy(rng.random(dimension), sigma, options)

@@ -7,12 +7,12 @@ from dpr_lab.search.problem import Floats
 
 
 def cross(x: Floats, y: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Cross each pair at one gene drawn at random and swap what follows it.
+    """Cross each pair at one random gene and swap the following genes.
 
         x_i' = beta x_i + (1 - beta) y_i,   y_i' = (1 - beta) x_i + beta y_i,   beta in {0, 0.1, ..., 1}
 
-    Each pass over a gene adds a decimal to the grid that hybrid coding began with, so precision grows where the
-    search works.
+    Each pass over a gene adds a decimal to the grid that hybrid coding began with, so precision grows in the region of
+    the search.
 
     Args:
         x: (pairs, n) first parents

@@ -1,4 +1,4 @@
-"""Differential evolution, a baseline: scipy's, one generation a call."""
+"""Differential evolution of scipy, for comparison, one generation per call."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -20,17 +20,17 @@ class DifferentialEvolutionSettings(SearchSettings, frozen=True):
 
     algorithm: Literal["differential_evolution"] = "differential_evolution"
     generations: Annotated[int, Field(ge=0)] = 300
-    """Generations after the initial population, at most."""
+    """Maximum number of generations after the initial population."""
     population: Annotated[int, Field(ge=5)] = 50
     """Individuals in the population."""
     strategy: Literal["best1bin", "rand1bin", "currenttobest1bin", "randtobest1bin", "best2bin", "rand2bin"] = (
         "best1bin"
     )
-    """How a trial is made from others."""
+    """Strategy for trial vectors."""
     mutation: tuple[NotNegative, NotNegative] = (0.5, 1.0)
-    """Range of the differential weight, drawn again for each generation."""
+    """Range of the differential weight, drawn for each generation."""
     recombination: Share = 0.7
-    """Share of the genes that a trial takes from its mutant."""
+    """Share of the genes of a trial that come from its mutant."""
 
 
 def differential_evolution(
@@ -62,8 +62,8 @@ def _trials(
 ) -> Floats:
     """(size, n) one trial for each individual.
 
-    scipy has no generation to call. It gets the population and its known costs, and is run for one
-    iteration, in which the trials are all that it evaluates.
+    scipy has no function for one generation. It gets the population and its known costs, and runs one iteration, in
+    which it evaluates only the trials.
     """
     from scipy import optimize
 

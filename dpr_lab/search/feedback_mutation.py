@@ -1,4 +1,4 @@
-"""Feedback mutation: near-duplicates in the population are replaced by new chromosomes, step (4)."""
+"""Feedback mutation: replacement of near-duplicates in the population by new chromosomes, step (4)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +14,17 @@ def near_duplicates(genes: Floats, tolerance: Floats) -> NDArray[np.bool_]:
 
     Args:
         genes: (M, n) population, best first
-        tolerance: (n,) genes apart by no more than this are equal
+        tolerance: (n,) maximum difference of equal genes
 
     Returns:
-        (M,) True where a better chromosome differs in fewer than two genes; never the best itself
+        (M,) True if a better chromosome differs in fewer than two genes; never for the best
     """
     alike = inbred(genes[:, None], genes[None], tolerance)
     return np.any(np.tril(alike, k=-1), axis=1)
 
 
 def replacements(best: Floats, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Floats:
-    """New chromosomes: with even chances near the best (dynamic encoding) or anywhere (hybrid coding).
+    """New chromosomes, with equal probability near the best (dynamic encoding) or anywhere (hybrid coding).
 
     Args:
         best: (n,) best chromosome
@@ -37,7 +37,8 @@ def replacements(best: Floats, size: int, mu: float, nu: float, box: Bounds, rng
     Returns:
         (size, n) genes
 
-    Source: docs/theory.md, step 4; the publication asks for both kinds and gives no shares, even chances are ours.
+    Source: docs/theory.md, step 4; the publication requires both kinds without shares; equal probabilities are our
+    choice.
     """
     local = rng.random((size, 1)) < 0.5
     return np.where(local, around(best, size, mu, nu, box, rng), fresh(size, box, rng))

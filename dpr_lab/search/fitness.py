@@ -7,21 +7,21 @@ import numpy as np
 from dpr_lab.search.problem import Floats
 
 FAILED_ABOVE = 1e100
-"""E of a swing that diverged; sums of such costs would overflow."""
+"""E above which a swing counts as diverged; sums of such costs would overflow."""
 AGGREGATES = {"sum": np.sum, "max": np.max, "min": np.min}
 
 
 def cost(errors: Floats, aggregate: Literal["sum", "max", "min"]) -> Floats:
-    """H(Z), one cost from the errors of all poses.
+    """H(Z): one cost from the errors of all poses.
 
     Args:
         errors: (n, poses) E >= 0; NaN, `inf` and anything above `FAILED_ABOVE` mean that the candidate failed
-        aggregate: how the poses are put together
+        aggregate: combination of the poses
 
     Returns:
         (n,) H; `inf` for a candidate that failed in any pose, for any aggregate
 
-    Source: docs/theory.md (10); the publication's aggregate is lost, the sum is one reading.
+    Source: docs/theory.md (10); the aggregate of the publication is lost; the sum is one interpretation.
     """
     failed = np.any(~(errors <= FAILED_ABOVE), axis=1, keepdims=True)
     return AGGREGATES[aggregate](np.where(failed, np.inf, errors), axis=1)
@@ -35,7 +35,7 @@ def fitness(costs: Floats, scale: float, delta: float) -> Floats:
     Args:
         costs: (n,) H
         scale: M, largest fitness times delta
-        delta: lifts the chances of bad individuals
+        delta: increases the selection probability of bad individuals
 
     Returns:
         (n,) f

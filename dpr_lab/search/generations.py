@@ -1,4 +1,4 @@
-"""Record and stopping rule of a search, the same for every algorithm."""
+"""Recording and stopping rule of a search, common to all algorithms."""
 
 from collections.abc import Iterable, Iterator
 
@@ -15,10 +15,10 @@ def generations(
     """Number and record populations until `settings.generations` or stagnation.
 
     Args:
-        problem: what is searched, for its count of evaluations and its fixed genes
-        populations: without end, the initial one first; each evaluated on demand, the best so far at
-            its head
-        settings: when to stop, and the constants of the fitness
+        problem: the search problem, for its number of evaluations and its fixed genes
+        populations: infinite sequence with the initial one first; each is evaluated on demand, with the best so far as
+        first row
+        settings: stopping rule and constants of the fitness
     """
     best_costs: list[float] = []
     for number, population in enumerate(populations):
@@ -29,7 +29,7 @@ def generations(
 
 
 def _stagnated(best_costs: list[float], settings: SearchSettings) -> bool:
-    """Whether the best cost hardly fell within the last `stagnation_generations`."""
+    """Whether the best cost hardly decreased within the last `stagnation_generations`."""
     patience = settings.stagnation_generations
     if patience is None or len(best_costs) <= patience:
         return False

@@ -1,4 +1,4 @@
-"""Pairing for crossover: parents by fitness, never two that are nearly the same, docs/theory.md (4)."""
+"""Pairing for crossover: parents selected by fitness and not nearly equal, docs/theory.md (4)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ from dpr_lab.search.hybrid_coding import fresh
 from dpr_lab.search.problem import Bounds, Floats
 
 INBREEDING_BELOW = 2
-"""Parents that differ in fewer genes than this are too close: docs/theory.md (4)."""
+"""Minimum number of different genes of parents: docs/theory.md (4)."""
 
 
 def hamming_distance(x: Floats, y: Floats, tolerance: Floats | float = 0.0) -> NDArray[np.int_]:
@@ -16,7 +16,7 @@ def hamming_distance(x: Floats, y: Floats, tolerance: Floats | float = 0.0) -> N
     Args:
         x: (..., n) chromosomes
         y: (..., n) chromosomes
-        tolerance: (n,) or one for all: genes apart by no more than this are equal
+        tolerance: (n,) or scalar: maximum difference of equal genes
 
     Returns:
         (...) number of genes that differ
@@ -32,11 +32,11 @@ def inbred(x: Floats, y: Floats, tolerance: Floats | float = 0.0) -> NDArray[np.
 
 
 def pair(genes: Floats, fitness: Floats, pairs: int, box: Bounds, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Draw parents with chances proportional to fitness; replace the second of an inbred pair by a fresh chromosome.
+    """Draw parents with probability proportional to fitness; replace the second of an inbred pair by a new one.
 
     Args:
         genes: (M, n) population
-        fitness: (M,) fitness of each individual; when all are 0 the chances are equal
+        fitness: (M,) fitness of each individual; if all are 0 the probabilities are equal
         pairs: pairs wanted
         box: (2, n) lower and upper bound of each gene
         rng: source of randomness
@@ -44,7 +44,7 @@ def pair(genes: Floats, fitness: Floats, pairs: int, box: Bounds, rng: np.random
     Returns:
         two (pairs, n) arrays, first and second parents
 
-    Source: docs/theory.md (4) and step 5; chances in proportion to fitness are one reading.
+    Source: docs/theory.md (4) and step 5; probabilities proportional to fitness are one interpretation.
     """
     total = fitness.sum()
     chances = fitness / total if total > 0 else None

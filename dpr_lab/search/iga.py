@@ -3,7 +3,7 @@
 (1) initialise by hybrid coding, (2) sort by fitness, (3) population fitness, (4) dynamic encoding and feedback mutation
 once the population has converged, then for M Pc / 2 offspring (5) pairing and crossover, (6) orthogonal experiment,
 (7) hybrid mutation, (8) all of them at once; (9) merge and sort, (10) keep the best M; again from (3).
-Until then the publication's step (4) asks for "traditional mutation"; we take that to be the mutation of step (7).
+Until then step (4) of the publication requires "traditional mutation", interpreted here as the mutation of step (7).
 """
 
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Latin hypercube: a first population that covers every gene's range evenly."""
+"""Latin hypercube: an initial population that covers the range of every gene evenly."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from dpr_lab.search.problem import SearchProblem
 
 
 def latin_hypercube(problem: SearchProblem, size: int, rng: np.random.Generator) -> Population:
-    """Individuals of which each lies in another of `size` equal parts of every gene's range, best first.
+    """Individuals in different intervals of each gene, with `size` equal intervals per gene; best first.
 
     Source: McKay, Beckman & Conover (1979), Technometrics 21(2), 239-245.
     """

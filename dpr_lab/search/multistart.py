@@ -1,4 +1,4 @@
-"""Local searches from many starts, a baseline: a Latin hypercube, then L-BFGS-B from its best points onwards."""
+"""Local searches from many starts, for comparison: L-BFGS-B from the best points of a Latin hypercube."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -15,19 +15,19 @@ from dpr_lab.search.problem import Bounds, Floats, Generation, Objective, Search
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 MAX_POWER = 16
-"""Power mean that stands for the largest E while descending: within 7 % of it for three poses, and smooth."""
+"""Exponent of the power mean that replaces the largest E: within 7 % of it for three poses, and smooth."""
 
 
 class MultistartSettings(SearchSettings, frozen=True):
-    """Local searches by a quasi-Newton rule; a generation is one of them from its start to its end."""
+    """Local searches by a quasi-Newton method; a generation is one complete local search."""
 
     algorithm: Literal["multistart"] = "multistart"
     generations: Annotated[int, Field(ge=0)] = 20
-    """Local searches, at most."""
+    """Maximum number of local searches."""
     population: Annotated[int, Field(ge=2)] = 50
-    """Points of a Latin hypercube; when all have been started from, the next hypercube is drawn."""
+    """Points of a Latin hypercube; when all have been used as starts, the next hypercube is drawn."""
     iterations: Count = 50
-    """Iterations of a local search, at most."""
+    """Maximum number of iterations of a local search."""
     difference: Annotated[Positive, Field(lt=0.1)] = 1e-6
     """Step of the finite differences, share of each gene's range."""
 
@@ -61,7 +61,7 @@ def _populations(
 
 
 def _descended(problem: SearchProblem, start: Floats, start_cost: float, settings: MultistartSettings) -> Population:
-    """One individual: where the local search from a start ended; the start itself if it failed."""
+    """One individual: end of the local search from a start, or the start itself if it failed."""
     if not np.isfinite(start_cost):
         return Population(start[None], np.array([start_cost]))
     from scipy.optimize import minimize
@@ -78,7 +78,7 @@ def _descended(problem: SearchProblem, start: Floats, start_cost: float, setting
         return float(costs[0]), np.where(np.isfinite(costs[1:]), costs[1:] - costs[0], 0.0) / inward
 
     share = (start - lower) / (upper - lower)
-    wall = 10 * float(start_cost) + 1  # of a point that fails: the line search interpolates, so not infinite
+    wall = 10 * float(start_cost) + 1  # cost of a failed point: finite, because the line search interpolates
     options = {"maxiter": settings.iterations}
     local = minimize(value_and_slope, share, method="L-BFGS-B", jac=True, bounds=[(0, 1)] * len(share), options=options)
     genes = np.clip(lower + local.x * (upper - lower), lower, upper)[None]
@@ -86,7 +86,7 @@ def _descended(problem: SearchProblem, start: Floats, start_cost: float, setting
 
 
 def _smooth_cost(errors: Floats, settings: MultistartSettings) -> Floats:
-    """(n,) H for descending: `max` has kinks, in which a quasi-Newton rule gets stuck; a power mean has none."""
+    """(n,) smooth H for the descent: `max` has kinks at which a quasi-Newton method stalls; a power mean has none."""
     combined = cost(errors, settings.aggregate)
     if settings.aggregate != "max":
         return combined

@@ -10,8 +10,8 @@ from dpr_lab.search.problem import Bounds, Floats
 def mutate(genes: Floats, rate: float, box: Bounds, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
     """Give some chromosomes new values on the grid of hybrid coding.
 
-    Each chromosome mutates with chance `rate`. It is then drawn, with even chances, whether one gene changes or
-    several (two to all, drawn as well).
+    Each chromosome mutates with probability `rate`. With equal probability one gene or several genes (a random number
+    from two to all) change.
 
     Args:
         genes: (size, n) chromosomes
@@ -22,7 +22,7 @@ def mutate(genes: Floats, rate: float, box: Bounds, rng: np.random.Generator) ->
     Returns:
         (size, n) genes and (size,) which chromosomes mutated
 
-    Source: docs/theory.md (7); how many genes a multi-point mutation changes is ours.
+    Source: docs/theory.md (7); the number of genes in a multi-point mutation is our choice.
     """
     size, n = genes.shape
     mutates = rng.random(size) < rate

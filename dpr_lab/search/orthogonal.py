@@ -1,4 +1,4 @@
-"""Orthogonal experiment: the best mixture of two chromosomes from a few trials, step (6)."""
+"""Orthogonal experiment: best combination of two chromosomes from a few trials, step (6)."""
 
 from collections.abc import Callable
 
@@ -33,7 +33,7 @@ ARRAYS: dict[str, Levels] = {
     "L12": _checked(_plackett_burman()),
     "L16": _checked(_sylvester(4)),
 }
-"""Two-level arrays (runs, columns): every pair of columns holds each pair of levels equally often.
+"""Two-level arrays (runs, columns): every pair of columns contains each pair of levels equally often.
 
 Source: Plackett & Burman (1946), Biometrika 33(4) 305-325, for L12; Sylvester's Hadamard matrices for L8 and L16.
 """
@@ -55,7 +55,7 @@ def array_for(name: str, genes: int) -> Levels:
 
 
 def experiment(x: Floats, y: Floats, levels: Levels, costs: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """The best of all trials of each pair and of the mixture that their main effects predict.
+    """Best of all trials of each pair and of the combination predicted by their main effects.
 
     Args:
         x: (pairs, n) chromosomes, level 0 of each gene
@@ -79,7 +79,7 @@ def experiment(x: Floats, y: Floats, levels: Levels, costs: Callable[[Floats], F
 
 
 def better_levels(tried: Floats, levels: Levels) -> Levels:
-    """The level of each gene whose trials cost less on average; exact when the cost is a sum over genes.
+    """Level of each gene with the lower mean cost of its trials; exact if the cost is a sum over genes.
 
     Args:
         tried: (pairs, runs) H of each trial; a failed one counts as the worst of its pair that did not fail

@@ -1,4 +1,4 @@
-"""The traditional genetic algorithm, a baseline: tournament, single-point crossover, Gaussian mutation, elitism."""
+"""Traditional genetic algorithm, for comparison: tournament, single-point crossover, Gaussian mutation, elitism."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -19,13 +19,13 @@ class PlainGaSettings(SearchSettings, frozen=True):
 
     algorithm: Literal["plain_ga"] = "plain_ga"
     generations: Annotated[int, Field(ge=0)] = 200
-    """Generations after the initial population, at most."""
+    """Maximum number of generations after the initial population."""
     population: Annotated[int, Field(ge=2)] = 100
     """Chromosomes in the population."""
     elite: Count = 2
-    """Best chromosomes that live on unchanged."""
+    """Number of best chromosomes that survive unchanged."""
     tournament: Count = 3
-    """Chromosomes drawn for each parent; the best of them wins."""
+    """Size of a tournament: number of chromosomes drawn for each parent."""
     crossover_rate: Share = 0.8
     """Share of the pairs that are crossed."""
     mutation_rate: Share = 0.1

@@ -9,7 +9,7 @@ from dpr_lab.search.problem import Floats
 
 @dataclass(frozen=True, slots=True)
 class Population:
-    """Chromosomes with their costs; best first wherever a search hands it on."""
+    """Chromosomes with their costs, best first."""
 
     genes: Floats
     """(size, n) free genes."""

@@ -1,4 +1,4 @@
-"""Population fitness: how close the whole population is to its best, docs/theory.md (8)."""
+"""Population fitness: mean fitness of the population relative to its best, docs/theory.md (8)."""
 
 from dpr_lab.search.problem import Floats
 
@@ -17,4 +17,4 @@ def population_fitness(fitness: Floats) -> float:
     Source: docs/theory.md (8).
     """
     best = float(fitness.max())
-    return float((fitness / best).mean()) if best > 0 else 0.0  # dividing first: rounding never exceeds 1
+    return float((fitness / best).mean()) if best > 0 else 0.0  # dividing first, so that rounding never exceeds 1

@@ -1,4 +1,4 @@
-"""Input and output of a search: the contract of every algorithm."""
+"""Input and output of a search: common interface of all algorithms."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -41,7 +41,7 @@ class Generation:
 
 @dataclass(frozen=True, slots=True)
 class Algorithm(Generic[Settings]):
-    """One row of `ALGORITHMS`: how a search is set, and how it is run.
+    """One row of `ALGORITHMS`: settings and function of a search.
 
     `run(objective, bounds, settings, rng)` yields generation 0 and then every generation, ends by itself at
     `settings.generations` or on stagnation, and may be stopped earlier by its consumer. It raises `ValueError`
@@ -51,12 +51,12 @@ class Algorithm(Generic[Settings]):
     settings: type[Settings]
     run: Callable[[Objective, Bounds, Settings, np.random.Generator], Iterator[Generation]]
     words: str
-    """Title for people."""
+    """Title."""
 
 
 @dataclass(slots=True)
 class SearchProblem:
-    """An objective seen from inside a search: free genes in, one cost each out; counts its evaluations."""
+    """Objective inside a search: function of the free genes with one cost per candidate; counts its evaluations."""
 
     objective: Objective
     bounds: Bounds
@@ -64,7 +64,7 @@ class SearchProblem:
     cost: Callable[[Floats], Floats]
     """(n, poses) E -> (n,) H."""
     free: NDArray[np.bool_] = field(init=False)
-    """(d,) which genes the search may move."""
+    """(d,) mask of the free genes."""
     evaluations: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
@@ -79,7 +79,7 @@ class SearchProblem:
         return self.bounds[:, self.free]
 
     def candidates(self, genes: Floats) -> Floats:
-        """(size, n) free genes -> (size, d) with the fixed genes in their places."""
+        """(size, n) free genes -> (size, d) with the fixed genes inserted."""
         whole = np.tile(self.bounds[0], (len(genes), 1))
         whole[:, self.free] = genes
         return whole
@@ -89,10 +89,10 @@ class SearchProblem:
         return self.cost(self.errors(genes)) if len(genes) else np.empty(0)
 
     def errors(self, genes: Floats) -> Floats:
-        """(size, n) free genes, at least one -> (size, poses) E as the objective gives it.
+        """(size, n) free genes, at least one -> (size, poses) E of the objective.
 
         Raises:
-            ValueError: the objective returned something else than one row of E >= 0 for each candidate.
+            ValueError: the objective did not return one row of E >= 0 for each candidate.
         """
         errors = np.asarray(self.objective(self.candidates(genes)), dtype=np.float64)
         if errors.ndim != 2 or len(errors) != len(genes) or not errors.size:

@@ -15,15 +15,15 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
 
     algorithm: str
     generations: Annotated[int, Field(ge=0)] = 1000
-    """Generations after the initial population, at most."""
+    """Maximum number of generations after the initial population."""
     aggregate: Literal["sum", "max", "min"] = "sum"
-    """How H is made from the E of the poses."""
+    """Combination of the E of the poses to H."""
     stagnation_generations: Count | None = None
-    """Stop when the best cost has not decreased noticeably for so many generations; never when left out."""
+    """Stop if the best cost has not decreased noticeably for this number of generations; default: never."""
     stagnation_improvement: Share = 0.01
     """Relative decrease of the best cost that does not count as progress."""
     delta: Positive = 35.0
-    """Added to H in the fitness; the larger, the better the chances of bad individuals."""
+    """Constant added to H in the fitness; a larger value increases the selection probability of bad individuals."""
     fitness_scale: Positive = 350.0
     """M of docs/theory.md (10), not published; with 350, sigma = 5 means H < 35."""
 
@@ -39,14 +39,14 @@ class IgaSettings(SearchSettings, frozen=True):
     mutation_rate: Share = 0.1
     """Pm, share of the offspring that mutate."""
     alpha: Share = 0.999
-    """Dynamic encoding and feedback mutation wait until f_pop exceeds this."""
+    """f_pop above which dynamic encoding and feedback mutation are used."""
     sigma: NotNegative = 5.0
-    """They also wait until the best fitness exceeds this."""
+    """Best fitness above which they are used."""
     mu: Positive = 0.95
-    """Dynamic encoding starts at mu times the best gene."""
+    """Lower end of dynamic encoding: mu times the best gene."""
     nu: NotNegative = 0.1
-    """Dynamic encoding ends at (mu + nu) times the best gene."""
+    """Upper end of dynamic encoding: (mu + nu) times the best gene."""
     similarity: Share = 0.01
-    """Genes closer than this share of their range count as equal in the feedback mutation."""
+    """Difference, relative to the range, below which genes count as equal in the feedback mutation."""
     orthogonal_array: Literal["L8", "L12", "L16"] = "L12"
-    """Two-level array of the orthogonal experiment: so many trials for 7, 11 or 15 genes."""
+    """Two-level array of the orthogonal experiment: number of trials for 7, 11 or 15 genes."""

@@ -37,12 +37,12 @@ def generated() -> dict[str, str]:
 
 
 def _undated(text: str) -> str:
-    """The file without the date it was made on, which would make every run a change."""
+    """Content of the file without its date of creation, which would change in every run."""
     return re.sub(r"(by cantools version [\d.]+) .*", r"\1.", text)
 
 
 def main() -> None:
-    """Write every file that is not as it should be."""
+    """Write all files that differ from the generated content."""
     for name, text in generated().items():
         path = GENERATED / name
         if not path.is_file() or path.read_text(encoding="utf-8") != text:

@@ -64,7 +64,7 @@ def test_greeting_tells_who_is_there():
 def test_a_newer_major_says_to_upgrade_this_side():
     said = refusal(replace(DEVICE, major=MAJOR + 1, minor=0, schema_hash=5))
     assert said == (
-        f"the device speaks protocol {MAJOR + 1}.0 and this dpr-lab {MAJOR}.{MINOR}:"
+        f"the device uses protocol {MAJOR + 1}.0 and this dpr-lab {MAJOR}.{MINOR}:"
         f" upgrade dpr-lab (or flash firmware of protocol {MAJOR}.x)"
     )
 
@@ -72,7 +72,7 @@ def test_a_newer_major_says_to_upgrade_this_side():
 def test_an_older_major_says_to_flash_the_device():
     said = refusal(replace(DEVICE, major=MAJOR - 1, minor=7, schema_hash=5))
     assert said == (
-        f"the device speaks protocol {MAJOR - 1}.7 and this dpr-lab {MAJOR}.{MINOR}:"
+        f"the device uses protocol {MAJOR - 1}.7 and this dpr-lab {MAJOR}.{MINOR}:"
         f" flash newer firmware, of protocol {MAJOR}.x (or install a dpr-lab of protocol {MAJOR - 1}.x)"
     )
 

@@ -1,1 +1,1 @@
-"""Recordings that were described wrongly: refused, or diagnosed with the option that corrects the description."""
+"""Wrong descriptions of recordings: refusal, or a diagnosis with the option that corrects the description."""

@@ -1,11 +1,11 @@
-"""Test whether energy enters the rods from a source that is not described.
+"""Test for an undescribed energy source that drives the rods.
 
 The energy of the rods over b is linear in their ratios, and so is the work of known torques in 1/b:
 
     E/b = a/b omega1^2 / 2 + omega2^2 / 2 + d/b (cos(theta1 - theta2) omega1 omega2 + g/L1 cos theta2) + e1/b cos theta1
 
-Rods that nothing else drives only lose energy. So the least sum of rises over all positive ratios is zero for a passive
-rig, with any friction. It is computed by linear programming, without a fit of the motion.
+The energy of rods without another drive only decreases. The smallest sum of increases over all positive ratios is
+therefore zero for a passive rig with any friction. It is computed by linear programming, without a fit of the motion.
 """
 
 from collections.abc import Sequence
@@ -22,26 +22,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class EnergyRiseSettings:
-    """Settings of the test for energy rises."""
+    """Settings of the test for energy increases."""
 
     apart_s: float = 0.1
-    """Between two means of the energy, which noise of the speeds then hardly touches."""
+    """Interval between two means of the energy, s, which makes the noise of the speeds negligible."""
     quiet_rad: float = 0.01
-    """Standard deviation of a reading from which the speeds, and so the energy, are too uncertain."""
+    """Standard deviation of a reading above which the speeds, and thus the energy, are too uncertain, rad."""
     least_ratio: float = 0.01
-    """Smallest ratio allowed; of double pendulums on a bench none is below 0.3."""
+    """Smallest permitted ratio; typical double pendulums have no ratio below 0.3."""
     entering: float = 0.3
-    """Sum of rises over the range of the energy from which something drives the rods. Free rods reach 1e-4, rods with
-    an error of 6 % in L1 0.013, driven rods and rods on a moving arm 0.9 and more."""
+    """Sum of increases over the range of the energy above which the rods are driven. It is up to 1e-4 for free rods,
+    0.013 with an error of 6 % in L1, and 0.9 or more for driven rods and rods on a moving arm.
+    """
 
 
 SETTINGS = EnergyRiseSettings()
 
 
 def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseSettings = SETTINGS) -> float:
-    """Least sum of energy rises over the energy's range, for any ratios; 0 for passive rods or where it is unknown.
+    """Smallest sum of energy increases over the energy's range for any ratios; 0 for passive rods or if unknown.
 
-    Runs with a moving arm, not of both rods, or with much noise do not count.
+    Runs with a moving arm, with a single rod, or with much noise are ignored.
     """
     from scipy.optimize import linprog
 
@@ -73,7 +74,7 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
 
 
 def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
-    """(n, 5) terms of the energy over b: of b, a, d, e1 and, less the work done, of 1/b."""
+    """(n, 5) terms of the energy over b: of b, a, d, e1 and, minus the work, of 1/b."""
     theta1, theta2, omega1, omega2 = prepared.states.T
     mixed = np.cos(theta1 - theta2) * omega1 * omega2 + rig.g / rig.L1 * np.cos(theta2)
     work = np.zeros(len(theta1))
@@ -84,6 +85,6 @@ def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
 
 
 def _means(terms: Array, t: Array, apart_s: float) -> Array:
-    """Means over stretches of time, (stretches, 5)."""
+    """Means over intervals of time, (intervals, 5)."""
     edges = np.flatnonzero(np.diff(np.floor((t - t[0]) / apart_s), prepend=-1.0))
     return np.add.reduceat(terms, edges) / np.diff(edges, append=len(t))[:, None]

@@ -1,4 +1,4 @@
-"""Other ways to read a recording: zero, unit, sign and order of the angles, encoder counts, time, torques and arm."""
+"""Other interpretations of a recording: angles, encoder counts, time, torques and arm."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -14,23 +14,23 @@ from dpr_lab.run import Run
 Array = NDArray[np.float64]
 
 Angles = Callable[[Array, Array], tuple[Array, Array]]
-"""Function from the angles read to (theta1, theta2), rad."""
+"""Function from the given angles to (theta1, theta2), rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Misreading:
-    """Another way to read a recording."""
+    """Another interpretation of a recording."""
 
     cause: str
-    """What was described wrongly, and the option or key of the rig file that corrects it."""
+    """Description of the mistake, and the option or key of the rig file that corrects it."""
     read: Callable[[Run], Run | None]
-    """The run read in this way; None where it does not apply."""
+    """The run with this interpretation; None if it does not apply."""
     arm: bool = False
-    """Whether the arm moves in this reading, as a compliant arm does too."""
+    """Whether the arm moves in this interpretation, which is also the case for a compliant arm."""
 
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:
-    """All other interpretations that are tried for the runs of a rig."""
+    """All other interpretations to try for the runs of a rig."""
     return (*_ANGLES, *_scaled(rig), *_TIMES, *_TORQUES, _arm(rig))
 
 
@@ -42,13 +42,17 @@ def _of_angles(cause: str, angles: Angles) -> Misreading:
     return Misreading(cause, read)
 
 
-_RELATIVE = 'the angles of the outer rod are to the inner one (import with --angles relative, or joint2 = "relative")'
-_ABSOLUTE = 'the angles of the outer rod are to the vertical (import with --angles absolute, or joint2 = "absolute")'
+_RELATIVE = (
+    'the angles of the outer rod are relative to the inner rod (import with --angles relative, or joint2 = "relative")'
+)
+_ABSOLUTE = (
+    'the angles of the outer rod are relative to the vertical (import with --angles absolute, or joint2 = "absolute")'
+)
 _EXCHANGED = "inner and outer rod are exchanged (order of the columns, or of the encoders)"
 
 _ANGLES = (
     _of_angles(
-        "the zero of the angles is the other end (imported with the wrong --zero, or a wrong zero_counts)",
+        "the zero of the angles is in the opposite direction (imported with the wrong --zero, or a wrong zero_counts)",
         lambda inner, outer: (inner + np.pi, outer + np.pi),
     ),
     _of_angles("one rod's sign is reversed (direction of one encoder)", lambda inner, outer: (-inner, outer)),
@@ -56,11 +60,13 @@ _ANGLES = (
         "the sign of joint 2 is reversed (direction of its encoder)", lambda inner, outer: (inner, 2 * inner - outer)
     ),
     _of_angles(_RELATIVE, lambda inner, outer: (inner, inner + outer - np.pi)),
-    _of_angles(_RELATIVE, lambda inner, outer: (inner, inner + outer)),  # of a table with zero at the upper end
+    _of_angles(_RELATIVE, lambda inner, outer: (inner, inner + outer)),  # for a table with zero upright
     _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner + np.pi)),
     _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner)),
     _of_angles(_EXCHANGED, lambda a, b: (b, a)),
-    _of_angles(_EXCHANGED, lambda a, b: (b - a + np.pi, b)),  # of a table whose second angle is to the inner rod
+    _of_angles(
+        _EXCHANGED, lambda a, b: (b - a + np.pi, b)
+    ),  # for a table whose second angle is relative to the inner rod
     _of_angles("the angles are in degrees (import with --unit deg)", lambda a, b: (np.radians(a), np.radians(b))),
     _of_angles(
         "the angles are in radians (import with --unit rad)",
@@ -70,27 +76,27 @@ _ANGLES = (
 
 
 def _scaled(rig: Rig) -> Iterator[Misreading]:
-    """Angles from hanging that are a multiple of what was read: of both joints, of one joint, of one rod.
+    """Angles from hanging that are a multiple of the readings: of both joints, of one joint, or of one rod.
 
-    Factors are those of half, double and quadrature counts.
+    The factors are those of half, double and quadruple counts.
     """
     counts, relative = rig.encoders.counts_per_rev, rig.encoders.joint2 == "relative"
     for factor in (0.5, 2.0, 0.25, 4.0):
         stated = [f"{count / factor:.0f}" for count in counts]
-        key = "counts_per_rev in the rig file is wrong: {} (it is {}); of a table of angles, --scale and --offset"
+        key = "counts_per_rev in the rig file is wrong: {} (it is {}); for a table of angles, --scale and --offset"
         both = key.format(f"{stated[1]} for joint 1 and {stated[2]} for joint 2", f"{counts[1]} and {counts[2]}")
-        yield _of_angles(f"both joints turn by {factor:g} times what is read ({both})", _times(factor, factor))
+        yield _of_angles(f"both joints turn by {factor:g} times the reading ({both})", _times(factor, factor))
         for joint in (1, 2):
             own = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
             s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)
-            yield _of_angles(f"joint {joint} turns by {factor:g} times what is read ({own})", _times(s1, s2, relative))
+            yield _of_angles(f"joint {joint} turns by {factor:g} times the reading ({own})", _times(s1, s2, relative))
             if relative:
-                rod = f"theta{joint} is {factor:g} times what is read (--scale theta{joint}={factor:g} and --offset)"
+                rod = f"theta{joint} is {factor:g} times the reading (--scale theta{joint}={factor:g} and --offset)"
                 yield replace(_of_angles(rod, _times(s1, s2)), read=_of_tables(_of_angles(rod, _times(s1, s2))))
 
 
 def _times(s1: float, s2: float, relative: bool = False) -> Angles:
-    """Angles from hanging times a factor each; of `relative` ones joint 2 keeps its own angle to the inner rod."""
+    """Angles from hanging times one factor each; for `relative` angles, joint 2 keeps its own angle."""
 
     def angles(inner: Array, outer: Array) -> tuple[Array, Array]:
         first, second = inner - np.pi, outer - np.pi - relative * (inner - np.pi)
@@ -100,7 +106,7 @@ def _times(s1: float, s2: float, relative: bool = False) -> Angles:
 
 
 def _of_tables(reading: Misreading) -> Callable[[Run], Run | None]:
-    """The same reading, of runs that hold angles and no counts."""
+    """The same interpretation for runs with angles and without counts."""
     return lambda run: reading.read(run) if run.counts is None else None
 
 
@@ -116,10 +122,10 @@ _TIMES = (
     Misreading("the times are in microseconds (import with --time-unit us)", _in_time(1e-6)),
     Misreading("the times are in seconds (import with --time-unit s)", _in_time(1e3)),
     Misreading(
-        "the swing is half as fast as its times say (import with half the --rate-hz, or check t)", _in_time(2.0)
+        "the swing is half as fast as its time stamps (import with half the --rate-hz, or check t)", _in_time(2.0)
     ),
     Misreading(
-        "the swing is twice as fast as its times say (import with twice the --rate-hz, or check t)", _in_time(0.5)
+        "the swing is twice as fast as its time stamps (import with twice the --rate-hz, or check t)", _in_time(0.5)
     ),
 )
 
@@ -160,11 +166,11 @@ def _arm(rig: Rig) -> Misreading:
 
 
 def _with_moving_arm(run: Run, above_noise: float = 20.0) -> Run | None:
-    """The run with the arm's motion as its encoder shows it; None where the arm stands still or was not read.
+    """The run with the motion of the arm from its encoder; None if the arm does not move or was not measured.
 
     Args:
-        run: with readings of theta0
-        above_noise: range of theta0, in standard deviations of its readings, from which the arm moves
+        run: a run with readings of theta0
+        above_noise: range of theta0, in standard deviations of its readings, above which the arm moves
     """
     theta0 = run.swing.theta[:, 0]
     if run.arm is not None or len(theta0) <= max(ORDER, FEWEST) or not np.isfinite(theta0).all():

@@ -1,4 +1,4 @@
-"""Error messages for recordings that determine nothing, instead of errors of linear algebra."""
+"""Error messages instead of errors of linear algebra for recordings that do not determine the model."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -13,10 +13,10 @@ Result = TypeVar("Result")
 
 
 def solvable(analysis: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap an analysis so that it raises `IdentificationError` where its equations have no solution.
+    """Wrap an analysis so that it raises `IdentificationError` if its equations have no solution.
 
-    Readings that an integration could not reach are infinite or NaN. What follows from them is compared, not printed,
-    so NumPy gives no warnings about them.
+    Readings after a failed integration are infinite or NaN. They are only compared, not printed, so warnings of NumPy
+    are suppressed.
     """
 
     @wraps(analysis)

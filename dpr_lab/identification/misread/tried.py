@@ -1,4 +1,4 @@
-"""Other readings of recordings, each fitted: which of them explains the recordings, and by how much."""
+"""Fits of other interpretations of recordings, and how much better each explains them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -21,33 +21,36 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class MisreadSettings:
-    """Thresholds from which a reading is doubted."""
+    """Thresholds above which an interpretation is doubted."""
 
     looked_at_s: float = 5.0
-    """Of each run; a wrong reading is wrong from the start."""
+    """Examined duration of each run, s; a wrong interpretation is wrong from the start."""
     tried_s: float = 2.5
-    """The same, while other readings are tried."""
+    """The same for the test of other interpretations, s."""
     suspicious: float = 0.02
-    """Residual over the spread of the angle. Rods alone reach 2e-4 on a clean plant, 0.002 and 0.065 on rigs with much
-    friction; wrong readings of a clean plant start at 0.05."""
+    """Residual over the standard deviation of the angle. Rods alone reach 2e-4 for a clean plant, 0.002 and 0.065
+    for rigs with much friction; wrong interpretations of a clean plant start at 0.05.
+    """
     hopeless: float = 0.3
-    """The same, where nothing of the swing is left in the fit."""
+    """The same, above which the fit does not follow the swing at all."""
     better: float = 10.0
-    """Times that another reading's chi2 must be lower."""
+    """Factor by which chi2 of another interpretation must be smaller."""
     explained: float = 20.0
-    """Reduced chi-square from which another reading must be far better: a wrong one may fit better by chance."""
+    """Reduced chi-square below which another interpretation must be far better, because a wrong one may fit better
+    by chance.
+    """
     far_better: float = 1000.0
-    """Times that it must be lower then."""
+    """Factor by which it must be smaller in this case."""
     spare: float = 1.05
-    """What the limits of the ratios are widened by: a ratio has an uncertainty."""
+    """Factor on the limits of the ratios, because ratios are uncertain."""
     rate_hz: float = 250.0
-    """Sample rate at which other readings are tried: they must differ by far more than the noise."""
+    """Sample rate for other interpretations, Hz; their difference must be far above the noise."""
     iterations: int = 20
-    """Of each fit of another reading; the right one converges in ten."""
+    """Maximum number of iterations for another interpretation; the right one converges in ten."""
     thorough: int = 40
-    """Of each fit of the recordings as they are read."""
+    """Maximum number of iterations for the given interpretation."""
     largest_inertia: float = 1e4
-    """Times the rig file's inertia b, beyond which known torques contradict the motion."""
+    """Factor on the rig file's inertia b above which known torques contradict the motion."""
 
 
 SETTINGS = MisreadSettings()
@@ -55,11 +58,11 @@ SETTINGS = MisreadSettings()
 
 @dataclass(frozen=True, slots=True)
 class BetterReading:
-    """Another reading that explains recordings better."""
+    """Another interpretation that explains recordings better."""
 
     reading: Misreading
     share: float
-    """Share of the excess chi2 of the recordings as read that it removes."""
+    """Share of the excess chi2 of the given interpretation that it removes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,21 +70,27 @@ class SecondLook:
     """Evidence against the description of recordings."""
 
     tried: tuple[BetterReading, ...]
-    """Other readings that explain them better, the best first."""
+    """Other interpretations that explain them better, best first."""
     energy_rise: float
-    """Rise of the rods' energy over its range that no passive rods have; counts where no reading explains it."""
+    """Increase of the rods' energy over its range, impossible for passive rods; used if no interpretation explains
+    it.
+    """
 
     @property
     def sentence(self) -> str:
-        """The likely mistake, and the option that corrects it; empty without evidence against the description."""
+        """Probable mistake and the option that corrects it; empty without evidence against the description."""
         if self.tried:
             causes = ", or ".join(dict.fromkeys(one.reading.cause for one in self.tried))
-            return f"Read otherwise, rods without any effect explain {self.tried[0].share:.1%} of the excess: {causes}."
+            return (
+                f"With another interpretation, rods without effects explain {self.tried[0].share:.1%} of"
+                f" the excess: {causes}."
+            )
         if self.energy_rise < ENERGY.entering:
             return ""
         return (
-            f"The energy of the rods rises by {self.energy_rise:.0%} of its range, which no passive rig does: something"
-            " drives the rods that is not described. Import known torques (without --torque none), import an arm that"
+            f"The energy of the rods rises by {self.energy_rise:.0%} of its range, which is impossible for"
+            f" a passive rig: the rods have a drive that is not described. Import known torques (without"
+            f" --torque none), import an arm that"
             " moves with its column of theta0 and --arm prescribed, or check counts_per_rev and the units."
         )
 
@@ -91,17 +100,17 @@ class Description:
     """Evidence against the description of the recordings."""
 
     hint: str = ""
-    """The likely mistake and its correction; empty without evidence against the description."""
+    """Probable mistake and its correction; empty without evidence against the description."""
     withholds: bool = False
-    """Whether that explains as much as the chosen effects, so that none of them is a cause."""
+    """Whether it explains as much as the chosen effects, so that none of them is a cause."""
 
 
 def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
-    """Try other readings of recordings that the bare model fits poorly.
+    """Test other interpretations of recordings that the bare model fits poorly.
 
     Args:
-        runs: as they were read
-        rig: that they were recorded on
+        runs: the runs with the given interpretation
+        rig: rig of the recordings
     """
     first = fitted(runs, rig)
     explained = better_readings(runs, rig, np.inf if first is None else first.chi2_per_dof)
@@ -118,9 +127,9 @@ def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[
     """Other interpretations that explain the runs far better, best first, without those far worse than the best.
 
     Args:
-        runs: as they were read
-        rig: that they were recorded on
-        chi2_per_dof: of the rods as they were read
+        runs: the runs with the given interpretation
+        rig: rig of the recordings
+        chi2_per_dof: of the rods with the given interpretation
     """
     limit = max(min(SETTINGS.explained, chi2_per_dof / SETTINGS.better), chi2_per_dof / SETTINGS.far_better)
     good = [
@@ -151,7 +160,7 @@ def impossible(ratios: Array, rig: Rig) -> str:
 
 
 def fitted(runs: Sequence[Run], rig: Rig, *, quick: bool = False) -> RatioFit | None:
-    """The rods alone fitted to the beginning of each run; None where the fit has no finite result."""
+    """Fit of the rods without effects to the beginning of each run; None if the fit has no finite result."""
     with np.errstate(all="ignore"):
         try:
             prepared = _preprocessed(runs, rig, thinned=quick)
@@ -163,7 +172,7 @@ def fitted(runs: Sequence[Run], rig: Rig, *, quick: bool = False) -> RatioFit | 
 
 
 def residual(ratio_fit: RatioFit) -> float:
-    """Root mean square residual over the spread of the angle within a run; of the worse rod."""
+    """Rms residual over the standard deviation of the angle within a run, for the worse rod."""
     segments, t = ratio_fit.problem.segments, ratio_fit.problem.segments
     owner = np.repeat(segments.run, np.diff(t.offsets))
     measured = ratio_fit.problem.joints.to_rods(ratio_fit.problem.measured)
@@ -180,7 +189,7 @@ def _otherwise(runs: Sequence[Run], rig: Rig) -> Iterator[tuple[Misreading, Rati
             continue
         try:
             other = fitted([one or run for one, run in zip(read, runs, strict=True)], rig, quick=True)
-        except RunError:  # without motion or samples as it is read so
+        except RunError:  # without motion or samples in this interpretation
             continue
         if other is not None and not impossible(other.ratios, rig):
             yield reading, other
@@ -197,7 +206,7 @@ def _beginning(run: Run, seconds: float) -> Run:
 
 
 def _thinned(prepared: PreprocessedRun) -> PreprocessedRun:
-    """Decimated samples; noise and states are those of all samples. Known torques stay whole."""
+    """Decimated samples; noise and states are those of all samples, and known torques are not decimated."""
     every = max(1, round(prepared.run.rate_hz / SETTINGS.rate_hz)) if prepared.run.torques is None else 1
     keep = np.arange(len(prepared.run.t)) % every == 0
     return replace(prepared, run=prepared.run.only(keep), states=prepared.states[keep])

@@ -1,4 +1,4 @@
-"""Gauss-Newton with Marquardt's damping on segments with free initial states, which are eliminated one by one."""
+"""Gauss-Newton fit with Marquardt damping on segments with free initial states, which are eliminated."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,19 +21,19 @@ class ArmFitSettings:
     first_s: float = 0.25
     """Length of the first segments, s."""
     longest_s: float = 1.0
-    """Length of the longest, s: a driven rig is chaotic, and errors of the integration grow with it."""
+    """Length of the longest segments, s: a driven rig is chaotic, and integration errors grow with the length."""
     lengthen: float = 1.15
-    """Growth of the reduced chi-square up to which twice as long segments are kept."""
+    """Growth of the reduced chi-square up to which segments of twice the length are accepted."""
     iterations: int = 60
-    """At most, of each fit."""
+    """Maximum number of iterations of each fit."""
     converged: float = 1e-5
-    """Predicted reduction of chi-square over the degrees of freedom, times the readings per unknown."""
+    """Predicted reduction of chi-square at convergence, relative to the degrees of freedom and per unknown."""
     damping: float = 1e-3
-    """At the start, relative to the diagonal of the normal equations."""
+    """Initial damping, relative to the diagonal of the normal equations."""
     most_damping: float = 1e9
-    """From which no step can gain anything."""
+    """Damping above which no step can reduce the cost."""
     misfit: float = 1.5
-    """Reduced chi-square from which the covariance is that of clustered residuals."""
+    """Reduced chi-square above which the covariance is that of clustered residuals."""
 
 
 ARM_FIT = ArmFitSettings()
@@ -44,7 +44,7 @@ class ArmFit:
     """Result of a fit."""
 
     problem: ArmProblem
-    """What was fitted."""
+    """The fitted problem."""
     p: Array
     """(12,) `SWING_PARAMETERS` in units of the scale."""
     initial: Array
@@ -52,13 +52,13 @@ class ArmFit:
     converged: bool
     """Whether the fit reached a minimum."""
     information: Array
-    """(free, free) Fisher information of the unknowns, initial states eliminated, at the noise floor."""
+    """(free, free) Fisher information of the unknowns with initial states eliminated, at the noise floor."""
     scores: Array
     """(segments, free) gradient of each segment's half chi-square, initial states eliminated."""
     length_s: float
-    """Wanted length of a segment, s."""
+    """Nominal length of a segment, s."""
     misfit: float = 0.0
-    """Reduced chi-square at the noise of the readings, where the joints are weighed by their residuals; else 0."""
+    """Reduced chi-square at the noise of the readings if the joints are weighted by their residuals; otherwise 0."""
 
     @property
     def values(self) -> Array:
@@ -73,7 +73,7 @@ class ArmFit:
 
     @property
     def rms(self) -> Array:
-        """(3,) root mean square residual of the readings of each joint, rad; nan where it is not read."""
+        """(3,) rms residual of the readings of each joint, rad; nan without readings."""
         away = self.problem.measured - self.problem.predict(self.p, self.initial)
         read = self.problem.weight > 0
         squares = np.sum(np.where(read, away, 0.0) ** 2, axis=0)
@@ -81,10 +81,10 @@ class ArmFit:
 
 
 def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings = ARM_FIT) -> ArmFit:
-    """Fit the unknowns to segments of a quarter of a second, then to ever longer ones as far as the model follows.
+    """Fit the unknowns to segments of a quarter of a second, then to longer ones while the model follows.
 
     Raises:
-        IdentificationError: the rig file's values cannot be simulated.
+        IdentificationError: the values of the rig file cannot be simulated.
     """
     problem, initial = arm_problem(recordings, rig, settings.first_s)
     best = fit_segments(problem, problem.unknowns.start, initial, settings.first_s, settings)
@@ -92,7 +92,7 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
     longest = min(settings.longest_s, max(one.run.duration for one in recordings))
     while length <= longest:
         problem, initial = arm_problem(recordings, rig, length)
-        # Initial states first, so that the start of longer segments is no worse than that of short ones.
+        # Initial states are fitted first, so that the start of longer segments is not worse than that of short ones.
         start = fit_segments(problem, best.p, initial, length, settings, states_only=True)
         longer = fit_segments(problem, best.p, start.initial, length, settings)
         limit = settings.lengthen * max(1.0, best.chi2_per_dof)
@@ -100,7 +100,7 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
             break
         best, length = longer, 2 * length
     if best.chi2_per_dof > settings.misfit:
-        # What the model leaves counts as noise of that size: joints are weighed by their residuals.
+        # A residual above the noise is treated as noise: joints are weighted by their residuals.
         std = np.fmax(best.rms, np.max([one.std for one in recordings], axis=0))
         weighed = fit_segments(best.problem.with_std(std), best.p, best.initial, best.length_s, settings)
         return replace(weighed, misfit=best.chi2_per_dof)
@@ -116,10 +116,10 @@ def fit_segments(
     *,
     states_only: bool = False,
 ) -> ArmFit:
-    """Fit unknowns and initial states to segments as they are; arguments as of `ArmFit`.
+    """Fit unknowns and initial states to given segments; arguments as in `ArmFit`.
 
     Raises:
-        IdentificationError: the start cannot be simulated.
+        IdentificationError: the initial values cannot be simulated.
     """
     places = [] if states_only else problem.unknowns.places
     positive = [SWING_PARAMETERS.index(name) for name in problem.unknowns.positive]
@@ -161,14 +161,14 @@ def fit_segments(
         else:
             damping *= 10
             if damping > settings.most_damping:
-                converged = True  # no step gains anything: the minimum, to rounding
+                converged = True  # no step reduces the cost: minimum within rounding
                 break
     linear = _Eliminated(problem, residuals, by_unknowns, by_states, 0.0)
     return ArmFit(problem, p, initial, converged, linear.information + np.diag(prior**2), linear.scores, length)
 
 
 class _Eliminated:
-    """Normal equations of the unknowns, the initial state of each segment eliminated by a Schur complement."""
+    """Normal equations of the unknowns, with the initial state of each segment eliminated by a Schur complement."""
 
     def __init__(
         self, problem: ArmProblem, residuals: Array, by_unknowns: Array, by_states: Array, damping: float
@@ -192,7 +192,7 @@ class _Eliminated:
             self.scores[s] = rest.T @ r
 
     def states(self, step: Array) -> Array:
-        """(segments, 6) change of the initial states that goes with a step (free,) of the unknowns."""
+        """(segments, 6) change of the initial states for a step (free,) of the unknowns."""
         change = np.zeros((self._segments, 6))
         for s, (free, own, by_step) in enumerate(self._parts):
             change[s, free] = own - by_step @ step
@@ -205,9 +205,9 @@ def _solved(H: Array, gradient: Array) -> Array:
 
 
 def covariance_of(fit: ArmFit) -> Array:
-    """(free, free) covariance, very large along what is not determined.
+    """(free, free) covariance, very large in undetermined directions.
 
-    Where the model leaves more than noise, the covariance is that of residuals clustered by segment (White 1980).
+    If the residual exceeds the noise, the covariance is that of residuals clustered by segment (White 1980).
     """
     scale = np.where(np.diag(fit.information) > 0, np.sqrt(np.diag(fit.information)), 1.0)
     values, vectors = np.linalg.eigh(fit.information / np.outer(scale, scale))
@@ -215,5 +215,5 @@ def covariance_of(fit: ArmFit) -> Array:
     if not fit.misfit:
         return inverse * max(1.0, fit.chi2_per_dof)
     n = len(fit.scores)
-    moved = fit.scores @ inverse  # (segment, free); its square keeps every variance positive, whatever the rounding
+    moved = fit.scores @ inverse  # (segment, free); its square keeps every variance positive in spite of rounding
     return moved.T @ moved * n / max(n - len(fit.values), 1)

@@ -1,8 +1,8 @@
 """Identifiability of a rig with a free or driven arm, and the bench measurements that determine the rest.
 
-Knowledge is whitened rows, as in `dpr_lab.identification.identifiability`: sensitivities to relative changes of the
-physical parameters of rods, arm and motor. With q the unknowns of the recordings and F^T F their Fisher information,
-the rows of the recordings are F dq/dx x; a measured value x adds the row x / std.
+Information is represented by whitened rows, as in `dpr_lab.identification.identifiability`: sensitivities to relative
+changes of the physical parameters of rods, arm and motor. With q the unknowns of the recordings and F^T F their Fisher
+information, the rows of the recordings are F dq/dx x; a measured value x adds the row x / std.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -35,18 +35,18 @@ SINGLE_ROD = ("l1", "m1", "c1", "J1")
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """How a driven arm is assumed to be excited where nothing was recorded."""
+    """Assumed excitation of a driven arm without recordings."""
 
     turn_rad: float = 0.5
-    """Amplitude of the arm's swing that each sine of the input would give a rigid rig."""
+    """Amplitude of the arm's motion for each sine of the input on a rigid rig, rad."""
     rates: tuple[float, ...] = (3.0, 5.1, 8.7)
     """Angular frequencies of the sines, rad/s."""
     step: float = 1e-6
     """Relative step of the derivatives of the unknowns."""
     kt: float = 0.05
-    """Torque constant, N m/A, and"""
+    """Assumed torque constant of an unknown motor, N m/A."""
     R: float = 5.0
-    """resistance, ohm, of a motor of which nothing is known."""
+    """Assumed resistance of an unknown motor, ohm."""
 
 
 EXCITATION = Excitation()
@@ -54,92 +54,92 @@ EXCITATION = Excitation()
 
 @dataclass(frozen=True, slots=True)
 class ArmInstrument:
-    """A bench measurement of arm or motor, and its usual uncertainty."""
+    """A bench measurement of arm or motor, and its typical uncertainty."""
 
     name: str
     parameter: str
-    """The parameter that it reads."""
+    """Measured parameter."""
     relative_std: float
-    """Its standard uncertainty over the value."""
+    """Relative standard uncertainty."""
     how: str
-    """What to do, as an instruction."""
+    """Instruction for the operator."""
     quantity: BenchReading
-    """What is read."""
+    """Measured quantity."""
 
 
 ARM_INSTRUMENTS = (
     ArmInstrument(
-        "measure R", "R", 0.02, "measure the resistance of the motor's winding with an ohmmeter, its wires apart",
+        "measure R", "R", 0.02, "measure the winding resistance of the disconnected motor with an ohmmeter",
         BenchReading("resistance of the winding", "ohm", "R"),
     ),
     ArmInstrument(
-        "measure ke", "ke", 0.02, "turn the motor at a known speed with its wires apart and measure its voltage",
+        "measure ke", "ke", 0.02, "turn the motor at a known speed with its wires disconnected and measure its voltage",
         BenchReading("back-EMF constant", "V s/rad", "ke"),
     ),
     ArmInstrument(
-        "measure kt", "kt", 0.03, "let the motor pull at a balance by a lever, at a known steady current",
+        "measure kt", "kt", 0.03, "let the motor press on a balance through a lever, at a known constant current",
         BenchReading("torque constant", "N m/A", "kt"),
     ),
     ArmInstrument(
-        "measure A", "A", 0.02, "let a known weight turn the arm by a thread and a pulley, and time it",
+        "measure A", "A", 0.02, "accelerate the arm by a weight on a thread over a pulley and measure the time",
         BenchReading("total inertia about the arm's axis", "kg m^2", "A"),
     ),
     ArmInstrument(
-        "measure c0", "c0", 0.05, "let the arm run down with the rods off and the motor's wires apart, and time it",
+        "measure c0", "c0", 0.05, "remove the rods, disconnect the motor and measure the arm's decay",
         BenchReading("viscous friction of the arm", "N m s/rad", "c0"),
     ),
 )  # fmt: skip
-"""What the advice considers besides the instruments of the rods."""
+"""Bench measurements that can be recommended in addition to those of the rods."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ArmIdentifiability(Shown):
-    """What recordings of a rig with a moving arm and its measured values determine together, and what remains free."""
+    """Information of recordings with a moving arm and of measured values together, and what remains free."""
 
     arm: tuple[str, ...]
     """Modes of the arm in the recordings."""
     input: str
     """Kind of the input; empty without one."""
     simulated: bool
-    """Whether the recordings were simulated at the rig file's values: then no value is a result."""
+    """Whether the recordings were simulated with the values of the rig file; then no value is a result."""
     rank: int
     """Number of directions that the recordings determine."""
     singular_values: tuple[float, ...]
-    """Of the whitened sensitivity to relative changes of the parameters."""
+    """Singular values of the whitened sensitivity to relative changes of the parameters."""
     combinations: Mapping[str, float]
-    """What the recordings determine, with the expected relative standard deviation of each."""
+    """Determined quantities, with the expected relative standard deviation of each."""
     values: Mapping[str, float]
-    """Estimates of the same, SI; empty where recordings were simulated."""
+    """Estimates of these quantities, SI; empty for simulated recordings."""
     unseen: tuple[str, ...]
-    """Combinations that they do not determine."""
+    """Combinations that are not determined."""
     null_space: tuple[Mapping[str, float], ...]
-    """Directions that recordings and measured values leave free: relative change of each parameter that takes part."""
+    """Directions that recordings and measured values do not determine: relative changes of the parameters involved."""
     fixed_by: Mapping[str, str]
-    """`data`, `measured` or `bound`, for each parameter."""
+    """Source of each parameter: `data`, `measured` or `bound`."""
     spread: Mapping[str, float]
-    """Relative standard deviation of each parameter that is determined."""
+    """Relative standard deviation of each determined parameter."""
     advice: tuple[Advice, ...]
-    """Every bench measurement not yet made, best first."""
+    """All bench measurements that are not in the rig file, best first."""
     sequence: tuple[Advice, ...]
-    """Best next measurement after best next measurement, until all are fixed."""
+    """Sequence of best measurements until all parameters are determined."""
 
     @property
     def heading(self) -> str:
-        """One line: the arm's mode, its input, and the number of directions seen."""
+        """One line: mode of the arm, its input, and the number of determined directions."""
         drive = f" by its {self.input}" if self.input else ""
         return (
-            f"Identifiability with an arm that is {' and '.join(self.arm)}{drive}:"
-            f" {self.rank} of {len(self.fixed_by)} directions are seen"
+            f"Identifiability with a {' and '.join(self.arm)} arm{drive}: {self.rank} of"
+            f" {len(self.fixed_by)} directions are determined"
         )
 
     def _heading(self) -> str:
         return self.heading
 
     def _rows(self) -> list[Row]:
-        return [("parameter", "fixed by"), *self.fixed_by.items()]
+        return [("parameter", "determined by"), *self.fixed_by.items()]
 
     def to_json(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """The result as JSON values."""
         return {
             "arm": list(self.arm),
             "input": self.input,
@@ -165,8 +165,8 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     """Identifiability of a rig with a free or driven arm.
 
     Args:
-        runs: recordings; none for releases simulated from the rig's poses at the rig file's values, where a driven rig
-            without poses begins hanging
+        runs: recordings; none: releases simulated from the poses of the rig with the values of the rig file, where a
+        driven rig without poses starts hanging
         rig: bounds, measured values and motor
 
     Raises:
@@ -212,10 +212,9 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
 
 
 def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
-    """Parameters of rods, arm and motor by the rig file, SI, and (free, n) d ln(unknown) / d ln(parameter).
+    """Parameters of rods, arm and motor from the rig file, SI, and (free, n) d ln(unknown) / d ln(parameter).
 
-    Motor constants that the rig file does not give count as those of a small motor whose back-EMF brakes as much as the
-    friction does.
+    Missing motor constants are replaced by those of a small motor whose back-EMF is as large as the friction.
     """
     both, motor = rig.rods.mounted == "both", rig.motor
     of_rods = PARAMETERS if both else SINGLE_ROD
@@ -250,13 +249,13 @@ def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
 
 
 def _of_rig_file(rig: Rig, names: Iterable[str]) -> dict[str, Parameter | None]:
-    """What the rig file says of each parameter; None where it is silent."""
+    """Entry of the rig file for each parameter; None if missing."""
     tables = {**rig.parameters, **dict(rig.arm), **(dict(rig.motor) if rig.motor else {})}
     return {name: tables.get(name) for name in names}
 
 
 def _std(parameter: Parameter | None) -> float:
-    """Standard uncertainty of a measured parameter, else 0."""
+    """Standard uncertainty of a measured parameter, otherwise 0."""
     return parameter.std or 0.0 if parameter is not None and parameter.measured is not None else 0.0
 
 
@@ -268,7 +267,7 @@ def _measured_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[st
 
 
 def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
-    """As the prior of a uniform distribution between its bounds, or of a parameter known to its order of magnitude."""
+    """Standard deviation of a uniform distribution between the bounds; without bounds that of a decade."""
     rows = [
         sizes[name] * 12**0.5 / (one.upper - one.lower) if one and one.upper and one.lower else 1.0
         for name, one in parameters.items()
@@ -279,11 +278,11 @@ def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, 
 def _answers(
     sizes: Mapping[str, float], parameters: Mapping[str, Parameter | None], rig: Rig
 ) -> dict[Measurement, Array]:
-    """(k, n) whitened answer of each measurement that the rig file does not have yet, by relative changes."""
+    """(k, n) whitened readings of each measurement that is not in the rig file, for relative changes."""
     names, answers = list(sizes), dict[Measurement, Array]()
     for instrument in INSTRUMENTS:
         if instrument.parameters == PARAMETERS or not set(instrument.parameters) <= sizes.keys():
-            continue  # a release with an added mass is one with the arm clamped
+            continue  # a release with an added mass needs a clamped arm
         if not already_made(instrument, rig):
             rows = instrument.rows(rig.nominal, rig) * rig.nominal
             places = [PARAMETERS.index(name) for name in instrument.parameters]
@@ -298,7 +297,7 @@ def _answers(
 
 
 def _simulated(rig: Rig) -> ArmFit:
-    """Releases from the rig's poses without noise, at the rig file's values, and their information."""
+    """Releases from the poses of the rig without noise, with the values of the rig file, and their information."""
     driven = rig.arm.mode == "driven"
     poses = list(rig.poses.values()) or ([Pose(theta1=np.pi, theta2=np.pi)] if driven else [])
     if not poses:
@@ -316,7 +315,7 @@ def _simulated(rig: Rig) -> ArmFit:
     problem, initial = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
     p, gain = problem.unknowns.start.copy(), SWING_PARAMETERS.index("gain")
     if driven:
-        p[gain] = p[gain] or 1.0  # of a motor without constants
+        p[gain] = p[gain] or 1.0  # for a motor without constants
         recordings = [replace(one, drive=_program(t, p, mode)) for one in recordings]
         problem, initial = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
     initial[:] = [[*pose.theta, 0.0, 0.0, 0.0] for pose in poses]
@@ -331,7 +330,7 @@ def _simulated(rig: Rig) -> ArmFit:
 
 
 def _program(t: Array, p: Array, mode: int) -> Array:
-    """(n,) input of three sines, each of which would turn a rigid rig by `Excitation.turn_rad`."""
+    """(n,) input of three sines, each with the amplitude `Excitation.turn_rad` on a rigid rig."""
     inertia = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("A")]
     gain = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("gain")]
     sines = [rate**2 * np.sin(rate * t + k) for k, rate in enumerate(EXCITATION.rates)]

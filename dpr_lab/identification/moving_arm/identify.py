@@ -25,16 +25,16 @@ JOINTS_READ = ("joint 0", "joint 1", "joint 2")
 
 @dataclass(frozen=True, slots=True)
 class ArmWarnings:
-    """Limits of what is determined, and of a fit that is trusted."""
+    """Limits for determined unknowns and for a reliable fit."""
 
     hardly_seen: float = 0.5
     """Relative standard deviation above which an unknown is not determined."""
     gap: float = 3.0
     """Reduced chi-square above which the model is clearly incomplete."""
     doubted: float = 20.0
-    """Reduced chi-square above which the other sign of the arm's angle is tried."""
+    """Reduced chi-square above which the opposite sign of the arm's angle is tested."""
     better: float = 4.0
-    """Factor by which the other sign must fit better."""
+    """Factor by which the opposite sign must fit better."""
 
 
 ARM_WARNINGS = ArmWarnings()
@@ -46,11 +46,11 @@ def moves(runs: Sequence[Run]) -> bool:
 
 
 def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
-    """Identify rods, arm and drive from runs with an arm that is clamped, free or driven.
+    """Identify rods, arm and drive from runs with a clamped, free or driven arm.
 
     Args:
         runs: at least one with a free or driven arm
-        rig: where to start from, and what was measured
+        rig: initial values and measured values
 
     Raises:
         RunError: a run that cannot be used.
@@ -129,8 +129,8 @@ def _warnings(fit: ArmFit) -> list[str]:
     if _misfit(fit) <= ARM_WARNINGS.gap:
         return []
     return [
-        f"the residual is {_misfit(fit) ** 0.5:.1f} times the noise: the model misses something. The standard"
-        " deviations are those of residuals clustered by segment, and a systematic error may be larger"
+        f"the residual is {_misfit(fit) ** 0.5:.1f} times the noise: the model is incomplete. The standard"
+        f" deviations are those of residuals clustered by segment, and a systematic error may be larger"
     ]
 
 
@@ -139,14 +139,14 @@ def _failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> list
     unknowns = fit.problem.unknowns
     if "gain" in unknowns.free and fit.p[SWING_PARAMETERS.index("gain")] < 0:
         failures.append(
-            f"the {unknowns.input} acts against its sign: import the table with the other sign of the input or of"
+            f"the {unknowns.input} has the wrong sign: import the table with the opposite sign of the input or of"
             " theta0 (--scale theta0=-1)"
         )
     if _misfit(fit) > ARM_WARNINGS.doubted:
         other = fit_moving_arm([_mirrored(one) for one in recordings], rig)
         if ARM_WARNINGS.better * _misfit(other) < _misfit(fit):
             failures.append(
-                f"theta0 turns the other way: with its sign reversed the reduced chi-square falls from"
+                f"theta0 has the wrong sign: with its sign reversed the reduced chi-square falls from"
                 f" {_misfit(fit):.3g} to {_misfit(other):.3g}: import the table with --scale theta0=-1"
             )
     return failures
@@ -159,38 +159,38 @@ def _mirrored(recording: ArmRecording) -> ArmRecording:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmComparison:
-    """One run against one model, from segment to segment."""
+    """One run compared with one model by segment."""
 
     run: str
     """Name of the run."""
     held_out: bool
-    """Whether the run took no part in the identification."""
+    """Whether the run was not fitted."""
     t: Array
-    """(n,) s since the release"""
+    """(n,) times since the release, s."""
     measured: Array
     """(n, 3) readings of the joints, rad; joint 2 as its encoder reads it."""
     simulated: Array
-    """(n, 3) the same by the model, with an initial state fitted for each segment."""
+    """(n, 3) prediction of the model, with an initial state fitted for each segment."""
     segment_s: float
     """Length of a segment, s."""
     rms_rad: dict[str, float]
-    """Root mean square residual by joint."""
+    """Rms residual by joint."""
     noise_rad: dict[str, float]
     """Noise of the readings by joint."""
 
 
 def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float = 0.5) -> ArmComparison:
-    """Simulate a run with a model from segment to segment; only initial states are fitted.
+    """Simulate a run with a model by segment; only initial states are fitted.
 
     Raises:
-        RunError: the model is of another rig, or cannot follow the readings.
+        RunError: the model belongs to another rig, or cannot follow the readings.
     """
     if (model.rig.name, model.rig.L1) != (rig.name, rig.L1) or model.mounted != rig.rods.mounted:
-        raise RunError(f"{run.file or run.name}: is a run of {rig.name}, and the model is of {model.rig.name}")
+        raise RunError(f"{run.file or run.name}: is a run of {rig.name}, but the model belongs to {model.rig.name}")
     recordings = recordings_of([run], rig)
     problem, initial = arm_problem(recordings, rig, segment_s)
     if recordings[0].run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):
-        raise RunError(f"{run.file or run.name}: its arm is driven, and the model knows no such input")
+        raise RunError(f"{run.file or run.name}: its arm is driven, but the model has no such input")
     p = np.array(model.swing)
     try:
         fit = fit_segments(problem, p, initial, segment_s, states_only=True)

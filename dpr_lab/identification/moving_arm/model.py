@@ -1,4 +1,4 @@
-"""The result of an identification with a free or driven arm, as it is kept in `model.json`."""
+"""Result of an identification with a free or driven arm, as stored in `model.json`."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,7 @@ class ArmFitSummary(BaseModel):
     model_config = CONFIG
 
     rms_rad: dict[str, Number]
-    """Root mean square residual by joint, as its encoder reads it."""
+    """Rms residual by joint, as its encoder reads it."""
     noise_rad: dict[str, Number]
     """Noise of the readings by joint."""
     segments: int
@@ -29,50 +29,50 @@ class ArmFitSummary(BaseModel):
     segment_s: Number
     """Their length, s."""
     chi2_per_dof: Number
-    """Squared residual over noise variance and degrees of freedom; 1 = noise only."""
+    """Reduced chi-square; 1 = noise only."""
     converged: bool
     """Whether the fit converged."""
 
 
 class MovingArmModel(Shown, BaseModel):
-    """An identified rig with a free or driven arm: what the recordings determine, and nothing else."""
+    """An identified rig with a free or driven arm; contains only what the recordings determine."""
 
     model_config = CONFIG
 
     kind: Literal["moving_arm"] = KIND
-    """Mark of this kind of model file."""
+    """Identifier of this kind of model file."""
     rig: RigFacts
-    """The rig that it is of."""
+    """Rig of the model."""
     mounted: Literal["both", "inner"]
-    """Which rods hang on the arm."""
+    """Mounted rods."""
     input: str
-    """Kind of the input; empty where no run was driven."""
+    """Kind of the input; empty without a driven run."""
     scale: Literal["a", "b"]
-    """The inertia that ratios are of: a of the inner rod alone, b of both rods."""
+    """Inertia by which ratios are divided: a for the inner rod alone, b for both rods."""
     ratios: dict[str, EstimatedValue]
-    """What the recordings determine, SI; `L0` in m."""
+    """Determined quantities, SI; `L0` in m."""
     undetermined: dict[str, str]
-    """Unknowns that the recordings do not determine, each with a sentence."""
+    """Undetermined unknowns, each with the reason."""
     covariance: list[list[Number]]
     """(n, n) covariance of all unknowns, in the order of `unknowns`."""
     unknowns: list[str]
     """Names of all unknowns that were fitted."""
     absolute: dict[str, EstimatedValue]
-    """Absolute values, SI; `fixed_by` is `bound` where their scale is the rig file's and not measured."""
+    """Absolute values, SI; `fixed_by` is `bound` if their scale is taken from the rig file and not measured."""
     scale_sentence: str
-    """Where the scale of absolute values comes from."""
+    """Source of the scale of absolute values."""
     swing: Annotated[list[Number], Field(min_length=12, max_length=12)]
-    """Fitted parameters in the order of `dpr_lab.dynamics.moving_arm.swing.SWING_PARAMETERS`, over the scale."""
+    """Fitted parameters in the order of `dpr_lab.dynamics.moving_arm.swing.SWING_PARAMETERS`, divided by the scale."""
     fit: ArmFitSummary
     """Residuals, noise and segments of the fit."""
     runs: list[RunUsed]
-    """The runs that it was identified from."""
+    """Runs used in the identification."""
     notes: list[str] = []
-    """What the recordings cannot split, and what the rig file adds."""
+    """Combinations that the recordings cannot separate, and the contribution of the rig file."""
     warnings: list[str] = []
     """Warnings on the interpretation of the values."""
     failures: list[str] = []
-    """Checks that the identification did not pass; empty for a model to be trusted."""
+    """Failed checks; empty for a reliable model."""
     version: str = ""
     """Version of dpr-lab that wrote it."""
 
@@ -85,11 +85,11 @@ class MovingArmModel(Shown, BaseModel):
         return [("", "value", "std"), *rows]
 
     def used(self, sha256: str) -> bool:
-        """Whether the run with this hash took part in the identification."""
+        """Whether the run with this hash was used in the identification."""
         return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
 
     def save(self, path: Path) -> None:
-        """Write `model.json`, whole or not at all.
+        """Write `model.json` atomically.
 
         Raises:
             RunError: it cannot be written.
@@ -98,7 +98,7 @@ class MovingArmModel(Shown, BaseModel):
 
 
 def load_moving_arm_model(path: Path) -> MovingArmModel | None:
-    """Read `model.json`; None where it is a model of another kind, or no JSON.
+    """Read `model.json`; None for a model of another kind, or a file that is not JSON.
 
     Raises:
         RunError: it cannot be read, or is damaged; the message names the key.
@@ -116,4 +116,4 @@ def load_moving_arm_model(path: Path) -> MovingArmModel | None:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise RunError(f"{path}: is not a model that dpr-lab wrote: {key}: {first['msg']}") from error
+        raise RunError(f"{path}: is not a model of dpr-lab: {key}: {first['msg']}") from error

@@ -25,14 +25,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class CentralDifferences:
-    """Steps of the central differences; their error is below 1e-7 of a derivative."""
+    """Increments of the central differences; their error is below 1e-7 of a derivative."""
 
     relative: float = 1e-5
-    """Of an unknown."""
+    """Relative increment of an unknown."""
     least: float = 1e-6
-    """Of an unknown near zero."""
+    """Increment of an unknown near zero."""
     state: float = 1e-5
-    """Of an angle or speed, rad and rad/s."""
+    """Increment of an angle or speed, rad and rad/s."""
 
 
 STEPS = CentralDifferences()
@@ -40,16 +40,16 @@ STEPS = CentralDifferences()
 
 @dataclass(frozen=True, slots=True)
 class ArmRecording:
-    """A run from its release on, with its noise."""
+    """A run from its release on with its noise."""
 
     run: Run
-    """From the release on."""
+    """The run from the release on."""
     mode: int
-    """CLAMPED, FREE or DRIVEN."""
+    """Mode of the arm: CLAMPED, FREE or DRIVEN."""
     std: Array
     """(3,) noise of the readings of joint 0, 1 and 2, rad."""
     drive: Array
-    """(n,) mean input from each sample to the next."""
+    """(n,) mean input between consecutive samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,31 +57,31 @@ class ArmProblem:
     """Segments of all recordings."""
 
     unknowns: Unknowns
-    """What is fitted."""
+    """The fitted unknowns."""
     segments: ArmSegments
-    """Where segments begin, and what drives them."""
+    """Beginnings of the segments, and their inputs."""
     recording: NDArray[np.int64]
-    """(segments,) which recording each is of."""
+    """(segments,) index of the recording of each."""
     measured: Array
     """(samples, 3) readings of joints 0, 1, 2, rad; joint 2 as its encoder reads it."""
     weight: Array
-    """(samples, 3) one over the noise, zero for a joint that does not count, 1/rad."""
+    """(samples, 3) reciprocal noise, zero for ignored joints, 1/rad."""
     moves: NDArray[np.bool_]
-    """(segments, 6) which entries of the initial state are free."""
+    """(segments, 6) mask of the free entries of the initial state."""
     frame: tuple[float, float]
-    """L1 (m), g (m/s^2)."""
+    """Lengths L1 (m) and gravity g (m/s^2)."""
     relative: bool
     """Whether joint 2 reads theta2 - theta1."""
     prior: Array
-    """(free,) one over the standard deviation of a measured unknown; zero for the others."""
+    """(free,) reciprocal standard deviation of a measured unknown; zero for the others."""
 
     @property
     def dof(self) -> int:
-        """Readings less all that is fitted."""
+        """Number of readings minus number of fitted values."""
         return int(np.count_nonzero(self.weight)) - int(self.moves.sum()) - len(self.unknowns.free)
 
     def slices(self) -> list[slice]:
-        """Samples of each segment."""
+        """Number of samples of each segment."""
         return [slice(i, j) for i, j in pairwise(self.segments.offsets.tolist())]
 
     def predict(self, p: Array, initial: Array) -> Array:
@@ -92,7 +92,7 @@ class ArmProblem:
         return readings
 
     def residuals(self, p: Array, initial: Array) -> Array:
-        """(samples, 3) measured less predicted, over the noise; not finite where the integration fails."""
+        """(samples, 3) measured minus predicted, divided by the noise; not finite if the integration fails."""
         return np.where(self.weight > 0, self.weight * (self.measured - self.predict(p, initial)), 0.0)
 
     def slopes(self, p: Array, initial: Array) -> tuple[Array, Array]:
@@ -113,7 +113,7 @@ class ArmProblem:
         return np.stack(columns, axis=2) * weight, np.stack(states, axis=2) * weight
 
     def with_std(self, std: Array) -> "ArmProblem":
-        """The same with (3,) other standard deviations of the joints, rad."""
+        """The same problem with other standard deviations (3,) of the joints, rad."""
         return replace(self, weight=np.where(self.weight > 0, 1.0 / std, 0.0))
 
 
@@ -121,7 +121,7 @@ def recordings_of(runs: Sequence[Run], rig: Rig) -> list[ArmRecording]:
     """Runs with their noise and input.
 
     Raises:
-        RunError: a run that such a fit cannot use.
+        RunError: a run that this fit does not support.
     """
     return [_recording(run, rig) for run in runs]
 
@@ -129,11 +129,11 @@ def recordings_of(runs: Sequence[Run], rig: Rig) -> list[ArmRecording]:
 def _recording(run: Run, rig: Rig) -> ArmRecording:
     name = run.file or run.name
     if run.arm_mode == "prescribed":
-        raise RunError(f"{name}: its arm is prescribed: identify it without runs whose arm is free or driven")
+        raise RunError(f"{name}: its arm is prescribed: identify it separately from runs with a free or driven arm")
     if run.mounting != rig.rods.mounting or run.torques is not None or run.added_mass is not None:
         raise RunError(
-            f"{name}: together with an arm that moves, all runs need the rods of the rig file, without torques at their"
-            " joints and without an added mass"
+            f"{name}: with a moving arm, all runs need the mounting of the rig file, no torques at joints 1"
+            f" and 2, and no added mass"
         )
     if run.arm_mode == "driven" and rig.motor is None:
         raise RunError(f"{name}: its arm is driven: the rig file needs [motor] with the input")
@@ -154,7 +154,7 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
 
 
 def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> tuple[ArmProblem, Array]:
-    """Recordings cut into segments of about a length (s), and (segments, 6) rough initial states."""
+    """Recordings cut into segments of about this length (s), and (segments, 6) rough initial states."""
     both = rig.rods.mounted == "both"
     cuts = [(i, part) for i, one in enumerate(recordings) for part in partition(one.run, length)]
     modes = [recordings[i].mode for i, _ in cuts]
@@ -193,7 +193,7 @@ def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> 
 
 
 def _rough_state(run: Run, part: slice, neighbours: int = 12) -> Array:
-    """(6,) state at the first sample of a segment, by a parabola through its neighbours."""
+    """(6,) state at the first sample of a segment from a parabola through its neighbours."""
     rows = slice(max(part.start - neighbours, 0), min(part.start + neighbours, len(run.t)))
     t = run.t[rows] - run.t[part.start]
     slope = np.polynomial.polynomial.polyfit(t, run.theta[rows], 2)[:2]

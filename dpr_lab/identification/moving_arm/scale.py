@@ -1,4 +1,4 @@
-"""Absolute sizes of rods, arm and motor: their scale from a known torque, or from measured values of the rig file."""
+"""Scale of absolute sizes of rods, arm and motor: from a known torque, or from measured values of the rig file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,21 +18,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ArmScale:
-    """The inertia that ratios are multiplied by."""
+    """Inertia by which ratios are multiplied."""
 
     value: float
-    """kg m^2"""
+    """Value, kg m^2."""
     relative_std: float
-    """Of what it rests on besides the recordings; 0 where nothing is known of it."""
+    """Relative standard deviation of the sources besides the recordings; 0 if unknown."""
     by_gain: bool
-    """Whether it is torque over fitted gain, so that its error goes with that of the ratios."""
+    """Whether it is torque over fitted gain, so that its error is correlated with that of the ratios."""
     known: bool
-    """Whether recordings or measured values fix it."""
+    """Whether recordings or measured values determine it."""
     sentence: str
 
 
 def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
-    """The scale of absolute values: of the drive where its torque is known, else of the rig file."""
+    """Scale of absolute values: from the drive if its torque is known, otherwise from the rig file."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     name = unknowns.scale
     if "gain" in unknowns.free and motor is not None:
@@ -55,14 +55,17 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
     Z = rig.nominal
     value, relative = float(rod_inertias(Z, rig)[1]), _relative_std(rig)
     if relative is None:
-        sentence = f"No recording shows the scale: absolute values assume {name} = {value:.4g} kg m^2 of the rig file."
+        sentence = (
+            f"The recordings do not determine the scale: absolute values assume {name} = {value:.4g}"
+            f" kg m^2 of the rig file."
+        )
         return ArmScale(value, 0.0, False, False, sentence)
     sentence = f"The scale {name} = {value:.4g} kg m^2 follows from measured values of the rig file."
     return ArmScale(value, relative, False, True, sentence)
 
 
 def _relative_std(rig: Rig) -> float | None:
-    """Relative standard deviation of the scale by measured values; None where one of them is missing."""
+    """Relative standard deviation of the scale from measured values; None if one of them is missing."""
     names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
     parameters = [rig.parameters[name] for name in names]
     stds = [parameter.std for parameter in parameters]
@@ -78,7 +81,7 @@ def _relative_std(rig: Rig) -> float | None:
 
 
 def absolute_values(fit: ArmFit, covariance: Array, scale: ArmScale, seen: Sequence[bool]) -> dict[str, EstimatedValue]:
-    """Absolute values of the unknowns that are seen, and of the scale itself."""
+    """Absolute values of the determined unknowns, and of the scale."""
     unknowns, values = fit.problem.unknowns, fit.values
     absolute = {}
     at = unknowns.free.index("gain") if scale.by_gain else None
@@ -111,19 +114,20 @@ def _absolute_name(parameter: str, kind: str) -> str:
 
 
 def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig) -> list[str]:
-    """What the drive's input cannot split, and what the rig file's constants make of it."""
+    """Combinations that the input cannot separate, and their values with the constants of the rig file."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     if motor is None or motor.input != "voltage" or "gain" not in unknowns.free:
         return []
     gain = fit.p[SWING_PARAMETERS.index("gain")] * scale.value
     notes = [
-        "A voltage drive determines kt gear/R, and c0 together with the back-EMF, c0 + ke kt gear^2/R. No recording"
-        " splits kt from R, or friction from back-EMF: measure R with an ohmmeter, and ke by turning the motor."
+        "A voltage drive determines kt gear/R, and c0 together with the back-EMF, c0 + ke kt gear^2/R. No"
+        " recording separates kt from R, or friction from back-EMF: measure R with an ohmmeter, and ke by"
+        " turning the motor."
     ]
     if motor.kt is not None and motor.R is not None:
         expected = best(motor.kt, 0.0) / best(motor.R, 1.0)
         notes.append(
-            f"kt/R is {gain / motor.gear:.4g} N m/V by the recordings and {expected:.4g} N m/V by the rig file"
+            f"kt/R is {gain / motor.gear:.4g} N m/V from the recordings and {expected:.4g} N m/V from the rig file"
             f" ({gain / motor.gear / expected - 1:+.1%})."
         )
     if motor.ke is not None:

@@ -1,8 +1,8 @@
-"""What recordings with a moving arm can determine: ratios to the inertia of one rod, and the scale of a known torque.
+"""Unknowns that recordings with a moving arm determine: ratios to the inertia of one rod, and the scale of torques.
 
 Both rods: ratios to b. The inner rod alone (a Furuta pendulum): ratios to its own a = J1 + m1 l1^2. A torque input u
 enters as u/b, so that its gain is 1/b; that of a current is kt gear/b, that of a voltage kt gear/(R b). The back-EMF of
-a voltage drive, ke kt gear^2/R, adds to c0, and no recording splits that sum.
+a voltage drive, ke kt gear^2/R, adds to c0, and no recording separates these two terms.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from dpr_lab.rig_tables import ArmMode, Parameter
 Array = NDArray[np.float64]
 
 GAINS = {"torque": "1/{}", "current": "kt/{}", "voltage": "kt/(R {})"}
-"""Name of the gain of each input, over the scale."""
+"""Name of the gain of each input, divided by the scale."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +28,15 @@ class Unknowns:
     """The unknowns of a set of recordings."""
 
     scale: str
-    """`a` or `b`: the inertia that ratios are of."""
+    """`a` or `b`: the inertia by which ratios are divided."""
     free: tuple[str, ...]
-    """Those of `SWING_PARAMETERS` that are fitted."""
+    """Names in `SWING_PARAMETERS` that are fitted."""
     input: str
     """Kind of the input; empty without one."""
     start: Array
     """(12,) `SWING_PARAMETERS` in units of the scale, from the rig file."""
     positive: tuple[str, ...] = ("a", "e1", "A", "L0")
-    """Those that cannot be zero or less; a gain is negative where the input has the other sign."""
+    """Unknowns that must be positive; a gain is negative if the input has the opposite sign."""
 
     @property
     def places(self) -> list[int]:
@@ -53,19 +53,19 @@ class Unknowns:
 
 
 def mode_number(mode: ArmMode, kind: str) -> int:
-    """The arm's mode as the equation of motion has it."""
+    """Mode of the arm in the equation of motion."""
     if mode == "driven" and kind == "acceleration":
         return DRIVEN
     return CLAMPED if mode == "clamped" else FREE
 
 
 def best(parameter: Parameter | None, otherwise: float) -> float:
-    """The measured value of a parameter, else its nominal one."""
+    """Measured value of a parameter, otherwise its nominal value."""
     return otherwise if parameter is None else parameter.measured or parameter.nominal
 
 
 def rod_inertias(Z: Array, rig: Rig) -> Array:
-    """(6,) a, b, d, e1, c1, c2 of what hangs on the arm, SI; of the inner rod alone b = a and nothing else."""
+    """(6,) a, b, d, e1, c1, c2 of the rods on the arm, SI; for the inner rod alone b = a and all others are zero."""
     if rig.rods.mounted == "both":
         return base_parameters(Z, rig.L1, rig.g)
     l1, m1, c1, J1 = (Z[PARAMETERS.index(name)] for name in ("l1", "m1", "c1", "J1"))
@@ -74,12 +74,12 @@ def rod_inertias(Z: Array, rig: Rig) -> Array:
 
 
 def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
-    """The unknowns that recordings with these modes have.
+    """Unknowns of recordings with these modes.
 
     Args:
-        modes: CLAMPED, FREE or DRIVEN of each
+        modes: mode of each recording, CLAMPED, FREE or DRIVEN
         driven: whether a torque, current or voltage drives one of them
-        rig: where to start from
+        rig: initial values
     """
     both, kind = rig.rods.mounted == "both", rig.motor.input if rig.motor else ""
     rods = rod_inertias(rig.nominal, rig)
@@ -97,14 +97,14 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
     if driven:
         free.append("gain")
     else:
-        start[SWING_PARAMETERS.index("gain")] = 1.0  # of an acceleration; unused without an input
+        start[SWING_PARAMETERS.index("gain")] = 1.0  # for an acceleration; unused without an input
     if rig.rig.L0_std is not None and set(modes) != {CLAMPED}:
         free.append("L0")
     return Unknowns("b" if both else "a", tuple(free), kind, start)
 
 
 def _gain(rig: Rig) -> float:
-    """Torque over input, from the rig file; zero where it does not say."""
+    """Torque per input from the rig file; zero if unknown."""
     motor = rig.motor
     if motor is None:
         return 0.0

@@ -1,1 +1,1 @@
-"""The scale of absolute sizes: the assumed b, and its uncertainty by the rig file."""
+"""Scale of absolute sizes: the assumed b, and its uncertainty from the rig file."""

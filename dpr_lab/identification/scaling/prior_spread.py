@@ -1,12 +1,12 @@
 """Uncertainty of parameters that only the prior of the rig file determines (docs/theory.md, equation 56).
 
-Each of the nine is taken as lognormal. Its median is the measured value, or the nominal one. The standard deviation of
-its logarithm is that of a measured value, std / measured, or that of a value spread evenly between its bounds,
+Each of the nine has a lognormal prior. Its median is the measured value, or the nominal one. The standard deviation of
+its logarithm is that of a measured value, std / measured, or that of a uniform distribution between its bounds,
 ln(upper / lower) / sqrt(12). The ratios of inertias and gravity then update this prior, in logarithms z = ln Z:
 
     K = P0 J^T (J P0 J^T + C)^-1,    z = z0 + K (ln q - ln q(z0)),    P = P0 - K J P0,    J = d ln q / d z
 
-Ratios of friction take no part: an effect that the model misses changes them first. Masses, lengths and inertias are
+Ratios of friction are not used, because a missing effect changes them first. Masses, lengths and inertias are
 positive and enter as products, so logarithms are nearly linear even for bounds that are a factor of ten apart.
 """
 
@@ -32,11 +32,11 @@ class PriorSettings:
     """Settings of the update of the prior by the ratios."""
 
     ratio_std: float = 1e-3
-    """Relative standard deviation of the ratios: an effect that the model lacks changes them by about as much."""
+    """Relative standard deviation of the ratios, about the change due to a missing effect."""
     longest_step: float = 0.5
-    """Change of a logarithm in one iteration, at most."""
+    """Maximum change of a logarithm in one iteration."""
     converged: float = 1e-9
-    """Change of a logarithm in the last iteration, at most."""
+    """Maximum change of a logarithm in the last iteration."""
 
 
 SETTINGS = PriorSettings()
@@ -45,13 +45,13 @@ _B = BASE.index("b")
 
 
 def scale_of(b: ParameterValue, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> Scale:
-    """The scale of absolute sizes that the rig file fixes.
+    """Scale of absolute sizes determined by the rig file.
 
     Args:
-        b: the value of b in use, and what fixed it
+        b: the used value of b, and what determined it
         unknown: (7,) ratios, b and p/b, of which only ratios count
         rig: measured values, nominal values and bounds
-        visible: places in `UNKNOWN_RATIOS` that the recordings show; the five ratios by default
+        visible: indices in `UNKNOWN_RATIOS` that the recordings determine; default: the five ratios
     """
     Z, P = _posterior(unknown, rig, visible)
     base = base_parameters(Z, rig.L1, rig.g)[_B]
@@ -71,16 +71,16 @@ def with_intervals(
     rig: Rig,
     visible: Sequence[int] | None = None,
 ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
-    """The nine and the base parameters with 90 % intervals, which hold the uncertainty of the scale.
+    """The nine and the base parameters with 90 % intervals that include the uncertainty of the scale.
 
     Args:
         nine: the nine parameters
         base: the six absolute base parameters
         ratios: the ratios with their intervals
-        scale: what absolute values assume
+        scale: the assumed scale of absolute values
         unknown: (7,) ratios, b and p/b
         rig: measured values, nominal values and bounds
-        visible: as of `scale_of`
+        visible: as in `scale_of`
     """
     absolute = {"b": base["b"].model_copy(update={"interval90": scale.interval90})}
     for name in BASE:
@@ -99,13 +99,13 @@ def with_intervals(
 
 
 def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> dict[str, Interval90]:
-    """90 % intervals of the nine by the prior and the ratios, for those that only bounds determine.
+    """90 % intervals of the nine from the prior and the ratios, for those that only bounds determine.
 
     Args:
-        Z: (9,) values in use, which the intervals hold
+        Z: (9,) used values, which the intervals contain
         unknown: (7,) ratios, b and p/b
         rig: measured values, nominal values and bounds
-        visible: as of `scale_of`
+        visible: as in `scale_of`
     """
     median, P = _posterior(unknown, rig, visible)
     lower, upper = _edges(rig)
@@ -114,7 +114,7 @@ def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = 
     scale_std = np.sqrt(slopes @ P @ slopes)
     intervals = {}
     for i, name in enumerate(PARAMETERS):
-        if name in BASE:  # friction: its ratio to b is seen, b is not
+        if name in BASE:  # friction: its ratio to b is determined, b is not
             low, high = lognormal90(float(b / unknown[SCALE] * Z[i]), float(scale_std))
             intervals[name] = (float(min(low, Z[i])), float(max(high, Z[i])))
         else:
@@ -123,7 +123,7 @@ def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = 
 
 
 def _of_std(value: ParameterValue) -> Interval90 | None:
-    """The normal interval of a value that is determined by more than bounds."""
+    """Normal interval of a value that is not determined by bounds alone."""
     if value.std is None:
         return None
     reach = NORMAL_Q90 * value.std
@@ -131,19 +131,19 @@ def _of_std(value: ParameterValue) -> Interval90 | None:
 
 
 def _interval(median: float, log_std: float, lower: float, upper: float, value: float) -> Interval90:
-    """A lognormal 90 % interval inside the bounds, wide enough for the value in use."""
+    """Lognormal 90 % interval inside the bounds, extended to contain the used value."""
     low, high = lognormal90(median, log_std)
     return float(min(max(low, lower), value)), float(max(min(high, upper), value))
 
 
 def _edges(rig: Rig) -> Array:
-    """(2, 9) bounds; of a measured value as far as its own 90 % interval reaches."""
+    """(2, 9) bounds; for a measured value at least its own 90 % interval."""
     reach = NORMAL_Q90 * np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) * ~rig.searched
     return rig.bounds + np.outer([-1.0, 1.0], reach)
 
 
 def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None) -> tuple[Array, Array]:
-    """(9,) most likely parameters and the (9, 9) covariance of their logarithms, given the ratios but friction."""
+    """(9,) most probable parameters and (9, 9) covariance of their logarithms, given all ratios except friction."""
     seen = range(len(RATIOS)) if visible is None else visible
     places = [i for i in (*range(len(RATIOS)), ON_ELBOW) if i in seen and i not in FRICTION]
     lower, upper = rig.bounds

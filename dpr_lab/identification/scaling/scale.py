@@ -1,6 +1,6 @@
 """The common scale of masses, inertias and torques: the inertia b that absolute sizes refer to.
 
-A free swing fixes only ratios to b. A size of power k in the scale (1 for a torque or an inertia, -1 for 1/kg) is
+A free swing determines only ratios to b. A size of power k in the scale (1 for a torque or an inertia, -1 for 1/kg) is
 therefore ratio * b^k, and both factors are uncertain.
 """
 
@@ -16,63 +16,65 @@ Interval90 = tuple[float, float]
 
 
 class Scale(BaseModel):
-    """The value of b that absolute sizes assume, its interval, and what determined it."""
+    """Assumed value of b for absolute sizes, its interval, and what determined it."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
     b: Positive
-    """Inertia of the outer rod about joint 2 that all absolute sizes assume, kg m^2."""
+    """Inertia of the outer rod about joint 2 assumed for all absolute sizes, kg m^2."""
     interval90: tuple[Positive, Positive]
-    """90 % interval of b by the recordings and the rig file together, kg m^2."""
+    """90 % interval of b from the recordings and the rig file together, kg m^2."""
     fixed_by: Literal["data", "measured", "bound"]
-    """`data`: a known torque, added mass or weighed load. `measured`: measured values of the rig file. `bound`: nothing
-    but nominal values and bounds of the rig file, so that only ratios to b are identifiable."""
+    """`data`: a known torque, added mass or weighed load. `measured`: measured values of the rig file. `bound`: only
+    nominal values and bounds of the rig file, so that only ratios to b are identifiable.
+    """
 
     @property
     def known(self) -> bool:
-        """Whether the recordings or measured values fix the scale."""
+        """Whether the recordings or measured values determine the scale."""
         return self.fixed_by != "bound"
 
     @property
     def assumption(self) -> str:
-        """`assuming b = 0.00534 kg m^2 (not measured)`; which value it is where the scale is known."""
+        """Note on an assumed scale, `assuming b = 0.00534 kg m^2 (not measured)`, or on a known one."""
         if self.known:
             return f"with b = {self.b:.4g} kg m^2 ({'measured' if self.fixed_by == 'measured' else 'identified'})"
         return f"assuming b = {self.b:.4g} kg m^2 (not measured)"
 
     @property
     def sentence(self) -> str:
-        """Statement of the scale that an absolute size assumes, with the interval of b."""
+        """Statement of the scale of an absolute size, with the interval of b."""
         low, high = self.interval90
         known = f"b = {self.b:.4g} kg m^2 (90 % interval {low:.4g} to {high:.4g})"
         if self.fixed_by == "data":
-            return f"The recordings fix the scale of masses, inertias and torques: {known}."
+            return f"The recordings determine the scale of masses, inertias and torques: {known}."
         if self.fixed_by == "measured":
-            return f"Measured values of the rig file fix the scale of masses, inertias and torques: {known}."
+            return f"Measured values of the rig file determine the scale of masses, inertias and torques: {known}."
         return (
             "Masses, inertias and torques assume b = "
-            f"{self.b:.4g} kg m^2 (not measured; 90 % interval by the rig file's bounds {low:.4g} to {high:.4g})."
+            f"{self.b:.4g} kg m^2 (not measured; 90 % interval from the bounds of the rig file {low:.4g} to"
+            f" {high:.4g})."
             " Only their ratios to b are identified."
         )
 
     def ratio(self, value: float, power: int = 1) -> float:
-        """A size over b^power, which does not depend on the scale."""
+        """Size divided by b^power, which does not depend on the scale."""
         return value / self.b**power
 
     def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
-        """The 90 % interval of a ratio, from that of a size at this b."""
+        """90 % interval of a ratio from that of a size at this b."""
         return self.ratio(interval[0], power), self.ratio(interval[1], power)
 
     def absolute90(self, value: float, interval: Interval90, power: int = 1) -> Interval90:
-        """The 90 % interval of an absolute size with the uncertainty of the scale in it.
+        """90 % interval of an absolute size including the uncertainty of the scale.
 
-        On each side, the distance to the end that the fit gives and the distance that b alone moves the value by are
-        added as independent errors.
+        On each side, the distance to the end of the fitted interval and the distance by which b alone moves the value
+        are added as independent errors.
 
         Args:
             value: the size at this b
             interval: its 90 % interval at this b
-            power: of the scale in the size; 0 for an angle or a time, whose interval stays
+            power: power of the scale in the size; 0 for an angle or a time, whose interval is unchanged
         """
         if self.fixed_by == "data" or power == 0:
             return interval
@@ -83,6 +85,6 @@ class Scale(BaseModel):
 
 
 def lognormal90(median: float, log_std: float) -> Interval90:
-    """The 90 % interval of a positive value whose logarithm is normal."""
+    """90 % interval of a positive value with a normally distributed logarithm."""
     reach = exp(NORMAL_Q90 * log_std)
     return median / reach, median * reach
