@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from dpr_lab.cli.checks import TorqueKind
+from dpr_lab.cli.checks import AnyClock, TorqueKind
 from dpr_lab.cli.console import emit, json_mode, line, table
 from dpr_lab.workflows.compare import compare as compare_runs
 
@@ -16,6 +16,7 @@ def compare(
     ],
     model: Annotated[Path, typer.Option(help="Model that `identify` wrote.")],
     out: Annotated[Path, typer.Option(help="Folder of the figures and the report.")] = Path("report"),
+    any_clock: AnyClock = False,
     torque: TorqueKind = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -32,7 +33,7 @@ def compare(
     from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 
     with Listener() as listener:
-        moving = compare_moving_arm(tuple(runs), model, out)
+        moving = compare_moving_arm(tuple(runs), model, out, any_clock, listener)
     if moving is not None:
         if as_json:
             emit(moving)
@@ -41,7 +42,8 @@ def compare(
             line(f"table: {moving['file']}")
         return
     with Listener() as listener:
-        compared = compare_runs(CompareRequest(tuple(runs), model, out, torque=torque), listener)
+        request = CompareRequest(tuple(runs), model, out, torque=torque, any_clock=any_clock)
+        compared = compare_runs(request, listener)
     if as_json:
         emit(compared.saved)
         return

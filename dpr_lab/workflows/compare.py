@@ -28,6 +28,8 @@ class CompareRequest:
     """File for the output of `compare --json`."""
     torque: str | None = None
     """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
+    any_clock: bool = False
+    """Whether to accept runs of a device whose clock rate error is larger than that of a crystal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,7 @@ class CompareResult:
 def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResult:
     """Compare runs with a model.
 
-    Reports `RunCompared`, `RunLeftOut`.
+    Reports `RunRead`, `RunCompared`, `RunLeftOut`.
 
     Raises:
         ConfigError: a file with the name of the folder exists.
@@ -71,7 +73,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     left_out: list[Path] = []
     for file in request.runs:
         try:
-            followed.append(_follow(file, model, request.torque))
+            followed.append(_follow(file, model, request, on_event))
         except RunError as error:
             if not request.leave_out:
                 raise
@@ -90,11 +92,15 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     return CompareResult(tuple(comparisons), tuple(followed), tuple(left_out), saved)
 
 
-def _follow(file: Path, model: "Model", torque: str | None) -> "Followed":
-    from dpr_lab.estimation.held_rods import refuse_held
+def _follow(file: Path, model: "Model", request: CompareRequest, on_event: OnEvent) -> "Followed":
     from dpr_lab.identification.compare import follow
-    from dpr_lab.storage.reader import load_run, stored_rig
+    from dpr_lab.storage.reader import stored_rig
+    from dpr_lab.workflows.reading import read_runs
 
-    run = load_run(file).driven_by(torque)
-    refuse_held([run])
-    return follow(run, stored_rig(file), model)
+    rig = stored_rig(file)
+    (run,) = read_runs([file], rig, on_event, request.any_clock, request.torque, moving=True)
+    if run.arm_mode in ("free", "driven"):
+        raise RunError(
+            f"{file}: its arm was {run.arm_mode}, but the model has a clamped one: identify one from such runs"
+        )
+    return follow(run, rig, model)

@@ -4,12 +4,15 @@ from pathlib import Path
 from typing import Any
 
 from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.events import OnEvent, ignore
 
 
-def compare_moving_arm(runs: tuple[Path, ...], model: Path, out: Path) -> dict[str, Any] | None:
+def compare_moving_arm(
+    runs: tuple[Path, ...], model: Path, out: Path, any_clock: bool = False, on_event: OnEvent = ignore
+) -> dict[str, Any] | None:
     """Residuals of runs relative to a model by segment; None if the model has no moving arm.
 
-    Writes measured and simulated angles to `comparison.csv` in a folder.
+    Writes measured and simulated angles to `comparison.csv` in a folder. Reports `RunRead`.
 
     Raises:
         ConfigError: a file with the name of the folder exists.
@@ -25,13 +28,17 @@ def compare_moving_arm(runs: tuple[Path, ...], model: Path, out: Path) -> dict[s
 
     from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_run
     from dpr_lab.run import refuse_repeated
-    from dpr_lab.storage.reader import load_run, stored_rig
+    from dpr_lab.storage.reader import stored_rig
     from dpr_lab.whole_file import write_text
+    from dpr_lab.workflows.reading import read_runs
 
     refuse_file(out)
-    recorded = [load_run(file) for file in runs]
+    rigs = [stored_rig(file) for file in runs]
+    recorded = [
+        read_runs([file], rig, on_event, any_clock, moving=True)[0] for file, rig in zip(runs, rigs, strict=True)
+    ]
     refuse_repeated(recorded)
-    compared = [compare_run(run, stored_rig(file), loaded) for run, file in zip(recorded, runs, strict=True)]
+    compared = [compare_run(run, rig, loaded) for run, rig in zip(recorded, rigs, strict=True)]
     rows = [
         ",".join([one.run, *(f"{value:.9g}" for value in (t, *measured, *simulated))])
         for one in compared

@@ -12,11 +12,13 @@ from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.inspect import info
 from dpr_lab.transports import open_transport
+from dpr_lab.workflows.compare import CompareRequest, compare
 from dpr_lab.workflows.events import RunRead
 from dpr_lab.workflows.reading import read_runs
 from tests.thinned import thinned
 
 LINKS = ("pty", "slcan", "tcp:0", "virtual:wrong-clocks")
+MODEL = Path(__file__).parents[1] / "tui/data/model.json"
 SHORT = CaptureOptions(duration=1.5)
 Record = Callable[..., Captured]
 
@@ -45,6 +47,9 @@ def test_a_clock_off_by_5_percent_is_seen_without_any_answer_to_ping(link: str, 
     assert abs(clock["arrival_ppm"] - 50_000.0) < clock["arrival_margin_ppm"]
     with pytest.raises(RunError, match=r"runs .* % fast .* --any-clock"):
         read_runs([captured.run_file], paper, lambda event: None, any_clock=False)
+    with pytest.raises(RunError, match=r"runs .* % fast .* --any-clock"):
+        compare(CompareRequest((captured.run_file,), MODEL, None))
+    assert compare(CompareRequest((captured.run_file,), MODEL, None, any_clock=True)).comparisons
 
 
 @pytest.mark.slow
