@@ -105,10 +105,7 @@ def __getattr__(name: str) -> Any:
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, there = _FROM[name]
-    value = getattr(import_module(module), there)
-    if hasattr(value, "model_rebuild"):
-        value.model_rebuild()  # built on first use; `help` shows the signature of a model only afterwards
-    return value
+    return import_module(f"{__name__}.public_help").explain(getattr(import_module(module), there), name)
 
 
 def __dir__() -> list[str]:
