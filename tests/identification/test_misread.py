@@ -63,6 +63,9 @@ def test_friction_that_the_rods_alone_do_not_know_passes(recorded, paper: Rig) -
         pytest.param(lambda a, b: (a + PI, a + b + PI), "--zero upright --angles absolute", marks=pytest.mark.long),
         pytest.param(lambda a, b: (np.degrees(a), np.degrees(b)), "--unit deg", marks=pytest.mark.long),
         pytest.param(
+            lambda a, b: (PI + np.degrees(a - PI), PI + np.degrees(b - PI)), "--unit deg", marks=pytest.mark.long
+        ),
+        pytest.param(
             lambda a, b: (PI + np.radians(a - PI), PI + np.radians(b - PI)), "--unit rad", marks=pytest.mark.long
         ),
     ],

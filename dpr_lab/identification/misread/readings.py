@@ -48,6 +48,7 @@ _RELATIVE = (
 _ABSOLUTE = (
     'the angles of the outer rod are relative to the vertical (import with --angles absolute, or joint2 = "absolute")'
 )
+_DEGREES = "the angles are in degrees (import with --unit deg)"
 _EXCHANGED = "inner and outer rod are exchanged (order of the columns, or of the encoders)"
 
 _ANGLES = (
@@ -64,12 +65,12 @@ _ANGLES = (
     _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner + np.pi)),
     _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner)),
     _of_angles(
-        "the angles are zero where the rods hang, and those of the outer rod are to the inner one (import with --zero"
+        "the angles are zero where the rods hang, and those of the outer rod relative to the inner rod (import with --zero"
         " hanging --angles relative)",
         lambda inner, outer: (inner + np.pi, inner + outer + np.pi),
     ),
     _of_angles(
-        "the angles are zero upright, and those of the outer rod are to the vertical (import with --zero upright"
+        "the angles are zero upright, and those of the outer rod relative to the vertical (import with --zero upright"
         " --angles absolute)",
         lambda inner, outer: (inner - np.pi, outer - inner),
     ),
@@ -77,7 +78,8 @@ _ANGLES = (
     _of_angles(
         _EXCHANGED, lambda a, b: (b - a + np.pi, b)
     ),  # for a table whose second angle is relative to the inner rod
-    _of_angles("the angles are in degrees (import with --unit deg)", lambda a, b: (np.radians(a), np.radians(b))),
+    _of_angles(_DEGREES, lambda a, b: (np.radians(a), np.radians(b))),
+    _of_angles(_DEGREES, lambda a, b: (np.pi + np.radians(a - np.pi), np.pi + np.radians(b - np.pi))),  # from hanging
     _of_angles(
         "the angles are in radians (import with --unit rad)",
         lambda a, b: (np.pi + np.degrees(a - np.pi), np.pi + np.degrees(b - np.pi)),

@@ -187,9 +187,8 @@ def _energy_questions(asked: Asked, settings: QuestionSettings) -> tuple[list[Ta
         doubts.append(
             TableQuestion(
                 f"the energy of the swing changes by {share} the energy exchanged by gravity, which"
-                f" friction and known torques"
-                " do not explain: check --unit, --zero, --angles, --columns, --time-unit, --torque (in N m) and --arm,"
-                " and lengths and masses of the rig"
+                " friction and known torques do not explain: check --unit, --zero, --offset, --angles, --columns,"
+                " --time-unit, --torque (in N m) and --arm, and lengths and masses of the rig"
             )
         )
     elif fit is not None and _free(asked) and not 1 / settings.time_scale < fit.time_scale < settings.time_scale:
@@ -289,7 +288,9 @@ def _pose_questions(asked: Asked, settings: QuestionSettings) -> list[TableQuest
     near = [name for name, distance in off.items() if distance <= settings.pose[0]]
     counted = asked.options.unit == "counts"
     keys = (
-        "zero_counts, joint2, direction and counts_per_rev of the rig file" if counted else "--zero, --angles, --unit"
+        "zero_counts, joint2, direction and counts_per_rev of the rig file"
+        if counted
+        else "--zero, --offset, --angles, --unit"
     )
     mend, words = f"remove --pose, or correct {keys}", ()
     if near:

@@ -367,6 +367,7 @@ What is grey is old: the device was not heard since, and the latch may have open
             lost=self.device.lost is not None,
             ordered=self.device.ordered,
             countdown=self.counting_down,
+            code=self._countdown is not None and self._countdown.waits_for_code,
             undecided=run_name(self.workspace.undecided) if self.workspace.undecided is not None else "",
             unit=self.workspace.unit,
             keys=self.services.keys,

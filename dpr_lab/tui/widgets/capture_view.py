@@ -30,6 +30,7 @@ BEGIN = "press {capture.start}: the latch closes and you are guided to the pose"
 BEGIN_HELD = "the latch is closed; press {capture.start} to be guided to the pose"
 ALL_DONE = "all poses are recorded: {app.next} goes on. {capture.start} records this one again"
 RELEASING = "RELEASING after the countdown. Any key but {capture.release} stops it"
+CODE_FIRST = "RELEASING after the code that is shown. Any other key stops it"
 SENT = "RELEASE sent: the latch opens. Keep clear"
 MAY_BE_FREE = "RELEASE was sent, the rods may be free: keep clear until the latch is seen again"
 CHOICE = "{capture.keep}: keep it  {capture.again}: put it aside and repeat"
@@ -58,6 +59,8 @@ class CaptureState:
     """When a release was ordered whose outcome is not known, `time.monotonic()`, s."""
     countdown: bool
     """Whether the countdown to a release runs."""
+    code: bool
+    """Whether it begins only after a code that the operator types."""
     undecided: str
     """A run of an earlier session that was neither kept nor repeated."""
     unit: AngleUnit
@@ -132,7 +135,8 @@ def headline(state: CaptureState) -> Content:
     """Next action of the operator, in one line."""
     attempt = state.attempt
     if state.countdown and state.live:
-        return Content.styled(f"{state.pose}: {state.keys.fill(RELEASING)}", "bold $background on $warning")
+        releasing = CODE_FIRST if state.code else RELEASING
+        return Content.styled(f"{state.pose}: {state.keys.fill(releasing)}", "bold $background on $warning")
     if state.lost:
         return Content.styled(_after_loss(state), "bold $background on $error")
     if attempt is not None and attempt.captured is not None:

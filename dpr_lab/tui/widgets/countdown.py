@@ -52,6 +52,11 @@ class Countdown(ModalScreen[bool]):
         self.why = ""
         """Why nothing is released."""
 
+    @property
+    def waits_for_code(self) -> bool:
+        """Whether the operator has to type the code first."""
+        return bool(self._to_type)
+
     def compose(self) -> ComposeResult:
         """Build the announcement, the number, and the hint how to stop it."""
         with Vertical(classes="dialog small"):

@@ -229,6 +229,7 @@ async def test_in_a_multiplexer_the_code_that_is_shown_is_typed_before_the_count
         await to_ready(pilot, until, step)
         await pilot.press("r")
         first = code(app)
+        assert "Any other key stops it" in headline(app)
         await pilot.press("r", first[0], "r", "1")
         assert "the key 1 was pressed, which is not the next letter of the code" in said(app)
         await pilot.press("r")
