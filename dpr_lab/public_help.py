@@ -9,9 +9,6 @@ from itertools import pairwise
 from types import NoneType, UnionType
 from typing import Annotated, Any, ForwardRef, Literal, Union, get_args, get_origin
 
-LONGEST_DEFAULT = 30
-"""Characters of a default value in a signature; a longer one is `...`."""
-
 
 class _Plain(str):
     """A text that a signature shows without quotes."""
@@ -103,5 +100,6 @@ def _annotated(annotation: Any) -> Any:
     return annotation if annotation is inspect.Signature.empty else _Plain(plain_type(annotation))
 
 
-def _short(default: Any) -> Any:
-    return default if default is inspect.Parameter.empty or len(repr(default)) <= LONGEST_DEFAULT else _Plain("...")
+def _short(default: Any, longest: int = 30) -> Any:
+    """A default value, or `...` if its text is longer than a signature can hold."""
+    return default if default is inspect.Parameter.empty or len(repr(default)) <= longest else _Plain("...")

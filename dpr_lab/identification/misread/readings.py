@@ -65,13 +65,13 @@ _ANGLES = (
     _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner + np.pi)),
     _of_angles(_ABSOLUTE, lambda inner, outer: (inner, outer - inner)),
     _of_angles(
-        "the angles are zero where the rods hang, and those of the outer rod relative to the inner rod (import with --zero"
-        " hanging --angles relative)",
+        "the angles are zero where the rods hang, and those of the outer rod relative to the inner rod"
+        " (import with --zero hanging --angles relative)",
         lambda inner, outer: (inner + np.pi, inner + outer + np.pi),
     ),
     _of_angles(
-        "the angles are zero upright, and those of the outer rod relative to the vertical (import with --zero upright"
-        " --angles absolute)",
+        "the angles are zero upright, and those of the outer rod relative to the vertical"
+        " (import with --zero upright --angles absolute)",
         lambda inner, outer: (inner - np.pi, outer - inner),
     ),
     _of_angles(_EXCHANGED, lambda a, b: (b, a)),
