@@ -37,3 +37,16 @@ def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str) -
     at = (t - t[0]) / spacing
     noise = float(difference_std(t, theta0[:, None])[0]) if len(t) > ORDER else 0.0
     return ArmMotion(t, np.asarray(spline(at)), np.asarray(spline.derivative()(at)) / spacing, noise)
+
+
+def refuse_still_arm(theta0: NDArray[np.float64], mode: str, path: object, least_rad: float = 0.005) -> None:
+    """Make sure that an arm that could move did.
+
+    Raises:
+        RunError: its angle does not change.
+    """
+    if np.ptp(theta0) < least_rad:
+        raise RunError(
+            f"{path}: the arm moves by {np.ptp(theta0):.2g} rad only although it is {mode}: check its encoder, and the"
+            " column and unit of theta0 in a table; an arm that was held is --arm clamped"
+        )

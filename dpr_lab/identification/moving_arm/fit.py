@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import IdentificationError
+from dpr_lab.identification.moving_arm.merge import merged
 from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, arm_problem
 from dpr_lab.rig import Rig
 
@@ -20,14 +21,15 @@ class ArmFitSettings:
 
     first_s: float = 0.25
     """Length of the first segments, s."""
-    longest_s: float = 1.0
-    """Length of the longest segments, s: a driven rig is chaotic, and integration errors grow with the length."""
-    lengthen: float = 1.15
-    """Growth of the reduced chi-square up to which segments of twice the length are accepted."""
-    iterations: int = 60
+    ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
+    """Distance of the free run of a segment from the readings of the next, rad, up to which the two are merged; smaller
+    ones are tried after a merge that failed."""
+    worse: float = 1.05
+    """Growth of the reduced chi-square up to which merged segments are kept."""
+    iterations: int = 100
     """Maximum number of iterations of each fit."""
     converged: float = 1e-5
-    """Predicted reduction of chi-square at convergence, relative to the degrees of freedom and per unknown."""
+    """Reduction of chi-square by a step with little damping, relative to the degrees of freedom and per unknown."""
     damping: float = 1e-3
     """Initial damping, relative to the diagonal of the normal equations."""
     most_damping: float = 1e9
@@ -55,8 +57,6 @@ class ArmFit:
     """(free, free) Fisher information of the unknowns with initial states eliminated, at the noise floor."""
     scores: Array
     """(segments, free) gradient of each segment's half chi-square, initial states eliminated."""
-    length_s: float
-    """Nominal length of a segment, s."""
     misfit: float = 0.0
     """Reduced chi-square at the noise of the readings if the joints are weighted by their residuals; otherwise 0."""
 
@@ -81,37 +81,52 @@ class ArmFit:
 
 
 def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings = ARM_FIT) -> ArmFit:
-    """Fit the unknowns to segments of a quarter of a second, then to longer ones while the model follows.
+    """Fit the unknowns to segments of a quarter of a second, then merge segments as far as the model follows.
 
     Raises:
         IdentificationError: the values of the rig file cannot be simulated.
     """
     problem, initial = arm_problem(recordings, rig, settings.first_s)
-    best = fit_segments(problem, problem.unknowns.start, initial, settings.first_s, settings)
-    length = 2 * settings.first_s
-    longest = min(settings.longest_s, max(one.run.duration for one in recordings))
-    while length <= longest:
-        problem, initial = arm_problem(recordings, rig, length)
-        # Initial states are fitted first, so that the start of longer segments is not worse than that of short ones.
-        start = fit_segments(problem, best.p, initial, length, settings, states_only=True)
-        longer = fit_segments(problem, best.p, start.initial, length, settings)
-        limit = settings.lengthen * max(1.0, best.chi2_per_dof)
-        if length > 2 * settings.first_s and not (longer.converged and longer.chi2_per_dof < limit):
+    best = fit_segments(problem, _start(problem, initial, settings), initial, settings)
+    limit, ranges = settings.worse * max(1.0, best.chi2_per_dof), list(settings.ranges_rad)
+    while ranges:
+        longer = merged(best.problem, best.p, best.initial, recordings, rig, ranges[0])
+        if longer is None:
             break
-        best, length = longer, 2 * length
+        # Initial states are fitted first, so that the start of longer segments is not worse than that of short ones.
+        start = fit_segments(longer[0], best.p, longer[1], settings, states_only=True)
+        trial = fit_segments(longer[0], best.p, start.initial, settings)
+        if trial.converged and trial.chi2_per_dof < limit:
+            best = trial
+        else:
+            ranges.pop(0)
     if best.chi2_per_dof > settings.misfit:
         # A residual above the noise is treated as noise: joints are weighted by their residuals.
         std = np.fmax(best.rms, np.max([one.std for one in recordings], axis=0))
-        weighed = fit_segments(best.problem.with_std(std), best.p, best.initial, best.length_s, settings)
+        weighed = fit_segments(best.problem.with_std(std), best.p, best.initial, settings)
         return replace(weighed, misfit=best.chi2_per_dof)
     return best
+
+
+def _start(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> Array:
+    """(12,) values of the rig file; without the input where that fits better, as its unit or sign may be wrong."""
+    start = problem.unknowns.start
+    if "gain" not in problem.unknowns.free:
+        return start
+    without = np.where(np.arange(len(start)) == SWING_PARAMETERS.index("gain"), 0.0, start)
+    few = replace(settings, iterations=5)
+    passive = fit_segments(problem, without, initial, few, states_only=True)
+    try:
+        driven = fit_segments(problem, start, initial, few, states_only=True)
+    except IdentificationError:
+        return without
+    return start if driven.chi2_per_dof < passive.chi2_per_dof else without
 
 
 def fit_segments(
     problem: ArmProblem,
     p: Array,
     initial: Array,
-    length: float,
     settings: ArmFitSettings = ARM_FIT,
     *,
     states_only: bool = False,
@@ -154,17 +169,18 @@ def fit_segments(
             gained = (now - then) / max(now, 1e-300)
             p, initial, residuals, now = trial, states, new, then
             by_unknowns, by_states = problem.slopes(p, initial)
-            damping = max(damping / 10, 1e-12)
-            if gained < settings.converged * len(step) / max(problem.dof, 1):
+            # A small gain of a step that was held back says nothing: the valley of a long segment is curved.
+            if damping <= settings.damping and gained < settings.converged * len(step) / max(problem.dof, 1):
                 converged = True
                 break
+            damping = max(damping / 10, 1e-12)
         else:
             damping *= 10
             if damping > settings.most_damping:
                 converged = True  # no step reduces the cost: minimum within rounding
                 break
     linear = _Eliminated(problem, residuals, by_unknowns, by_states, 0.0)
-    return ArmFit(problem, p, initial, converged, linear.information + np.diag(prior**2), linear.scores, length)
+    return ArmFit(problem, p, initial, converged, linear.information + np.diag(prior**2), linear.scores)
 
 
 class _Eliminated:

@@ -326,7 +326,7 @@ def _simulated(rig: Rig) -> ArmFit:
     ]
     problem, _ = arm_problem(recordings, rig, RELEASES.segment_s)
     initial = states[problem.segments.offsets[:-1]] * problem.moves
-    return fit_segments(problem, p, initial, RELEASES.segment_s, replace(ARM_FIT, iterations=0))
+    return fit_segments(problem, p, initial, replace(ARM_FIT, iterations=0))
 
 
 def _program(t: Array, p: Array, mode: int) -> Array:

@@ -1,18 +1,18 @@
 """Identification of a rig whose arm is free or driven, and comparison of runs with the result."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
+from dpr_lab.identification.moving_arm.doubts import failures
 from dpr_lab.identification.moving_arm.fit import ArmFit, covariance_of, fit_moving_arm, fit_segments
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
-from dpr_lab.identification.moving_arm.problem import ArmRecording, arm_problem, recordings_of
+from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
 from dpr_lab.identification.moving_arm.scale import absolute_values, motor_notes, scale_of_arm
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -31,10 +31,6 @@ class ArmWarnings:
     """Relative standard deviation above which an unknown is not determined."""
     gap: float = 3.0
     """Reduced chi-square above which the model is clearly incomplete."""
-    doubted: float = 20.0
-    """Reduced chi-square above which the opposite sign of the arm's angle is tested."""
-    better: float = 4.0
-    """Factor by which the opposite sign must fit better."""
 
 
 ARM_WARNINGS = ArmWarnings()
@@ -87,14 +83,14 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
             rms_rad={name: float(fit.rms[k]) for k, name in enumerate(JOINTS_READ) if read[k]},
             noise_rad={name: float(noise[k]) for k, name in enumerate(JOINTS_READ) if read[k]},
             segments=len(fit.problem.moves),
-            segment_s=fit.length_s,
+            segment_s=float(np.median(fit.problem.lengths_s)),
             chi2_per_dof=_misfit(fit),
             converged=fit.converged,
         ),
         runs=[_used(run, fit, k) for k, run in enumerate(runs)],
         notes=motor_notes(fit, scale, rig),
         warnings=_warnings(fit),
-        failures=_failures(fit, recordings, rig),
+        failures=failures(fit, _misfit(fit), recordings, rig),
         version=__version__,
     )
 
@@ -121,7 +117,7 @@ def _used(run: Run, fit: ArmFit, index: int) -> RunUsed:
         pose=run.pose,
         samples=len(run.swing.t),
         duration_s=run.duration,
-        segments=int(np.sum(fit.problem.recording == index)),
+        segments=sum(recording == index for recording, _ in fit.problem.cuts),
     )
 
 
@@ -132,29 +128,6 @@ def _warnings(fit: ArmFit) -> list[str]:
         f"the residual is {_misfit(fit) ** 0.5:.1f} times the noise: the model is incomplete. The standard"
         f" deviations are those of residuals clustered by segment, and a systematic error may be larger"
     ]
-
-
-def _failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> list[str]:
-    failures = [] if fit.converged else ["the fit did not converge: give [arm] A and c0 better nominal values"]
-    unknowns = fit.problem.unknowns
-    if "gain" in unknowns.free and fit.p[SWING_PARAMETERS.index("gain")] < 0:
-        failures.append(
-            f"the {unknowns.input} has the wrong sign: import the table with the opposite sign of the input or of"
-            " theta0 (--scale theta0=-1)"
-        )
-    if _misfit(fit) > ARM_WARNINGS.doubted:
-        other = fit_moving_arm([_mirrored(one) for one in recordings], rig)
-        if ARM_WARNINGS.better * _misfit(other) < _misfit(fit):
-            failures.append(
-                f"theta0 has the wrong sign: with its sign reversed the reduced chi-square falls from"
-                f" {_misfit(fit):.3g} to {_misfit(other):.3g}: import the table with --scale theta0=-1"
-            )
-    return failures
-
-
-def _mirrored(recording: ArmRecording) -> ArmRecording:
-    run = recording.run
-    return replace(recording, run=replace(run, theta=run.theta * np.array([-1.0, 1.0, 1.0])), drive=-recording.drive)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,7 +166,7 @@ def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: flo
         raise RunError(f"{run.file or run.name}: its arm is driven, but the model has no such input")
     p = np.array(model.swing)
     try:
-        fit = fit_segments(problem, p, initial, segment_s, states_only=True)
+        fit = fit_segments(problem, p, initial, states_only=True)
     except IdentificationError as error:
         raise RunError(f"{run.file or run.name}: the model cannot follow these readings") from error
     read = {name: k for k, name in enumerate(JOINTS_READ) if np.any(problem.weight[:, k] > 0)}

@@ -11,6 +11,7 @@ from dpr_lab.dynamics.arm import CLAMPED, DRIVEN
 from dpr_lab.dynamics.moving_arm.swing import ArmSegments, arm_segments, swing_segments
 from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.arm_motion import refuse_still_arm
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.estimation.noise import SETTINGS as NOISE
 from dpr_lab.estimation.noise import difference_std, noise_floor
@@ -21,6 +22,8 @@ from dpr_lab.run import Run
 from dpr_lab.setup import Torques
 
 Array = NDArray[np.float64]
+Cut = tuple[int, slice]
+"""Index of a recording, and the samples of a segment of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +63,12 @@ class ArmProblem:
     """The fitted unknowns."""
     segments: ArmSegments
     """Beginnings of the segments, and their inputs."""
-    recording: NDArray[np.int64]
-    """(segments,) index of the recording of each."""
+    cuts: tuple[Cut, ...]
+    """Recording and samples of each segment."""
+    max_step: float
+    """Longest Runge-Kutta step, s."""
+    t: Array
+    """(samples,) instants, s since the release."""
     measured: Array
     """(samples, 3) readings of joints 0, 1, 2, rad; joint 2 as its encoder reads it."""
     weight: Array
@@ -80,6 +87,11 @@ class ArmProblem:
         """Number of readings minus number of fitted values."""
         return int(np.count_nonzero(self.weight)) - int(self.moves.sum()) - len(self.unknowns.free)
 
+    @property
+    def lengths_s(self) -> Array:
+        """(segments,) duration of each, s."""
+        return np.array([self.t[part][-1] - self.t[part][0] for part in self.slices()])
+
     def slices(self) -> list[slice]:
         """Number of samples of each segment."""
         return [slice(i, j) for i, j in pairwise(self.segments.offsets.tolist())]
@@ -88,7 +100,8 @@ class ArmProblem:
         """(samples, 3) readings of the joints, rad."""
         readings = swing_segments(p, self.frame, self.segments, initial)[:, :3]
         if self.relative:
-            readings[:, 2] -= readings[:, 1]
+            with np.errstate(invalid="ignore"):  # where the integration fails
+                readings[:, 2] -= readings[:, 1]
         return readings
 
     def residuals(self, p: Array, initial: Array) -> Array:
@@ -139,6 +152,8 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
         raise RunError(f"{name}: its arm is driven: the rig file needs [motor] with the input")
     if run.arm_mode == "clamped":
         refuse_without_motion(run, rig)
+    else:
+        refuse_still_arm(run.swing.theta[:, 0], run.arm_mode, name)
     swing, std = run.swing, np.full(3, np.nan)
     std[1:] = noise_floor(run, rig).std_joint
     count = abs(rig.radians_per_count[0]) / np.sqrt(12)
@@ -155,8 +170,18 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
 
 def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> tuple[ArmProblem, Array]:
     """Recordings cut into segments of about this length (s), and (segments, 6) rough initial states."""
-    both = rig.rods.mounted == "both"
     cuts = [(i, part) for i, one in enumerate(recordings) for part in partition(one.run, length)]
+    problem = problem_of(recordings, rig, cuts)
+    initial = np.array([_rough_state(recordings[i].run, part) for i, part in cuts])
+    initial[:, 1:] = np.where(problem.moves[:, 1:], initial[:, 1:], 0.0)  # a clamped arm keeps its angle
+    return problem, initial
+
+
+def problem_of(
+    recordings: Sequence[ArmRecording], rig: Rig, cuts: Sequence[Cut], max_step: float = MAX_STEP
+) -> ArmProblem:
+    """Recordings cut into the given segments, with steps of at most `max_step` seconds."""
+    both = rig.rods.mounted == "both"
     modes = [recordings[i].mode for i, _ in cuts]
     driven = any(one.run.arm_mode == "driven" and one.mode != DRIVEN for one in recordings)
     unknowns = unknowns_of(modes, driven, rig)
@@ -164,7 +189,7 @@ def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> 
         [recordings[i].run.t[part] for i, part in cuts],
         modes,
         [recordings[i].drive[part] for i, part in cuts],
-        MAX_STEP,
+        max_step,
     )
     relative = both and rig.encoders.joint2 == "relative"
     measured = np.concatenate([recordings[i].run.theta[part] for i, part in cuts])
@@ -173,23 +198,22 @@ def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> 
     axes = np.array([[mode != CLAMPED, True, both] for mode in modes])
     std = np.array([recordings[i].std for i, _ in cuts])
     weight = np.repeat(np.where(axes, 1.0 / std, 0.0), np.diff(segments.offsets), axis=0)
-    initial = np.array([_rough_state(recordings[i].run, part) for i, part in cuts])
-    initial *= np.tile(np.array([[True, True, both]]), 2)
-    initial[:, 3] *= axes[:, 0]
     prior = np.zeros(len(unknowns.free))
     if "L0" in unknowns.free:
         prior[unknowns.free.index("L0")] = 1.0 / (rig.rig.L0_std or 1.0)
     return ArmProblem(
         unknowns,
         segments,
-        np.array([i for i, _ in cuts], dtype=np.int64),
+        tuple(cuts),
+        max_step,
+        np.concatenate([recordings[i].run.t[part] for i, part in cuts]),
         measured,
         weight,
         np.tile(axes, 2),
         (rig.L1, rig.g),
         relative,
         prior,
-    ), initial
+    )
 
 
 def _rough_state(run: Run, part: slice, neighbours: int = 12) -> Array:

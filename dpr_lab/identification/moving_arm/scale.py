@@ -116,13 +116,23 @@ def _absolute_name(parameter: str, kind: str) -> str:
 def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig) -> list[str]:
     """Combinations that the input cannot separate, and their values with the constants of the rig file."""
     unknowns, motor = fit.problem.unknowns, rig.motor
-    if motor is None or motor.input != "voltage" or "gain" not in unknowns.free:
+    if motor is None or "gain" not in unknowns.free:
+        return []
+    if motor.input == "current" and motor.kt is None:
+        return [
+            f"[motor] of the rig file does not give kt: a current shows kt/{unknowns.scale} only. Add kt, or import the"
+            " torque, to know absolute sizes"
+        ]
+    if motor.input != "voltage":
         return []
     gain = fit.p[SWING_PARAMETERS.index("gain")] * scale.value
+    missing = [name for name in ("kt", "ke", "R") if getattr(motor, name) is None]
+    lumped = f"[motor] of the rig file does not give {', '.join(missing)}: only lumped constants are known."
     notes = [
+        *([lumped] if missing else []),
         "A voltage drive determines kt gear/R, and c0 together with the back-EMF, c0 + ke kt gear^2/R. No"
         " recording separates kt from R, or friction from back-EMF: measure R with an ohmmeter, and ke by"
-        " turning the motor."
+        " turning the motor.",
     ]
     if motor.kt is not None and motor.R is not None:
         expected = best(motor.kt, 0.0) / best(motor.R, 1.0)

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 GAINS = {"torque": "1/{}", "current": "kt/{}", "voltage": "kt/(R {})"}
 """Name of the gain of each input, divided by the scale."""
 
+UNIT_NAMES = {"torque": ("N m", "mN m"), "current": ("A", "mA"), "voltage": ("V", "mV")}
+"""Unit of each input, and a thousandth of it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
@@ -33,6 +36,8 @@ class Unknowns:
     """Names in `SWING_PARAMETERS` that are fitted."""
     input: str
     """Kind of the input; empty without one."""
+    scale_value: float
+    """Value of this inertia in the rig file, kg m^2."""
     start: Array
     """(12,) `SWING_PARAMETERS` in units of the scale, from the rig file."""
     positive: tuple[str, ...] = ("a", "e1", "A", "L0")
@@ -88,7 +93,8 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)
     start = np.array([
-        *rods, total, best(rig.arm.c0, total), best(rig.arm.k0, 0.0), best(rig.arm.f0, 0.0), _gain(rig), rig.L0 * scale
+        *rods, total, best(rig.arm.c0, total), best(rig.arm.k0, 0.0), best(rig.arm.f0, 0.0), nominal_gain(rig),
+        rig.L0 * scale,
     ]) / scale  # fmt: skip
     free = ["a", "d", "e1", "c1", "c2"] if both else ["e1", "c1"]
     if FREE in modes:
@@ -100,10 +106,10 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
         start[SWING_PARAMETERS.index("gain")] = 1.0  # for an acceleration; unused without an input
     if rig.rig.L0_std is not None and set(modes) != {CLAMPED}:
         free.append("L0")
-    return Unknowns("b" if both else "a", tuple(free), kind, start)
+    return Unknowns("b" if both else "a", tuple(free), kind, scale, start)
 
 
-def _gain(rig: Rig) -> float:
+def nominal_gain(rig: Rig) -> float:
     """Torque per input from the rig file; zero if unknown."""
     motor = rig.motor
     if motor is None:

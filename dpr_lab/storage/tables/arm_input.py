@@ -40,7 +40,7 @@ def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[s
         raise RunError(f"{path}: {error}") from error
     if mode in ("free", "driven") and "theta0" not in angles:
         raise RunError(f"{path}: a {mode} arm needs its angle: name its column, for example --columns theta0=q0")
-    if "input" in options.columns and mode != "driven":
+    if "input" in {*options.columns, *options.scale} and mode != "driven":
         raise RunError(f"{path}: an input column requires a driven arm, but this arm is {mode}: add --arm driven")
     return replace(options, arm=mode)
 
@@ -81,16 +81,3 @@ def refuse_silent(values: NDArray[np.float64], name: str, path: object) -> None:
     """
     if not np.any(values):
         raise RunError(f"{path}: the input {name!r} is zero throughout: the arm was not driven; use --arm free")
-
-
-def refuse_still_arm(theta0: NDArray[np.float64], mode: str, path: object, least_rad: float = 0.005) -> None:
-    """Check that an arm that is not clamped moves.
-
-    Raises:
-        RunError: its angle does not change.
-    """
-    if np.ptp(theta0) < least_rad:
-        raise RunError(
-            f"{path}: the arm moves by only {np.ptp(theta0):.2g} rad although it is {mode}: check the column and the"
-            " unit of theta0, or use --arm clamped"
-        )

@@ -80,10 +80,11 @@ class ImportOptions:
         Typed("Period at which the times wrap, in their unit: 4294967296 for a 32-bit counter.", positive=True),
     ] = None
     """Period at which the times wrap, in their unit: 4294967296 for a 32-bit counter."""
-    scale: Annotated[Mapping[str, float], Typed("Multiply the angles: -1, or theta1=-1,theta2=0.5.")] = field(
-        default_factory=dict
-    )
-    """Axis -> factor of the values of the table."""
+    scale: Annotated[
+        Mapping[str, float],
+        Typed("Multiply the angles: -1, or theta1=-1,theta2=0.5; or the input: input=-1."),
+    ] = field(default_factory=dict)
+    """Axis, or `input` of a driven arm -> factor of the values of the table."""
     offset: Annotated[
         Mapping[str, float], Typed("Add to the angles after scaling, in their unit: 90, or theta1=90.")
     ] = field(default_factory=dict)
@@ -125,9 +126,10 @@ class ImportOptions:
     """Duration to keep, s; None: all."""
 
     def __post_init__(self) -> None:
-        unknown = (set(self.columns) - {"t", "input"} | set(self.scale) | set(self.offset)) - set(AXES)
-        if unknown:
-            raise ValueError(f"columns can be given for t, {', '.join(AXES)}, not for {', '.join(sorted(unknown))}")
+        allowed = {"columns": ("t", *AXES, "input"), "scale": (*AXES, "input"), "offset": AXES}
+        for option, names in allowed.items():
+            if unknown := sorted(set(getattr(self, option)) - set(names)):
+                raise ValueError(f"{option} can be given for {', '.join(names)}, not for {', '.join(unknown)}")
         if not all(map(math.isfinite, [*self.scale.values(), *self.offset.values()])):
             raise ValueError("scale and offset must be finite")
         if 0.0 in self.scale.values():

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.arm_motion import refuse_still_arm
 from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, rest_is_quiet
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
-from dpr_lab.storage.tables.arm_input import find_input, refuse_silent, refuse_still_arm, stated_arm
+from dpr_lab.storage.tables.arm_input import find_input, refuse_silent, stated_arm
 from dpr_lab.storage.tables.clock_wrap import unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import AXES, PASSIVE, TO_SECONDS, find_columns, find_torques, with_still_joint2
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
@@ -102,7 +103,7 @@ def understand(
     if options.arm == "driven":
         assert rig.motor is not None
         drive, factor = find_input(recorded, rig.motor, options.columns.get("input"), path)
-        driving = {"": (drive, PASSIVE)}
+        driving, factor = {"": (drive, PASSIVE)}, factor * options.scale.get("input", 1.0)
     known = {name: _torque(table, name) * factor for pair in driving.values() for name in pair}
     kept, notes = _rows_to_keep(path, t, {**readings, **known}, options)
     if drive is not None:

@@ -1,0 +1,144 @@
+"""What may be wrong with recordings of a moving arm or with their description: tried, and named."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.identification.moving_arm.fit import ArmFit, fit_moving_arm
+from dpr_lab.identification.moving_arm.problem import ArmRecording
+from dpr_lab.identification.moving_arm.unknowns import UNIT_NAMES, nominal_gain
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class DoubtSettings:
+    """Thresholds from which a description is doubted."""
+
+    doubted: float = 20.0
+    """Reduced chi-square above which the other sign of the arm's angle is tried."""
+    better: float = 4.0
+    """Factor by which the other sign must fit better."""
+    unit: float = 30.0
+    """Factor between the fitted gain and that of the rig file from which another unit of the input is meant."""
+    hardly_rad: float = 0.05
+    """Range of theta0 below which a free arm may be held, by its cable or by dry friction."""
+    contact_s: float = 0.006
+    """Time over which a stop changes the speed of the arm."""
+    sudden: float = 4.0
+    """Change of speed at a stop, in those that 90 % of all instants stay below."""
+    strong: float = 0.3
+    """The same over the largest speed."""
+    apart: float = 0.02
+    """How near the end of its range the arm is at a stop, over the range."""
+
+
+DOUBTS = DoubtSettings()
+
+
+def failures(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig) -> list[str]:
+    """Sentences on what is wrong, the cause first; empty for a fit to be trusted.
+
+    Args:
+        fit: of the recordings as they are described
+        misfit: its reduced chi-square at the noise of the readings
+        recordings: that were fitted
+        rig: that they were recorded on
+    """
+    if misfit > DOUBTS.doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
+        return [mirrored]
+    stops = [sentence for one in recordings if misfit > 1.5 and (sentence := stop_sentence(one))]
+    return [*stops, *_of_input(fit, rig), *([] if fit.converged else [_unconverged(recordings)])]
+
+
+def _unconverged(recordings: Sequence[ArmRecording]) -> str:
+    for one in recordings:
+        moved = float(np.ptp(one.run.theta[:, 0]))
+        if one.run.arm_mode == "free" and moved < DOUBTS.hardly_rad:
+            return (
+                f"{one.run.file or one.run.name}: its arm moves by {moved:.2g} rad only, which determines neither A nor"
+                " c0: something holds it. Import the table with --arm clamped, or record swings that move the arm"
+            )
+    return "the fit did not converge: give [arm] A and c0 better nominal values"
+
+
+def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig) -> str:
+    """A sentence where the recordings fit much better with the arm turning the other way; else empty."""
+    other = fit_moving_arm([_mirrored(one) for one in recordings], rig)
+    other_misfit = other.misfit or other.chi2_per_dof
+    if not DOUBTS.better * other_misfit < misfit:
+        return ""
+    gain = SWING_PARAMETERS.index("gain")
+    rods = "theta1=-1,theta2=-1" if rig.rods.mounted == "both" else "theta1=-1"
+    with_rods = "gain" in fit.problem.unknowns.free and other.p[gain] > 0
+    subject = "the rods turn the other way than the arm and its input" if with_rods else "theta0 turns the other way"
+    remedy = f"--scale {rods}" if with_rods else "--scale theta0=-1"
+    return (
+        f"{subject}: with the sign reversed the reduced chi-square falls from {misfit:.3g} to {other_misfit:.3g}:"
+        f" import the table with {remedy}, or for a device turn [encoders] direction"
+    )
+
+
+def _mirrored(recording: ArmRecording) -> ArmRecording:
+    run = recording.run
+    return replace(recording, run=replace(run, theta=run.theta * np.array([-1.0, 1.0, 1.0])), drive=-recording.drive)
+
+
+def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
+    """Sign and unit of the input."""
+    unknowns, motor = fit.problem.unknowns, rig.motor
+    if "gain" not in unknowns.free or motor is None:
+        return []
+    gain, expected = float(fit.p[SWING_PARAMETERS.index("gain")]), nominal_gain(rig) / unknowns.scale_value
+    if gain < 0:
+        return [
+            f"the {motor.input} acts against its sign: import the table with --scale input=-1, or turn the arm"
+            " (--scale theta0=-1)"
+        ]
+    factor = gain / expected if expected else 1.0
+    if 1 / DOUBTS.unit < factor < DOUBTS.unit:
+        return []
+    unit, thousandth = UNIT_NAMES[motor.input]
+    values, scale = (f"{thousandth}, not {unit}", "0.001") if factor < 1 else (f"{unit}, not {thousandth}", "1000")
+    return [
+        f"the {motor.input} acts {factor:.2g} times as strongly as the rig file says: perhaps its values are {values};"
+        f" import the table with --scale input={scale}, or correct [motor] and [parameters]"
+    ]
+
+
+def stop_sentence(recording: ArmRecording) -> str:
+    """A sentence where the arm's speed changes at once at the same end of its range, twice or more; else empty."""
+    run = recording.run
+    for end, angle, contacts in stops(run.t, run.theta[:, 0]):
+        return (
+            f"{run.file or run.name}: the arm hits a stop at theta0 = {angle:.3g} rad, its {end} angle, {len(contacts)}"
+            f" times: its speed changes at once there, first at {contacts[0]:.2f} s. Record smaller motions, or import"
+            f" the part before it (--duration-s {max(contacts[0] - 0.01, 0.0):.2f})"
+        )
+    return ""
+
+
+def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
+    """Stops of an arm: which end of its range, at which angle (rad), and the instants of its contacts (s).
+
+    Args:
+        t: (n,) s
+        theta0: (n,) rad
+    """
+    dt = float(np.median(np.diff(t)))
+    k = max(1, round(DOUBTS.contact_s / dt / 2))
+    speed = (theta0[k:] - theta0[:-k]) / (t[k:] - t[:-k])
+    change = np.abs(speed[k:] - speed[:-k])  # at the samples k ... n - k
+    limit = max(DOUBTS.sudden * float(np.quantile(change, 0.9)), DOUBTS.strong * float(np.abs(speed).max()))
+    reach = DOUBTS.apart * float(np.ptp(theta0))
+    contacts_of_ends = []
+    for end, angle in (("largest", float(theta0.max())), ("smallest", float(theta0.min()))):
+        sudden = np.flatnonzero((change > limit) & (np.abs(theta0[k : k + len(change)] - angle) < reach))
+        first = sudden[np.diff(sudden, prepend=-10 * k) > 4 * k] if len(sudden) else sudden
+        if len(first) >= 2:
+            contacts_of_ends.append((end, angle, t[first + k].tolist()))
+    return contacts_of_ends

@@ -1,0 +1,81 @@
+"""Merge neighbouring segments where the model follows: longer ones carry more information."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, Cut, problem_of
+from dpr_lab.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ArmMergeSettings:
+    """Limits of the integration of a merged segment."""
+
+    solver_error: float = 0.2
+    """Largest error of the integration, relative to the noise."""
+    shortest_step: float = 2.5e-4
+    """Shortest Runge-Kutta step, s: segments that need a shorter one are not merged."""
+
+
+MERGE = ArmMergeSettings()
+
+
+def merged(
+    problem: ArmProblem, p: Array, initial: Array, recordings: Sequence[ArmRecording], rig: Rig, near_rad: float
+) -> tuple[ArmProblem, Array] | None:
+    """Segments of which neighbours are merged, and their initial states; None where none can be.
+
+    Args:
+        problem: the segments as they are
+        p: (12,) fitted parameters
+        initial: (segments, 6) fitted initial states
+        recordings: that the segments are of
+        rig: that they were recorded on
+        near_rad: how near the free run of the first segment stays to the readings of the second, rad
+    """
+    cuts = problem.cuts
+    pairs = {
+        first: (one[0], slice(one[1].start, other[1].stop))
+        for first, (one, other) in enumerate(pairwise(cuts))
+        if one[0] == other[0]
+    }
+    step = problem.max_step
+    near, exact = _following(pairs, p, initial, recordings, rig, near_rad, step)
+    while near - exact and step > MERGE.shortest_step:
+        step /= 2
+        near, exact = _following(pairs, p, initial, recordings, rig, near_rad, step)
+    follows = near & exact
+    pieces, begins, index = list[Cut](), list[int](), 0
+    while index < len(cuts):
+        pieces.append(pairs[index] if index in follows else cuts[index])
+        begins.append(index)
+        index += 2 if index in follows else 1
+    return (problem_of(recordings, rig, pieces, step), initial[begins]) if len(pieces) < len(cuts) else None
+
+
+def _following(
+    pairs: dict[int, Cut],
+    p: Array,
+    initial: Array,
+    recordings: Sequence[ArmRecording],
+    rig: Rig,
+    near_rad: float,
+    step: float,
+) -> tuple[set[int], set[int]]:
+    """Segments whose free run follows the next one, and those that are integrated without an error that counts."""
+    if not pairs:
+        return set(), set()
+    coarse, fine = (problem_of(recordings, rig, list(pairs.values()), h) for h in (step, step / 2))
+    start = initial[list(pairs)]
+    with np.errstate(invalid="ignore", over="ignore"):
+        readings = coarse.predict(p, start)
+        near = (coarse.weight == 0) | (np.abs(readings - coarse.measured) < near_rad)
+        exact = (coarse.weight == 0) | (coarse.weight * np.abs(readings - fine.predict(p, start)) < MERGE.solver_error)
+    parts = list(zip(pairs, coarse.slices(), strict=True))
+    return {i for i, rows in parts if near[rows].all()}, {i for i, rows in parts if exact[rows].all()}

@@ -1,0 +1,100 @@
+"""Recordings of a moving arm that are described wrongly, or that its stop spoils: each gets its sentence."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.simulate import simulate_arm
+from dpr_lab.errors import RunError
+from dpr_lab.identification.moving_arm.doubts import stops
+from dpr_lab.identification.moving_arm.identify import identify_moving_arm
+from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.storage.tables.options import ImportOptions
+from tests.identification.test_moving_arm_fit import NOISE, PUSH, T, drawn, recorded, rig_with
+
+KT = {"nominal": 0.5, "lower": 0.1, "upper": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(-1.0, "--scale input=-1"), (1e3, "mA, not A; import the table with --scale input=0.001")],
+)
+def test_an_input_of_the_wrong_sign_or_unit_is_named(factor, words):
+    rng, rig = np.random.default_rng(1), rig_with("driven", "current", kt=KT)
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, factor * 2 * PUSH, PUSH, rng)
+    assert any(words in failure for failure in identify_moving_arm([run], rig).failures)
+
+
+def test_rods_that_turn_the_other_way_are_named():
+    rng, rig = np.random.default_rng(3), rig_with("driven", "torque")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    run.theta[:, 1:] *= -1
+    assert any("--scale theta1=-1,theta2=-1" in failure for failure in identify_moving_arm([run], rig).failures)
+
+
+def test_a_current_without_kt_shows_no_absolute_sizes():
+    rng, rig = np.random.default_rng(1), rig_with("driven", "current")
+    Z, arm, start = drawn(rng, rig)
+    model = identify_moving_arm([recorded(rig, Z, arm, start, 2 * PUSH, PUSH, rng)], rig)
+    assert any("does not give kt" in note for note in model.notes)
+    assert all(one.fixed_by == "bound" for one in model.absolute.values())
+
+
+def test_a_voltage_without_constants_says_what_is_lumped():
+    rng, rig = np.random.default_rng(1), rig_with("driven", "voltage")
+    Z, arm, start = drawn(rng, rig)
+    model = identify_moving_arm([recorded(rig, Z, arm, start, 2 * PUSH, PUSH, rng)], rig)
+    assert "kt/(R b)" in model.ratios
+    assert any("does not give kt, ke, R" in note for note in model.notes)
+
+
+def test_a_free_arm_whose_encoder_stands_still_is_refused():
+    rng, rig = np.random.default_rng(4), rig_with("free")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, None, 0 * T, rng)
+    run.theta[:, 0] = 0.0
+    with pytest.raises(RunError, match="the arm moves by 0 rad only although it is free: check its encoder"):
+        identify_moving_arm([run], rig)
+
+
+def with_stop(rig, Z, arm, start, limit, bounce=0.4):
+    """(n, 3) a swing whose arm is thrown back at an angle."""
+    x = np.zeros((len(T), 6))
+    x[0] = start
+    for i in range(1, len(T)):
+        torque = np.full(2, PUSH[i - 1])
+        x[i] = simulate_arm(Z, (rig.L0, rig.L1, rig.g), arm, x[i - 1], T[i - 1 : i + 1], drive=torque)[-1]
+        if x[i, 0] > limit and x[i, 3] > 0:
+            x[i, 3] *= -bounce
+    return x[:, :3]
+
+
+def test_an_arm_that_hits_its_stop_is_named():
+    rng, rig = np.random.default_rng(6), rig_with("driven", "torque")
+    Z, arm, start = drawn(rng, rig)
+    arm = arm._replace(k0=1.0)  # its cable brings it back to the stop
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    assert not stops(T, run.theta[:, 0])
+    limit = 0.3 * run.theta[:, 0].max()
+    swing = with_stop(rig, Z, arm, start, limit)
+    run.theta[:] = swing + rng.normal(0, NOISE, swing.shape)
+    ((end, angle, contacts),) = stops(T, run.theta[:, 0])
+    assert (end, len(contacts) >= 2) == ("largest", True)
+    assert abs(angle - limit) < 0.05
+    assert any("hits a stop at theta0" in failure for failure in identify_moving_arm([run], rig).failures)
+
+
+def test_an_input_is_scaled_in_a_table(tmp_path):
+    rig = rig_with("driven", "current", "inner", kt=KT)
+    t = np.arange(0, 2, 0.01)
+    rows = np.column_stack([t, 0.3 * np.sin(3 * t), 0.4 * np.cos(6 * t), 1500 * np.sin(3 * t)])
+    file = tmp_path / "swing.csv"
+    np.savetxt(file, rows, delimiter=",", header="t,theta0,theta1,current", comments="", fmt="%.6f")
+    options = ImportOptions(zero="hanging", scale={"input": -1e-3}, keep_rest=True)
+    run = import_csv(file, rig, options)
+    assert np.allclose(run.arm_input, -1.5 * np.sin(3 * run.t), atol=1e-3)
+    with pytest.raises(RunError, match="an input column requires a driven arm"):
+        import_csv(file, rig, ImportOptions(zero="hanging", scale={"input": -1.0}, arm="free"))
+    with pytest.raises(ValueError, match="offset can be given for theta0, theta1, theta2, not for input"):
+        ImportOptions(offset={"input": 1.0})
