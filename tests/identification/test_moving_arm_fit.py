@@ -95,7 +95,7 @@ def test_a_voltage_drive_of_a_furuta_pendulum_shows_lumped_constants_only():
         assert abs(model.ratios[name].value / true - 1) < 0.02, name
     assert model.scale == "a"
     assert model.absolute["kt gear/R"].fixed_by == "bound"
-    assert any("splits kt from R" in note for note in model.notes)
+    assert any("separates kt from R" in note for note in model.notes)
 
 
 def test_a_reversed_arm_encoder_is_named():
