@@ -119,7 +119,7 @@ def test_other_commands_refuse_a_moving_arm():
     [
         ({"arm": {"mode": "driven"}}, r"needs \[motor\]"),
         ({"arm": {"mode": "free"}, "rods": {"elbow": "clamped"}}, "both rods, or with the inner rod alone"),
-        ({"motor": {"input": "torque", "R": {"nominal": 1.0, "lower": 0.1, "upper": 9.0}}}, "R does not act on"),
+        ({"motor": {"input": "torque", "R": {"nominal": 1.0, "lower": 0.1, "upper": 9.0}}}, "R has no meaning"),
     ],
 )
 def test_arms_that_cannot_be_are_refused(change, words):

@@ -69,7 +69,7 @@ def test_an_override_and_what_it_lacks(rig_file, table):
     with pytest.raises(RunError, match="current that drives the arm was not found"):
         import_csv(table, rig)
     table.write_text(text.replace("theta0", "shoulder"))
-    with pytest.raises(RunError, match="an arm that is driven needs its angle"):
+    with pytest.raises(RunError, match="a driven arm needs its angle"):
         import_csv(table, rig)
 
 
