@@ -187,7 +187,7 @@ def copy_of_the_repository(folder: Path) -> Path:
             shutil.copy2(ROOT / name, copy / name)
     cache = copy / "dpr_lab/kernel_cache.py"
     text = cache.read_text(encoding="utf-8")
-    fixed = text.replace("source_hash(Path(__file__).parent))", '"mutants")')
+    fixed = text.replace("cache_name(Path(__file__).parent))", '"mutants")')
     assert fixed != text
     cache.write_text(fixed, encoding="utf-8")
     return copy

@@ -17,7 +17,7 @@ copyright = "the dpr-lab contributors"
 version = release = __version__
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 source_suffix = {".md": "myst-nb"}
-exclude_patterns = ["decisions/README.md", "package.md"]
+exclude_patterns = ["decisions/README.md", "examples/plugin", "package.md"]
 html_theme = "furo"
 html_title = f"dpr-lab {version}"
 html_copy_source = False

@@ -2,7 +2,7 @@
 
 The cache of Numba checks only the file of the compiled function. A kernel that calls a function of another file keeps
 its old machine code when that other file changes. Here the cache is in a folder named by a hash of all kernel sources,
-so any change starts with an empty folder.
+those of plugins included, so any change starts with an empty folder.
 """
 
 import hashlib
@@ -15,6 +15,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from platformdirs import user_cache_path
+
+from dpr_lab.plugins.fingerprint import fingerprint
 
 KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation", "fitting")
 """Files and folders of this package that contain compiled functions."""
@@ -111,9 +113,16 @@ def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
     return None, foreign
 
 
+def cache_name(package: Path) -> str:
+    """Name of the folder: hash of the kernel sources, and of the plugins that add kernels where there are any."""
+    added = fingerprint("effects")
+    name = source_hash(package)
+    return f"{name}-{hashlib.sha256(added.encode()).hexdigest()[:16]}" if added else name
+
+
 _NAMED = os.environ.get("NUMBA_CACHE_DIR")
 _ROOTS = [Path(folder) / "kernels" for folder in (_NAMED, user_cache_path("dpr-lab")) if folder]
-CACHE, FOREIGN = choose_cache(_ROOTS, source_hash(Path(__file__).parent))
+CACHE, FOREIGN = choose_cache(_ROOTS, cache_name(Path(__file__).parent))
 """Folder of the machine code of this version, and a message if a folder of another user was skipped. None if the
 home folder is read-only: kernels are then compiled in every process.
 """

@@ -9,14 +9,16 @@ from pathlib import Path
 
 from dpr_lab.certificate.document import MadeWith
 from dpr_lab.certificate.lines import Verified
+from dpr_lab.plugins.fingerprint import fingerprint
+from dpr_lab.plugins.installed import GROUPS, packages
 from dpr_lab.version import __version__
 
 
 def made_with() -> dict[str, str]:
     """Versions and hash of the running code, with the fields of `dpr_lab.certificate.document.MadeWith`."""
     return {
-        "dpr_lab": __version__,
-        "code": _hash(Path(__file__).parents[1]),
+        "dpr_lab": ", ".join([__version__, *packages()]),
+        "code": _hash(Path(__file__).parents[1], fingerprint(*GROUPS)),
         "python": platform.python_version(),
         **{name: importlib.metadata.version(name) for name in ("numpy", "scipy", "numba")},
         "machine": f"{platform.system()} {platform.machine()}",
@@ -24,9 +26,9 @@ def made_with() -> dict[str, str]:
 
 
 @cache
-def _hash(package: Path) -> str:
-    """SHA-256 of the names and bytes of all Python files of a package."""
-    digest = hashlib.sha256()
+def _hash(package: Path, added: str) -> str:
+    """SHA-256 of the names and bytes of all Python files of a package, and of what plugins add."""
+    digest = hashlib.sha256(added.encode())
     for file in sorted(package.rglob("*.py")):
         digest.update(f"{file.relative_to(package).as_posix()}\0{file.stat().st_size}\0".encode())
         digest.update(file.read_bytes())

@@ -89,9 +89,10 @@ class CertifiedChoices(_Part):
 class MadeWith(_Part):
     """Code, libraries and machine that computed the claims."""
 
-    dpr_lab: Version
+    dpr_lab: Annotated[str, Field(min_length=1, max_length=1000)]
+    """Version, and names and versions of the packages with plugins."""
     code: Sha256
-    """Hash of all Python files of the package."""
+    """Hash of all Python files of the package and of the plugins."""
     python: Version
     numpy: Version
     scipy: Version

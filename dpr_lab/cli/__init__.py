@@ -87,10 +87,12 @@ def _run(app: Callable[[], object]) -> None:
     """Run the command, flush its output, and report an interrupt as an interrupt in whichever library it occurred."""
     try:
         app()
+        _say_skipped_plugins()
     except SystemExit as ended:
         if ended.code == INTERRUPTED and (stopped := _interrupt_behind(ended)) is not None:
             raise stopped from None
         sys.stdout.flush()
+        _say_skipped_plugins()
         raise
     except Exception as error:
         # A compiler that is interrupted reports a failed compilation, possibly without the cause.
@@ -98,6 +100,14 @@ def _run(app: Callable[[], object]) -> None:
             raise
         raise stopped from None
     sys.stdout.flush()
+
+
+def _say_skipped_plugins() -> None:
+    from dpr_lab.cli.console import say
+    from dpr_lab.plugins.rows import skipped
+
+    for sentence in skipped():
+        say(sentence)
 
 
 def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:

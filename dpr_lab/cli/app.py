@@ -1,8 +1,10 @@
 """The table of commands."""
 
+import os
+
 import typer
 
-from dpr_lab.cli import rigs, runs, trials
+from dpr_lab.cli import effects, rigs, runs, trials
 from dpr_lab.cli.accept import accept
 from dpr_lab.cli.capture import capture
 from dpr_lab.cli.certify import certify, verify
@@ -21,6 +23,7 @@ from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.paper import paper
 from dpr_lab.cli.schema import schema
 from dpr_lab.cli.tui import tui
+from dpr_lab.plugins.installed import OFF
 from dpr_lab.version import __version__
 
 HELP = """Identify a rotary double pendulum and explain why its simulation differs from the rig.
@@ -54,8 +57,12 @@ def _version(show: bool) -> None:
 @app.callback()
 def _root(
     version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Show the version."),
+    no_plugins: bool = typer.Option(
+        False, "--no-plugins", help="Load no plugin of other packages; before the command. Also: DPR_LAB_NO_PLUGINS=1."
+    ),
 ) -> None:
-    pass
+    if no_plugins:
+        os.environ[OFF] = "1"  # also for the processes that the command starts
 
 
 for command in (
@@ -78,6 +85,7 @@ for command in (
     conform,
 ):
     app.command()(command)
+app.add_typer(effects.app, name="effects")
 app.add_typer(import_app, name="import")
 app.add_typer(rigs.app, name="rig")
 app.add_typer(runs.app, name="run")

@@ -177,6 +177,7 @@ def show(diagnosis: "Diagnosis") -> None:
 
 def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
     """Print the changes of the user's model, the most important cause first."""
+    from dpr_lab.cli.export import show_replays
     from dpr_lab.report.words import in_words
 
     name, least = done.simulator.name, done.least
@@ -196,7 +197,10 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
         line(f"{name} cannot be changed: {done.refused}")
     if done.diff:
         text(done.diff.rstrip())
-    if done.format == "MJCF" and done.changes and out is None:
+    for effect, reason in done.lost.items():
+        line(f"not in {name}: {in_words(effect)}: {reason}")
+    show_replays(name, done.replays)
+    if done.changes and out is None:
         line(f"With --out FOLDER the changed {name} is written to this folder.")
 
 

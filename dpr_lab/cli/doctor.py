@@ -58,6 +58,7 @@ def doctor(
 def _examine(link: str | None, rig: str | None, failed: list[DprError]) -> Iterator[SystemCheck]:
     yield _python()
     yield from _packages()
+    yield from _plugins()
     yield _disk()
     yield from _links()
     if rig is not None:
@@ -81,6 +82,19 @@ def _packages() -> Iterator[SystemCheck]:
         except PackageNotFoundError:
             remedy = f"pip install 'dpr-lab[{extra}]'" if extra else f"pip install {name}"
             yield SystemCheck(name, "note" if extra else "wrong", f"not installed: {remedy}")
+
+
+def _plugins() -> Iterator[SystemCheck]:
+    import dpr_lab.exports
+    import dpr_lab.search
+    import dpr_lab.storage.readers  # noqa: F401
+    from dpr_lab.plugins.installed import announced
+    from dpr_lab.plugins.rows import reason_skipped
+
+    for plugin in announced():
+        reason = reason_skipped(plugin)
+        what = f"plugin {plugin.name} ({plugin.group})"
+        yield SystemCheck(what, "wrong" if reason else "ok", reason or f"{plugin.package} {plugin.version}")
 
 
 def _disk() -> SystemCheck:

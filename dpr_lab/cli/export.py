@@ -9,6 +9,9 @@ from dpr_lab.cli.checks import EXPORT_NAMES, RigName, TorqueKind, names_in
 from dpr_lab.cli.console import emit, json_mode, line, say, table, text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.workflows.export import ExportResult
 
 
@@ -35,7 +38,9 @@ def export(
     torque: TorqueKind = None,
     into: Annotated[
         Path | None,
-        typer.Option(help="Your own MJCF file: write a copy with the identified numbers; see `rig from`."),
+        typer.Option(
+            help="Your own MJCF, URDF or SDFormat file: write a copy with the identified numbers; see `rig from`."
+        ),
     ] = None,
     joints: Annotated[
         str | None, typer.Option(help="With --into: joints of the inner and the outer rod, separated by commas.")
@@ -45,7 +50,8 @@ def export(
 ) -> None:
     """Export a model to MuJoCo, Python, URDF, SDFormat or FMI, and report its accuracy there.
 
-    With --into, change the identified numbers in a copy of your own MJCF file instead, and show the difference.
+    With --into, change the identified numbers in a copy of your own MJCF, URDF or SDFormat file instead, and show the
+    difference; --check then compares both files on recordings.
 
     Example: dpr-lab export out/diagnosis --rig paper --to mjcf,python --check runs/x1.mcap --out export
 
@@ -53,9 +59,7 @@ def export(
     """
     json_mode(as_json)
     if into is not None:
-        if check:
-            raise typer.BadParameter("--check replays the formats of --to; do not use it with --into")
-        _into(model, rig, into, out, names_in(joints) or (), as_json)
+        _into(model, rig, into, out, names_in(joints) or (), tuple(check or ()), as_json)
         return
     if joints:
         raise typer.BadParameter("--joints requires --into")
@@ -74,11 +78,15 @@ def export(
         raise typer.Exit(1)
 
 
-def _into(model: Path, rig: str, into: Path, out: Path, joints: tuple[str, ...], as_json: bool) -> None:
+def _into(
+    model: Path, rig: str, into: Path, out: Path, joints: tuple[str, ...], check: tuple[Path, ...], as_json: bool
+) -> None:
+    from dpr_lab.cli.listener import Listener
     from dpr_lab.report.words import in_words
     from dpr_lab.workflows.export_into import export_into
 
-    done = export_into(model, rig, into, out, joints)
+    with Listener() as listener:
+        done = export_into(model, rig, into, out, joints, check, listener)
     if as_json:
         emit(done.to_json())
         return
@@ -90,8 +98,18 @@ def _into(model: Path, rig: str, into: Path, out: Path, joints: tuple[str, ...],
         line(f"{into.name} already has the numbers of the model")
     for effect, reason in done.lost.items():
         line(f"not in the file: {in_words(effect)}: {reason}")
+    show_replays(into.name, done.replays)
     line(f"model: {done.file}")
     line(f"difference: {done.diff_file}")
+
+
+def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
+    """Errors of the user's file before and after, by recording."""
+    if replays:
+        columns = ("run", "until, s", "before, mrad", "after, mrad", "corrected model in dpr-lab, mrad")
+        rows = [(each.run, f"{each.until_s:.3g}", *(f"{1e3 * rad:.3g}" for rad in each.errors_rad)) for each in replays]
+        note = "Free runs; what the last column is better is the cost of effects that the file cannot hold."
+        table(f"Replayed with the numbers of {name}", columns, rows, note=note)
 
 
 def _show(done: "ExportResult") -> None:

@@ -1,6 +1,7 @@
 """Physical effects beyond the base model: one file for each concept, one line in the table.
 
-The order of `EFFECTS` fixes the flat parameter vector. An effect is on while one of its amplitudes is not zero.
+The order of `EFFECTS` fixes the flat parameter vector; effects of plugins (`dpr_lab.plugins`) come last. An effect is
+on while one of its amplitudes is not zero.
 """
 
 from collections.abc import Iterable, Mapping
@@ -29,6 +30,7 @@ from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.effects.latency import LATENCY_JOINT2
 from dpr_lab.effects.load_friction import LOAD_FRICTION
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
+from dpr_lab.effects.refusal import refusal
 from dpr_lab.effects.rotor_inertia import ROTOR_INERTIA_JOINT1, ROTOR_INERTIA_JOINT2
 from dpr_lab.effects.spring import SPRING
 from dpr_lab.effects.stribeck import STRIBECK
@@ -38,6 +40,7 @@ from dpr_lab.effects.torque_scale import TORQUE_SCALE
 from dpr_lab.effects.viscous_ground import VISCOUS_GROUND
 from dpr_lab.effects.wrong_length import WRONG_LENGTH
 from dpr_lab.errors import unknown_name
+from dpr_lab.plugins.rows import plugin_rows
 
 EFFECTS: dict[str, Effect] = {
     effect.name: effect
@@ -76,6 +79,7 @@ EFFECTS: dict[str, Effect] = {
         INPUT_DELAY,
     )
 }
+EFFECTS |= plugin_rows("effects", Effect, EFFECTS, lambda _, effect: effect.name, refusal)
 
 OF_FREE_SWINGS = {name: effect for name, effect in EFFECTS.items() if not effect.driven}
 """The effects that free swings can show."""

@@ -93,6 +93,11 @@ class EffectParameter:
         """Unit of its ratio to b^k; empty where k is 0."""
         return _RATIO_UNITS[self.unit] if self.scale_power else ""
 
+    @property
+    def has_ratio_unit(self) -> bool:
+        """Whether the unit of its ratio is known, or none is needed."""
+        return not self.scale_power or self.unit in _RATIO_UNITS
+
 
 def shape(
     name: str,

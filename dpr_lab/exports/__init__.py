@@ -16,6 +16,7 @@ from dpr_lab.exports.fmu import fmu
 from dpr_lab.exports.programs import Program, in_fmu, in_mujoco, in_python, in_sdf, in_urdf
 from dpr_lab.exports.python_module import python_module
 from dpr_lab.identification.model import Model
+from dpr_lab.plugins.rows import plugin_rows
 from dpr_lab.rig import Rig
 
 
@@ -102,4 +103,5 @@ FORMATS: dict[str, ExportFormat] = {
         optional=True,
     ),
 }
+FORMATS |= plugin_rows("exports", ExportFormat, FORMATS)
 """Name of a format -> its definition."""

@@ -7,6 +7,7 @@ from pydantic import BaseModel
 
 from dpr_lab.configs import find_config, read_config
 from dpr_lab.errors import ConfigError, unknown_name
+from dpr_lab.plugins.rows import plugin_rows
 from dpr_lab.search.cma_es import CmaEsSettings, cma_es
 from dpr_lab.search.differential_evolution import DifferentialEvolutionSettings, differential_evolution
 from dpr_lab.search.iga import iga
@@ -24,6 +25,7 @@ ALGORITHMS: dict[str, Algorithm[Any]] = {
     "cma_es": Algorithm(CmaEsSettings, cma_es, "covariance matrix adaptation"),
     "multistart": Algorithm(MultistartSettings, multistart, "local searches from many starts"),
 }
+ALGORITHMS |= plugin_rows("searches", Algorithm, ALGORITHMS)
 """Value of `algorithm` in a search file -> algorithm; a new one is one file and one row here."""
 
 

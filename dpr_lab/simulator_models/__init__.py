@@ -14,19 +14,27 @@ from dpr_lab.simulator_models.tree import SimulatorModel
 from dpr_lab.simulator_models.urdf import read_urdf
 from dpr_lab.simulator_models.xml_file import read_xml
 
-READERS: dict[str, Callable[[Path], SimulatorModel]] = {"mujoco": read_mjcf, "robot": read_urdf, "sdf": read_sdf}
+READERS: dict[str, Callable[[Path, bytes | None], SimulatorModel]] = {
+    "mujoco": read_mjcf,
+    "robot": read_urdf,
+    "sdf": read_sdf,
+}
 """Root element of a file -> its reader."""
 
 
-def read_model(path: Path) -> SimulatorModel:
+def read_model(path: Path, text: bytes | None = None) -> SimulatorModel:
     """Read a model of MuJoCo, URDF or SDFormat; its root element determines the format.
+
+    Args:
+        path: the file
+        text: content that replaces that of the file; None: as it is
 
     Raises:
         ConfigError: the file cannot be read, is none of these formats, or its library is not installed.
     """
-    root = read_xml(path)
+    root = read_xml(path, text)
     if root.tag not in READERS:
         raise ConfigError(
             f"{path}: its root element is <{root.tag[:50]}>; MJCF has <mujoco>, URDF <robot>, SDFormat <sdf>"
         )
-    return READERS[root.tag](path)
+    return READERS[root.tag](path, text)

@@ -81,9 +81,9 @@ class CompiledMjcf:
         return SimulatorModel(self.name, "MJCF", gravity, parts, tuple(_actuators(self.model)), self.notes)
 
 
-def read_mjcf(path: Path) -> SimulatorModel:
-    """Read a file of MuJoCo with its includes; errors as for `compile_mjcf`."""
-    return compile_mjcf(path).simulator_model()
+def read_mjcf(path: Path, text: bytes | None = None) -> SimulatorModel:
+    """Read a file of MuJoCo with its includes; arguments and errors as for `compile_mjcf`."""
+    return compile_mjcf(path, text).simulator_model()
 
 
 def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:

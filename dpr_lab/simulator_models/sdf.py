@@ -41,8 +41,8 @@ UNBOUNDED = frozenset({"lower", "upper"})
 """Children that may be infinite: a joint without limits."""
 
 
-def read_sdf(path: Path) -> SimulatorModel:
-    """Read an SDFormat file.
+def read_sdf(path: Path, text: bytes | None = None) -> SimulatorModel:
+    """Read an SDFormat file; `text` replaces its content.
 
     Raises:
         ConfigError: Drake is not installed or refuses the file.
@@ -52,7 +52,7 @@ def read_sdf(path: Path) -> SimulatorModel:
     except ModuleNotFoundError as missing:
         raise ConfigError("reading SDFormat needs Drake: pip install drake (Linux and macOS)") from missing
     logging.getLogger("drake").setLevel(logging.ERROR)
-    root = read_xml(path)
+    root = read_xml(path, text)
     counts: Counter[str] = Counter()
     _strip(root, counts)
     refuse_bad_texts(root, NUMBERS, UNBOUNDED, path)
@@ -69,8 +69,8 @@ def read_sdf(path: Path) -> SimulatorModel:
         pull = root.findtext("world/gravity") or EARTH
         gravity = np.array(pull.split(), dtype=np.float64)
     except (RuntimeError, ValueError, SystemExit) as error:  # Drake exits if one of its own conditions fails
-        text = " ".join(str(error).replace("<literal-string>.sdf:", "").split())
-        raise ConfigError(f"{path}: the library of SDFormat cannot read it: {text}") from error
+        sentence = " ".join(str(error).replace("<literal-string>.sdf:", "").split())
+        raise ConfigError(f"{path}: the library of SDFormat cannot read it: {sentence}") from error
     model = next((element.get("name") for element in root.iter("model")), None)
     notes = [f"{count} <{tag}> elements, not read" for tag, count in sorted(counts.items())]
     return SimulatorModel(model or path.stem, "SDFormat", gravity, parts, (), tuple(notes))

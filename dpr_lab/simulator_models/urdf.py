@@ -23,8 +23,8 @@ NUMBERS = frozenset("xyz rpy value ixx ixy ixz iyy iyz izz damping friction lowe
 """Attributes with numbers, in any element of a link's inertial or of a joint."""
 
 
-def read_urdf(path: Path) -> SimulatorModel:
-    """Read a URDF file.
+def read_urdf(path: Path, text: bytes | None = None) -> SimulatorModel:
+    """Read a URDF file; `text` replaces its content.
 
     Raises:
         ConfigError: the library is not installed, or the file is not valid.
@@ -33,7 +33,7 @@ def read_urdf(path: Path) -> SimulatorModel:
         from urdf_parser_py import urdf
     except ModuleNotFoundError as missing:
         raise ConfigError("reading URDF needs urdf-parser-py: pip install dpr-lab[exports]") from missing
-    root = read_xml(path)
+    root = read_xml(path, text)
     if any("xacro" in element.tag for element in root.iter()):
         raise ConfigError(f"{path}: contains macros of xacro: expand them first (xacro FILE > model.urdf)")
     shapes = {link.get("name", ""): _ends(link) for link in root.iter("link")}

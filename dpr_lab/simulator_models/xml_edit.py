@@ -1,9 +1,9 @@
-"""Change attributes in the text of an XML file; everything else is unchanged, byte for byte."""
+"""Change attributes and texts of elements in an XML file; everything else is unchanged, byte for byte."""
 
 import re
 from dataclasses import dataclass
 from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.simulator_models.xml_file import parse_xml
@@ -19,6 +19,11 @@ class StartTag:
     """Index of its parent element; -1: none."""
     first: int
     """Position of its `<`, bytes."""
+    end: int = -1
+    """Position of its end tag, bytes; that of the start tag if the element is empty."""
+    text: str = ""
+    """Text of the element without its children."""
+    children: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +50,23 @@ class XmlEdit:
         self.data, self.changes = data, []
         self.tags: list[StartTag] = []
         self._new: dict[int, dict[str, str]] = {}
-        self._inserted: dict[int, str] = {}
+        self._texts: dict[int, str] = {}
+        self._inserted: dict[int, list[str]] = {}
         parser, open_tags = expat.ParserCreate(), [-1]
 
         def start(tag: str, attributes: dict[str, str]) -> None:
+            if open_tags[-1] >= 0:
+                self.tags[open_tags[-1]].children += 1
             self.tags.append(StartTag(tag, attributes, open_tags[-1], parser.CurrentByteIndex))
             open_tags.append(len(self.tags) - 1)
 
-        parser.StartElementHandler = start
-        parser.EndElementHandler = lambda _: open_tags.pop()
+        def end(tag: str) -> None:
+            self.tags[open_tags.pop()].end = parser.CurrentByteIndex
+
+        def text(data: str) -> None:
+            self.tags[open_tags[-1]].text += data
+
+        parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, text
         parser.Parse(data, True)
 
     changes: list[ChangedAttribute]
@@ -75,31 +88,58 @@ class XmlEdit:
                 self.changes.append(ChangedAttribute(label, name, before, value))
                 self._new.setdefault(index, {})[name] = value
 
+    def set_text(self, index: int, label: str, value: str) -> None:
+        """Set the text of an element without children."""
+        tag = self.tags[index]
+        if tag.children or b"<" in self._content(index):
+            raise ConfigError(f"<{tag.tag}> of {label} holds more than a text: take it out to have it changed")
+        if tag.text.strip() != value:
+            self.changes.append(ChangedAttribute(label, tag.tag, tag.text.strip(), value))
+            self._texts[index] = value
+
     def insert(self, parent: int, tag: str, label: str, **attributes: str) -> None:
         """Insert an element at the beginning of another."""
         text = " ".join(f"{name}={quoteattr(value)}" for name, value in attributes.items())
-        self._inserted[parent] = f"<{tag} {text}/>"
+        self._inserted.setdefault(parent, []).append(f"<{tag} {text}/>")
         self.changes += [ChangedAttribute(label, name, "", value) for name, value in attributes.items()]
+
+    def insert_texts(self, parent: int, label: str, within: str = "", **texts: str) -> None:
+        """Put elements with texts at the beginning of another, or of a new element `within` it."""
+        elements = [f"<{tag}>{escape(value)}</{tag}>" for tag, value in texts.items()]
+        elements = [f"<{within}>{''.join(elements)}</{within}>"] if within else elements
+        self._inserted.setdefault(parent, []).extend(elements)
+        self.changes += [ChangedAttribute(label, tag, "", value) for tag, value in texts.items()]
 
     def text(self) -> bytes:
         """The file with the changes applied."""
         data = self.data
-        for index in sorted({*self._new, *self._inserted}, reverse=True):
+        for index in sorted({*self._new, *self._inserted, *self._texts}, reverse=True):
             first = self.tags[index].first
             last = _end_of_tag(data, first)
             tag = data[first:last].decode("utf-8")
             for name, value in self._new.get(index, {}).items():
                 tag = _with_attribute(tag, name, value)
-            data = data[:first] + (tag + self._insertion(index, data, first)).encode("utf-8") + data[last:]
+            rest = data[last:]
+            if index in self._texts:
+                rest = rest[len(self._content(index)) :]
+            within = self._insertion(index, data, first) + escape(self._texts.get(index, ""))
+            if within and tag.endswith("/>"):
+                tag, within = tag[:-2].rstrip() + ">", f"{within}</{self.tags[index].tag}>"
+            data = data[:first] + (tag + within).encode("utf-8") + rest
         return data
 
+    def _content(self, index: int) -> bytes:
+        """Content between the tags of an element in the file."""
+        tag = self.tags[index]
+        return self.data[_end_of_tag(self.data, tag.first) : max(tag.end, _end_of_tag(self.data, tag.first))]
+
     def _insertion(self, index: int, data: bytes, first: int) -> str:
-        """The inserted element on its own line, indented by two more spaces than its parent."""
+        """The inserted elements on their own lines, indented by two more spaces than their parent."""
         if index not in self._inserted:
             return ""
         line = data[data.rfind(b"\n", 0, first) + 1 : first].decode("utf-8")
         indent = line if not line.strip() else ""
-        return f"\n{indent}  {self._inserted[index]}"
+        return "".join(f"\n{indent}  {element}" for element in self._inserted[index])
 
 
 def _end_of_tag(data: bytes, first: int) -> int:

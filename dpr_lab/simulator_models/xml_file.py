@@ -24,13 +24,15 @@ class XmlLimits:
 XML_LIMITS = XmlLimits()
 
 
-def read_xml(path: Path) -> Element:
-    """Parse a file; comments are removed.
+def read_xml(path: Path, text: bytes | None = None) -> Element:
+    """Parse a file; comments are removed. `text` replaces its content.
 
     Raises:
         ConfigError: it cannot be read, is too large or too deep, is not well-formed, or declares a document type or
             entities.
     """
+    if text is not None:
+        return parse_xml(text, str(path))
     try:
         with regular(path, ConfigError).open("rb") as file:
             data = file.read(XML_LIMITS.bytes + 1)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dpr_lab.errors import LinkUrlError
+from dpr_lab.plugins.rows import plugin_rows
 from dpr_lab.transports.url import parse_url
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ TRANSPORTS: dict[str, LinkKind] = {
     "socket": LinkKind("TCP", "dpr_lab.transports.tcp:open_tcp", "socket://192.168.1.20:5555"),
     "sim": LinkKind("simulated rig", "dpr_lab.transports.simulated:open_simulated", "sim://?plant=paper&seed=1"),
 }
+TRANSPORTS |= plugin_rows("transports", LinkKind, TRANSPORTS)
 """URL scheme -> kind of link; a new link is one file and one row here."""
 
 

@@ -2,8 +2,9 @@
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from difflib import unified_diff
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,8 @@ from dpr_lab.workflows.diagnose import RECORD, DiagnoseRequest, DiagnoseResult, 
 from dpr_lab.workflows.events import OnEvent, ignore
 
 if TYPE_CHECKING:
-    from dpr_lab.exports.least_change import LeastChange
+    from dpr_lab.exports.into.least_change import LeastChange
+    from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.simulator_models.xml_edit import ChangedAttribute
 
 
@@ -27,11 +29,14 @@ class SimulatorDiagnosis:
     joints: tuple[str, ...]
     least: "LeastChange"
     changes: "tuple[ChangedAttribute, ...]" = ()
-    """Changed attributes of an MJCF file."""
     diff: str = ""
-    """Unified diff of an MJCF file."""
+    """Unified diff."""
+    lost: dict[str, str] = field(default_factory=dict)
+    """Effect -> reason why the file cannot contain it."""
+    replays: "tuple[FileReplay, ...]" = ()
+    """Errors before and after: on held-out runs, or on the fitted runs if none are held out."""
     refused: str = ""
-    """Reason why an MJCF file cannot be changed; empty if it can."""
+    """Reason why the file cannot be changed; empty if it can."""
 
     def to_json(self) -> dict[str, Any]:
         """Output of `diagnose --simulator --json`: that of `diagnose`, and `simulator`."""
@@ -44,6 +49,8 @@ class SimulatorDiagnosis:
                 "unnamed": list(self.least.unnamed),
                 "changes": [asdict(change) for change in self.changes],
                 "diff": self.diff,
+                "lost": self.lost,
+                "replays": [asdict(replay) for replay in self.replays],
                 "refused": self.refused,
             }
         }
@@ -67,8 +74,10 @@ def diagnose_simulator(
         DprError: a result cannot be written.
     """
     from dpr_lab.exports.corrected import corrected_model
-    from dpr_lab.exports.into_mjcf import into_mjcf, refuse_other_rig
-    from dpr_lab.exports.least_change import least_change
+    from dpr_lab.exports.into import into_file
+    from dpr_lab.exports.into.least_change import least_change
+    from dpr_lab.exports.into.replay import replay_files
+    from dpr_lab.exports.into.target import refuse_other_rig
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
     from dpr_lab.simulator_models.chain import double_pendulum
@@ -96,17 +105,22 @@ def diagnose_simulator(
     least = least_change(result.diagnosis, model, rig, chain, runs)
     names = tuple(rod.joint.name for rod in chain.rods)
     done = SimulatorDiagnosis(result, simulator, read.format, names, least)
-    if read.format != "MJCF":
-        return done
     try:
-        patched = into_mjcf(least.model, rig, simulator, joints)
+        patched = into_file(least.model, rig, simulator, joints)
     except ConfigError as error:  # the diagnosis is still valid
         return replace(done, refused=str(error))
     before, after = (text.decode("utf-8") for text in (simulator.read_bytes(), patched.text))
     old, new = (text.splitlines(keepends=True) for text in (before, after))
     diff = "".join(unified_diff(old, new, str(simulator), f"corrected {simulator.name}", n=1))
-    done = replace(done, changes=patched.changes, diff=diff)
+    unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque) or runs
+    replays = replay_files(simulator, patched.text, names, least.model, rig, unseen) if _runs_here() else []
+    done = replace(done, changes=patched.changes, diff=diff, lost=patched.lost, replays=tuple(replays))
     return _written(done, request.out, after) if request.out else done
+
+
+def _runs_here() -> bool:
+    """Whether MuJoCo, which replays files, is installed."""
+    return find_spec("mujoco") is not None
 
 
 def _written(done: SimulatorDiagnosis, out: Path, text: str) -> SimulatorDiagnosis:

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.events import OnEvent, ignore
+from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
+    from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.simulator_models.xml_edit import ChangedAttribute
 
 
@@ -24,48 +27,59 @@ class ExportedInto:
     changes: "tuple[ChangedAttribute, ...]"
     lost: dict[str, str]
     """Effect -> reason why the file cannot contain it."""
+    replays: "tuple[FileReplay, ...]" = ()
+    """Errors before and after on the recordings to check."""
 
     def to_json(self) -> dict[str, Any]:
         """Output of `dpr-lab export --into --json`."""
         return {"schema": 1, **asdict(self), "file": str(self.file), "diff_file": str(self.diff_file)}
 
 
-def export_into(model: Path, rig: str, into: Path, out: Path, joints: Sequence[str] = ()) -> ExportedInto:
-    """Write a copy of an MJCF file with the numbers of a model into a folder; the original file is not changed.
+def export_into(
+    model: Path,
+    rig: str,
+    into: Path,
+    out: Path,
+    joints: Sequence[str] = (),
+    check: Sequence[Path] = (),
+    on_event: OnEvent = ignore,
+) -> ExportedInto:
+    """Write a copy of a simulator's file with the numbers of a model; the original file is not changed.
 
     Args:
         model: model written by `identify` or `diagnose`, or the folder of a diagnosis
-        rig: the rig file written by `dpr-lab rig from` for the MJCF file
-        into: the MJCF file
+        rig: the rig file written by `dpr-lab rig from` for this file
+        into: the MJCF, URDF or SDFormat file
         out: folder of the copy and of its diff
         joints: joints of inner rod, outer rod and optionally the arm; empty: detected
+        check: runs to replay with the numbers of both files
+        on_event: called with each run that was read
 
     Raises:
         ConfigError: the rig, the file or the folder cannot be used.
-        RunError: the model cannot be used.
+        RunError: the model or a run cannot be used.
         DprError: a file cannot be written.
     """
-    from dpr_lab.exports.into_mjcf import into_mjcf
+    from dpr_lab.exports.into import into_file
+    from dpr_lab.exports.into.replay import replay_files
     from dpr_lab.identification.model import load_model
     from dpr_lab.rig import load_rig
-    from dpr_lab.simulator_models.xml_file import read_xml
     from dpr_lab.whole_file import write_text
 
     refuse_file(out)
     file = out / into.name
     if file.resolve() == into.resolve():
         raise ConfigError(f"{out}: is the folder of {into.name}, which is not overwritten: choose another folder")
-    tag = read_xml(into).tag
-    if tag != "mujoco":
-        raise ConfigError(f"{into}: only MJCF can be changed, and its outermost element is <{tag[:50]}>: use --to")
     loaded_rig = load_rig(rig)
     loaded = load_model(model / "model.json" if model.is_dir() else model)
     loaded.starting_point(loaded_rig)
-    patched = into_mjcf(loaded, loaded_rig, into, joints)
+    patched = into_file(loaded, loaded_rig, into, joints)
     text = patched.text.decode("utf-8")
     before, after = (part.splitlines(keepends=True) for part in (into.read_bytes().decode("utf-8"), text))
     diff = "".join(unified_diff(before, after, str(into), str(file), n=1))
     diff_file = out / f"{into.name}.diff"
     write_text(file, text)
     write_text(diff_file, diff)
-    return ExportedInto(file, diff_file, diff, patched.changes, patched.lost)
+    runs = read_runs(check, loaded_rig, on_event)
+    replays = replay_files(into, patched.text, joints, loaded, loaded_rig, runs) if runs else []
+    return ExportedInto(file, diff_file, diff, patched.changes, patched.lost, tuple(replays))

@@ -13,7 +13,7 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.into_mjcf import into_mjcf
+from dpr_lab.exports.into.mjcf import into_mjcf
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.exports.models import X0, model_of
@@ -142,7 +142,7 @@ def test_effects_without_an_attribute_are_listed(start: tuple[Path, Rig]) -> Non
 
 def test_a_model_of_another_rig_is_refused(start: tuple[Path, Rig], paper: Rig) -> None:
     path, _ = start
-    with pytest.raises(ConfigError, match=r"its L1 is 0.3, that of the model 0.4: start from the rig file"):
+    with pytest.raises(ConfigError, match=r"its L1 is 0.3, but that of the model is 0.4: start from the rig file"):
         into_mjcf(model_of(paper, {}), paper, path)
 
 

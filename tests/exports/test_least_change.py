@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 import pytest
 
 from dpr_lab.exports.corrected import corrected_model
-from dpr_lab.exports.into_mjcf import into_mjcf
-from dpr_lab.exports.least_change import LeastChange, least_change
+from dpr_lab.exports.into.least_change import LeastChange, least_change
+from dpr_lab.exports.into.mjcf import into_mjcf
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.simulator_models import read_model

@@ -110,5 +110,5 @@ def test_a_joint_of_sdformat_may_have_no_stop_and_a_pose_may_be_empty(tmp_path: 
 
 
 def test_what_drake_exits_at_is_a_sentence(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"SDFormat's library cannot read it: .*stiffness"):
+    with pytest.raises(ConfigError, match=r"the library of SDFormat cannot read it: .*stiffness"):
         read(tmp_path, SDF.replace("<spring_stiffness>0.3", "<spring_stiffness>-1"))

@@ -129,7 +129,7 @@ def test_masses_do_not_come_from_meshes_and_plugins_are_listed(tmp_path: Path) -
     read, _ = written(tmp_path, two_hinges(more=mesh + plugins, inside=geom))
     assert {"1 plugins, not loaded", "1 meshes, not loaded"} <= set(read.notes)
     bare = two_hinges(more=mesh, inside=geom).replace(f"<inertial {OUTER}/>", "")
-    with pytest.raises(ConfigError, match="mass of body 'b' would come from the mesh 'big'"):
+    with pytest.raises(ConfigError, match="mass of body 'b' is defined by the mesh 'big'"):
         written(tmp_path, bare)
 
 
@@ -150,15 +150,15 @@ BAD = {
         "has 4 hinges, 'yaw', 'shoulder', 'elbow', 'w'",
     ),
     "axes": (two_hinges(axis="1 1 0"), "45 degrees away"),
-    "outside": (two_hinges(more='<include file="/etc/passwd"/>'), "lies outside the folder"),
-    "above": (two_hinges(more='<include file="../x.xml"/>'), "lies outside the folder"),
+    "outside": (two_hinges(more='<include file="/etc/passwd"/>'), "is outside the folder"),
+    "above": (two_hinges(more='<include file="../x.xml"/>'), "is outside the folder"),
     "circle": (two_hinges(more='<include file="model.xml"/>'), "includes itself"),
     "not there": (two_hinges(more='<include file="gone.xml"/>'), "cannot be read"),
     "laughs": ('<!DOCTYPE m [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]><mujoco>&b;</mujoco>', "document type or entities"),
     "outer file": ('<!DOCTYPE m SYSTEM "file:///etc/passwd"><mujoco/>', "document type or entities"),
     "not xml": ("joint = 3", "not well-formed"),
     "deep": ("<mujoco>" + "<body>" * 5000 + "</body>" * 5000 + "</mujoco>", "deep"),
-    "other": ("<scene/>", "outermost element is <scene>"),
+    "other": ("<scene/>", "root element is <scene>"),
     "macro": (
         two_hinges(inside='<replicate count="1000000"><geom size="1"/></replicate>'),
         "<replicate> is not expanded",
@@ -179,7 +179,7 @@ BAD = {
     ),
     "bare sdf": (
         '<sdf version="1.10"><include><uri>model://x</uri></include></sdf>',
-        "SDFormat's library|no hinge|needs Drake",
+        "library of SDFormat|no hinge|needs Drake",
     ),
 }
 
@@ -196,7 +196,7 @@ def test_what_is_no_double_pendulum_is_refused_with_a_sentence(tmp_path: Path, t
     [
         (("elbow", "shoulder"), "give the inner joint first"),
         (("shoulder",), "names two joints"),
-        (("shoulder", "knee"), "no hinge is named 'knee'; the model has 'shoulder', 'elbow'"),
+        (("shoulder", "knee"), "no hinge is named 'knee'; hinges of the model: 'shoulder', 'elbow'"),
     ],
 )
 def test_names_that_do_not_fit(tmp_path: Path, names: tuple[str, ...], message: str) -> None:
@@ -209,7 +209,7 @@ def test_a_link_to_another_folder_is_not_followed(tmp_path: Path) -> None:
     inner.mkdir()
     (tmp_path / "secret.xml").write_text("<mujoco/>", encoding="utf-8")
     (inner / "link.xml").symlink_to(tmp_path / "secret.xml")
-    with pytest.raises(ConfigError, match="lies outside the folder"):
+    with pytest.raises(ConfigError, match="is outside the folder"):
         written(inner, two_hinges(more='<include file="link.xml"/>'))
 
 

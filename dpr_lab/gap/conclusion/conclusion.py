@@ -20,6 +20,7 @@ from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.bare_model import scale
 from dpr_lab.gap.classes.families import families, families_sentence
 from dpr_lab.gap.classes.posterior import EffectPosterior, probabilities
+from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
 from dpr_lab.gap.conclusion.verdict import Verdict, listed_causes, sentence, verdict
@@ -149,6 +150,7 @@ def conclude(found: Findings, evidence: Evidence, seconds: float) -> Diagnosis:
         scale_b=float(at.ratios[SCALE]),
         scale=found.scale,
         search=[_search_step(step) for step in found.selection.trace],
+        posterior=components(found.problem, found.selection, found.recordings.rig, found.remainder),
         model_effects=named_params(at.params),
         assumptions=[*([found.cut] if found.cut else []), *_assumptions(found), *_unseen(least, found.absorbed)],
         evidence=evidence,

@@ -13,6 +13,7 @@ from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.gap_budget import GapBudget
+from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.result.trust import Trust
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig_tables import AddedMass
@@ -391,6 +392,9 @@ class Diagnosis(Shown, _Record):
     """m2 L1^2 / b, which together with the ratios determines the swing of the inner rod alone."""
     search: list[SearchStep] = []
     """How the set of effects was found; empty in a file of an older version."""
+    posterior: list[PosteriorComponent] = []
+    """Sets of effects that were fitted, the chosen one first, with the joint covariance of their values; empty in a
+    file of an older version."""
     model_effects: dict[str, dict[str, Number]]
     """The corrected model's effects with all parameters, as `dpr_lab.effects.effect_params` takes them."""
     assumptions: list[str]

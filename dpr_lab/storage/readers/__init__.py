@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from dpr_lab.errors import RunError
+from dpr_lab.plugins.rows import plugin_rows
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.storage.readers.hdf5 import read_hdf5
 from dpr_lab.storage.readers.joint_states import read_bag, read_mcap, read_sqlite
@@ -41,7 +42,7 @@ def _refuse_spreadsheet(path: Path, take: Sequence[str]) -> Table:
     raise RunError(f"{path}: is a spreadsheet or another packed document: save its table as CSV (UTF-8) first")
 
 
-READERS: tuple[Reader, ...] = (
+_OWN = (
     Reader("MATLAB file", (b"MATLAB 5.0",), read_matlab),
     Reader("MATLAB file of version 7.3", (b"MATLAB 7.3",), read_hdf5),
     Reader("HDF5 file", (b"\x89HDF\r\n\x1a\n",), read_hdf5),
@@ -51,6 +52,8 @@ READERS: tuple[Reader, ...] = (
     Reader("NumPy file", (b"\x93NUMPY", b"PK\x03\x04"), read_numpy),
     Reader("spreadsheet", (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",), _refuse_spreadsheet),
 )
+
+READERS: tuple[Reader, ...] = (*_OWN, *plugin_rows("readers", Reader, ()).values())
 """Formats in the order in which they are tried; any other file is text, or text compressed by gzip."""
 
 

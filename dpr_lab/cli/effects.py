@@ -1,0 +1,103 @@
+"""`dpr-lab effects`: what `diagnose` can name, effects of plugins included."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from dpr_lab.cli.checks import EFFECT_NAMES
+from dpr_lab.cli.console import emit, json_mode, line, table
+from dpr_lab.cli.listing import Listing
+
+if TYPE_CHECKING:
+    from dpr_lab.effects.effect import Effect
+
+app = typer.Typer(
+    help="""List and describe the effects that a diagnosis can name.
+
+    Example: dpr-lab effects list
+    """,
+    cls=Listing,
+    no_args_is_help=True,
+)
+
+
+@app.command("list")
+def list_effects(
+    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+) -> None:
+    """List the effects with their equations, and the package that each comes from.
+
+    Example: dpr-lab effects list
+    """
+    json_mode(as_json)
+    from dpr_lab.effects import EFFECTS
+
+    if as_json:
+        emit([_described(effect) for effect in EFFECTS.values()])
+        return
+    rows = [(name, effect.words, effect.equation, _package(name)) for name, effect in EFFECTS.items()]
+    table("Effects", ("effect", "name", "equation", "package"), rows)
+
+
+@app.command("show")
+def show_effect(
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="Identifier or name of an effect.", callback=EFFECT_NAMES.check, autocompletion=EFFECT_NAMES.complete
+        ),
+    ],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Describe one effect: equation, parameters with units and limits, bench check and source.
+
+    Example: dpr-lab effects show coulomb_joint2
+    """
+    json_mode(as_json)
+    from dpr_lab.effects import EFFECTS
+
+    described = _described(EFFECTS[name])
+    if as_json:
+        emit(described)
+        return
+    line(f"{described['words']} [{name}], {described['package']}")
+    line(f"equation: {described['equation']}")
+    rows = [(p["name"], p["unit"], p["typical"], p["role"], p["limit"]) for p in described["parameters"]]
+    table("Parameters", ("parameter", "unit", "typical", "role", "limit"), rows)
+    line(f"check on the bench: {described['bench_check']}")
+    line(f"source: {described['source']}")
+
+
+def _package(name: str) -> str:
+    from dpr_lab.plugins.rows import origin
+    from dpr_lab.version import __version__
+
+    plugin = origin("effects", name)
+    return f"{plugin.package} {plugin.version}" if plugin else f"dpr-lab {__version__}"
+
+
+def _described(effect: "Effect") -> dict[str, Any]:
+    """What there is to know about an effect."""
+    from dpr_lab.effects.limits import limit_words
+
+    parameters = [
+        {
+            "name": p.name,
+            "unit": p.unit,
+            "role": p.role,
+            "typical": p.typical,
+            "limit": limit_words(p) if p.role == "amplitude" else "",
+        }
+        for p in effect.parameters
+    ]
+    return {
+        "name": effect.name,
+        "words": effect.words,
+        "package": _package(effect.name),
+        "equation": effect.equation,
+        "stage": effect.stage,
+        "parameters": parameters,
+        "indistinguishable_from": list(effect.twins),
+        "bench_check": effect.bench_check,
+        "source": effect.source,
+    }

@@ -1,0 +1,41 @@
+"""Why an effect of a plugin cannot be used: what its kernel asks for, units, names."""
+
+import math
+from collections.abc import Iterator
+
+from dpr_lab.effects.effect import Effect
+from dpr_lab.effects.fold import arguments
+from dpr_lab.effects.rig_scales import LIMITS
+from dpr_lab.effects.stages import STAGES, StageName
+
+
+def refusal(effect: Effect) -> str:
+    """Reasons in words; empty: it can be used."""
+    return "; ".join(_reasons(effect))
+
+
+def _reasons(effect: Effect) -> Iterator[str]:
+    if not (effect.name.isidentifier() and effect.name.isascii()):
+        yield "the name of an effect is an identifier, such as magnet_joint1"
+    if effect.stage not in StageName.__args__:
+        yield f"no stage {effect.stage!r}; there are: {', '.join(StageName.__args__)}"
+        return
+    if effect.stage in ("play", "arm", "input"):
+        yield f"the stage {effect.stage!r} is that of one effect of dpr-lab, and holds no other"
+    if not effect.joints or not set(effect.joints) <= {0, 1}:
+        yield f"joints = {effect.joints}: joints are 0 and 1"
+    own = [*(state.name for state in effect.internal), *(parameter.name for parameter in effect.parameters)]
+    offered = [*STAGES[effect.stage].quantities, *own]
+    if unknown := [name for name in arguments(effect.kernel) if name not in offered]:
+        yield f"the kernel asks for {', '.join(unknown)}; at the stage {effect.stage!r} there are: {', '.join(offered)}"
+    if not effect.amplitudes:
+        yield "an effect has at least one amplitude, which is zero while it is off"
+    for parameter in effect.parameters:
+        if not parameter.name.isidentifier() or not math.isfinite(parameter.typical) or parameter.typical <= 0:
+            yield f"parameter {parameter.name!r}: its name is an identifier, its typical size above zero and finite"
+    for parameter in effect.amplitudes:
+        limit = parameter.limit or parameter.unit
+        if limit not in LIMITS and not math.isfinite(parameter.most):
+            yield f"parameter {parameter.name!r}: no limit for {limit!r}: give `most`, or one of: {', '.join(LIMITS)}"
+        if not parameter.has_ratio_unit:
+            yield f"parameter {parameter.name!r}: no ratio is defined for the unit {parameter.unit!r}"

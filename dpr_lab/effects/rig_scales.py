@@ -1,0 +1,60 @@
+"""What sizes of effects are compared with on a rig, and the largest size for each unit."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from dpr_lab.effects.quantities import BaseParameters, RigConstants
+
+
+class RigScales(NamedTuple):
+    """What sizes at one joint are compared with."""
+
+    gravity: float
+    """Largest gravity torque about the joint, N m."""
+    inertia: float
+    """Largest inertia about the joint, kg m^2."""
+    length: float
+    """Length of the rod beyond the joint, m."""
+    mass: float
+    """Mass with the inner rod's length that would cause the gravity torque about joint 1, kg."""
+    g: float
+    """Gravity, m/s^2."""
+    counts_per_rev: float
+    """Counts of the finer encoder per turn."""
+
+
+def scales(base: BaseParameters, constants: RigConstants, joint: int) -> RigScales:
+    """The scales of a rig at joint 0 or 1."""
+    inertia = base.b if joint else base.a + base.b + 2.0 * base.d
+    return RigScales(
+        gravity=base.e2 if joint else base.e1 + base.e2,
+        inertia=inertia,
+        length=constants.L2 if joint else constants.L1,
+        mass=(base.e1 + base.e2) / (constants.g * constants.L1),
+        g=constants.g,
+        counts_per_rev=max(abs(constants.counts_per_rev1), abs(constants.counts_per_rev2)),
+    )
+
+
+def _critical_damping(rig: RigScales) -> float:
+    return 2.0 * math.sqrt(rig.gravity * rig.inertia)
+
+
+LIMITS: Mapping[str, tuple[str, Callable[[RigScales], float]]] = {
+    "N m": ("gravity torque about the joint", lambda rig: rig.gravity),
+    "N m/rad": ("3 times the gravity torque about the joint per radian", lambda rig: 3.0 * rig.gravity),
+    "N m/rad^3": ("3 times the gravity torque about the joint per cubic radian", lambda rig: 3.0 * rig.gravity),
+    "N m s/rad": ("critical damping of the joint", _critical_damping),
+    "damping per second": ("critical damping of the joint within 1 s", _critical_damping),
+    "kg m^2": ("3 times the inertia about the joint", lambda rig: 3.0 * rig.inertia),
+    "kg/m^2": ("inertia about the joint over length^4", lambda rig: rig.inertia / rig.length**4),
+    "m": ("0.3 of the length of the rod", lambda rig: 0.3 * rig.length),
+    "1/kg": ("10 over the mass of the rods", lambda rig: 10.0 / rig.mass),
+    "m/s^2": ("gravity", lambda rig: rig.g),
+    "s": ("a quarter of the radian time of the joint", lambda rig: 0.25 * math.sqrt(rig.inertia / rig.gravity)),
+    "rad": ("0.5 rad", lambda rig: 0.5),
+    "1": ("0.5", lambda rig: 0.5),
+    "counts": ("one turn", lambda rig: rig.counts_per_rev),
+}
+"""Unit of an amplitude, or its own `limit` -> the limit in words, and as a function of the rig."""

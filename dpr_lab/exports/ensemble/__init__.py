@@ -1,0 +1,1 @@
+"""Ensembles of models sampled from the posterior, and their predictive bands."""

@@ -1,0 +1,107 @@
+"""Predictive bands of an ensemble of models for recordings, and how many of the readings they cover.
+
+Each model starts from a state drawn from what the first readings of the recording show with it, runs freely, and reads
+with the noise of the encoders. The band of an instant lies between quantiles over the models. Nothing beyond the
+predictability horizon counts, and nothing that the start states were fitted to.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.identification.compare import Followed, follow, free_run_from
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class BandSettings:
+    """Which readings are compared."""
+
+    level: float = 0.9
+    """Share of the readings that a band should cover."""
+    start_s: float = 0.5
+    """What the start states are fitted to, from the first reading."""
+    length_s: float = 10.0
+    """Longest comparison."""
+    rate_hz: float = 200.0
+    """Rate of the readings that are compared."""
+
+
+BANDS = BandSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class PredictiveBand:
+    """The band of one recording."""
+
+    run: str
+    horizon_s: float
+    """Until which readings are compared, s since the release."""
+    t: Array
+    """(n,) s since the release."""
+    measured: Array
+    """(n, 2) rad."""
+    low: Array
+    """(n, 2) rad."""
+    high: Array
+    """(n, 2) rad."""
+
+    @property
+    def covered(self) -> float:
+        """Share of the readings within the band; nan without a reading."""
+        inside = (self.measured >= self.low) & (self.measured <= self.high)
+        return float(inside.mean()) if inside.size else float("nan")
+
+    @property
+    def width_rad(self) -> float:
+        """Mean width."""
+        return float((self.high - self.low).mean()) if self.low.size else float("nan")
+
+
+def predictive_band(
+    model: Model, members: Sequence[Model], run: Run, rig: Rig, seed: int, settings: BandSettings = BANDS
+) -> PredictiveBand:
+    """The band of an ensemble for one recording.
+
+    Args:
+        model: the corrected model, for the horizon
+        members: the ensemble
+        run: the recording
+        rig: its rig
+        seed: of start states and noise
+        settings: which readings are compared
+
+    Raises:
+        RunError: the model cannot follow the readings.
+    """
+    rng = np.random.default_rng(seed)
+    swing = run.swing
+    first = float(swing.t[0])
+    end = min(free_run_from(follow(run, rig, model), first).horizon_s, first + settings.length_s)
+    apart = max(1, round((len(swing.t) - 1) / max(float(swing.t[-1]) - first, 1e-9) / settings.rate_hz))
+    t = swing.t[(swing.t > first + settings.start_s) & (swing.t <= end)][::apart]
+    head = run.only(run.t < first + settings.start_s + 1e-9)
+    drawn = np.array([_swing(follow(head, rig, member), first, t, rng) for member in members])
+    tail = (1 - settings.level) / 2
+    low, high = np.nanquantile(drawn, [tail, 1 - tail], axis=0)
+    measured = run.theta[np.searchsorted(run.t, t), 1:]
+    return PredictiveBand(run.name, end, t, measured, low, high)
+
+
+def _swing(followed: Followed, first: float, t: Array, rng: np.random.Generator) -> Array:
+    """(n, 2) readings at t of one model, from a drawn start state, with noise, rad."""
+    covariance = followed.bare.initial_covariances[0] * max(1.0, followed.bare.chi2_per_dof)
+    start = rng.multivariate_normal(followed.estimate.initial[0], covariance, method="eigh")
+    laid_out = followed.bare.problem.segments
+    onward = segments([np.append(first, t)], setups=laid_out.setups[:1], step=followed.step)
+    problem = replace(followed.bare.problem, segments=onward, model=followed.simulated)
+    started = followed.estimate.changed(initial=start[None])
+    theta = problem.joints.to_rods(problem.predict(started))[1:]
+    return theta + rng.multivariate_normal(np.zeros(2), followed.preprocessed.noise.covariance, len(t), method="eigh")

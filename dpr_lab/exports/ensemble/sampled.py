@@ -1,0 +1,126 @@
+"""Corrected models sampled from the posterior of parameters and causes, for domain randomisation.
+
+A set of effects is drawn by its probability, then its values from their joint normal distribution. A friction or an
+amplitude that cannot be negative and is drawn so is zero; inertias that no bodies have are drawn again. The scale b,
+which a free swing does not show, is drawn log-normally within its interval: all masses, inertias and torques follow it,
+and the swing stays as it is.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS, base_from_ratios
+from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import RunError
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.identification.model import Model
+
+Array = NDArray[np.float64]
+
+
+def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: int, seed: int) -> list[Model]:
+    """Draw models.
+
+    Args:
+        model: the corrected model
+        components: its posterior
+        n: number of models
+        seed: of the draws
+
+    Raises:
+        RunError: hardly a draw lies within the bounds.
+    """
+    rng = np.random.default_rng(seed)
+    weights = np.array([component.probability for component in components])
+    chosen = rng.choice(len(components), size=n, p=weights / weights.sum())
+    return [_drawn(model, components[index], rng) for index in chosen.tolist()]
+
+
+def posterior_of(model: Model, diagnosis: Diagnosis | None) -> list[PosteriorComponent]:
+    """The posterior of a diagnosis; of a model without one, the covariance of its ratios.
+
+    Raises:
+        RunError: the diagnosis is of a version that kept no posterior.
+    """
+    if diagnosis is not None:
+        if not diagnosis.posterior:
+            raise RunError("the diagnosis keeps no joint covariance of its values: diagnose the recordings again")
+        return diagnosis.posterior
+    free = [name for name in model.covariance.order if name in RATIOS]
+    places = [model.covariance.order.index(name) for name in free]
+    spread = np.array(model.covariance.matrix)[np.ix_(places, places)]
+    ratios = {name: estimate.value for name, estimate in model.ratios.items()}
+    return [
+        PosteriorComponent(probability=1.0, ratios=ratios, effects=model.effects, free=free, covariance=spread.tolist())
+    ]
+
+
+def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> Model:
+    values = dict(component.ratios) | {
+        f"{name}.{key}": value for name, own in component.effects.items() for key, value in own.items()
+    }
+    mean = np.array([values[name] for name in component.free])
+    root = _root(np.array(component.covariance).reshape(len(mean), len(mean)))
+    for _ in range(tries):
+        step = root @ rng.standard_normal(len(mean))
+        drawn = _signed(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))
+        if _possible(drawn):
+            return _with_values(model, component, drawn, _scale_factor(model, rng))
+    raise RunError("hardly a draw from the posterior is physical: these recordings do not determine the model")
+
+
+def _root(covariance: Array) -> Array:
+    """A square root of a covariance, also of a singular one."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
+    eigen, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return scale[:, None] * vectors * np.sqrt(np.maximum(eigen, 0.0))
+
+
+def _signed(values: Mapping[str, float]) -> dict[str, float]:
+    """Values of which those that cannot be negative are not."""
+    positive = {
+        f"{name}.{p.name}" for name, effect in EFFECTS.items() for p in effect.parameters if p.sign == "positive"
+    }
+    positive |= {"c1/b", "c2/b"}
+    return {name: max(value, 0.0) if name in positive else value for name, value in values.items()}
+
+
+def _possible(values: Mapping[str, float]) -> bool:
+    """Whether bodies can have these inertias and first moments."""
+    a, d = values["a/b"], values["d/b"]
+    return a > d * d and d > 0 and values["e1/b"] > 0
+
+
+def _scale_factor(model: Model, rng: np.random.Generator) -> float:
+    """The drawn b over that of the model."""
+    z = float(rng.standard_normal())
+    if model.scale is None:
+        return 1.0
+    low, high = (float(np.log(end / model.scale.b)) / NORMAL_Q90 for end in model.scale.interval90)
+    return float(np.exp(z * (high if z > 0 else -low)))
+
+
+def _with_values(model: Model, component: PosteriorComponent, values: Mapping[str, float], factor: float) -> Model:
+    base = model.base["b"].value * factor * base_from_ratios(np.array([values[name] for name in RATIOS]))
+    powers = {
+        f"{name}.{p.name}": p.scale_power
+        for name in component.effects
+        if name in EFFECTS
+        for p in EFFECTS[name].parameters
+    }
+    effects = {
+        name: {key: values[f"{name}.{key}"] * factor ** powers.get(f"{name}.{key}", 0) for key in own}
+        for name, own in component.effects.items()
+        if name in EFFECTS and not EFFECTS[name].event
+    }
+    return model.model_copy(
+        update={
+            "ratios": {k: v.model_copy(update={"value": values[k]}) for k, v in model.ratios.items()},
+            "base": {k: v.model_copy(update={"value": float(base[i])}) for i, (k, v) in enumerate(model.base.items())},
+            "effects": effects,
+        }
+    )

@@ -1,0 +1,206 @@
+"""Write the corrected model into the URDF or SDFormat file of the user (`dpr_lab.exports.into.target`: what changes).
+
+Where an element stands, its coordinates may be those of any frame. Therefore what a coordinate does is found by reading
+the file again with that coordinate changed: places are linear in them.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.exports.bodies import bodies, in_words, left_out
+from dpr_lab.exports.into.target import (
+    PatchedModel,
+    RodTarget,
+    body_change,
+    joint_values,
+    numbers,
+    refuse_other_rig,
+    refuse_overridden,
+    rod_targets,
+)
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+from dpr_lab.simulator_models.chain import ModelChain, double_pendulum
+from dpr_lab.simulator_models.tree import Part, SimulatorModel, Vector
+from dpr_lab.simulator_models.xml_edit import XmlEdit
+
+Read = Callable[[Path, bytes | None], SimulatorModel]
+
+
+class Editor(Protocol):
+    """A description format: its names of quantities, and how its elements hold numbers."""
+
+    words: frozenset[str]
+    """Words of effects that it has."""
+    joint_names: dict[str, str]
+    """Quantity of a joint -> its name in the format."""
+
+    def place(self, edit: XmlEdit, owner: int) -> Vector:
+        """(3,) coordinates of an element that has a place."""
+        ...
+
+    def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
+        """Set them."""
+        ...
+
+    def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
+        """Multiply the inertia."""
+        ...
+
+    def set_joint(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
+        """Set quantities of a joint, by their names in the format."""
+        ...
+
+    def elbow_owner(self, joint: int, link: int) -> int:
+        """The element whose place is that of the outer joint."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    path: Path
+    name: str
+    """Of the format."""
+    read: Read
+    editor: Editor
+    joints: tuple[str, ...]
+    gravity: float | None
+    """m/s^2, where the format holds none."""
+
+    def model(self, edit: XmlEdit) -> SimulatorModel:
+        return self.read(self.path, edit.text())
+
+    def chain(self, model: SimulatorModel) -> ModelChain:
+        try:
+            return double_pendulum(model, self.joints, self.gravity if model.gravity is None else None)
+        except ConfigError as error:
+            raise ConfigError(f"{self.path}: {error}") from error
+
+    def begun(self, text: bytes) -> XmlEdit:
+        return XmlEdit(text, str(self.path))
+
+    def joint(self, edit: XmlEdit, name: str) -> int:
+        """Index of a joint's element.
+
+        Raises:
+            ConfigError: it is not in the file itself.
+        """
+        index = edit.find("joint", name=name)
+        if index is None:
+            raise ConfigError(f"{self.path}: no <joint name={name!r}> is in the file itself")
+        return index
+
+    def link(self, edit: XmlEdit, part: Part) -> int:
+        """Index of a link's element; errors as of `joint`."""
+        index = edit.find("link", name=part.name)
+        if index is None:
+            raise ConfigError(f"{self.path}: no <link name={part.name!r}> is in the file itself")
+        return index
+
+
+def into_description(
+    model: Model, rig: Rig, path: Path, joints: Sequence[str], name: str, read: Read, editor: Editor
+) -> PatchedModel:
+    """The file with the numbers of the corrected model.
+
+    Args:
+        model: the corrected or identified model
+        rig: its rig, as `dpr-lab rig from` wrote it from this file
+        path: the file
+        joints: of inner rod, outer rod and perhaps the arm; none: found
+        name: of the format
+        read: its reader
+        editor: how its elements hold numbers
+
+    Raises:
+        ConfigError: the file cannot be read or changed, or its L1 or g is not that of the rig.
+    """
+    file = _File(path, name, read, editor, tuple(joints), model.rig.g)
+    edit = file.begun(path.read_bytes())
+    chain = file.chain(file.model(edit))
+    refuse_other_rig(chain, model.rig.L1, model.rig.g, path)
+    expressed = in_words(model, rig, editor.words)
+    made = bodies(model, rig, expressed)
+    changes = []
+    if longer := sum(words.get("added_length", 0.0) for words in expressed.values()):
+        edit = _lengthened(file, edit, longer)
+        changes += edit.changes
+        edit = file.begun(edit.text())
+        chain = file.chain(file.model(edit))
+    targets = rod_targets(chain, made)
+    for number, target in enumerate(targets):
+        edit = _with_body(file, edit, number, target)
+        changes += edit.changes
+        edit = file.begun(edit.text())
+        values = joint_values(chain, number, target)
+        words = {editor.joint_names[key]: numbers([v]) for key, (_, v) in values.items() if key in editor.joint_names}
+        joint = chain.rods[number].joint.name
+        if words:
+            editor.set_joint(edit, file.joint(edit, joint), f"joint {joint}", words)
+            changes += edit.changes
+            edit = file.begun(edit.text())
+    reason = f"{path}: the changed file, read again, does not have the numbers that were written: change it by hand"
+    refuse_overridden(file.chain(file.model(edit)), targets, made.rods[0].length, editor.words, reason)
+    return PatchedModel(edit.text(), tuple(changes), left_out(model, expressed, name))
+
+
+def _part(model: SimulatorModel, joint: str) -> Part:
+    return next(part for part in model.parts if part.joint is not None and part.joint.name == joint)
+
+
+def _lengthened(file: _File, edit: XmlEdit, longer: float) -> XmlEdit:
+    """Move the outer joint along the inner rod."""
+    model = file.model(edit)
+    rod, joint = file.chain(model).rods[0], file.chain(model).rods[1].joint.name
+    owner = file.editor.elbow_owner(file.joint(edit, joint), file.link(edit, _part(model, joint)))
+
+    def anchor(changed: SimulatorModel) -> Vector:
+        own = _part(changed, joint).joint
+        assert own is not None
+        return own.anchor
+
+    return _moved(file, edit, owner, f"joint {joint}", anchor, longer * rod.along)
+
+
+def _with_body(file: _File, edit: XmlEdit, number: int, target: RodTarget) -> XmlEdit:
+    """Move the centroid of the link of a joint and scale its inertia."""
+    model = file.model(edit)
+    chain = file.chain(model)
+    joint = chain.rods[number].joint.name
+    change = body_change(model, chain, file.joints, number, target, file.path)
+    if not change.moves and not change.scales:
+        return edit
+    link = file.link(edit, _part(model, joint))
+    inertial, label = edit.child(link, "inertial"), f"link {change.name}"
+    if inertial is None:
+        raise ConfigError(f"{file.path}: link {change.name!r} has no <inertial> element: give it one")
+    if change.scales:
+        file.editor.scale_inertia(edit, inertial, label, change.factor)
+    if not change.moves:
+        return edit
+    return _moved(file, edit, inertial, label, lambda changed: _part(changed, joint).centroid, change.shift)
+
+
+def _moved(
+    file: _File, edit: XmlEdit, owner: int, label: str, measure: Callable[[SimulatorModel], Vector], shift: Vector
+) -> XmlEdit:
+    """Set the place of an element so that what it measures moves by a shift, (3,) in the world, m."""
+    place = file.editor.place(edit, owner)
+
+    def measured(at: Vector) -> Vector:
+        tried = file.begun(edit.text())
+        file.editor.set_place(tried, owner, label, at)
+        return measure(file.model(tried))
+
+    before, step = measured(place), 0.1
+    slopes = np.array([(measured(place + step * unit) - before) / step for unit in np.eye(3)]).T
+    if abs(np.linalg.det(slopes)) < 0.5:
+        raise ConfigError(f"{file.path}: the place of {label} is given elsewhere: change it by hand")
+    moved = place + np.linalg.solve(slopes, shift)
+    file.editor.set_place(edit, owner, label, np.where(np.abs(moved) < 1e-12, 0.0, moved))
+    return edit

@@ -1,0 +1,151 @@
+"""Recordings replayed with the numbers of the user's file, in MuJoCo.
+
+A MJCF file whose only joints are those of the rods runs itself, with its own integrator. Its time step is at most
+0.5 ms, so that the model is compared and not the step. Other files run as two bodies with the numbers that were read:
+MuJoCo reads no SDFormat, and in a model with more joints these are held at zero.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.exports.programs import Replay
+from dpr_lab.exports.replay import release
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.simulator_models import read_model
+from dpr_lab.simulator_models.chain import ModelChain, double_pendulum
+from dpr_lab.simulator_models.mjcf import compile_mjcf
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FileReplay:
+    """Errors on one recording, root mean square over both rods up to the predictability horizon, rad."""
+
+    run: str
+    until_s: float
+    before_rad: float
+    """Of the user's file."""
+    after_rad: float
+    """Of the changed file; the difference to `lab_rad` is what the format cannot hold."""
+    lab_rad: float
+    """Of the corrected model in dpr-lab."""
+
+    @property
+    def errors_rad(self) -> tuple[float, float, float]:
+        """All three."""
+        return self.before_rad, self.after_rad, self.lab_rad
+
+
+def replay_files(
+    before: Path, after: bytes, joints: Sequence[str], model: Model, rig: Rig, runs: Sequence[Run]
+) -> list[FileReplay]:
+    """Replay recordings with the user's file and with the changed one.
+
+    Args:
+        before: the user's file
+        after: text of the changed file
+        joints: of the inner and the outer rod
+        model: the corrected model, which gives start states and horizons
+        rig: its rig
+        runs: the recordings
+
+    Raises:
+        ConfigError: MuJoCo is not installed, or cannot simulate a file.
+    """
+    swings = [release(run, rig, model) for run in runs]
+    files = [_Simulation.of(before, text, joints, rig.g) for text in (None, after)]
+    return [_errors(swing, files) for swing in swings]
+
+
+def _errors(swing: Replay, files: Sequence["_Simulation"]) -> FileReplay:
+    before, after = (swing.error(file.angles(swing)) ** 0.5 for file in files)
+    return FileReplay(swing.run, float(swing.t[-1]), before, after, swing.lab**0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class _Simulation:
+    """A file in MuJoCo."""
+
+    model: Any
+    joints: tuple[str, str]
+    zero: Array
+    """(2,) angles of the joints with the rods hanging, rad."""
+    direction: Array
+    """(2,) 1 or -1."""
+    longest_step_s: float = 5e-4
+
+    @classmethod
+    def of(cls, path: Path, text: bytes | None, joints: Sequence[str], g: float) -> "_Simulation":
+        """Of the user's file, or of another text in its place."""
+        read = read_model(path, text)
+        chain = double_pendulum(read, joints, g if read.gravity is None else None)
+        names = chain.rods[0].joint.name, chain.rods[1].joint.name
+        zero = np.array([rod.hanging for rod in chain.rods])
+        direction = np.array([float(rod.direction) for rod in chain.rods])
+        if read.format == "MJCF":
+            model = compile_mjcf(path, text).model
+            if model.nv == 2:
+                return cls(model, names, zero, direction)
+        return cls(_compiled(_planar(chain)), ("joint1", "joint2"), np.array([np.pi, 0.0]), np.ones(2))
+
+    def angles(self, swing: Replay) -> Array:
+        """(n, 2) angles of the rods at the instants of a replay, rad."""
+        mujoco = import_module("mujoco")
+        data = mujoco.MjData(self.model)
+        step = min(float(self.model.opt.timestep), self.longest_step_s)
+        self.model.opt.timestep = step
+        at = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
+        theta1, theta2, omega1, omega2 = swing.x0.tolist()
+        data.qpos[at] = self.zero + self.direction * [theta1 - np.pi, theta2 - theta1]
+        data.qvel[at] = self.direction * [omega1, omega2 - omega1]
+        n = int(np.ceil((swing.t[-1] - swing.start) / step)) + 1
+        path = np.empty((n + 1, 2))
+        for i in range(n + 1):
+            path[i] = data.qpos[at]
+            data.qfrc_applied[at] = self.direction * swing.driven(swing.start + i * step, None)
+            mujoco.mj_step(self.model, data)
+        relative = self.direction * (path - self.zero)
+        times = swing.start + step * np.arange(n + 1)
+        theta = np.column_stack([np.pi + relative[:, 0], np.pi + relative.sum(axis=1)])
+        return np.column_stack([np.interp(swing.t, times, column) for column in theta.T])
+
+
+def _compiled(text: str) -> Any:
+    try:
+        mujoco = import_module("mujoco")
+    except ModuleNotFoundError as missing:
+        raise ConfigError("replaying the file needs MuJoCo: pip install dpr-lab[exports]") from missing
+    return mujoco.MjModel.from_xml_string(text)
+
+
+def _planar(chain: ModelChain) -> str:
+    """The double pendulum of a file, joints at zero upright and straight."""
+    length, rest = chain.rods[0].length or 0.0, [np.pi, 0.0]
+    joints = [
+        f'<joint name="joint{i + 1}" axis="0 1 0" damping="{rod.joint.damping!r}" frictionloss="{rod.joint.friction!r}"'
+        f' armature="{rod.joint.armature!r}" stiffness="{rod.joint.stiffness!r}"'
+        f' springref="{float(rest[i] + rod.direction * (rod.joint.rest - rod.hanging))!r}"/>'
+        for i, rod in enumerate(chain.rods)
+    ]
+    inertials = [
+        f'<inertial pos="{float(rod.offset)!r} 0 {float(rod.centroid)!r}" mass="{float(rod.mass)!r}"'
+        f' diaginertia="{float(rod.inertia)!r} {float(rod.inertia)!r} 1e-9"/>'
+        for rod in chain.rods
+    ]
+    at_elbow = f'<inertial pos="0 0 0" mass="{chain.elbow_mass!r}" diaginertia="1e-9 1e-9 1e-9"/>'
+    tip = f'<body pos="0 0 {length!r}">{at_elbow}</body>' if chain.elbow_mass > 0 else ""
+    return (
+        f'<mujoco><compiler angle="radian" balanceinertia="true"/><option gravity="0 0 {-chain.gravity!r}"'
+        f' integrator="RK4"/><worldbody><body>{joints[0]}{inertials[0]}{tip}'
+        f'<body pos="0 0 {length!r}">{joints[1]}{inertials[1]}</body></body></worldbody></mujoco>'
+    )

@@ -1,0 +1,81 @@
+"""Numbers in the elements of SDFormat, which are texts. Source: http://sdformat.org/spec (link, joint, axis)."""
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.exports.into.target import numbers
+from dpr_lab.simulator_models.tree import Vector
+from dpr_lab.simulator_models.xml_edit import XmlEdit
+
+
+class SdfEditor:
+    """An `Editor`."""
+
+    words = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_length"})
+    joint_names = {  # noqa: RUF012
+        "damping": "damping",
+        "friction": "friction",
+        "stiffness": "spring_stiffness",
+        "rest": "spring_reference",
+    }
+
+    def place(self, edit: XmlEdit, owner: int) -> Vector:
+        """As of `Editor`."""
+        return np.array(_pose(edit, owner)[:3], dtype=np.float64)
+
+    def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
+        """As of `Editor`."""
+        pose, values = edit.child(owner, "pose"), _pose(edit, owner)
+        text = " ".join([numbers(place), *values[3:]])
+        if pose is None:
+            edit.insert_texts(owner, label, pose=text)
+        else:
+            edit.set_text(pose, label, text)
+
+    def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
+        """As of `Editor`.
+
+        Raises:
+            ConfigError: the inertia is the default of the format.
+        """
+        inertia = edit.child(inertial, "inertia")
+        if inertia is None:
+            raise ConfigError(f"{label} has no <inertia> element: give it one")
+        for index, tag in enumerate(edit.tags):
+            if tag.parent == inertia and float(tag.text):
+                edit.set_text(index, f"{label}, inertia", numbers([factor * float(tag.text)]))
+
+    def set_joint(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
+        """As of `Editor`.
+
+        Raises:
+            ConfigError: the joint has no axis.
+        """
+        axis = edit.child(joint, "axis")
+        if axis is None:
+            raise ConfigError(f"{label} has no <axis> element: give it one")
+        dynamics = edit.child(axis, "dynamics")
+        if dynamics is None:
+            required = {"spring_reference": "0", "spring_stiffness": "0"} | values
+            edit.insert_texts(axis, label, within="dynamics", **required)
+            return
+        missing = {}
+        for name, value in values.items():
+            index = edit.child(dynamics, name)
+            if index is None:
+                missing[name] = value
+            else:
+                edit.set_text(index, f"{label}, dynamics", value)
+        if missing:
+            edit.insert_texts(dynamics, f"{label}, dynamics", **missing)
+
+    def elbow_owner(self, joint: int, link: int) -> int:
+        """As of `Editor`: the outer link, at whose frame its joint stands."""
+        return link
+
+
+def _pose(edit: XmlEdit, owner: int) -> list[str]:
+    """Position and rotation of an element as they are written."""
+    pose = edit.child(owner, "pose")
+    values = edit.tags[pose].text.split() if pose is not None else []
+    return values or ["0", "0", "0", "0", "0", "0"]

@@ -1,0 +1,191 @@
+"""Target values of the rods in the user's file, and the change of a body that reaches them.
+
+The swing determines inertias, first moments and friction of the rods, but not their masses. Therefore the masses of the
+file are kept, and centroid, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that the
+corrected model does not contain are set to zero, so that the file has the motion of the corrected model.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dpr_lab.effects.effect import Words
+from dpr_lab.errors import ConfigError
+from dpr_lab.exports.bodies import Bodies
+from dpr_lab.simulator_models.chain import ModelChain, double_pendulum
+from dpr_lab.simulator_models.tree import SimulatorModel, Vector
+from dpr_lab.simulator_models.xml_edit import ChangedAttribute
+
+
+@dataclass(frozen=True, slots=True)
+class PatchSettings:
+    """Tolerances for equal values."""
+
+    same: float = 1e-6
+    """Relative difference of L1 and g between the rig file and the model."""
+    digits: int = 9
+    """Significant digits of a written number."""
+    negligible: float = 1e-9
+    """Relative change, or shift in m, that is ignored."""
+    reached: float = 1e-5
+    """Maximum relative error of the changed file when it is read again."""
+
+
+PATCH = PatchSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class RodTarget:
+    """Target values of a rod in the changed file; SI."""
+
+    centroid: float
+    """Distance of the centroid along the rod."""
+    offset: float
+    """Distance of the centroid across the rod."""
+    inertia: float
+    """Inertia about the centroid."""
+    damping: float
+    words: Words
+
+
+@dataclass(frozen=True, slots=True)
+class PatchedModel:
+    """The changed file."""
+
+    text: bytes
+    changes: tuple[ChangedAttribute, ...]
+    lost: dict[str, str]
+    """Effect -> reason why the file cannot contain it."""
+
+
+@dataclass(frozen=True, slots=True)
+class BodyChange:
+    """Change of the body of a joint."""
+
+    name: str
+    mass: float
+    """kg; it stays."""
+    shift: Vector
+    """(3,) of its centroid in the world, m."""
+    factor: float
+    """Of its inertia about its centroid."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether the centroid moves."""
+        return float(np.linalg.norm(self.shift)) > PATCH.negligible
+
+    @property
+    def scales(self) -> bool:
+        """Whether the inertia changes."""
+        return abs(self.factor - 1) > PATCH.negligible
+
+
+def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None:
+    """Compare the double pendulum of a file with L1, m, and g, m/s^2, of a rig.
+
+    Raises:
+        ConfigError: they differ.
+    """
+    for name, own, wanted in (("L1", chain.rods[0].length, L1), ("g", chain.gravity, g)):
+        if own is None or abs(own - wanted) > PATCH.same * wanted:
+            raise ConfigError(
+                f"{path}: its {name} is {own:.6g}, but that of the model is {wanted:.6g}: start from the rig file that"
+                f" `dpr-lab rig from {path.name}` writes"
+            )
+
+
+def rod_targets(chain: ModelChain, made: Bodies) -> tuple[RodTarget, RodTarget]:
+    """Centroids and inertias that give the moments of the corrected model with the masses of the file."""
+    rods, length = made.rods, made.rods[0].length
+    tips = (rods[1].mass + made.tip_mass) - (chain.rods[1].mass + chain.elbow_mass), 0.0
+    targets = []
+    for own, rod, moved in zip(chain.rods, rods, tips, strict=True):
+        moment = rod.mass * rod.centroid + moved * length
+        about = rod.inertia + rod.mass * (rod.centroid**2 + rod.offset**2) + moved * length**2
+        centroid, offset = moment / own.mass, rod.mass * rod.offset / own.mass
+        inertia = about - own.mass * (centroid**2 + offset**2)
+        targets.append(RodTarget(centroid, offset, inertia, rod.damping, rod.words))
+    return targets[0], targets[1]
+
+
+def body_change(
+    read: SimulatorModel, chain: ModelChain, joints: Sequence[str], number: int, target: RodTarget, path: Path
+) -> BodyChange:
+    """Move the centroid of the body of a joint and scale its inertia to reach the target of the whole rod.
+
+    The common centroid is shifted by moving this body alone.
+
+    Raises:
+        ConfigError: the body has no mass, or no positive inertia gives the target.
+    """
+    rod = chain.rods[number]
+    part = next(part for part in read.parts if part.joint is not None and part.joint.name == rod.joint.name)
+    if not part.mass > 0:
+        raise ConfigError(f"{path}: body {part.name!r} has no mass of its own: give it an <inertial> element")
+    across = np.cross(chain.axis, rod.along)
+    moved = (target.centroid - rod.centroid) * rod.along + (target.offset - rod.offset) * across
+    shift = rod.mass / part.mass * moved
+    bare = replace(part, centroid=part.centroid + shift, inertia=np.zeros((3, 3)))
+    parts = tuple(bare if own is part else own for own in read.parts)
+    rest = double_pendulum(replace(read, parts=parts), joints, chain.gravity if read.gravity is None else None)
+    own = float(chain.axis @ part.inertia @ chain.axis)
+    factor = (target.inertia - rest.rods[number].inertia) / own if own > 0 else math.nan
+    if not 0 < factor < math.inf:
+        raise ConfigError(
+            f"{path}: with the masses of the file, body {part.name!r} would need the inertia"
+            f" {target.inertia - rest.rods[number].inertia:.3g} kg m^2: correct the masses first"
+        )
+    return BodyChange(part.name, part.mass, shift, factor)
+
+
+def joint_values(chain: ModelChain, number: int, target: RodTarget) -> dict[str, tuple[float, float]]:
+    """Quantity of a joint -> its value in the file and the target's, of those that differ; SI."""
+    rod, words = chain.rods[number], target.words
+    joint = rod.joint
+    values = {
+        "damping": (joint.damping, target.damping),
+        "friction": (joint.friction, words.get("friction", 0.0)),
+        "armature": (joint.armature, words.get("armature", 0.0)),
+        "stiffness": (joint.stiffness, words.get("stiffness", 0.0)),
+    }
+    if "stiffness" in words:
+        values["rest"] = joint.rest, rod.hanging + rod.direction * words["rest_angle"]
+    return {
+        name: (before, after)
+        for name, (before, after) in values.items()
+        if abs(after - before) > PATCH.negligible * max(abs(after), abs(before))
+    }
+
+
+def refuse_overridden(
+    chain: ModelChain, targets: tuple[RodTarget, RodTarget], length: float, words: frozenset[str], reason: str
+) -> None:
+    """Compare the changed file, read again, with the target values.
+
+    Args:
+        chain: of the changed file
+        targets: target values of its rods
+        length: of the inner rod, m
+        words: elements that the format has
+        reason: the message where it differs
+
+    Raises:
+        ConfigError: something in the file overrides the numbers.
+    """
+    pairs = [(chain.rods[0].length or 0.0, length)]
+    for rod, target in zip(chain.rods, targets, strict=True):
+        pairs += [(math.hypot(rod.centroid, rod.offset), math.hypot(target.centroid, target.offset))]
+        pairs += [(rod.inertia, target.inertia), (rod.joint.damping, target.damping)]
+        of_joint = {name: float(getattr(rod.joint, name)) for name in ("friction", "armature", "stiffness")}
+        pairs += [(own, target.words.get(name, 0.0)) for name, own in of_joint.items() if name in words]
+    if any(abs(own - wanted) > PATCH.reached * abs(wanted) for own, wanted in pairs):
+        raise ConfigError(reason)
+
+
+def numbers(values: Vector | Sequence[float]) -> str:
+    """Numbers as they are written into a file."""
+    return " ".join(f"{float(value):.{PATCH.digits}g}" for value in np.asarray(values))

@@ -1,0 +1,50 @@
+"""Numbers in the elements of URDF, which are attributes. Source: https://wiki.ros.org/urdf/XML (link, joint)."""
+
+import numpy as np
+
+from dpr_lab.exports.into.target import numbers
+from dpr_lab.simulator_models.tree import Vector
+from dpr_lab.simulator_models.xml_edit import XmlEdit
+
+INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+class UrdfEditor:
+    """An `Editor`."""
+
+    words = frozenset({"friction", "offset", "added_length"})
+    joint_names = {"damping": "damping", "friction": "friction"}  # noqa: RUF012
+
+    def place(self, edit: XmlEdit, owner: int) -> Vector:
+        """As of `Editor`."""
+        origin = edit.child(owner, "origin")
+        text = "" if origin is None else edit.tags[origin].attributes.get("xyz", "")
+        return np.array((text or "0 0 0").split(), dtype=np.float64)
+
+    def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
+        """As of `Editor`."""
+        origin = edit.child(owner, "origin")
+        if origin is None:
+            edit.insert(owner, "origin", label, xyz=numbers(place))
+        else:
+            edit.set(origin, f"{label}, origin", xyz=numbers(place))
+
+    def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
+        """As of `Editor`."""
+        inertia = edit.child(inertial, "inertia")
+        if inertia is not None:
+            own = {name: float(edit.tags[inertia].attributes.get(name, "0")) for name in INERTIA}
+            scaled = {name: numbers([factor * value]) for name, value in own.items() if value}
+            edit.set(inertia, f"{label}, inertia", **scaled)
+
+    def set_joint(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
+        """As of `Editor`."""
+        dynamics = edit.child(joint, "dynamics")
+        if dynamics is None:
+            edit.insert(joint, "dynamics", label, **values)
+        else:
+            edit.set(dynamics, f"{label}, dynamics", **values)
+
+    def elbow_owner(self, joint: int, link: int) -> int:
+        """As of `Editor`: the joint."""
+        return joint

@@ -1,0 +1,15 @@
+"""Plugins: rows that installed packages add to the tables, announced as entry points.
+
+    group                object                                                  name of the entry point
+    dpr_lab.effects      `dpr_lab.effects.effect.Effect`, or several             any
+    dpr_lab.readers      `dpr_lab.storage.readers.Reader`                        any
+    dpr_lab.transports   `dpr_lab.transports.LinkKind`                           scheme of the URL
+    dpr_lab.searches     `dpr_lab.search.problem.Algorithm`                      `algorithm` of a search file
+    dpr_lab.exports      `dpr_lab.exports.ExportFormat`                          name of the format
+
+A package in the current folder is not a plugin, and a module there cannot take the place of one: only what is installed
+counts. A plugin that cannot be used is skipped, and `skipped` says why. The environment variable `DPR_LAB_NO_PLUGINS`
+turns all of them off, here and in the processes that this one starts.
+
+Source: entry points of the Python Packaging Authority, https://packaging.python.org/specifications/entry-points/.
+"""

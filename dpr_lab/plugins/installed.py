@@ -1,0 +1,84 @@
+"""Installed plugins, found without importing them."""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint, distributions
+from pathlib import Path
+
+GROUPS = ("effects", "readers", "transports", "searches", "exports")
+"""Tables that a plugin can add rows to."""
+
+OFF = "DPR_LAB_NO_PLUGINS"
+"""Environment variable that turns plugins off unless it is empty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plugin:
+    """One entry point of an installed package."""
+
+    group: str
+    name: str
+    module: str
+    package: str
+    """Name of the package on the package index."""
+    version: str
+    entry: EntryPoint
+
+    def __str__(self) -> str:
+        return f"{self.name} of {self.package} {self.version}"
+
+
+def announced() -> tuple[Plugin, ...]:
+    """All plugins that are installed, in the order of package and name; none while they are turned off."""
+    return () if os.environ.get(OFF) else _installed()
+
+
+def packages() -> tuple[str, ...]:
+    """`NAME VERSION` of each package that has plugins."""
+    return tuple(sorted({f"{plugin.package} {plugin.version}" for plugin in announced()}))
+
+
+@cache
+def _installed() -> tuple[Plugin, ...]:
+    plugins: dict[tuple[str, str, str], Plugin] = {}
+    seen: set[str] = set()
+    for distribution in distributions(path=_import_folders()):
+        name = str(distribution.metadata["Name"]) if _mentions_us(distribution.read_text("entry_points.txt")) else ""
+        if not name or name in seen:  # the first on the path is the one that is imported
+            continue
+        seen.add(name)
+        for entry in distribution.entry_points:
+            group = entry.group.removeprefix("dpr_lab.")
+            if entry.group != group and group in GROUPS:
+                key = (group, name, entry.name)
+                plugins[key] = Plugin(group, entry.name, entry.module, name, distribution.version, entry)
+    return tuple(plugins[key] for key in sorted(plugins))
+
+
+def _mentions_us(entry_points: str | None) -> bool:
+    return entry_points is not None and "[dpr_lab." in entry_points
+
+
+def _import_folders() -> list[str]:
+    """Folders that packages are installed in: those of `sys.path` but the current one."""
+    try:
+        here = Path.cwd()
+    except OSError:  # the folder was removed
+        return [folder for folder in sys.path if folder]
+    return [folder for folder in sys.path if folder and Path(folder).absolute() != here]
+
+
+@contextmanager
+def without_current_folder() -> Iterator[None]:
+    """Take out of `sys.path` the current folder that `python -m` and `python -c` put first."""
+    before = list(sys.path)
+    first = sys.path[:1] if sys.flags.safe_path else [f for f in sys.path[:1] if f in _import_folders()]
+    sys.path[:] = first + [folder for folder in before[1:] if folder]
+    try:
+        yield
+    finally:
+        sys.path[:] = before

@@ -1,0 +1,84 @@
+"""Rows that plugins add to a table."""
+
+import sys
+from collections.abc import Callable, Collection
+from typing import TypeVar
+
+from dpr_lab.plugins.installed import Plugin, announced, without_current_folder
+
+Row = TypeVar("Row")
+
+_skipped: dict[Plugin, str] = {}
+_origins: dict[tuple[str, str], Plugin] = {}
+
+
+def skipped() -> tuple[str, ...]:
+    """What was skipped so far, and why: a sentence for each plugin."""
+    return tuple(f"plugin {plugin} is skipped: {reason}" for plugin, reason in _skipped.items())
+
+
+def reason_skipped(plugin: Plugin) -> str:
+    """Why a plugin was skipped; empty: it was not, or its table was not used so far."""
+    return _skipped.get(plugin, "")
+
+
+def origin(group: str, row: str) -> Plugin | None:
+    """The plugin that added a row to a table; None: the row is dpr-lab's own, or does not exist."""
+    return _origins.get((group, row))
+
+
+def plugin_rows(
+    group: str,
+    kind: type[Row],
+    taken: Collection[str],
+    name_of: Callable[[str, Row], str] = lambda name, row: name,
+    refusal: Callable[[Row], str] = lambda row: "",
+) -> dict[str, Row]:
+    """Rows that plugins add to a table: name -> row.
+
+    Args:
+        group: of `GROUPS`
+        kind: class of the rows
+        taken: names of the table's own rows, which no plugin may replace
+        name_of: name of a row, from the name of its entry point and the row
+        refusal: why a row cannot be used; empty: it can
+    """
+    added: dict[str, Row] = {}
+    for plugin in announced():
+        if plugin.group != group:
+            continue
+        try:
+            named = {name_of(plugin.name, row): row for row in _load(plugin, kind)}
+        except Exception as error:  # a plugin raises whatever it likes
+            _skipped[plugin] = _reason(plugin, error)
+            continue
+        reasons = [f"{name!r} exists already" for name in named if name in taken or name in added]
+        reasons += [f"{name!r}: {reason}" for name, row in named.items() if (reason := refusal(row))]
+        if reasons:
+            _skipped[plugin] = "; ".join(reasons)
+            continue
+        added |= named
+        _origins.update({(group, name): plugin for name in named})
+    return added
+
+
+def _load(plugin: Plugin, kind: type[Row]) -> tuple[Row, ...]:
+    """The rows of a plugin.
+
+    Raises:
+        TypeError: it is none of that kind.
+    """
+    with without_current_folder():
+        value = plugin.entry.load()
+    several: tuple[object, ...] = tuple(value) if isinstance(value, list | tuple) else (value,)
+    loaded = tuple(each for each in several if isinstance(each, kind))
+    if len(loaded) < len(several) or not loaded:
+        raise TypeError(f"{plugin.entry.value} is not {kind.__name__}, or a tuple of such")
+    return loaded
+
+
+def _reason(plugin: Plugin, error: Exception) -> str:
+    module = sys.modules.get(plugin.module)
+    if module is not None and getattr(module.__spec__, "_initializing", False):
+        return f"it was imported before the table of {plugin.group}: import the package of the table first"
+    return f"{type(error).__name__}: {error}"
