@@ -27,12 +27,17 @@ class Torques:
         """(n + 2,) instants and (n + 2, 2) impulse on theta1, theta2 up to each, N m s; linear in between."""
         return _knots(self)
 
-    def mean_before(self, at: ArrayLike) -> NDArray[np.float64]:
-        """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m."""
+    def mean_before(self, at: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+        """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m.
+
+        Zero without a previous instant: at the first one, and where `first` (m,) is true.
+        """
         at, (t, impulse) = np.asarray(at, dtype=np.float64), self.knots
         until = np.stack([np.interp(at, t, column) for column in impulse.T], axis=1)
-        passed = np.diff(at, prepend=at[0] - 1.0)
-        return np.diff(until, axis=0, prepend=until[:1]) / np.where(passed > 0, passed, 1.0)[:, None]
+        passed = _since_before(at, first)
+        gained = np.diff(until, axis=0, prepend=until[:1])
+        gained[~np.isfinite(passed)] = 0.0
+        return gained / np.where(passed > 0, passed, 1.0)[:, None]
 
 
 @lru_cache(maxsize=32)  # used by every prediction
@@ -57,12 +62,21 @@ class ArmMotion:
     noise: float = 0.0
     """Standard deviation of the readings from which it was estimated, rad."""
 
-    def mean_before(self, at: ArrayLike) -> NDArray[np.float64]:
-        """(m, 2) mean acceleration and squared speed between each of (m,) instants and the previous one, rad, s."""
+    def mean_before(self, at: ArrayLike, first: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+        """(m, 2) mean acceleration and squared speed between each of (m,) instants and the previous one, rad, s.
+
+        Without a previous instant, at the first one and where `first` (m,) is true, the speed is that of the instant.
+        """
         at = np.asarray(at, dtype=np.float64)
-        v = np.interp(at, self.t, self.omega)
-        u, passed = np.append(v[:1], v[:-1]), np.diff(at, prepend=at[0] - 1.0)
+        v, passed = np.interp(at, self.t, self.omega), _since_before(at, first)
+        u = np.where(np.isfinite(passed), np.append(v[:1], v[:-1]), v)
         return np.stack([(v - u) / passed, (u * u + u * v + v * v) / 3.0], axis=1)
+
+
+def _since_before(at: NDArray[np.float64], first: NDArray[np.bool_] | None) -> NDArray[np.float64]:
+    """(m,) time since the previous instant; infinite without one."""
+    passed = np.diff(at, prepend=-np.inf)
+    return passed if first is None else np.where(first, np.inf, passed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ Initial states are not part of it but fitted: (S, 4) theta1, theta2, omega1, ome
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,12 +53,14 @@ class Segments:
         means = np.zeros((len(self.t), 4))
         if all(setup.free for setup in self.setups):
             return means
-        for s, setup in enumerate(self.setups[run] for run in self.run):
-            mine = slice(*self.offsets[s : s + 2])
+        first = np.zeros(len(self.t), dtype=np.bool_)
+        first[self.offsets[:-1]] = True
+        for chain, until in pairwise(self.chains):
+            mine, setup = slice(self.offsets[chain], self.offsets[until]), self.setups[self.run[chain]]
             if setup.torques is not None:
-                means[mine, :2] = setup.torques.mean_before(self.t[mine])
+                means[mine, :2] = setup.torques.mean_before(self.t[mine], first[mine])
             if setup.arm is not None:
-                means[mine, 2:] = setup.arm.mean_before(self.t[mine])
+                means[mine, 2:] = setup.arm.mean_before(self.t[mine], first[mine])
         return means
 
     def turning_as_one(self, initial: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -198,7 +198,7 @@ class RigPrior:
         """(free,) amplitudes indistinguishable from the unknowns before them."""
         if self.problem.prior is None:
             return np.zeros(len(self.free), dtype=np.bool_)
-        return self.problem.prior.absorbed(space, self.estimate, self.free, self.weight)
+        return self.problem.prior.absorbed(space, self.estimate, self.free, (self.A, self.e))
 
 
 def _amplitude_changed(end: Iteration, free: Sequence[FreeParameter], settings: GaussNewton) -> bool:

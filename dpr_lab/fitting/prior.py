@@ -92,7 +92,7 @@ class Prior:
         space: ColumnSpace,
         estimate: Estimate,
         free: Sequence[FreeParameter],
-        weight: float,
+        rows: tuple[Array, Array],
     ) -> NDArray[np.bool_]:
         """(free,) amplitudes that these recordings cannot distinguish from the unknowns before them.
 
@@ -105,15 +105,14 @@ class Prior:
             space: products of the slopes by the free parameters, initial states projected out
             estimate: where they were computed
             free: the free parameters
-            weight: w, chi2 units that one reading costs
+            rows: (n, free) A and (n,) e of the prior there, `rows` times the root of w
         """
         own = np.array([p.block == "effects" and p.amplitude for p in free], dtype=np.bool_)
         if not own.any():
             return own
         order = sorted(range(len(free)), key=lambda i: free[i].block == "effects")
-        A, e = self.rows(estimate, free)
-        both = space.with_prior(weight**0.5 * A, weight**0.5 * e)
-        least = np.array([weight / self.std(p) ** 2 if mine else 0.0 for p, mine in zip(free, own, strict=True)])
+        A, e = rows
+        both, least = space.with_prior(A, e), np.where(own, np.diag(A) ** 2, 0.0)
         unseen = both.unabsorbed(order) / both.scale**2 - least < least
         new = np.array([p.read(estimate) == 0.0 for p in free], dtype=np.bool_)
         unseen |= new & (space.unabsorbed(order) <= STRENGTH.absorbed**2)

@@ -7,6 +7,7 @@ that columns that explain the same share it instead of cancelling with large coe
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,9 +103,14 @@ class ColumnSpace:
     def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:
         """(k,) share of each column's squared norm that the columns before it in the order leave.
 
-        A column of which no more than rounding is left is not used to explain those after it.
+        A column of which no more than rounding is left is not used to explain those after it. Where there is none,
+        these shares are the squared diagonal of the Cholesky factor.
         """
         H, left = self.H.copy(), np.zeros(len(self))
+        with suppress(np.linalg.LinAlgError):
+            left[order] = np.diag(np.linalg.cholesky(H[np.ix_(order, order)])) ** 2
+            if left.min(initial=np.inf) > 2.0 * rounding:
+                return left
         for i in order:
             left[i] = max(H[i, i], 0.0)
             if left[i] > rounding:

@@ -52,6 +52,8 @@ class ShortSegments:
     """Second length, s: long enough that a wrong interpretation cannot be followed."""
     noise_alone: float = 20.0
     """Reduced chi-square above which the model error is so large that the noise of the inputs is irrelevant."""
+    nested: float = 1.1
+    """Largest ratio of the reduced chi-square of short segments to that of long ones, by their degrees of freedom."""
 
 
 SHORT = ShortSegments()
@@ -166,7 +168,14 @@ def visible_of(laid_out: Segments) -> tuple[int, ...]:
     return visible_ratios(laid_out.setups, any(setup.weighs for setup in laid_out.setups))
 
 
-def fit_ratios(problem: Problem, start: Estimate, *, held: Collection[int] = (), iterations: int = 40) -> RatioFit:
+def fit_ratios(
+    problem: Problem,
+    start: Estimate,
+    *,
+    held: Collection[int] = (),
+    iterations: int = 40,
+    settings: GaussNewton = TO_THE_MINIMUM,
+) -> RatioFit:
     """Fit the unknowns, the initial states and the encoder zeros of each run, if free, to given segments.
 
     Args:
@@ -174,30 +183,48 @@ def fit_ratios(problem: Problem, start: Estimate, *, held: Collection[int] = (),
         start: initial values
         held: indices of fixed unknowns: all for a held-out run, one for a profile
         iterations: maximum number of iterations (`converged` is then false)
+        settings: tolerances
     """
     free = ratio_parameters(start, visible_of(problem.segments))
     chosen = [parameter for parameter in free if parameter.place not in held]
-    return RatioFit(problem, fit(problem, start, chosen, iterations=iterations, settings=TO_THE_MINIMUM))
+    return RatioFit(problem, fit(problem, start, chosen, iterations=iterations, settings=settings))
 
 
-def short_fit(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations: int = 40) -> RatioFit:
+def short_fit(
+    Z: Array,
+    runs: Sequence[PreprocessedRun],
+    rig: Rig,
+    *,
+    iterations: int = 40,
+    settings: GaussNewton = TO_THE_MINIMUM,
+    worst: float = np.inf,
+) -> RatioFit:
     """Fit the ratios to segments of a quarter of a second, then of half a second.
+
+    Longer segments have fewer initial states, so that their chi-square is not smaller. A fit of the short segments with
+    a reduced chi-square above `worst` is therefore returned without the second fit.
 
     Args:
         Z: (9,) initial parameters
         runs: the runs to fit
         rig: lengths, gravity, encoders
         iterations: maximum number of each fit
+        settings: tolerances
+        worst: largest reduced chi-square of interest
     """
     start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
     problem, initial = segmented(runs, rig, SHORT.first_segment_s)
-    first = fit_ratios(problem, rods_estimate(start, initial), iterations=iterations)
+    first = fit_ratios(problem, rods_estimate(start, initial), iterations=iterations, settings=settings)
+    arm_moves = any(setup.arm for setup in problem.segments.setups)
+    if first.fit.converged and not arm_moves and first.chi2_per_dof > SHORT.nested * worst:
+        return first
     problem, initial = segmented(runs, rig, SHORT.working_segment_s)
-    rough = fit_ratios(problem, rods_estimate(first.fit.estimate.ratios, initial), iterations=iterations)
+    start_longer = rods_estimate(first.fit.estimate.ratios, initial)
+    rough = fit_ratios(problem, start_longer, iterations=iterations, settings=settings)
     noise = driving_noise(rough.problem, rough.fit.estimate)
     if noise is None:
         return rough
-    noisy = fit_ratios(replace(problem, disturbance=noise), rough.fit.estimate)
+    noisy = fit_ratios(replace(problem, disturbance=noise), rough.fit.estimate, settings=settings)
     return noisy if noisy.chi2_per_dof < SHORT.noise_alone else rough
 
 

@@ -116,8 +116,8 @@ def score_test(problem: Problem, found: Fit, library: Iterable[Effect], recorded
 
 def _score(problem: Problem, test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
     every = [*test.held, *columns]
-    free, linear, space = tuple(test.free[i] for i in every), test.linear.chosen(every), test.space.chosen(every)
-    prior = RigPrior.at(problem, test.fit.estimate, free, linear)
+    free, space = tuple(test.free[i] for i in every), test.space.chosen(every)
+    prior = RigPrior.at(problem, test.fit.estimate, free, test.linear)
     hidden = prior.absorbed(space)[len(test.held) :]
     absorbed = {test.free[columns[i]].name: _absorbing(test, columns, i) for i in np.flatnonzero(hidden).tolist()}
     if hidden.all():

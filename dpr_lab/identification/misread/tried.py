@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.errors import RunError
+from dpr_lab.fitting.gauss_newton import SETTINGS as GAUSS_NEWTON
 from dpr_lab.identification.misread.energy import SETTINGS as ENERGY
 from dpr_lab.identification.misread.energy import energy_rise
 from dpr_lab.identification.misread.readings import Misreading, readings
@@ -134,7 +135,7 @@ def better_readings(runs: Sequence[Run], rig: Rig, chi2_per_dof: float) -> list[
     limit = max(min(SETTINGS.explained, chi2_per_dof / SETTINGS.better), chi2_per_dof / SETTINGS.far_better)
     good = [
         (reading, other)
-        for reading, other in _otherwise(runs, rig)
+        for reading, other in _otherwise(runs, rig, limit)
         if other.chi2_per_dof < limit and residual(other) < SETTINGS.suspicious
     ]
     good = sorted(good, key=lambda one: one[1].chi2_per_dof)
@@ -159,13 +160,20 @@ def impossible(ratios: Array, rig: Rig) -> str:
     return ""
 
 
-def fitted(runs: Sequence[Run], rig: Rig, *, quick: bool = False) -> RatioFit | None:
-    """Fit of the rods without effects to the beginning of each run; None if the fit has no finite result."""
+def fitted(runs: Sequence[Run], rig: Rig, *, quick: bool = False, worst: float = np.inf) -> RatioFit | None:
+    """Fit of the rods without effects to the beginning of each run; None if the fit has no finite result.
+
+    Args:
+        runs: the runs in one interpretation
+        rig: that they were recorded on
+        quick: whether fewer samples and iterations are enough
+        worst: reduced chi-square above which the fit stops after the first segments
+    """
     with np.errstate(all="ignore"):
         try:
             prepared = _preprocessed(runs, rig, thinned=quick)
             iterations = SETTINGS.iterations if quick else SETTINGS.thorough
-            ratio_fit = short_fit(rig.nominal, prepared, rig, iterations=iterations)
+            ratio_fit = short_fit(rig.nominal, prepared, rig, iterations=iterations, settings=GAUSS_NEWTON, worst=worst)
         except np.linalg.LinAlgError:
             return None
     return ratio_fit if np.isfinite(ratio_fit.chi2_per_dof) else None
@@ -182,13 +190,13 @@ def residual(ratio_fit: RatioFit) -> float:
     return float(np.max((rms / np.maximum(spread, 1e-12))[: 1 + both]))
 
 
-def _otherwise(runs: Sequence[Run], rig: Rig) -> Iterator[tuple[Misreading, RatioFit]]:
+def _otherwise(runs: Sequence[Run], rig: Rig, limit: float) -> Iterator[tuple[Misreading, RatioFit]]:
     for reading in readings(rig):
         read = [reading.read(run) for run in runs]
         if all(one is None for one in read):
             continue
         try:
-            other = fitted([one or run for one, run in zip(read, runs, strict=True)], rig, quick=True)
+            other = fitted([one or run for one, run in zip(read, runs, strict=True)], rig, quick=True, worst=limit)
         except RunError:  # without motion or samples in this interpretation
             continue
         if other is not None and not impossible(other.ratios, rig):
