@@ -8,7 +8,11 @@ from typing import Any, TypeVar, overload
 
 import numba
 from numba.core import caching, config, event
+from numba.core.ccallback import CFunc
 from numba.core.codegen import get_host_cpu_features
+from numba.core.runtime.nrt import rtsys as runtime
+from numba.core.sigutils import normalize_signature
+from numba.experimental import function_type as function_type  # what a kernel behind a pointer is as an argument
 from numba.extending import register_jitable
 
 from dpr_lab.kernel_cache import CACHE, compiling
@@ -61,8 +65,8 @@ def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, 
     """
     if function is None:
         return partial(njit, allocates=allocates, **options)
-    compiled = partial(numba.njit, error_model="numpy", nogil=True, _nrt=allocates, **options)
-    return _cached(compiled, function)
+    compiled: Any = partial(numba.njit, error_model="numpy", nogil=True, _nrt=allocates, **options)
+    return _cached(compiled()(function), allocates)
 
 
 def subroutine(function: Function) -> Function:
@@ -91,47 +95,57 @@ def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
         function: a kernel that returns nothing, not yet compiled
         examples: arguments like those it will get
     """
-    signature = numba.void(*map(numba.typeof, examples))
-    options: Any = {"error_model": "numpy", "_nrt": False}
-    return _cached(partial(numba.cfunc, signature, **options), function)
-
-
-def _cached(compiled: Callable[..., Any], function: Callable[..., Any]) -> Any:
-    if CACHE is None:
-        return compiled()(function)
-    # Numba reads the folder while it decorates; other libraries' kernels keep the folder they had.
-    before, numba_config.CACHE_DIR = numba_config.CACHE_DIR, str(CACHE)
-    try:
-        kernel = _with_cache(compiled, function)
-    except OSError:  # the disk is full
-        return compiled()(function)
-    finally:
-        numba_config.CACHE_DIR = before
-    cache = kernel._cache
-    cache.save_overload = partial(_save_if_there_is_room, cache.save_overload)
-    cache.load_overload = partial(_load_if_whole, cache, cache.load_overload)
+    signature = normalize_signature(numba.void(*map(numba.typeof, examples)))
+    kernel: Any = CFunc(function, signature, locals={}, options={"error_model": "numpy", "_nrt": False})
+    kernel._cache = _cache_of(function, False) or kernel._cache
+    kernel.compile()
     return kernel
 
 
-def _with_cache(compiled: Callable[..., Any], function: Callable[..., Any]) -> Any:
-    """A kernel with its cache; one that is loaded at once, from files that were cut off, is compiled again."""
-    try:
-        return compiled(cache=True)(function)
-    except UNREADABLE:
-        caching.FunctionCache(function).flush()
-        return compiled(cache=True)(function)
+class KernelCache(caching.FunctionCache):
+    """Numba's cache of one kernel, which loads without all that a compilation needs and survives damaged files."""
 
+    def __init__(self, function: Callable[..., Any], allocates: bool) -> None:
+        super().__init__(function)
+        self._allocates = allocates
 
-def _load_if_whole(cache: Any, load: Callable[..., Any], *signature: Any) -> Any:
-    """A kernel from the cache; None, so that it is compiled again, where its files were cut off."""
-    try:
-        return load(*signature)
-    except UNREADABLE:
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """A kernel from the cache; None, so that it is compiled again, where its files were cut off.
+
+        Numba itself first imports all that it would need to compile, which takes longer than to load every kernel of a
+        diagnosis. Machine code that allocates needs what counts references; a compilation imports the rest.
+        """
+        try:
+            if self._allocates:
+                runtime.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
+        except UNREADABLE:
+            with suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save a compiled kernel, where the disk has room."""
         with suppress(OSError):
-            cache.flush()
+            super().save_overload(sig, data)
+
+
+def _cached(kernel: Any, allocates: bool) -> Any:
+    """A kernel with its cache, where there is one."""
+    kernel._cache = _cache_of(kernel.py_func, allocates) or kernel._cache
+    return kernel
+
+
+def _cache_of(function: Callable[..., Any], allocates: bool) -> KernelCache | None:
+    """The cache of one kernel in this version's folder; None where nothing can be written."""
+    if CACHE is None:
         return None
-
-
-def _save_if_there_is_room(save: Callable[..., None], *compiled: Any) -> None:
-    with suppress(OSError):
-        save(*compiled)
+    # Numba reads the folder when it makes a cache; other libraries' kernels keep the folder they had.
+    before, numba_config.CACHE_DIR = numba_config.CACHE_DIR, str(CACHE)
+    try:
+        return KernelCache(function, allocates)
+    except OSError:  # the disk is full
+        return None
+    finally:
+        numba_config.CACHE_DIR = before

@@ -17,7 +17,6 @@ again. Equations (57) and (58) of docs/theory.md.
 from collections.abc import Mapping
 
 import numpy as np
-from scipy import special
 
 from dpr_lab.checks.wording import conclusion, likeliest
 from dpr_lab.errors import RunError, unknown_name
@@ -105,7 +104,8 @@ def posterior(
     names = list(prior)
     p, L = np.array([prior[name] for name in names]), np.array([log_densities[name] for name in names])
     with np.errstate(divide="ignore"):
-        after = special.softmax(np.log(p) + L)
+        log_joint = np.log(p) + L
+    after = np.exp(log_joint - np.logaddexp.reduce(log_joint))
     others = [np.arange(len(names)) != k for k in range(len(names))]
     factors = [(L[k] - log_mean(L[rest], p[rest])) / np.log(10) for k, rest in enumerate(others)]
     return dict(zip(names, after.tolist(), strict=True)), dict(zip(names, factors, strict=True))

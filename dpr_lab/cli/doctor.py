@@ -4,7 +4,6 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -72,6 +71,8 @@ def _python() -> SystemCheck:
 
 
 def _packages() -> Iterator[SystemCheck]:
+    from importlib.metadata import PackageNotFoundError, requires, version  # slow to import
+
     for requirement in requires("dpr-lab") or []:
         name = requirement.split(";")[0].split("[")[0].split(">")[0].split("<")[0].split("=")[0].strip()
         extra = requirement.partition("extra == ")[2].strip("'\" ")

@@ -33,19 +33,20 @@ class Disturbance:
     """(samples, 2) what both readings of a sample err by at once, one standard deviation, rad."""
 
 
-@njit
 def padded(values: Array, weight: Array, offsets: NDArray[np.int64]) -> Array:
     """(segments, longest, 2, k) from (samples, 2, k) and weights (samples, 2); short segments end in zeros."""
-    longest = 0
-    for s in range(len(offsets) - 1):
-        longest = max(longest, offsets[s + 1] - offsets[s])
-    blocks = np.zeros((len(offsets) - 1, longest, 2, values.shape[2]))
+    blocks = np.zeros((len(offsets) - 1, int(np.diff(offsets).max()), 2, values.shape[2]))
+    _weigh(values, weight, offsets, blocks)
+    return blocks
+
+
+@njit(allocates=False)
+def _weigh(values: Array, weight: Array, offsets: NDArray[np.int64], blocks: Array) -> None:
     for s in range(len(offsets) - 1):
         for n in range(offsets[s], offsets[s + 1]):
             for j in range(2):
                 for k in range(values.shape[2]):
                     blocks[s, n - offsets[s], j, k] = values[n, j, k] * weight[n, j]
-    return blocks
 
 
 @njit

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from dpr_lab.errors import ConfigError, DprError
-from dpr_lab.kernel_cache import compiling_simulator
 
 
 class Kind(StrEnum):
@@ -84,6 +83,8 @@ def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[s
     Raises:
         ConfigError: unknown rig or plant, or the folder exists already.
     """
+    from dpr_lab.kernel_cache import compiling_simulator  # hashes every kernel source
+
     compiling_simulator()
     return ask(*_words(request), "--rig", request.rig, "--seal", str(folder), *(["--direct"] if direct else []))
 

@@ -85,7 +85,13 @@ def set_torques(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], kn
 @subroutine
 def _arm_speed(drive: Drive, first: int, last: int, t: float) -> float:
     """Speed of the arm between the instants `first` and `last`, rad/s."""
-    i = first + int(np.searchsorted(drive.arm_t[first : last + 1], t))
+    i, beyond = first, last + 1
+    while i < beyond:  # bisection: numpy's own in a kernel would import all of scipy.linalg with it
+        middle = (i + beyond) // 2
+        if drive.arm_t[middle] < t:
+            i = middle + 1
+        else:
+            beyond = middle
     if i == first or i > last:
         return drive.arm_omega[min(i, last)]
     share = (t - drive.arm_t[i - 1]) / (drive.arm_t[i] - drive.arm_t[i - 1])

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
@@ -121,7 +120,8 @@ def expected_bits(probabilities: Sequence[float], apart: float) -> float:
 def log_mean(log_densities: Array, weights: Array) -> float:
     """Logarithm of the weighted mean of densities; unweighted where all weights are zero."""
     weights = weights if weights.any() else np.ones_like(weights)
-    return float(np.asarray(special.logsumexp(log_densities, b=weights / weights.sum()))[()])
+    with np.errstate(divide="ignore"):
+        return float(np.logaddexp.reduce(log_densities + np.log(weights / weights.sum())))
 
 
 def _entropy(p: Array) -> Array:
