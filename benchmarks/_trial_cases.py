@@ -14,7 +14,7 @@ from dpr_lab.trials.score import TrialOutcome, cause_named, score
 from dpr_lab.trials.truth import Truth, read_truth
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.plant.hidden import plant_of
-from sim_device.trials.draw import draw_plant
+from sim_device.trials.draw import described, draw_plant
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
 from sim_device.trials.request import parse_request
@@ -49,7 +49,8 @@ class Scored:
 def hidden(case: Case) -> tuple[PlantConfig, Rig]:
     """The plant of a case, and the rig file that the lab is given: masses weighed, the rest unknown within bounds."""
     base, rig = weighed(load_plant("paper", case.seed), load_rig("paper"))
-    return draw_plant(parse_request(case.draw), base, rig), rig
+    wanted = parse_request(case.draw)
+    return draw_plant(wanted, base, rig), described(wanted, rig)
 
 
 def opened(plant: PlantConfig, rig: Rig) -> Truth:

@@ -68,6 +68,28 @@ def _law(name: str, joint: int, size: float, rng: np.random.Generator) -> Law:
     return Law(label, joint, n, None, readings[name])
 
 
+@dataclass(frozen=True)
+class Mount:
+    """The second mode of what carries the rods: it gives way along the ground, and rings."""
+
+    stiffness: float
+    """N/m"""
+    frequency: float
+    """rad/s"""
+    damping: float
+    """Of critical."""
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> "Mount":
+        """One that moves the rods by less than the noise."""
+        stiffness = float(np.exp(rng.uniform(math.log(1e5), math.log(5e5))))
+        return cls(stiffness, 2 * math.pi * float(rng.uniform(15.0, 40.0)), float(rng.uniform(0.02, 0.05)))
+
+    def acceleration(self, x: float, v: float, force: float) -> float:
+        """By its displacement, its speed and the force of the rods, SI."""
+        return self.frequency**2 * (force / self.stiffness - x) - 2 * self.damping * self.frequency * v
+
+
 NAMED = ("coulomb", "spring", "detent", "encoder_eccentricity", "encoder_offset", "encoder_scale")
 """Laws of the library."""
 OTHERS = ("power", "third", "one_sided", "wander", "fifth")
@@ -100,27 +122,40 @@ def rig_and_base(rng: np.random.Generator, rods: int = 2) -> tuple[Rig, np.ndarr
     return rig.with_rods("inner") if rods == 1 else rig, base_parameters(true, rig.L1, rig.g)
 
 
-def swing(base: Any, rig: Rig, acting: Sequence[Law], start: Any, t: Any, rods: int) -> np.ndarray:
+def swing(
+    base: Any, rig: Rig, acting: Sequence[Law], start: Any, t: Any, rods: int, mount: Mount | None = None
+) -> np.ndarray:
     """(n, 4) angles from upright and speeds."""
     a, b, d, e1, c1, c2 = base
+    moments = e1 / rig.g, (d / rig.L1 if rods == 2 else 0.0)
     torques = [(one.joint, one.torque) for one in acting if one.torque]
 
-    def slope(now: float, x: Any) -> list[float]:
-        th1, th2, w1, w2 = x.tolist()
+    def on_mount(now: float, x: Any) -> list[float]:
+        """Rods on a mount that their own motion on a rigid one pushes; its acceleration acts back on them."""
+        th1, th2, w1, w2, *moved = x.tolist()
+        rigid = slope(now, x)
+        turned = zip(moments, (th1, th2), (w1, w2), rigid[2:], strict=True)
+        force = -sum(S * (math.cos(q) * alpha - math.sin(q) * w * w) for S, q, w, alpha in turned)
+        pushed = mount.acceleration(moved[0], moved[1], force) if mount else 0.0
+        return [*slope(now, x, pushed), moved[1], pushed]
+
+    def slope(now: float, x: Any, pushed: float = 0.0) -> list[float]:
+        th1, th2, w1, w2 = x[:4].tolist()
         q, u, tau = (th1 - math.pi, th2 - th1), (w1, w2 - w1), [-c1 * w1, -c2 * (w2 - w1)]
         for joint, torque in torques:
             tau[joint] += torque(now, q[joint], u[joint])
         if rods == 1:
-            acceleration = (e1 * math.sin(th1) + tau[0]) / a
+            acceleration = (e1 * math.sin(th1) - moments[0] * pushed * math.cos(th1) + tau[0]) / a
             return [w1, w1, acceleration, acceleration]
         c, s = d * math.cos(th1 - th2), d * math.sin(th1 - th2)
-        f1 = -s * w2**2 + e1 * math.sin(th1) + tau[0] - tau[1]
-        f2 = s * w1**2 + d * rig.g / rig.L1 * math.sin(th2) + tau[1]
+        f1 = -s * w2**2 + e1 * math.sin(th1) - moments[0] * pushed * math.cos(th1) + tau[0] - tau[1]
+        f2 = s * w1**2 + d * rig.g / rig.L1 * math.sin(th2) - moments[1] * pushed * math.cos(th2) + tau[1]
         det = a * b - c * c
         return [w1, w2, (b * f1 - c * f2) / det, (a * f2 - c * f1) / det]
 
-    solved = solve_ivp(slope, (0.0, float(t[-1])), np.asarray(start), "DOP853", rtol=1e-8, atol=1e-9, t_eval=t)
-    return solved.y.T
+    law, begin = (slope, np.asarray(start)) if mount is None else (on_mount, np.append(start, [0.0, 0.0]))
+    solved = solve_ivp(law, (0.0, float(t[-1])), begin, "DOP853", rtol=1e-8, atol=1e-9, t_eval=t)
+    return solved.y.T[:, :4]
 
 
 def record(
@@ -134,6 +169,7 @@ def record(
     *,
     rate_hz: float = 200.0,
     logger: str = "",
+    mount: Mount | None = None,
 ) -> Run:
     """The counts of a release by hand, by a logger with a fault of `tests.faulty_loggers`, or none."""
     even = np.arange(-round(rate_hz), round(rate_hz * seconds) + 1) / rate_hz
@@ -146,7 +182,7 @@ def record(
         start[1], start[3] = start[0], start[2]
     x = np.tile(start, (len(t), 1))
     x[t < 0, 2:] = 0.0
-    x[t >= 0] = swing(base, rig, acting, start, t[t >= 0], rods)
+    x[t >= 0] = swing(base, rig, acting, start, t[t >= 0], rods, mount)
     joints, speeds = np.stack([x[:, 0] - np.pi, x[:, 1] - x[:, 0]]), np.stack([x[:, 2], x[:, 3] - x[:, 2]])
     for one in acting:
         if one.reading:
@@ -171,10 +207,16 @@ def recordings(
     seconds: float = 6.0,
     rate_hz: float = 200.0,
     logger: str = "",
+    rough: bool = False,
 ) -> tuple[Rig, list[Run], list[Law]]:
-    """A rig, three recordings of it, and its laws."""
+    """A rig, three recordings of it, and its laws; a rough one has a zero offset and a mount with a second mode too."""
     rng = np.random.default_rng(seed)
     rig, base = rig_and_base(rng, rods)
     acting = laws(rng, rods=rods) if acting is None else list(acting)
-    runs = [record(rig, base, acting, rng, pose, seconds, rods, rate_hz=rate_hz, logger=logger) for pose in POSES[rods]]
+    mount, own = None, np.random.default_rng([seed, 2])
+    if rough:
+        mount = Mount.drawn(own)
+        acting.append(_law("encoder_offset", int(own.integers(rods)), float(own.uniform(*SMALL)), own))
+    logged = {"rate_hz": rate_hz, "logger": logger, "mount": mount}
+    runs = [record(rig, base, acting, rng, pose, seconds, rods, **logged) for pose in POSES[rods]]
     return rig, [replace(run, name=f"run{i}") for i, run in enumerate(runs)], acting

@@ -1,12 +1,16 @@
 """Draw a plant whose effects nobody chose: what there is to find in a blind trial (`sim_device.trials.request`)."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.effects.effect import EffectParameter
-from dpr_lab.rig import Rig
+from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2
+from dpr_lab.effects.wrong_length import WRONG_LENGTH
+from dpr_lab.rig import MASSES, Rig
+from dpr_lab.rig_tables import Parameter
 from sim_device.plant.config import EncoderConfig, PlantConfig
 from sim_device.plant.foreign import FOREIGN, FORMS, OUTSIDE
 from sim_device.random_streams import RandomStream, generator
@@ -29,6 +33,10 @@ class Background:
     """Gap over the noise of each."""
     logger: float = 1 / 3
     """Probability of a fault of the logger."""
+    length: float = 0.005
+    """Relative standard deviation of the rod's length about L1 of the rig file."""
+    mass: float = 0.01
+    """The same of its masses, which the rig file states."""
 
 
 BACKGROUND = Background()
@@ -56,7 +64,7 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
 
 
 def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
-    """The plant with small effects, none of them alike, and perhaps a logger that fails."""
+    """The plant with small effects, a zero offset, values other than the rig file's, and perhaps a logger's fault."""
     least, most = BACKGROUND.effects
     wanted = len(plant.effects) + int(rng.integers(least, most, endpoint=True))
     for name in rng.permutation(visible_effects()).tolist():
@@ -64,7 +72,28 @@ def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> 
             plant = _with_effect(plant, rig, name, _log_uniform(rng, *BACKGROUND.gap), rng)
     if rng.random() < BACKGROUND.logger:
         plant = plant.model_copy(update={"encoders": logger_fault(rng)})
-    return plant
+    zero = (ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2)[int(rng.integers(2))].name
+    if zero not in plant.effects:
+        plant = _with_effect(plant, rig, zero, _log_uniform(rng, *BACKGROUND.gap), rng)
+    values = plant.parameters | {
+        name: plant.parameters[name] * float(1 + BACKGROUND.mass * rng.standard_normal()) for name in MASSES
+    }
+    longer = {WRONG_LENGTH.amplitudes[0].name: float(BACKGROUND.length * rig.L1 * rng.standard_normal())}
+    effects = plant.effects if WRONG_LENGTH.name in plant.effects else plant.effects | {WRONG_LENGTH.name: longer}
+    return plant.model_copy(update={"parameters": values, "effects": effects})
+
+
+def described(wanted: EffectRequest, rig: Rig) -> Rig:
+    """The rig file that the lab is given: with background its masses are known to 1 %."""
+    if wanted.kind != "background":
+        return rig
+    return rig.model_copy(update={"parameters": {**rig.parameters, **dict(_roughly_weighed(rig))}})
+
+
+def _roughly_weighed(rig: Rig) -> Iterator[tuple[str, Parameter]]:
+    for name in MASSES:
+        if (measured := rig.parameters[name].measured) is not None:
+            yield name, rig.parameters[name].model_copy(update={"std": BACKGROUND.mass * measured})
 
 
 def logger_fault(rng: np.random.Generator) -> EncoderConfig:

@@ -11,7 +11,7 @@ from sim_device.options import Options
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.plant.drives import JointDrives
 from sim_device.plant.hidden import plant_of
-from sim_device.trials.draw import draw_plant
+from sim_device.trials.draw import described, draw_plant
 from sim_device.trials.driven import drawn_drives
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import SPREAD, weighed
@@ -54,7 +54,7 @@ def drawn_trial(options: Options, around: Rig) -> DrawnTrial:
     seed, public = (secrets.randbits(SEED_BITS) if options.seed is None else options.seed for _ in range(2))
     wanted = parse_request(with_kind(options.draw_effects or ANY, seed))
     base, rig = weighed(load_plant(options.plant, public), around, SPREAD.scales_step)
-    plant = draw_plant(wanted, base.model_copy(update={"seed": seed}), rig)
+    plant, rig = draw_plant(wanted, base.model_copy(update={"seed": seed}), rig), described(wanted, rig)
     drawn = {"kind": wanted.kind, "level": wanted.level, "seed": seed}
     drives = drawn_drives(plant) if wanted.kind == "driven" else None
     return DrawnTrial(plant, rig, salted(plant_of(plant, rig), drawn), drives)

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
+from dpr_lab.effects.wrong_length import WRONG_LENGTH
 from dpr_lab.errors import ConfigError
+from dpr_lab.rig import MASSES
 from dpr_lab.rig_tables import Parameter
 from sim_device.plant.config import EncoderConfig, load_plant
 from sim_device.plant.foreign import FOREIGN, FORMS, OUTSIDE
 from sim_device.random_streams import RandomStream, generator
 from sim_device.trials.draw import (
     alike,
+    described,
     dirty,
     draw_plant,
     logger_fault,
@@ -181,12 +184,28 @@ def test_stale_samples_repeat_the_one_before_in_a_cycle(paper):
 def test_an_effect_with_background_is_the_most_visible_of_several(paper):
     first, again, other = (drawn(EffectRequest("background"), seed, paper) for seed in (3, 3, 4))
     assert first == again != other
-    name, *small = first.effects
-    assert 3 <= len(small) <= 6
-    gaps = [plant_gap(first.model_copy(update={"effects": {n: v}}), paper) for n, v in first.effects.items()]
+    assert any(name.startswith("encoder_offset") for name in first.effects)
+    longer = first.effects[WRONG_LENGTH.name]["added_m"]
+    assert 0.0 < abs(longer) < 0.02 * paper.L1
+    visible = {name: values for name, values in first.effects.items() if name != WRONG_LENGTH.name}
+    name, *small = visible
+    small = [one for one in small if not one.startswith("encoder_offset")]
+    assert 2 <= len(small) <= 6
+    gaps = [plant_gap(first.model_copy(update={"effects": {n: v}}), paper) for n, v in visible.items()]
     assert gaps[0] > 1.9
     assert max(gaps[1:]) < 0.7
     assert not any(alike(one, two) for one in small for two in (name, *small) if one != two)
+
+
+def test_with_background_the_masses_are_known_to_one_per_cent(paper):
+    plant, rig = weighed(load_plant("paper", 3), paper)
+    drawn_plant = draw_plant(EffectRequest("background"), plant, rig)
+    rig_file = described(EffectRequest("background"), rig)
+    for name in MASSES:
+        known = rig_file.parameters[name]
+        assert known.std == pytest.approx(0.01 * known.measured)
+        assert 0.0 < abs(drawn_plant.parameters[name] / known.measured - 1) < 0.04
+    assert described(EffectRequest("single"), rig) is rig
 
 
 def test_a_logger_fails_in_one_of_four_ways():
