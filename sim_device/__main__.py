@@ -36,7 +36,8 @@ draw the effects too, from the seed: single, pair, triple, clean, dirty, form, o
 SEAL_HELP = """\
 draw a plant, keep its truth in FOLDER, print its seal (a salted hash) and the rig file that goes with it as JSON, and
 exit; --plant FOLDER/plant.toml then is that plant. With - nothing is written: the rig file comes in as one line of JSON
-text on standard input, and the truth is revealed once another line comes"""
+text on standard input; each further line that is a JSON object is a release to record, {"theta1": rad, "theta2": rad,
+"duration_s": s}, with any "rods" and "added_mass" as in a rig file; the truth is revealed once another line comes"""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -110,13 +111,19 @@ def _tell(options: argparse.Namespace) -> int:
 
 
 def _hold(options: argparse.Namespace) -> int:
-    """A sealed plant whose truth is in memory alone, and gone with whoever started this."""
-    from dpr_lab.rig import parse_rig
-    from sim_device.trials.trial import drawn_trial
+    """A sealed plant whose truth is in memory alone, and gone with whoever started this.
 
-    trial = drawn_trial(_chosen(options), parse_rig(json.loads(sys.stdin.readline())))
-    print(json.dumps(trial.report(direct=True)), flush=True)
-    if sys.stdin.readline():
+    Each line that comes is a release to record, a JSON object, until one is anything else: that reveals the truth.
+    """
+    from dpr_lab.rig import parse_rig
+    from sim_device.trials.trial import drawn_trial, recorded_next
+
+    trial, releases = drawn_trial(_chosen(options), parse_rig(json.loads(sys.stdin.readline()))), 0
+    print(json.dumps(trial.report(direct=options.direct)), flush=True)
+    while (line := sys.stdin.readline()).startswith("{"):
+        print(json.dumps(recorded_next(trial, json.loads(line), releases)), flush=True)
+        releases += 1
+    if line:
         print(json.dumps(trial.kept), flush=True)
     return 0
 

@@ -86,6 +86,16 @@ def load_limits(path: Path) -> Limits:
     limits = read_config(path, Limits)
     if not limits.ratios and not any(limits.effects.values()):
         raise ConfigError(f"{path}: has no limits: add a table [effects.NAME] or [ratios]")
+    refuse_other_limits(path, limits)
+    return limits
+
+
+def refuse_other_limits(path: Path, limits: Limits) -> None:
+    """Refuse limits of effects, amplitudes and ratios that there are not, and other units.
+
+    Raises:
+        ConfigError: a wrong name or unit; the message names it.
+    """
     for name, amplitudes in limits.effects.items():
         _known(path, "effects", "effect", name, EFFECTS)
         units = {p.name: p.unit for p in EFFECTS[name].amplitudes}
@@ -95,7 +105,6 @@ def load_limits(path: Path) -> Limits:
     for name, limit in limits.ratios.items():
         _known(path, "ratios", "ratio", name, RATIO_UNITS)
         _same_unit(path, f"ratios.{name}", limit.unit, RATIO_UNITS[name])
-    return limits
 
 
 def _known(path: Path, table: str, kind: str, name: str, names: Iterable[str]) -> None:

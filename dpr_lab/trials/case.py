@@ -43,13 +43,14 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
         )
     numba.set_num_threads(1)
     request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"])
-    with sealed_in_memory(request, case["rig"]) as (sealed, opened):
+    with sealed_in_memory(request, case["rig"]) as plant:
+        sealed = plant.public
         rig = parse_rig(sealed["rig"])
         runs = [run_of(recording, rig) for recording in sealed["runs"]]
         began = time.process_time()
         diagnosis = diagnose(runs, rig).to_json()
         seconds = time.process_time() - began
-        truth = unsealed(opened(), sealed["seal"])
+        truth = unsealed(plant.opened(), sealed["seal"])
     return {"outcome": score(diagnosis, truth, rig, **truth.drawn, seconds=seconds, seal=sealed["seal"]).to_json()}
 
 

@@ -94,22 +94,41 @@ def _words(request: PlantRequest) -> list[str]:
     return ["--plant", request.plant, "--draw-effects", f"{request.kind}:{request.level}", *seed]
 
 
+@dataclass(frozen=True, slots=True)
+class HeldPlant:
+    """A sealed plant whose truth is in the memory of another process."""
+
+    public: dict[str, Any]
+    """What `seal` gives."""
+    _ask: Callable[[str], dict[str, Any]]
+
+    def record(self, release: dict[str, Any]) -> dict[str, Any]:
+        """Record a release: `theta1`, `theta2`, `duration_s`, and any `rods` and `added_mass` as in a rig file.
+
+        Raises:
+            DprError: the rig cannot make it.
+        """
+        return self._ask(json.dumps(release))
+
+    def opened(self) -> dict[str, Any]:
+        """Its truth and salt; nothing can be recorded after that."""
+        return self._ask("open")
+
+
 @contextmanager
-def sealed_in_memory(request: PlantRequest, rig: str) -> Iterator[tuple[dict[str, Any], Callable[[], dict[str, Any]]]]:
-    """Draw, seal and record a plant in a process that keeps the truth only in memory.
+def sealed_in_memory(request: PlantRequest, rig: str, *, direct: bool = True) -> Iterator[HeldPlant]:
+    """Draw and seal a plant in a process that keeps the truth only in memory.
 
     Args:
         request: what to draw
         rig: text of the rig file at the centre of the draw
-
-    Yields:
-        the result of `seal` with `runs`, and a function that reveals the plant once
+        direct: whether to record it from each pose of the rig file at once
 
     Raises:
         ConfigError: the device refuses a file or an argument; with its message.
         DprError: the device failed; with its message.
     """
-    words = [sys.executable, "-m", "sim_device", *_words(request), "--seal", "-"]
+    words = [sys.executable, "-m", "sim_device", *_words(request), "--seal", "-", *(["--direct"] if direct else [])]
     with (
         tempfile.TemporaryFile("w+") as log,
         subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True) as device,
@@ -127,7 +146,7 @@ def sealed_in_memory(request: PlantRequest, rig: str) -> Iterator[tuple[dict[str
             log.seek(0)
             raise _refusal(code, log.read())
 
-        yield parsed(json.dumps(rig)), lambda: parsed("open")
+        yield HeldPlant(parsed(json.dumps(rig)), parsed)
 
 
 def unseal(folder: Path) -> dict[str, Any]:

@@ -39,6 +39,7 @@ class SimulatedRods:
         faults: what is wrong with the encoders
         drives: what drives the joints or the arm while they swing; None for nothing
         ready: whether the rods can be let go; the operator waits for that before he takes them to a pose
+        before: releases made before the first of this one's
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class SimulatedRods:
         faults: Faults | None = None,
         drives: JointDrives | ArmDrive | None = None,
         ready: Callable[[], bool] = lambda: True,
+        before: int = 0,
     ) -> None:
         self._plant, self._config, self._faults = plant, plant.config, faults or Faults()
         self._rig, self._poses = rig, list(rig.poses.values())
@@ -60,7 +62,7 @@ class SimulatedRods:
         self._ready, self._drives = ready, drives
         self._held = HeldRods(HANGING.theta, HANGING.theta)
         self._swing: HiddenSwing | None = None
-        self._released_at, self._rate_hz, self._release = 0.0, 1.0, 0
+        self._released_at, self._rate_hz, self._release = 0.0, 1.0, before
         self._at_release = np.zeros(3, dtype=np.int64)
 
     def place(self, pose_number: int, now: float) -> None:

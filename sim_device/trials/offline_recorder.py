@@ -20,6 +20,7 @@ def record(
     duration: float = 10.0,
     rate_hz: int | None = None,
     drives: JointDrives | None = None,
+    before: int = 0,
 ) -> list[Run]:
     """One run from each of the rig's poses, as the lab would have recorded them.
 
@@ -32,11 +33,12 @@ def record(
         duration: how long each swing is recorded, s
         rate_hz: samples a second; None: as the rig file says
         drives: on its joints; none: free swings
+        before: releases made before these, which the hand and the noise do not repeat
 
     Raises:
         ConfigError: effects that the plant cannot have.
     """
-    rods = SimulatedRods(plant_of(config, rig), rig, drives=drives)
+    rods = SimulatedRods(plant_of(config, rig), rig, drives=drives, before=before)
     return [
         _released(rods, rig, number, pose, duration, rate_hz or rig.link.rate_hz, drives)
         for number, pose in enumerate(rig.poses, 1)

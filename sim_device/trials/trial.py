@@ -1,10 +1,14 @@
 """A blind trial as the device prepares it: a rig of other parts, a plant drawn for it, sealed, perhaps recorded."""
 
 import secrets
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
+from dpr_lab.errors import ConfigError
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.options import Options
@@ -79,23 +83,45 @@ def sealed_trial(options: Options, folder: Path, direct: bool = False) -> dict[s
     return trial.report(direct)
 
 
+def recorded_next(trial: DrawnTrial, wanted: Mapping[str, Any], before: int) -> dict[str, Any]:
+    """Record one release that is asked for by and by, as an experimenter would.
+
+    Args:
+        trial: the plant
+        wanted: `theta1`, `theta2`, `duration_s`; `rods` and `added_mass` as in a rig file, as they are where left out
+        before: releases made before: the hand places the rods otherwise each time
+
+    Raises:
+        ConfigError: a release that the rig cannot make.
+    """
+    now = trial.rig.model_dump(exclude_none=True)
+    changed = {name: wanted[name] for name in ("rods", "added_mass") if wanted.get(name)}
+    pose = {"theta1": wanted["theta1"], "theta2": wanted["theta2"]}
+    try:
+        rig = Rig.model_validate({**now, **changed, "poses": {f"release {before + 1}": pose}})
+    except ValidationError as error:
+        raise ConfigError(f"no such release: {error.errors()[0]['msg']}") from error
+    (run,) = record(trial.plant, rig, float(wanted["duration_s"]), drives=trial.drives, before=before)
+    return _as_json(run)
+
+
 def _rig_file(rig: Rig) -> str:
     return toml_text(rig.model_dump(mode="json", exclude_none=True)).lstrip()
 
 
 def _runs(trial: DrawnTrial) -> list[dict[str, Any]]:
-    runs = record(trial.plant, trial.rig, drives=trial.drives)
-    return [
-        {
-            "pose": run.pose,
-            "rate_hz": run.rate_hz,
-            "lost": dict(run.lost),
-            "t": run.t.tolist(),
-            "counts": [] if run.counts is None else run.counts.tolist(),
-            **_torques(run),
-        }
-        for run in runs
-    ]
+    return [_as_json(run) for run in record(trial.plant, trial.rig, drives=trial.drives)]
+
+
+def _as_json(run: Run) -> dict[str, Any]:
+    return {
+        "pose": run.pose,
+        "rate_hz": run.rate_hz,
+        "lost": dict(run.lost),
+        "t": run.t.tolist(),
+        "counts": [] if run.counts is None else run.counts.tolist(),
+        **_torques(run),
+    }
 
 
 def _torques(run: Run) -> dict[str, Any]:

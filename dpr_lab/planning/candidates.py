@@ -1,0 +1,92 @@
+"""Candidate releases: start poses spread over what can be reached, their neighbours, and what can be mounted."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.release import Release
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import AddedMass, Mounting
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How start poses are searched for."""
+
+    spread: int = 40
+    """Poses that the search begins with, spread evenly."""
+    screened_s: float = 10.0
+    """Duration at which they are compared."""
+    best: int = 3
+    """Poses that are refined."""
+    neighbours: int = 4
+    """Poses tried near each of them."""
+    near_rad: float = 0.3
+    """Standard deviation of their distance, halved in the second round."""
+    finalists: int = 2
+    """Releases of which the best duration is sought."""
+    placements: int = 2
+    """Starts as a hand leaves them, over which what the finalists show is averaged."""
+    quiet_deg: tuple[float, ...] = (5.0, 15.0, 40.0)
+    """Amplitudes about hanging, of one rod and of both, that are tried besides: swings that come to rest."""
+
+
+SEARCH = Search()
+
+
+def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Array:
+    """(n, 2) reachable start angles, evenly spread, and quiet ones about hanging."""
+    points = qmc.Sobol(2, rng=rng).random_base2(int(np.ceil(np.log2(count))) + 4)
+    spread = 2 * np.pi * points
+    reached = spread[limits.poses.reachable(spread)]
+    if len(reached) < count:  # a narrow range
+        low, high = np.array([limits.poses.theta1_rad, limits.poses.theta2_rad]).T
+        narrow = low + (high - low) * points
+        reached = narrow[limits.poses.reachable(narrow)]
+    quiet = np.pi + np.radians([[a * s1, a * s2] for a in SEARCH.quiet_deg for s1, s2 in ((1, 1), (0, 1), (1, 0))])
+    return np.concatenate([reached[:count], quiet[limits.poses.reachable(quiet)]])
+
+
+def near(release: Release, limits: PlanLimits, width: float, count: int, rng: np.random.Generator) -> list[Release]:
+    """Reachable neighbours of a release."""
+    theta = np.array([release.theta1, release.theta2]) + width * rng.standard_normal((4 * count, 2))
+    theta = theta[limits.poses.reachable(theta)][:count] % (2 * np.pi)
+    return [replace(release, theta1=a, theta2=b) for a, b in theta.tolist()]
+
+
+def placements(release: Release, std: float, count: int, rng: np.random.Generator) -> list[Release]:
+    """The release as a hand leaves it, some times."""
+    off = std * rng.standard_normal((count, 2))
+    return [replace(release, theta1=release.theta1 + a, theta2=release.theta2 + b) for a, b in off.tolist()]
+
+
+def mountings(rig: Rig, limits: PlanLimits) -> Iterator[tuple[Mounting, AddedMass | None]]:
+    """What may hang on the rig, as it is now first."""
+    now: Mounting = rig.rods.mounting
+    allowed: list[Mounting] = [now, *limits.rods.mounted]
+    if "clamped" in limits.rods.elbow:
+        allowed.append("clamped")
+    masses: Sequence[AddedMass | None] = [rig.added_mass, None, *limits.masses]
+    for mounting in dict.fromkeys(allowed):
+        for mass in dict.fromkeys(masses):
+            absent = {"inner": "outer", "outer": "inner"}.get(mounting)
+            if mass is None or mass.rod != absent:
+                yield mounting, mass
+
+
+def minutes(release: Release, before: tuple[Mounting, AddedMass | None], limits: PlanLimits) -> float:
+    """Cost of a release after another mounting, minutes."""
+    mounting, mass = before
+    cost = limits.minutes.place + release.duration_s / 60
+    if release.added != mass:
+        cost += limits.minutes.mass
+    if release.mounting != mounting:
+        elbow = {release.mounting, mounting} == {"both", "clamped"}
+        cost += limits.minutes.clamp if elbow else limits.minutes.mount
+    return cost

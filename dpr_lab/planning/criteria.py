@@ -1,0 +1,202 @@
+r"""What more information is worth: bits about causes, about the rest of the library, and about the ratios.
+
+**Causes (T-optimality).** If A is the cause, with amplitudes a, the squared distance of the readings from the nearest
+that B can do, ratios and all other effects of the model being fitted, is
+
+    D^2(A, B) = a^T (G_AA - G_AB G_BB^-1 G_BA) a + trace(... cov(a)),
+
+with G the information of both, given what is fitted. Its expectation over the posterior of a adds the trace. A further
+recording raises the log odds by a normal amount of mean d^2 / 2 and variance d^2, with d^2 = Delta D^2 / T and T the
+temperature of the probabilities of a diagnosis. The expected fall of the entropy between both causes, by their present
+probabilities, is what the recording is worth.
+
+**Library.** No plan may assume that the causes named so far are the right ones. So the same is asked of every amplitude
+of the library against every other one and against none, at several sizes and with even odds: their mean in bits.
+
+**Ratios (D-optimality).** log2 of the fall of the volume of their covariance, other effects as in the model.
+
+Sources: G. E. P. Box & W. J. Hill (1967), Discrimination among mechanistic models, Technometrics 9, 57-71.
+A. C. Atkinson & V. V. Fedorov (1975), The design of experiments for discriminating between two rival models, Biometrika
+62, 57-70. K. Chaloner & I. Verdinelli (1995), Bayesian experimental design: a review, Statistical Science 10, 273-304.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.gap.advice.check_kind import expected_bits
+from dpr_lab.gap.classes.posterior import CALIBRATION
+from dpr_lab.planning.knowledge import RATIO_COLUMNS, Causes, Knowledge
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Worth:
+    """How the parts of a plan's worth are weighed."""
+
+    library: float = 0.3
+    """Bits that a bit about the library counts as, while causes are open: the share of the plan that guards against a
+    cause that nobody thinks of."""
+    ratios: float = 0.02
+    """The same of a bit about the ratios: they matter once causes are decided."""
+    sizes: tuple[float, ...] = (0.1, 0.3, 1.0)
+    """Sizes of the library's amplitudes, in typical ones."""
+    least: float = 0.01
+    """Probability below which a cause is out of the question."""
+    seen: float = 1e-6
+    """Share of the information of an amplitude that what is fitted must leave, for it to be seen at all."""
+
+
+WORTH = Worth()
+
+
+def given(F: Array, fitted: Sequence[int], own: Sequence[int]) -> Array:
+    """Information of some unknowns when others are fitted too: the Schur complement."""
+    across = F[np.ix_(fitted, own)]
+    scale = 1 / np.sqrt(np.diag(F)[list(fitted)])
+    inner = F[np.ix_(fitted, fitted)] * scale[:, None] * scale + 1e-12 * np.eye(len(scale))
+    return F[np.ix_(own, own)] - (across.T * scale) @ np.linalg.solve(inner, across * scale[:, None])
+
+
+@dataclass(frozen=True, slots=True)
+class OpenPairs:
+    """The causes of one named effect, with the sizes that each would have."""
+
+    about: str
+    """The named effect."""
+    names: tuple[str, ...]
+    probabilities: Array
+    """(n,) of each; they add up to one less what is outside."""
+    fitted: tuple[int, ...]
+    """Columns of what is fitted in any case."""
+    places: tuple[tuple[int, ...], ...]
+    """Columns of each cause."""
+    sizes: tuple[Array, ...]
+    """Amplitudes of each cause."""
+    spreads: tuple[Array, ...]
+    """Covariance of these amplitudes."""
+
+    @classmethod
+    def of(cls, known: Knowledge, causes: Causes) -> "OpenPairs":
+        """The causes that are not out of the question and that a release could show."""
+        names = [
+            name for name, p in causes.probabilities.items() if name in known.places and (p > WORTH.least)
+        ]
+        others = [i for i in known.fitted if i not in known.places.get(causes.about, ())]
+        about = known.places.get(causes.about, ())
+        target = known.amplitudes[list(about)]
+        sizes, spreads = [], []
+        for name in names:
+            own = known.places[name]
+            G = given(known.information, others, list(dict.fromkeys((*own, *about))))
+            inverse = np.linalg.pinv(G[: len(own), : len(own)], rcond=1e-12, hermitian=True)
+            imitation = inverse @ (G[: len(own), len(own) :] @ target) if name != causes.about else target
+            sizes.append(imitation)
+            spreads.append(inverse)
+        return cls(
+            causes.about,
+            tuple(names),
+            np.array([causes.probabilities[name] for name in names]),
+            tuple(others),
+            tuple(known.places[name] for name in names),
+            tuple(sizes),
+            tuple(spreads),
+        )
+
+    def distances(self, F: Array) -> Array:
+        """(n, n) expected D^2 of the readings under each cause (row) from the nearest of each other (column)."""
+        columns = list(dict.fromkeys(i for own in self.places for i in own))
+        G = given(F, self.fitted, columns)
+        rows = [[columns.index(i) for i in own] for own in self.places]
+        apart = np.zeros((len(rows), len(rows)))
+        for i, own in enumerate(rows):
+            for j, other in enumerate(rows):
+                free = [k for k, row in enumerate(own) if row not in other]
+                if i == j or not free:
+                    continue
+                mine = [own[k] for k in free]
+                cross = G[np.ix_(other, mine)]
+                left = G[np.ix_(mine, mine)] - cross.T @ np.linalg.pinv(G[np.ix_(other, other)], 1e-12, True) @ cross
+                size = self.sizes[i][free]
+                apart[i, j] = max(size @ left @ size + np.sum(left * self.spreads[i][np.ix_(free, free)]), 0.0)
+        return apart
+
+    def gained(self, before: Array, F: Array) -> Array:
+        """(n, n) d^2 that information adds to the log odds of each cause against each other."""
+        return np.maximum(self.distances(F) - before, 0.0) / CALIBRATION.temperature
+
+
+def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
+    """Expected bits of each pair of the likeliest cause and another."""
+    if len(pairs.names) < 2:
+        return {}
+    best = int(np.argmax(pairs.probabilities))
+    bits = {}
+    for other in range(len(pairs.names)):
+        if other == best:
+            continue
+        both = pairs.probabilities[[best, other]]
+        d2 = (both[0] * gained[best, other] + both[1] * gained[other, best]) / both.sum()
+        bits[pairs.names[best], pairs.names[other]] = expected_bits(both.tolist(), float(np.sqrt(d2)))
+    return bits
+
+
+@cache
+def _even_bits() -> tuple[Array, Array]:
+    """Expected bits at even odds over d, to look up."""
+    apart = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(4.5, 20.0, 32)])
+    return apart, np.array([expected_bits([0.5, 0.5], d) for d in apart.tolist()])
+
+
+def library_bits(known: Knowledge, F: Array) -> float:
+    """Mean bits about an amplitude of the library against another, and against none, at even odds."""
+    own = [i for i in range(RATIO_COLUMNS, len(F)) if known.model.columns[i].effect not in known.named]
+    G = given(F, known.fitted, own)
+    power = np.maximum(np.diag(G), 0.0)
+    typical = np.array([known.model.columns[i].size for i in own])
+    scaled = np.where(power > 0, power, 1.0)
+    apart = np.maximum(power[:, None] - G**2 / scaled, 0.0)
+    effects = np.array([known.model.columns[i].effect for i in own])
+    apart[effects[:, None] == effects] = np.inf
+    np.fill_diagonal(apart, power)
+    grid, bits = _even_bits()
+    of_same = (effects[:, None] == effects) & ~np.eye(len(own), dtype=np.bool_)
+    total, count = 0.0, 0
+    for size in WORTH.sizes:
+        d = size * typical[:, None] * np.sqrt(apart / CALIBRATION.temperature)
+        total += float(np.interp(d, grid, bits)[~of_same].sum())
+        count += int(np.count_nonzero(~of_same))
+    return total / count
+
+
+def ratio_bits(known: Knowledge, F: Array) -> float:
+    """log2 of one over the volume of the covariance of the five ratios, in bits, up to a constant."""
+    rest = [i for i in known.fitted if i >= len(RATIOS)]
+    G = given(F, rest, range(len(RATIOS)))
+    scale = np.array([known.model.columns[i].size for i in range(len(RATIOS))])
+    return float(0.5 * np.linalg.slogdet(G * scale[:, None] * scale)[1] / np.log(2))
+
+
+def ratio_std(known: Knowledge, F: Array) -> Array:
+    """(5,) expected standard deviations of the ratios, with the effects of the model fitted too."""
+    rest = [i for i in known.fitted if i >= len(RATIOS)]
+    return np.sqrt(np.diag(np.linalg.inv(given(F, rest, range(len(RATIOS))))))
+
+
+def detectable(known: Knowledge, F: Array, sigmas: float) -> dict[str, dict[str, float | None]]:
+    """Minimum detectable size of every amplitude, given what is fitted; None where it is not seen."""
+    sizes: dict[str, dict[str, float | None]] = {}
+    for name, places in known.places.items():
+        fitted = [i for i in known.fitted if i not in places]
+        left = np.diag(given(F, fitted, list(places)))
+        prior = np.diag(known.prior)[list(places)]
+        for place, power, before in zip(places, left.tolist(), prior.tolist(), strict=True):
+            column = known.model.columns[place]
+            seen = power - before > max(WORTH.seen * F[place, place], before)
+            sizes.setdefault(name, {})[column.name] = float(sigmas / np.sqrt(power - before)) if seen else None
+    return sizes

@@ -1,0 +1,169 @@
+"""The limits of a plan: reachable poses, what may be mounted, what the drives can do, and what steps at the rig cost.
+
+[poses]
+theta1_rad = [0.5, 5.8]
+theta2_rad = [0.0, 6.3]
+
+[recording]
+longest_s = 20.0
+
+[rods]
+mounted = ["both", "inner"]
+elbow = ["free"]
+
+[[masses]]
+rod = "outer"
+mass = 0.1
+position = 0.2
+
+[drive]
+torque_Nm = [0.2, 0.1]
+speed_rad_s = [15.0, 20.0]
+rate_hz = 200
+
+A file may hold the limits of `dpr-lab accept` too ([effects], [ratios]): a plan then tells which of them it decides.
+"""
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from dpr_lab.acceptance.limits import Limits, refuse_other_limits
+from dpr_lab.configs import read_config
+from dpr_lab.errors import ConfigError
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import AddedMass, Angle, Positive, RigTable
+
+Range = tuple[Angle, Angle]
+Both = tuple[Positive, Positive]
+Minutes = Annotated[float, Field(ge=0, le=1e4, strict=True)]
+
+WHOLE_TURN: Range = (0.0, 2 * math.pi)
+
+
+class ReachablePoses(RigTable):
+    """Start angles that a hand or a latch can reach, absolute, 0 = upright, rad."""
+
+    theta1_rad: Range = WHOLE_TURN
+    """Of the inner rod, from and to."""
+    theta2_rad: Range = WHOLE_TURN
+    """Of the outer rod."""
+    elbow_rad: Range | None = None
+    """Of theta2 - theta1 within half a turn, where the elbow does not turn all the way round."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "ReachablePoses":
+        for name in ("theta1_rad", "theta2_rad", "elbow_rad"):
+            ends = getattr(self, name)
+            if ends is not None and not ends[0] < ends[1]:
+                raise ValueError(f"{name} is reversed or empty: {list(ends)}")
+        return self
+
+    def reachable(self, theta: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(n,) which of (n, 2) start angles can be reached; whole turns do not count."""
+        inside = _within(theta[:, 0], self.theta1_rad) & _within(theta[:, 1], self.theta2_rad)
+        if self.elbow_rad is not None:
+            bend = (theta[:, 1] - theta[:, 0] + np.pi) % (2 * np.pi) - np.pi
+            inside &= (bend >= self.elbow_rad[0]) & (bend <= self.elbow_rad[1])
+        return inside
+
+
+def _within(angles: NDArray[np.float64], ends: Range) -> NDArray[np.bool_]:
+    low, high = ends
+    return (angles - low) % (2 * np.pi) <= high - low + 1e-12
+
+
+class RecordingTimes(RigTable):
+    """Durations of a recording, s."""
+
+    shortest_s: Annotated[float, Field(ge=1, le=600, strict=True)] = 10.0
+    """A recording is not shorter."""
+    longest_s: Annotated[float, Field(ge=1, le=600, strict=True)] = 30.0
+    """A recording is not longer."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "RecordingTimes":
+        if self.shortest_s > self.longest_s:
+            raise ValueError(f"shortest_s = {self.shortest_s:g} is above longest_s = {self.longest_s:g}")
+        return self
+
+
+class AllowedRods(RigTable):
+    """What may hang on the rig."""
+
+    mounted: tuple[Literal["both", "inner", "outer"], ...] = ("both",)
+    """Which rods."""
+    elbow: tuple[Literal["free", "clamped"], ...] = ("free",)
+    """Whether joint 2 may be clamped; it must be free in some recordings unless it cannot be."""
+
+
+class DriveLimits(RigTable):
+    """Limits of joint drives."""
+
+    torque_Nm: Both
+    """Largest torque of joint 1 and joint 2, of either sign."""
+    speed_rad_s: Both = (1e6, 1e6)
+    """Largest speed of joint 1 and joint 2."""
+    angle_rad: Both = (1e6, 1e6)
+    """Largest angle of joint 1 and joint 2 from hanging straight."""
+    rate_hz: Annotated[int, Field(ge=10, le=10_000, strict=True)] = 200
+    """Rate at which the device replays an input signal."""
+    highest_hz: Positive = 5.0
+    """Highest frequency of an input signal."""
+
+
+class StepMinutes(RigTable):
+    """What the steps of a recording cost, minutes."""
+
+    place: Minutes = 0.5
+    """To place the rods, wait for rest and release them."""
+    mass: Minutes = 1.0
+    """To clamp a mass on or take it off."""
+    clamp: Minutes = 2.0
+    """To clamp or free the elbow."""
+    mount: Minutes = 5.0
+    """To mount other rods."""
+
+
+class PlanLimits(Limits):
+    """The limits of a plan, and those that the rig must keep."""
+
+    poses: ReachablePoses = ReachablePoses()
+    """Reachable start poses."""
+    recording: RecordingTimes = RecordingTimes()
+    """Durations."""
+    rods: AllowedRods = AllowedRods()
+    """What may be mounted."""
+    masses: tuple[AddedMass, ...] = ()
+    """Known masses that may be clamped on."""
+    drive: DriveLimits | None = None
+    """Joint drives; without the table there are none."""
+    minutes: StepMinutes = StepMinutes()
+    """Costs in time."""
+
+
+def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
+    """Read the limits of a plan.
+
+    Raises:
+        ConfigError: not readable, a wrong key or value, or limits that leave nothing to record; the message names them.
+    """
+    limits = read_config(path, PlanLimits)
+    refuse_other_limits(path, limits)
+    for number, mass in enumerate(limits.masses, 1):
+        longest = rig.L1 if mass.rod == "inner" else rig.L2
+        if longest is not None and mass.position > longest:
+            raise ConfigError(
+                f"{path}: masses[{number}].position = {mass.position:g}: the {mass.rod} rod of rig {rig.name} is"
+                f" {longest:g} m long"
+            )
+    if not {"both", rig.rods.mounted} & {*limits.rods.mounted}:
+        raise ConfigError(f"{path}: rods.mounted: leaves out {rig.rods.mounted}, which rig {rig.name} has: add it")
+    grid = np.stack(np.meshgrid(*[np.linspace(0.0, 2 * np.pi, 181)] * 2), axis=-1).reshape(-1, 2)
+    if not limits.poses.reachable(grid).any():
+        raise ConfigError(f"{path}: poses: no pose fulfils theta1_rad, theta2_rad and elbow_rad at once: widen one")
+    return limits

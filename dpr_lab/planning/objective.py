@@ -1,0 +1,64 @@
+"""Worth of information for a plan: bits about open causes, the library and the ratios, weighed and added."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.planning.criteria import WORTH, OpenPairs, cause_bits, library_bits, ratio_bits
+from dpr_lab.planning.knowledge import Knowledge
+from dpr_lab.planning.release import Release
+from dpr_lab.planning.simulation import simulated_distance
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Objective:
+    """What a plan maximises, from what is known now."""
+
+    known: Knowledge
+    pairs: tuple[OpenPairs, ...]
+    """Of each named effect."""
+    before: tuple[Array, ...]
+    """(n, n) D^2 that the runs so far hold, of each."""
+    ratios: float
+    """Bits about the ratios so far."""
+
+    @classmethod
+    def of(cls, known: Knowledge) -> "Objective":
+        """From what is known."""
+        pairs = tuple(OpenPairs.of(known, causes) for causes in known.causes)
+        pairs = tuple(one for one in pairs if len(one.names) > 1)
+        before = tuple(one.distances(known.information) for one in pairs)
+        return cls(known, pairs, before, ratio_bits(known, known.information))
+
+    def gained(self, F: Array) -> list[Array]:
+        """Of each named effect, (n, n) d^2 that further information adds."""
+        return [one.gained(before, F) for one, before in zip(self.pairs, self.before, strict=True)]
+
+    def simulated(self, release: Release, information: Array) -> float | None:
+        """Delta D^2 of the most open pair, simulated, over the linearised one; None where none is open."""
+        if not self.pairs:
+            return None
+        pairs = max(self.pairs, key=lambda one: float(np.sort(one.probabilities)[-2]))
+        truth, other = np.argsort(-pairs.probabilities)[:2].tolist()
+        k = self.pairs.index(pairs)
+        linear = pairs.distances(self.known.information + information)[truth, other] - self.before[k][truth, other]
+        nonlinear = simulated_distance(release, self.known, pairs, truth, other)
+        return None if nonlinear is None or linear <= 0 else nonlinear / float(linear)
+
+    def bits(self, F: Array) -> dict[tuple[str, str], float]:
+        """Expected bits of each open pair with that information."""
+        return self.bits_of(self.gained(F))
+
+    def bits_of(self, gained: list[Array]) -> dict[tuple[str, str], float]:
+        """Expected bits of each open pair, from what is added of each named effect (`gained`)."""
+        of_each = (cause_bits(one, d2) for one, d2 in zip(self.pairs, gained, strict=True))
+        return {pair: bits for one in of_each for pair, bits in one.items()}
+
+    def worth(self, F: Array) -> float:
+        """Weighed sum of bits with that information."""
+        causes = sum(self.bits(F).values())
+        library = WORTH.library if self.pairs else 1.0
+        return causes + library * library_bits(self.known, F) + WORTH.ratios * (ratio_bits(self.known, F) - self.ratios)

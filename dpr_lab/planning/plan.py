@@ -1,0 +1,75 @@
+"""Plan recordings: what to record next, what it is expected to show, and when to stop."""
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.planning.candidates import minutes
+from dpr_lab.planning.knowledge import known_after, known_before
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.objective import Objective
+from dpr_lab.planning.release import Release
+from dpr_lab.planning.result import Plan
+from dpr_lab.planning.sequence import Planner
+from dpr_lab.planning.summary import summed_up
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run, as_runs
+
+FIRST = 3
+"""Releases of a first plan."""
+LONGEST = 12
+"""Releases of any plan."""
+
+
+def plan(
+    rig: Rig,
+    runs: Run | Sequence[Run] = (),
+    diagnosis: Diagnosis | None = None,
+    *,
+    limits: PlanLimits | None = None,
+    budget_min: float | None = None,
+    count: int | None = None,
+    signals: Sequence[Release] = (),
+    seed: int = 0,
+) -> Plan:
+    """Plan the next recordings of a rig.
+
+    Args:
+        rig: the rig
+        runs: recordings so far
+        diagnosis: of these recordings; made here where it is left out
+        limits: what can be reached, mounted and driven, and what it costs
+        budget_min: time at the rig, minutes; without it three releases are planned
+        count: how many releases, at most
+        signals: driven releases to choose from as well
+        seed: of the poses that the search begins with
+
+    Raises:
+        ConfigError: the budget is too small for one release, or no pose can be reached.
+        RunError: a run that cannot be used.
+    """
+    limits, runs = limits or PlanLimits(), as_runs(runs)
+    if budget_min is not None:
+        _refuse_small(budget_min, limits)
+    if runs and diagnosis is None:
+        diagnosis = diagnose(runs, rig)
+    started, driven = time.perf_counter(), bool(signals)
+    known = known_after(runs, rig, diagnosis, driven) if runs and diagnosis else known_before(rig, driven)
+    objective = Objective.of(known)
+    planner = Planner(objective, limits, np.random.default_rng(seed), tuple(signals))
+    steps = planner.sequence(count or (FIRST if budget_min is None else LONGEST), budget_min)
+    return summed_up(objective, steps, limits, time.perf_counter() - started)
+
+
+def _refuse_small(budget_min: float, limits: PlanLimits) -> None:
+    least = minutes(Release(0.0, 0.0, limits.recording.shortest_s), ("both", None), limits)
+    if budget_min < least:
+        raise ConfigError(
+            f"a budget of {budget_min:g} min is too small: one release takes {least:.2g} min (place, release and"
+            f" record {limits.recording.shortest_s:g} s); raise it, or lower recording.shortest_s or minutes.place in"
+            " the limits file"
+        )

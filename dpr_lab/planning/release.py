@@ -1,0 +1,55 @@
+"""A release that can be recorded: start pose, duration, what hangs on the rig, and what drives the joints."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.rig_tables import AddedMass, Mounting
+from dpr_lab.setup import Setup, Torques
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """One recording, before it is made."""
+
+    theta1: float
+    """Absolute angle of the inner rod when it is let go at rest, 0 = upright, rad."""
+    theta2: float
+    """Absolute angle of the outer rod, rad."""
+    duration_s: float
+    """How long to record, s."""
+    mounting: Mounting = "both"
+    """What swings: both rods, one rod alone, or both with the elbow clamped."""
+    added: AddedMass | None = None
+    """A known mass to be clamped on."""
+    torques: Torques | None = None
+    """The input signal of joint drives; None for a free swing."""
+    signal: str = ""
+    """Kind of the input signal: `multisine` or `chirp`; empty for a free swing."""
+
+    @property
+    def setup(self) -> Setup:
+        """What hangs on the rig and drives it."""
+        elbow = round(self.theta2 - self.theta1, 1) if self.mounting == "clamped" else 0.0
+        return Setup(self.mounting, self.added, elbow, self.torques)
+
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """(4,) state at the release: theta1, theta2, and no speed, rad and rad/s."""
+        theta2 = self.theta1 if self.setup.alone else self.theta2
+        return np.array([self.theta1, theta2, 0.0, 0.0])
+
+    @property
+    def words(self) -> str:
+        """The release in words."""
+        text = f"theta1 = {self.theta1:.2f} rad ({math.degrees(self.theta1):.0f} deg)"
+        if not self.setup.alone:
+            text += f", theta2 = {self.theta2:.2f} rad ({math.degrees(self.theta2):.0f} deg)"
+        text += f", {self.duration_s:g} s"
+        text += {"both": "", "clamped": ", elbow clamped"}.get(self.mounting, f", {self.mounting} rod alone")
+        if self.added is not None:
+            mass = f"{1e3 * self.added.mass:g} g on the {self.added.rod} rod {self.added.position:g} m from its pivot"
+            text += f", {mass}"
+        return f"{text}, driven by a {self.signal}" if self.torques else text

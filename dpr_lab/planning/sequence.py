@@ -1,0 +1,145 @@
+"""A sequence of releases, one after another the one that is worth most per minute."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.planning.candidates import SEARCH, minutes, mountings, near, placements, spread_poses
+from dpr_lab.planning.information import Informed, informed
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.objective import Objective
+from dpr_lab.planning.release import Release
+from dpr_lab.rig_tables import AddedMass, Mounting
+
+Array = NDArray[np.float64]
+
+Mounted = tuple[Mounting, AddedMass | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One release of a sequence."""
+
+    release: Release
+    information: Array
+    """(k, k) that it adds."""
+    horizon_s: float
+    """Predictability horizon of the planned swing."""
+    minutes: float
+    """What it costs after the one before."""
+    worth: float
+    """Weighed bits that it adds."""
+    simulated: float | None = None
+    """Delta D^2 of the most open pair by simulation over that by linearisation; None where nothing is open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Planner:
+    """Searches for the next release."""
+
+    objective: Objective
+    limits: PlanLimits
+    rng: np.random.Generator
+    signals: tuple[Release, ...] = ()
+    """Driven releases to choose from as well."""
+
+    def sequence(self, count: int, budget_min: float | None) -> list[Step]:
+        """Releases, each the best after those before it.
+
+        Args:
+            count: how many, at most
+            budget_min: within so many minutes; None: no limit
+        """
+        known = self.objective.known
+        F, pool, steps = known.information, self._pool(), list[Step]()
+        mounted: Mounted = (known.rig.rods.mounting, known.rig.added_mass)
+        left = np.inf if budget_min is None else budget_min
+        for _ in range(count):
+            chosen = self._best(pool, F, mounted, left)
+            if chosen is None:
+                break
+            pool.append(Informed(chosen.release, chosen.information * known.inflation, chosen.horizon_s))
+            steps.append(chosen)
+            F, left, mounted = F + chosen.information, left - chosen.minutes, _mounted(chosen.release)
+        return steps
+
+    def _pool(self) -> list[Informed]:
+        times = self.limits.recording
+        duration = min(max(SEARCH.screened_s, times.shortest_s), times.longest_s)
+        poses = spread_poses(self.limits, SEARCH.spread, self.rng).tolist()
+        rig = self.objective.known.rig
+        now, *others = mountings(rig, self.limits)
+        releases = [Release(a, b, duration, now[0], now[1]) for a, b in poses]
+        for k, (mounting, mass) in enumerate(others):
+            some = poses[k % 2 :: 2] if len(others) < SEARCH.best else poses[k % SEARCH.best :: SEARCH.best]
+            releases += [Release(a, b, duration, mounting, mass) for a, b in some]
+        return self._informed([*releases, *self.signals])
+
+    def _informed(self, releases: Sequence[Release], durations: Sequence[float] = ()) -> list[Informed]:
+        return informed([_bent(one) for one in releases], self.objective.known.model, durations)
+
+    def _best(self, pool: list[Informed], F: Array, mounted: Mounted, left: float) -> Step | None:
+        """The best of the pool, refined; None where nothing fits the time that is left."""
+        ranked = self._ranked(pool, F, mounted, left)
+        if not ranked:
+            return None
+        for width in (SEARCH.near_rad, SEARCH.near_rad / 2):
+            free = [one for one in ranked[: SEARCH.best] if one.release.torques is None]
+            tried = [other for one in free for other in near(one.release, self.limits, width, SEARCH.neighbours, self.rng)]
+            refined = self._informed(tried)
+            pool += refined
+            ranked = sorted([*ranked, *self._ranked(refined, F, mounted, left)], key=_rate, reverse=True)
+        return max((self._final(one, F, mounted, left) for one in ranked[: SEARCH.finalists]), key=_rate)
+
+    def _final(self, step: Step, F: Array, mounted: Mounted, left: float) -> Step:
+        """The release at its best duration, its worth as simulation confirms it."""
+        averaged = self._averaged(step, F, mounted, left)
+        share = self.objective.simulated(averaged.release, averaged.information)
+        return averaged if share is None else replace(averaged, worth=averaged.worth * min(share, 1.0), simulated=share)
+
+    def _ranked(self, pool: Sequence[Informed], F: Array, mounted: Mounted, left: float) -> list[Step]:
+        """The releases that fit the time left, the best first."""
+        before, f = self.objective.worth(F), self.objective.known.inflation
+        steps = [
+            Step(
+                one.release,
+                one.information / f,
+                one.horizon_s,
+                cost,
+                self.objective.worth(F + one.information / f) - before,
+            )
+            for one in pool
+            if (cost := minutes(one.release, mounted, self.limits)) <= left
+        ]
+        return sorted(steps, key=_rate, reverse=True)
+
+    def _averaged(self, step: Step, F: Array, mounted: Mounted, left: float) -> Step:
+        """The release at its best duration, what it shows averaged over starts as a hand leaves them."""
+        release, times = step.release, self.limits.recording
+        if release.torques is not None:
+            return step
+        std = self.objective.known.model.placement_rad
+        longest = replace(release, duration_s=times.longest_s)
+        durations = [d for d in (SEARCH.screened_s, times.shortest_s) if d < times.longest_s]
+        rated = self._informed([longest, *placements(longest, std, SEARCH.placements, self.rng)], durations)
+        each = len(rated) // (1 + SEARCH.placements)
+        averaged = [
+            Informed(rated[k].release, np.mean([one.information for one in rated[k::each]], axis=0), rated[k].horizon_s)
+            for k in range(each)
+        ]
+        return next(iter(self._ranked(averaged, F, mounted, left)), step)
+
+
+def _mounted(release: Release) -> Mounted:
+    return release.mounting, release.added
+
+
+def _bent(release: Release) -> Release:
+    """A rod alone follows its own angle."""
+    return replace(release, theta2=release.theta1) if release.setup.alone else release
+
+
+def _rate(step: Step) -> float:
+    return step.worth / step.minutes

@@ -1,0 +1,155 @@
+"""The result of planning from a sequence of releases: what each adds, the forecast, and what no release decides."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
+from dpr_lab.planning.criteria import detectable, library_bits, ratio_std
+from dpr_lab.planning.forecast import STOPPING, decided, decision_probability
+from dpr_lab.planning.goals import limit_forecasts
+from dpr_lab.planning.knowledge import Knowledge
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.objective import Objective
+from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
+from dpr_lab.planning.sequence import Step
+from dpr_lab.shown import listed
+
+Array = NDArray[np.float64]
+
+State = Literal["first", "record", "enough", "bench check"]
+
+
+def summed_up(objective: Objective, steps: Sequence[Step], limits: PlanLimits, seconds: float) -> Plan:
+    """The plan of a sequence.
+
+    Args:
+        objective: what was maximised
+        steps: the sequence
+        limits: of the plan
+        seconds: time it took
+    """
+    known = objective.known
+    after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
+    releases = [_planned(k, step, after[k], objective) for k, step in enumerate(steps, 1)]
+    stuck = _inseparable(objective, steps)
+    state = _state(known, stuck)
+    return Plan(
+        state=state,
+        sentence=_sentence(state, known, releases, stuck),
+        releases=releases,
+        minutes=sum(one.minutes for one in releases),
+        forecast=[one.decided for one in releases if one.decided is not None],
+        ratio_std=_named(ratio_std(known, known.information)),
+        detectable=_detectable(known, after[-1]),
+        inseparable=stuck,
+        limits=limit_forecasts(known, after[-1], limits),
+        assumptions=_assumptions(known),
+        seconds=seconds,
+    )
+
+
+def _planned(number: int, step: Step, F: Array, objective: Objective) -> PlannedRelease:
+    release, known = step.release, objective.known
+    share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
+    gained = [share * d2 for d2 in objective.gained(F)]
+    return PlannedRelease(
+        number=number,
+        text=release.words,
+        theta1_rad=release.theta1,
+        theta2_rad=float(release.start[1]),
+        duration_s=release.duration_s,
+        rate_hz=known.rig.link.rate_hz,
+        mounted="both" if release.mounting == "clamped" else release.mounting,
+        elbow="clamped" if release.mounting == "clamped" else "free",
+        added_mass=release.added,
+        arm="held",
+        signal=release.signal,
+        input=None,
+        minutes=step.minutes,
+        horizon_s=step.horizon_s,
+        pairs=[PairBits(causes=pair, bits=bits) for pair, bits in objective.bits_of(gained).items()],
+        library_bits=library_bits(known, F),
+        ratio_std=_named(ratio_std(known, F)),
+        decided=decision_probability(objective.pairs, gained) if known.diagnosis else None,
+    )
+
+
+def _named(values: Array) -> dict[str, float]:
+    return dict(zip(RATIOS, values.tolist(), strict=True))
+
+
+def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
+    before, after = detectable(known, known.information, SIGMAS), detectable(known, F, SIGMAS)
+    return [
+        Detectable(
+            effect=name,
+            parameter=p.name,
+            unit=p.unit,
+            before=before[name][p.name],
+            after=after[name][p.name],
+            typical=p.typical,
+        )
+        for name in after
+        for p in EFFECTS[name].amplitudes
+    ]
+
+
+def _inseparable(objective: Objective, steps: Sequence[Step]) -> list[Inseparable]:
+    """Pairs that even a number of the best releases leave open, with the bench check that separates them."""
+    if not steps:
+        return []
+    stuck = []
+    F = objective.known.information + STOPPING.repeats * sum(step.information for step in steps)
+    for pairs, gained in zip(objective.pairs, objective.gained(F), strict=True):
+        best = int(np.argmax(pairs.probabilities))
+        for other, name in enumerate(pairs.names):
+            open_still = pairs.probabilities[other] >= STOPPING.open * pairs.probabilities[best]
+            if other != best and open_still and max(gained[best, other], gained[other, best]) < STOPPING.separable:
+                check = EFFECTS[pairs.names[best]].bench_check
+                stuck.append(Inseparable(causes=(pairs.names[best], name), check=check))
+    return stuck
+
+
+def _state(known: Knowledge, stuck: Sequence[Inseparable]) -> State:
+    if known.diagnosis is None:
+        return "first"
+    if decided(known.diagnosis, known.runs):
+        return "enough"
+    return "bench check" if stuck else "record"
+
+
+def _sentence(
+    state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[Inseparable]
+) -> str:
+    if state == "enough":
+        return "Enough: the causes are decided. Further releases only make sizes and ratios more exact."
+    if not releases:
+        return "No release fits the budget."
+    count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
+    if state == "first":
+        shown = f"{releases[-1].library_bits:.0%} of the differences between effects of the library"
+        return f"Before any recording: {count} are expected to show {shown}."
+    if state == "bench check":
+        pairs = listed([f"{a} and {b}" for a, b in (one.causes for one in stuck)])
+        return f"Nothing you can record on this rig separates {pairs}: do this bench check. {stuck[0].check}"
+    probability = releases[-1].decided or 0.0
+    return f"With {count} more the probability that the causes are decided is {probability:.2f}."
+
+
+def _assumptions(known: Knowledge) -> list[str]:
+    angle = known.model.placement_rad
+    made = [
+        "The arm is held.",
+        "The model is linearised about the present estimate; the best releases are simulated.",
+        f"A hand places the rods to {angle:.2g} rad (one standard deviation, half the tolerance of the rig's poses)."
+        " Beyond the horizon of a release, what it shows is the mean over such starts.",
+        "Effects that happened once, as lost counts, are not planned for.",
+    ]
+    if known.inflation > 1.0:
+        made.append(f"One reading counts as 1/{known.inflation:.2g}: so much above the noise is what the model leaves.")
+    return made
