@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from dpr_lab.identification.identify import identifiability_of as identifiability
     from dpr_lab.identification.identify import identify
     from dpr_lab.identification.model import Model, load_model
+    from dpr_lab.planning.plan import plan
+    from dpr_lab.planning.result import Plan
     from dpr_lab.report.data_frame import to_dataframe
     from dpr_lab.report.figures import error_figure as plot_error
     from dpr_lab.report.figures import evolution_figure as plot_search
@@ -46,6 +48,7 @@ __all__ = [
     "DprError",
     "ImportOptions",
     "Model",
+    "Plan",
     "Rig",
     "Run",
     "compare",
@@ -56,6 +59,7 @@ __all__ = [
     "load_model",
     "load_rig",
     "load_run",
+    "plan",
     "plot_error",
     "plot_horizon",
     "plot_response",
@@ -73,6 +77,8 @@ _PLACES = {
     "identification.compare": ("Comparison", "compare=compare_run"),
     "identification.identify": ("identifiability=identifiability_of", "identify"),
     "identification.model": ("Model", "load_model"),
+    "planning.plan": ("plan",),
+    "planning.result": ("Plan",),
     "report.data_frame": ("to_dataframe",),
     "report.figures": (
         "plot_error=error_figure",

@@ -23,6 +23,8 @@ MODULES = (
     "gap.result.gap_budget",
     "acceptance.judge",
     "acceptance.limits",
+    "planning.limits",
+    "planning.result",
     "drift.changes",
     "drift.estimates",
     "drift.groups",

@@ -21,6 +21,7 @@ from dpr_lab.cli.identify import identify
 from dpr_lab.cli.import_table import import_app
 from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.paper import paper
+from dpr_lab.cli.plan import plan
 from dpr_lab.cli.schema import schema
 from dpr_lab.cli.tui import tui
 from dpr_lab.plugins.installed import OFF
@@ -78,6 +79,7 @@ for command in (
     verify,
     drift,
     accept,
+    plan,
     export,
     paper,
     schema,

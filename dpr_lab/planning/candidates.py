@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from dpr_lab.planning.limits import PlanLimits
-from dpr_lab.planning.release import Release
+from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import AddedMass, Mounting
 
@@ -53,14 +53,16 @@ def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Ar
     return np.concatenate([reached[:count], quiet[limits.poses.reachable(quiet)]])
 
 
-def near(release: Release, limits: PlanLimits, width: float, count: int, rng: np.random.Generator) -> list[Release]:
+def near(
+    release: CandidateRelease, limits: PlanLimits, width: float, count: int, rng: np.random.Generator
+) -> list[CandidateRelease]:
     """Reachable neighbours of a release."""
     theta = np.array([release.theta1, release.theta2]) + width * rng.standard_normal((4 * count, 2))
     theta = theta[limits.poses.reachable(theta)][:count] % (2 * np.pi)
     return [replace(release, theta1=a, theta2=b) for a, b in theta.tolist()]
 
 
-def placements(release: Release, std: float, count: int, rng: np.random.Generator) -> list[Release]:
+def placements(release: CandidateRelease, std: float, count: int, rng: np.random.Generator) -> list[CandidateRelease]:
     """The release as a hand leaves it, some times."""
     off = std * rng.standard_normal((count, 2))
     return [replace(release, theta1=release.theta1 + a, theta2=release.theta2 + b) for a, b in off.tolist()]
@@ -80,7 +82,7 @@ def mountings(rig: Rig, limits: PlanLimits) -> Iterator[tuple[Mounting, AddedMas
                 yield mounting, mass
 
 
-def minutes(release: Release, before: tuple[Mounting, AddedMass | None], limits: PlanLimits) -> float:
+def minutes(release: CandidateRelease, before: tuple[Mounting, AddedMass | None], limits: PlanLimits) -> float:
     """Cost of a release after another mounting, minutes."""
     mounting, mass = before
     cost = limits.minutes.place + release.duration_s / 60

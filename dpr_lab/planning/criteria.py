@@ -84,9 +84,7 @@ class OpenPairs:
     @classmethod
     def of(cls, known: Knowledge, causes: Causes) -> "OpenPairs":
         """The causes that are not out of the question and that a release could show."""
-        names = [
-            name for name, p in causes.probabilities.items() if name in known.places and (p > WORTH.least)
-        ]
+        names = [name for name, p in causes.probabilities.items() if name in known.places and (p > WORTH.least)]
         others = [i for i in known.fitted if i not in known.places.get(causes.about, ())]
         about = known.places.get(causes.about, ())
         target = known.amplitudes[list(about)]

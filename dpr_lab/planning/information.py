@@ -28,7 +28,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods import followed
 from dpr_lab.fitting.rods_with_effects import ENCODER_AMPLITUDES, RodsWithEffects
 from dpr_lab.gap.screen.recordings import LENGTHS
-from dpr_lab.planning.release import Release
+from dpr_lab.planning.release import CandidateRelease
 
 Array = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ SWING = SwingSettings()
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class PresentModel:
     """The rig as it is known now, and what is unknown of it."""
 
     estimate: Estimate
@@ -75,14 +75,16 @@ class Model:
 class Informed:
     """One release, and what it is expected to show."""
 
-    release: Release
+    release: CandidateRelease
     information: Array
     """(k, k) Fisher information of the unknowns."""
     horizon_s: float
     """Predictability horizon, at most its duration."""
 
 
-def informed(releases: Sequence[Release], model: Model, durations: Sequence[float] = ()) -> list[Informed]:
+def informed(
+    releases: Sequence[CandidateRelease], model: PresentModel, durations: Sequence[float] = ()
+) -> list[Informed]:
     """Simulate releases and compute their information.
 
     Args:
@@ -104,14 +106,14 @@ def informed(releases: Sequence[Release], model: Model, durations: Sequence[floa
     return rated
 
 
-def _batches(releases: Sequence[Release]) -> Iterator[list[Release]]:
+def _batches(releases: Sequence[CandidateRelease]) -> Iterator[list[CandidateRelease]]:
     """Neighbours of one duration, some at a time."""
     for _, group in groupby(releases, key=lambda one: one.duration_s):
         alike = list(group)
         yield from (alike[i : i + SWING.batch] for i in range(0, len(alike), SWING.batch))
 
 
-def _path(batch: Sequence[Release], model: Model) -> Array:
+def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
     """(releases, n, 4) states at `path_hz` from the release on, effects included, rad and rad/s."""
     t = np.arange(1, round(batch[0].duration_s * SWING.path_hz) + 1) / SWING.path_hz
     whole = segments([t] * len(batch), range(len(batch)), [one.setup for one in batch], SWING.step_s)
@@ -126,12 +128,12 @@ def _path(batch: Sequence[Release], model: Model) -> Array:
     return np.concatenate([theta, omega], axis=2)
 
 
-def laid_out(batch: Sequence[Release], model: Model) -> tuple[Problem, Array]:
+def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
     """Releases of one duration cut into segments, readings zero, and (segments, 4) states where those start.
 
     A segment starts `PAD`, one sample, before its first sample; the first one at the release.
     """
-    path, rate = _path(batch, model), SWING.rate_hz
+    path, rate = simulated_states(batch, model), SWING.rate_hz
     length, apart = round(LENGTHS.working * rate), SWING.path_hz // rate
     count = (path.shape[1] - 1) // apart // length
     instants = [(k * length + np.arange(1, length + 1)) / rate for k in range(count)]
@@ -142,7 +144,7 @@ def laid_out(batch: Sequence[Release], model: Model) -> tuple[Problem, Array]:
     return Problem(cut, np.zeros((len(cut.t), 2)), weight, model.rods), states
 
 
-def _slopes(batch: Sequence[Release], model: Model) -> Array:
+def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
     """(releases, segments, m, k) whitened slopes of all columns, initial states and own zeros projected out."""
     problem, states = laid_out(batch, model)
     linear = linearise(problem, model.estimate.changed(initial=states), model.columns, predicted=problem.measured)
@@ -150,7 +152,7 @@ def _slopes(batch: Sequence[Release], model: Model) -> Array:
     return _without_zeros(A, linear, problem, len(batch)) if model.rezeroed else A
 
 
-def _weight(batch: Sequence[Release], model: Model, samples: int) -> Array:
+def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int) -> Array:
     """(samples, 2) one over the noise of a reading; none of a joint that is not there."""
     read = np.array([[1.0, float(not one.setup.alone)] for one in batch])
     return np.repeat(read / (model.noise * np.sqrt(SWING.rate_hz)), samples, axis=0)
@@ -166,7 +168,7 @@ def _without_zeros(A: Array, linear: Linearisation, problem: Problem, releases: 
     ).reshape(A.shape)
 
 
-def _horizons(batch: Sequence[Release], model: Model) -> Array:
+def _horizons(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
     """(releases,) until when the swing is the one planned, s."""
     t = np.arange(1, round(batch[0].duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
     whole = segments([t] * len(batch), range(len(batch)), [one.setup for one in batch], SWING.step_s)

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.effect import Effect
-from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.fitting.estimate import ON_ELBOW, UNKNOWN_RATIOS, Estimate, effect_parameters, ratio_parameters
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.prior import STRENGTH, Prior, prior_of
@@ -25,7 +25,7 @@ from dpr_lab.gap.bare_model import nominal_ratios
 from dpr_lab.gap.result.diagnosis import NONE_OF_THEM, Diagnosis
 from dpr_lab.gap.screen.record import RATE_HZ, record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.planning.information import Model
+from dpr_lab.planning.information import PresentModel
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -50,7 +50,7 @@ class Knowledge:
     """The rig as it is known now."""
 
     rig: Rig
-    model: Model
+    model: PresentModel
     prior: Array
     """(k, k) information of the rig file."""
     information: Array
@@ -127,7 +127,7 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, driven: boo
     )
 
 
-def _model(rig: Rig, ratios: Array, params: Array, noise: Array, driven: bool) -> Model:
+def _model(rig: Rig, ratios: Array, params: Array, noise: Array, driven: bool) -> PresentModel:
     at = Estimate.of(ratios, params, np.zeros((0, 4)))
     library = [effect for effect in EFFECTS.values() if _can_act(effect, driven)]
     columns = (
@@ -136,7 +136,7 @@ def _model(rig: Rig, ratios: Array, params: Array, noise: Array, driven: bool) -
     )
     tolerance = float(np.median([pose.tolerance for pose in rig.poses.values()] or [0.05]))
     rods = RodsWithEffects(rig_constants(rig))
-    return Model(at, columns, rods, noise, tolerance / 2, rig.encoders.rezeroed)
+    return PresentModel(at, columns, rods, noise, tolerance / 2, rig.encoders.rezeroed)
 
 
 def _can_act(effect: Effect, driven: bool) -> bool:
@@ -148,7 +148,7 @@ def _noise_of(rig: Rig) -> Array:
     return np.asarray(rig.reading_std[1:] / np.sqrt(rig.link.rate_hz), dtype=np.float64)
 
 
-def _places(model: Model) -> dict[str, tuple[int, ...]]:
+def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
     places: dict[str, tuple[int, ...]] = {}
     for i, column in enumerate(model.columns):
         if column.effect:
@@ -156,7 +156,7 @@ def _places(model: Model) -> dict[str, tuple[int, ...]]:
     return places
 
 
-def _prior_information(prior: Prior, model: Model) -> Array:
+def _prior_information(prior: Prior, model: PresentModel) -> Array:
     """(k, k) of the rig file: of ratios, b and p/b, and of amplitudes by their limits."""
     information = np.zeros((len(model.columns), len(model.columns)))
     seen = np.isfinite(prior.mean)
@@ -167,7 +167,7 @@ def _prior_information(prior: Prior, model: Model) -> Array:
     return information
 
 
-def _of_runs(recordings: Recordings, model: Model) -> Array:
+def _of_runs(recordings: Recordings, model: PresentModel) -> Array:
     """(k, k) Fisher information of runs as a diagnosis cuts them."""
     problem, initial = recordings.cut(LENGTHS.working)
     at = problem.with_zeros(model.estimate.changed(initial=initial))

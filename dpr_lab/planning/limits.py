@@ -42,15 +42,13 @@ Range = tuple[Angle, Angle]
 Both = tuple[Positive, Positive]
 Minutes = Annotated[float, Field(ge=0, le=1e4, strict=True)]
 
-WHOLE_TURN: Range = (0.0, 2 * math.pi)
-
 
 class ReachablePoses(RigTable):
     """Start angles that a hand or a latch can reach, absolute, 0 = upright, rad."""
 
-    theta1_rad: Range = WHOLE_TURN
+    theta1_rad: Range = (0.0, 2 * math.pi)
     """Of the inner rod, from and to."""
-    theta2_rad: Range = WHOLE_TURN
+    theta2_rad: Range = (0.0, 2 * math.pi)
     """Of the outer rod."""
     elbow_rad: Range | None = None
     """Of theta2 - theta1 within half a turn, where the elbow does not turn all the way round."""

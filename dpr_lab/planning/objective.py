@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.planning.criteria import WORTH, OpenPairs, cause_bits, library_bits, ratio_bits
 from dpr_lab.planning.knowledge import Knowledge
-from dpr_lab.planning.release import Release
+from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.simulation import simulated_distance
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ class Objective:
         """Of each named effect, (n, n) d^2 that further information adds."""
         return [one.gained(before, F) for one, before in zip(self.pairs, self.before, strict=True)]
 
-    def simulated(self, release: Release, information: Array) -> float | None:
+    def simulated(self, release: CandidateRelease, information: Array) -> float | None:
         """Delta D^2 of the most open pair, simulated, over the linearised one; None where none is open."""
         if not self.pairs:
             return None

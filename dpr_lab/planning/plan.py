@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,17 +13,26 @@ from dpr_lab.planning.candidates import minutes
 from dpr_lab.planning.knowledge import known_after, known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.objective import Objective
-from dpr_lab.planning.release import Release
+from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Plan
 from dpr_lab.planning.sequence import Planner
+from dpr_lab.planning.signals import driven_releases
 from dpr_lab.planning.summary import summed_up
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_runs
 
-FIRST = 3
-"""Releases of a first plan."""
-LONGEST = 12
-"""Releases of any plan."""
+
+@dataclass(frozen=True, slots=True)
+class PlanLength:
+    """How many releases are planned."""
+
+    usual: int = 3
+    """Without a budget: as many as tell most effects apart."""
+    most: int = 12
+    """Within a budget."""
+
+
+LENGTH = PlanLength()
 
 
 def plan(
@@ -33,7 +43,6 @@ def plan(
     limits: PlanLimits | None = None,
     budget_min: float | None = None,
     count: int | None = None,
-    signals: Sequence[Release] = (),
     seed: int = 0,
 ) -> Plan:
     """Plan the next recordings of a rig.
@@ -45,7 +54,6 @@ def plan(
         limits: what can be reached, mounted and driven, and what it costs
         budget_min: time at the rig, minutes; without it three releases are planned
         count: how many releases, at most
-        signals: driven releases to choose from as well
         seed: of the poses that the search begins with
 
     Raises:
@@ -57,16 +65,16 @@ def plan(
         _refuse_small(budget_min, limits)
     if runs and diagnosis is None:
         diagnosis = diagnose(runs, rig)
-    started, driven = time.perf_counter(), bool(signals)
+    started, driven = time.perf_counter(), limits.drive is not None
     known = known_after(runs, rig, diagnosis, driven) if runs and diagnosis else known_before(rig, driven)
     objective = Objective.of(known)
-    planner = Planner(objective, limits, np.random.default_rng(seed), tuple(signals))
-    steps = planner.sequence(count or (FIRST if budget_min is None else LONGEST), budget_min)
+    planner = Planner(objective, limits, np.random.default_rng(seed), driven_releases(known.model, limits))
+    steps = planner.sequence(count or (LENGTH.usual if budget_min is None else LENGTH.most), budget_min)
     return summed_up(objective, steps, limits, time.perf_counter() - started)
 
 
 def _refuse_small(budget_min: float, limits: PlanLimits) -> None:
-    least = minutes(Release(0.0, 0.0, limits.recording.shortest_s), ("both", None), limits)
+    least = minutes(CandidateRelease(0.0, 0.0, limits.recording.shortest_s), ("both", None), limits)
     if budget_min < least:
         raise ConfigError(
             f"a budget of {budget_min:g} min is too small: one release takes {least:.2g} min (place, release and"

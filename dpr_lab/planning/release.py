@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from dpr_lab.setup import Setup, Torques
 
 
 @dataclass(frozen=True, slots=True)
-class Release:
+class CandidateRelease:
     """One recording, before it is made."""
 
     theta1: float
@@ -26,7 +27,7 @@ class Release:
     """A known mass to be clamped on."""
     torques: Torques | None = None
     """The input signal of joint drives; None for a free swing."""
-    signal: str = ""
+    signal: Literal["", "multisine", "chirp"] = ""
     """Kind of the input signal: `multisine` or `chirp`; empty for a free swing."""
 
     @property

@@ -1,10 +1,11 @@
 """The result of planning, as `dpr-lab plan --json` prints it."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr
 
 from dpr_lab.rig_tables import AddedMass
+from dpr_lab.setup import Torques
 from dpr_lab.shown import Row, Shown
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -62,6 +63,21 @@ class PlannedRelease(_Record):
     """Expected standard deviation of each ratio, likewise."""
     decided: Number | None
     """Probability that the causes are decided after it; None before any recording."""
+    simulated: Number | None = None
+    """Ratio of the simulated to the linearised squared distance of the two likeliest causes; None where none is
+    open."""
+    _torques: Torques | None = PrivateAttr(default=None)
+
+    @property
+    def torques(self) -> Torques | None:
+        """The input signal; None for a free swing."""
+        return self._torques
+
+    def driven_by(self, torques: Torques | None) -> Self:
+        """The same with its input signal."""
+        release = self.model_copy()
+        release._torques = torques
+        return release
 
 
 class Detectable(_Record):

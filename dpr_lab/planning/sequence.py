@@ -10,7 +10,7 @@ from dpr_lab.planning.candidates import SEARCH, minutes, mountings, near, placem
 from dpr_lab.planning.information import Informed, informed
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.objective import Objective
-from dpr_lab.planning.release import Release
+from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.rig_tables import AddedMass, Mounting
 
 Array = NDArray[np.float64]
@@ -19,10 +19,10 @@ Mounted = tuple[Mounting, AddedMass | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class SequenceStep:
     """One release of a sequence."""
 
-    release: Release
+    release: CandidateRelease
     information: Array
     """(k, k) that it adds."""
     horizon_s: float
@@ -42,10 +42,10 @@ class Planner:
     objective: Objective
     limits: PlanLimits
     rng: np.random.Generator
-    signals: tuple[Release, ...] = ()
+    signals: Sequence[CandidateRelease] = ()
     """Driven releases to choose from as well."""
 
-    def sequence(self, count: int, budget_min: float | None) -> list[Step]:
+    def sequence(self, count: int, budget_min: float | None) -> list[SequenceStep]:
         """Releases, each the best after those before it.
 
         Args:
@@ -53,7 +53,7 @@ class Planner:
             budget_min: within so many minutes; None: no limit
         """
         known = self.objective.known
-        F, pool, steps = known.information, self._pool(), list[Step]()
+        F, pool, steps = known.information, self._pool(), list[SequenceStep]()
         mounted: Mounted = (known.rig.rods.mounting, known.rig.added_mass)
         left = np.inf if budget_min is None else budget_min
         for _ in range(count):
@@ -71,39 +71,44 @@ class Planner:
         poses = spread_poses(self.limits, SEARCH.spread, self.rng).tolist()
         rig = self.objective.known.rig
         now, *others = mountings(rig, self.limits)
-        releases = [Release(a, b, duration, now[0], now[1]) for a, b in poses]
+        releases = [CandidateRelease(a, b, duration, now[0], now[1]) for a, b in poses]
         for k, (mounting, mass) in enumerate(others):
             some = poses[k % 2 :: 2] if len(others) < SEARCH.best else poses[k % SEARCH.best :: SEARCH.best]
-            releases += [Release(a, b, duration, mounting, mass) for a, b in some]
+            releases += [CandidateRelease(a, b, duration, mounting, mass) for a, b in some]
         return self._informed([*releases, *self.signals])
 
-    def _informed(self, releases: Sequence[Release], durations: Sequence[float] = ()) -> list[Informed]:
+    def _informed(self, releases: Sequence[CandidateRelease], durations: Sequence[float] = ()) -> list[Informed]:
         return informed([_bent(one) for one in releases], self.objective.known.model, durations)
 
-    def _best(self, pool: list[Informed], F: Array, mounted: Mounted, left: float) -> Step | None:
+    def _best(self, pool: list[Informed], F: Array, mounted: Mounted, left: float) -> SequenceStep | None:
         """The best of the pool, refined; None where nothing fits the time that is left."""
         ranked = self._ranked(pool, F, mounted, left)
         if not ranked:
             return None
         for width in (SEARCH.near_rad, SEARCH.near_rad / 2):
             free = [one for one in ranked[: SEARCH.best] if one.release.torques is None]
-            tried = [other for one in free for other in near(one.release, self.limits, width, SEARCH.neighbours, self.rng)]
+            tried = [
+                other for one in free for other in near(one.release, self.limits, width, SEARCH.neighbours, self.rng)
+            ]
             refined = self._informed(tried)
             pool += refined
             ranked = sorted([*ranked, *self._ranked(refined, F, mounted, left)], key=_rate, reverse=True)
         return max((self._final(one, F, mounted, left) for one in ranked[: SEARCH.finalists]), key=_rate)
 
-    def _final(self, step: Step, F: Array, mounted: Mounted, left: float) -> Step:
+    def _final(self, step: SequenceStep, F: Array, mounted: Mounted, left: float) -> SequenceStep:
         """The release at its best duration, its worth as simulation confirms it."""
         averaged = self._averaged(step, F, mounted, left)
         share = self.objective.simulated(averaged.release, averaged.information)
         return averaged if share is None else replace(averaged, worth=averaged.worth * min(share, 1.0), simulated=share)
 
-    def _ranked(self, pool: Sequence[Informed], F: Array, mounted: Mounted, left: float) -> list[Step]:
+    def _near(self, release: CandidateRelease, width: float) -> list[CandidateRelease]:
+        return near(release, self.limits, width, SEARCH.neighbours, self.rng)
+
+    def _ranked(self, pool: Sequence[Informed], F: Array, mounted: Mounted, left: float) -> list[SequenceStep]:
         """The releases that fit the time left, the best first."""
         before, f = self.objective.worth(F), self.objective.known.inflation
         steps = [
-            Step(
+            SequenceStep(
                 one.release,
                 one.information / f,
                 one.horizon_s,
@@ -115,7 +120,7 @@ class Planner:
         ]
         return sorted(steps, key=_rate, reverse=True)
 
-    def _averaged(self, step: Step, F: Array, mounted: Mounted, left: float) -> Step:
+    def _averaged(self, step: SequenceStep, F: Array, mounted: Mounted, left: float) -> SequenceStep:
         """The release at its best duration, what it shows averaged over starts as a hand leaves them."""
         release, times = step.release, self.limits.recording
         if release.torques is not None:
@@ -132,14 +137,14 @@ class Planner:
         return next(iter(self._ranked(averaged, F, mounted, left)), step)
 
 
-def _mounted(release: Release) -> Mounted:
+def _mounted(release: CandidateRelease) -> Mounted:
     return release.mounting, release.added
 
 
-def _bent(release: Release) -> Release:
+def _bent(release: CandidateRelease) -> CandidateRelease:
     """A rod alone follows its own angle."""
     return replace(release, theta2=release.theta1) if release.setup.alone else release
 
 
-def _rate(step: Step) -> float:
+def _rate(step: SequenceStep) -> float:
     return step.worth / step.minutes

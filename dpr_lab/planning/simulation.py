@@ -9,7 +9,7 @@ as its prior,
 with p* the best fit of the other cause to the runs so far. The rest at the minimum is Delta D^2.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,19 +17,28 @@ from numpy.typing import NDArray
 from dpr_lab.effects import without_effect
 from dpr_lab.fitting.estimate import EFFECTS_BEGIN, Estimate, moved
 from dpr_lab.fitting.linearise import linearise
-from dpr_lab.fitting.problem import Problem
 from dpr_lab.planning.criteria import OpenPairs
 from dpr_lab.planning.information import laid_out
 from dpr_lab.planning.knowledge import Knowledge
-from dpr_lab.planning.release import Release
+from dpr_lab.planning.release import CandidateRelease
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 6
-"""Gauss-Newton steps: from the linear solution, after which the rest hardly changes."""
+
+@dataclass(frozen=True, slots=True)
+class SimulatedFit:
+    """How the other cause is fitted."""
+
+    iterations: int = 6
+    """Gauss-Newton steps from the linear solution, after which the rest hardly changes."""
 
 
-def simulated_distance(release: Release, known: Knowledge, pairs: OpenPairs, truth: int, other: int) -> float | None:
+SIMULATED_FIT = SimulatedFit()
+
+
+def simulated_distance(
+    release: CandidateRelease, known: Knowledge, pairs: OpenPairs, truth: int, other: int
+) -> float | None:
     """Delta D^2 of a release between two causes, without linearisation; None where the fit does not stay finite.
 
     Args:
@@ -46,13 +55,13 @@ def simulated_distance(release: Release, known: Knowledge, pairs: OpenPairs, tru
     columns, F = [known.model.columns[i] for i in free], known.information[np.ix_(free, free)] * known.inflation
     expected = _best_fit(known, pairs, truth, other, start, free)
     at = expected
-    for _ in range(ITERATIONS):
+    for _ in range(SIMULATED_FIT.iterations):
         linear = linearise(problem, at, columns)
         if not np.isfinite(linear.residual).all():
             return None
         A, e = linear.flat
         off = np.array([c.read(expected) - c.read(at) for c in columns])
-        step = np.linalg.solve(A.T @ A + F, A.T @ e + F @ off)
+        step = np.asarray(np.linalg.solve(A.T @ A + F, A.T @ e + F @ off), dtype=np.float64)
         at = moved(at, columns, step, linear.initial_steps(step))
     off = np.array([c.read(at) - c.read(expected) for c in columns])
     rest = problem.chi2(at) + off @ F @ off
@@ -72,13 +81,11 @@ def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Est
     return Estimate(vector, initial)
 
 
-def _best_fit(
-    known: Knowledge, pairs: OpenPairs, truth: int, other: int, initial: Array, free: list[int]
-) -> Estimate:
+def _best_fit(known: Knowledge, pairs: OpenPairs, truth: int, other: int, initial: Array, free: list[int]) -> Estimate:
     """The best fit of the other cause to the runs so far if `truth` is right, by the linear solution."""
     own = list(pairs.places[truth])
     lost = known.information[np.ix_(free, own)] @ pairs.sizes[truth]
-    shift = np.linalg.solve(known.information[np.ix_(free, free)], lost)
+    shift = np.asarray(np.linalg.solve(known.information[np.ix_(free, free)], lost), dtype=np.float64)
     at = _with(known, pairs, truth, initial)
     at = at.changed(params=without_effect(at.params, pairs.names[truth]))
     columns = [known.model.columns[i] for i in free]

@@ -16,7 +16,7 @@ from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.objective import Objective
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
-from dpr_lab.planning.sequence import Step
+from dpr_lab.planning.sequence import SequenceStep
 from dpr_lab.shown import listed
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 State = Literal["first", "record", "enough", "bench check"]
 
 
-def summed_up(objective: Objective, steps: Sequence[Step], limits: PlanLimits, seconds: float) -> Plan:
+def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanLimits, seconds: float) -> Plan:
     """The plan of a sequence.
 
     Args:
@@ -53,11 +53,11 @@ def summed_up(objective: Objective, steps: Sequence[Step], limits: PlanLimits, s
     )
 
 
-def _planned(number: int, step: Step, F: Array, objective: Objective) -> PlannedRelease:
+def _planned(number: int, step: SequenceStep, F: Array, objective: Objective) -> PlannedRelease:
     release, known = step.release, objective.known
     share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
     gained = [share * d2 for d2 in objective.gained(F)]
-    return PlannedRelease(
+    planned = PlannedRelease(
         number=number,
         text=release.words,
         theta1_rad=release.theta1,
@@ -76,7 +76,9 @@ def _planned(number: int, step: Step, F: Array, objective: Objective) -> Planned
         library_bits=library_bits(known, F),
         ratio_std=_named(ratio_std(known, F)),
         decided=decision_probability(objective.pairs, gained) if known.diagnosis else None,
+        simulated=step.simulated,
     )
+    return planned.driven_by(release.torques)
 
 
 def _named(values: Array) -> dict[str, float]:
@@ -99,7 +101,7 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
     ]
 
 
-def _inseparable(objective: Objective, steps: Sequence[Step]) -> list[Inseparable]:
+def _inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Inseparable]:
     """Pairs that even a number of the best releases leave open, with the bench check that separates them."""
     if not steps:
         return []
@@ -123,9 +125,7 @@ def _state(known: Knowledge, stuck: Sequence[Inseparable]) -> State:
     return "bench check" if stuck else "record"
 
 
-def _sentence(
-    state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[Inseparable]
-) -> str:
+def _sentence(state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[Inseparable]) -> str:
     if state == "enough":
         return "Enough: the causes are decided. Further releases only make sizes and ratios more exact."
     if not releases:

@@ -1,7 +1,7 @@
 """Ways to choose the next release of a sequential trial: by plan, from a fixed menu, or at random."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,15 +9,25 @@ from dpr_lab.gap.advice.expected_recordings import MENU
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.limits import PlanLimits, RecordingTimes
 from dpr_lab.planning.plan import plan
-from dpr_lab.planning.release import Release
+from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Plan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
-DURATION_S = 10.0
-"""Duration of every release, whoever chooses it."""
 
-LIMITS = PlanLimits(recording=RecordingTimes(shortest_s=DURATION_S, longest_s=DURATION_S))
+@dataclass(frozen=True, slots=True)
+class SequentialSettings:
+    """What is the same for all strategies."""
+
+    duration_s: float = 10.0
+    """Duration of every release."""
+    most: int = 6
+    """Releases after which a plant counts as undecided."""
+
+
+SEQUENTIAL = SequentialSettings()
+
+LIMITS = PlanLimits(recording=RecordingTimes(shortest_s=SEQUENTIAL.duration_s, longest_s=SEQUENTIAL.duration_s))
 """Of the plans: free swings of both rods, as those of the random poses."""
 
 
@@ -28,38 +38,31 @@ class Situation:
     rig: Rig
     runs: Sequence[Run]
     diagnosis: Diagnosis | None
-    """Of these runs; None before the second one."""
+    """Of these runs; None before the first one."""
     rng: np.random.Generator
 
 
-Chooser = Callable[[Situation], tuple[Release, Plan | None]]
+Chooser = Callable[[Situation], tuple[CandidateRelease, Plan | None]]
 
 
-def planned(now: Situation) -> tuple[Release, Plan | None]:
-    """The first release of a plan; before any diagnosis, the next one of the plan from the rig file."""
-    before = len(now.runs) if now.diagnosis is None else 0
-    made = plan(
-        now.rig,
-        now.runs if now.diagnosis else (),
-        now.diagnosis,
-        limits=LIMITS,
-        count=before + (2 if now.diagnosis else 1),
-    )
-    chosen = made.releases[before]
-    return Release(chosen.theta1_rad, chosen.theta2_rad, DURATION_S), made
+def planned(now: Situation) -> tuple[CandidateRelease, Plan | None]:
+    """The first release of a plan."""
+    made = plan(now.rig, now.runs, now.diagnosis, limits=LIMITS, count=2)
+    first = made.releases[0]
+    return CandidateRelease(first.theta1_rad, first.theta2_rad, SEQUENTIAL.duration_s), made
 
 
-def from_menu(now: Situation) -> tuple[Release, Plan | None]:
+def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
     """The poses of the rig file, then those of the menu of recommended recordings, in order."""
-    poses = [Release(*pose.theta[1:].tolist(), DURATION_S) for pose in now.rig.poses.values()]
-    menu = [Release(*one.theta, DURATION_S, added=one.added) for one in MENU]
+    poses = [CandidateRelease(pose.theta1, pose.theta2, SEQUENTIAL.duration_s) for pose in now.rig.poses.values()]
+    menu = [CandidateRelease(*one.theta, SEQUENTIAL.duration_s, added=one.added) for one in MENU]
     return (*poses, *menu)[len(now.runs) % (len(poses) + len(menu))], None
 
 
-def at_random(now: Situation) -> tuple[Release, Plan | None]:
+def at_random(now: Situation) -> tuple[CandidateRelease, Plan | None]:
     """Any pose, all equally probable."""
     theta1, theta2 = now.rng.uniform(0.0, 2 * np.pi, 2).tolist()
-    return Release(theta1, theta2, DURATION_S), None
+    return CandidateRelease(theta1, theta2, SEQUENTIAL.duration_s), None
 
 
 CHOOSERS: dict[str, Chooser] = {"plan": planned, "menu": from_menu, "random": at_random}

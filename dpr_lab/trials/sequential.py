@@ -2,30 +2,28 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from dpr_lab.errors import DprError
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.planning.forecast import STOPPING, decided
-from dpr_lab.planning.release import Release
+from dpr_lab.planning.forecast import decided
+from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.trials.case import run_of
-from dpr_lab.trials.next_release import CHOOSERS, Chooser, Situation
+from dpr_lab.trials.next_release import CHOOSERS, SEQUENTIAL, Chooser, Situation
 from dpr_lab.trials.score import score
 from dpr_lab.trials.sealing import HeldPlant, Kind, Level, PlantRequest, sealed_in_memory
 from dpr_lab.trials.truth import Truth, unsealed
 from dpr_lab.version import __version__
 
-MOST = 6
-"""Recordings after which a plant counts as undecided."""
-
-Record = Callable[[Release, int], Run]
-"""Record a release, before which so many were made."""
+Record = Callable[[CandidateRelease], Run]
+"""Record a release."""
 
 
 def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
@@ -35,8 +33,8 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
         case: as of `run_case`; `strategies`, names of `CHOOSERS`
 
     Returns:
-        strategy -> `recordings` until decided, null where it was not; `right`; `forecasts`, of each plan that left
-        causes open: probability of a decision with one release more, and whether it came; and so on
+        strategy -> `recordings` until decided, null where they were not; `right`, of the last diagnosis; its `score`;
+        `looks`, one after each release
 
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
@@ -47,18 +45,39 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
         raise DprError(f"this worker has dpr-lab {__version__}, the campaign is of {case['version']}: install the same")
     numba.set_num_threads(1)
     request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"])
-    results = {}
-    for name in case["strategies"]:
-        with sealed_in_memory(request, case["rig"], direct=False) as plant:
-            rig = parse_rig(plant.public["rig"])
-            rng = np.random.default_rng([case["seed"], *name.encode()])
-            done = played(rig, CHOOSERS[name], lambda release, before: _recorded(plant, rig, release, before), rng)
-            truth = unsealed(plant.opened(), plant.public["seal"])
-        results[name] = done | _judged(done.pop("diagnosis"), truth, rig)
-    return {"outcome": results}
+    with sealed_in_memory(request, case["rig"], direct=False) as plant:
+        rig = parse_rig(plant.public["rig"])
+        results = {
+            name: played(
+                rig,
+                CHOOSERS[name],
+                partial(_recorded, plant, rig),
+                np.random.default_rng([case["seed"], *name.encode()]),
+            )
+            for name in case["strategies"]
+        }
+        truth = unsealed(plant.opened(), plant.public["seal"])
+    return {"outcome": {name: _judged(result, truth, rig) for name, result in results.items()}}
 
 
-def played(rig: Rig, choose: Chooser, record: Record, rng: np.random.Generator, most: int = MOST) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True)
+class SequentialLook:
+    """The diagnosis after one more release."""
+
+    release: CandidateRelease
+    diagnosis: Diagnosis
+    """Of all runs so far."""
+    decided: bool
+    """Whether that is enough."""
+    stated: float | None
+    """Probability of that, as the plan that led to this release stated it; None where there was no forecast."""
+    plan_seconds: float | None
+    """Processor time of that plan; None without one."""
+
+
+def played(
+    rig: Rig, choose: Chooser, record: Record, rng: np.random.Generator, most: int = SEQUENTIAL.most
+) -> list[SequentialLook]:
     """Choose, record and diagnose until the causes are decided.
 
     Args:
@@ -69,38 +88,19 @@ def played(rig: Rig, choose: Chooser, record: Record, rng: np.random.Generator, 
         most: recordings, at most
 
     Returns:
-        `recordings`, `forecasts`, `poses`, `ratio_std` after three, `plan_seconds`, and the last `diagnosis`
+        a look after each release
     """
     runs: list[Run] = []
-    diagnosis: Diagnosis | None = None
-    forecasts: list[dict[str, Any]] = []
-    poses, spread, seconds, stopped = [], None, [], None
-    while len(runs) < most:
+    looks: list[SequentialLook] = []
+    while len(runs) < most and not (looks and looks[-1].decided):
         began = time.process_time()
-        release, plan = choose(Situation(rig, runs, diagnosis, rng))
-        if plan is not None:
-            seconds.append(time.process_time() - began)
-        runs.append(record(release, len(runs)))
-        poses.append([release.theta1, release.theta2])
-        if len(runs) < STOPPING.fewest:
-            continue
+        release, plan = choose(Situation(rig, runs, looks[-1].diagnosis if looks else None, rng))
+        seconds = time.process_time() - began if plan else None
+        runs.append(record(release))
         diagnosis = _diagnosed(runs, rig)
-        over = decided(diagnosis, len(runs))
-        if plan is not None and plan.forecast:
-            forecasts.append({"after": len(runs) - 1, "stated": plan.forecast[0], "came": over})
-        if len(runs) == 3:
-            spread = np.sqrt(np.diag(np.array(diagnosis.ratio_covariance))).tolist()
-        if over:
-            stopped = len(runs)
-            break
-    return {
-        "recordings": stopped,
-        "forecasts": forecasts,
-        "poses": poses,
-        "ratio_std": spread,
-        "plan_seconds": seconds,
-        "diagnosis": diagnosis,
-    }
+        stated = plan.forecast[0] if plan and plan.forecast else None
+        looks.append(SequentialLook(release, diagnosis, decided(diagnosis, len(runs)), stated, seconds))
+    return looks
 
 
 def _diagnosed(runs: Sequence[Run], rig: Rig) -> Diagnosis:
@@ -109,7 +109,7 @@ def _diagnosed(runs: Sequence[Run], rig: Rig) -> Diagnosis:
     return diagnose(runs, rig)
 
 
-def _recorded(plant: HeldPlant, rig: Rig, release: Release, before: int) -> Run:
+def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
     """Record a release on a sealed plant, as a run of its rig."""
     wanted: dict[str, Any] = {"theta1": release.theta1, "theta2": release.theta2, "duration_s": release.duration_s}
     if release.added is not None:
@@ -120,7 +120,25 @@ def _recorded(plant: HeldPlant, rig: Rig, release: Release, before: int) -> Run:
     return replace(run_of(recording, there), rig_sha256=rig.sha256)
 
 
-def _judged(diagnosis: Diagnosis, truth: Truth, rig: Rig) -> dict[str, Any]:
-    """Whether the last diagnosis names the causes, or that there are none."""
-    outcome = score(diagnosis.to_json(), truth, rig, **truth.drawn, seconds=diagnosis.seconds)
-    return {"right": outcome.grade == "right", "grade": outcome.grade, "score": outcome.to_json()}
+def _judged(looks: Sequence[SequentialLook], truth: Truth, rig: Rig) -> dict[str, Any]:
+    """What came of one strategy, as JSON values."""
+    outcomes = [score(k.diagnosis.to_json(), truth, rig, **truth.drawn, seconds=k.diagnosis.seconds) for k in looks]
+    return {
+        "recordings": len(looks) if looks[-1].decided else None,
+        "right": outcomes[-1].grade == "right",
+        "score": outcomes[-1].to_json(),
+        "looks": [
+            {
+                "theta": [look.release.theta1, look.release.theta2],
+                "verdict": look.diagnosis.verdict,
+                "named": list(outcome.named),
+                "probability": [max(e.odds.values(), default=1.0) * e.probability for e in look.diagnosis.effects],
+                "decided": look.decided,
+                "right": outcome.grade == "right",
+                "stated": look.stated,
+                "ratio_std": np.sqrt(np.diag(np.array(look.diagnosis.ratio_covariance))).tolist(),
+                "plan_seconds": look.plan_seconds,
+            }
+            for look, outcome in zip(looks, outcomes, strict=True)
+        ],
+    }

@@ -11,6 +11,7 @@ from dpr_lab.drift.changes import Drift
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.planning.result import Plan
 
 
 class PrintedCause(BaseModel):
@@ -87,6 +88,13 @@ class CheckedDiagnosis(Diagnosis):
     """Output of `dpr-lab check --json`: the diagnosis after a check, which is the last one in `checks_done`."""
 
 
+class PrintedPlan(Plan):
+    """What `dpr-lab plan --json` prints, and `plan.json` of its folder."""
+
+    files: dict[str, str] = Field(default={})
+    """Name of each file that was written -> its path."""
+
+
 class PrintedModel(Model):
     """Output of `dpr-lab identify --json`, and `model.json`."""
 
@@ -148,5 +156,6 @@ SCHEMAS = {
     "certificate": PublishedSchema(Certificate, "certify"),
     "drift": PublishedSchema(PrintedDrift, "drift"),
     "accept": PublishedSchema(Acceptance, "accept"),
+    "plan": PublishedSchema(PrintedPlan, "plan"),
 }
 """Name of a schema for `dpr-lab schema` -> published type."""

@@ -1,0 +1,94 @@
+"""`dpr-lab plan`: what to record next, and when to stop."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dpr_lab.cli.checks import AnyClock, RigName, TorqueKind
+from dpr_lab.cli.console import emit, json_mode, line, table
+
+if TYPE_CHECKING:
+    from dpr_lab.planning.result import Plan, PlannedRelease
+
+
+def plan(
+    rig: RigName,
+    runs: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Run files (.mcap) so far; none: a first plan from the rig file alone."),
+    ] = None,
+    budget: Annotated[
+        str | None, typer.Option(help="Time at the rig, such as 10min or 1h; default: three releases.")
+    ] = None,
+    limits: Annotated[
+        Path | None,
+        typer.Option(help="Limits file (TOML): reachable poses, durations, rods, masses, drives, costs."),
+    ] = None,
+    diagnosis: Annotated[
+        Path | None, typer.Option(help="Diagnosis of these runs (JSON); default: they are diagnosed first.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the search; the same seed gives the same plan.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder of plan.json and of input signals for the drives.")] = None,
+    any_clock: AnyClock = False,
+    torque: TorqueKind = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Plan the next recordings: start pose, duration, rods, mass and input, with what each is expected to show.
+
+    Example: dpr-lab plan runs/*.mcap --rig paper --budget 10min
+    """
+    json_mode(as_json)
+    from dpr_lab.cli.listener import Listener
+    from dpr_lab.workflows.plan import PlanRequest
+    from dpr_lab.workflows.plan import plan as plan_recordings
+
+    request = PlanRequest(rig, tuple(runs or ()), diagnosis, limits, budget, seed, out, any_clock, torque)
+    with Listener() as listener:
+        done = plan_recordings(request, listener)
+    if as_json:
+        emit(done.to_json())
+        return
+    show(done.plan)
+    for name, file in done.files.items():
+        line(f"{name}: {file}")
+
+
+def show(made: "Plan") -> None:
+    """Print a plan."""
+    line(made.sentence)
+    columns = ("release", "what to record", "minutes", "horizon, s", "library, bits", "P(decided)")
+    table("What to record, in this order", columns, [_row(one) for one in made.releases])
+    if pairs := [(str(one.number), *pair.causes, f"{pair.bits:.2f}") for one in made.releases for pair in one.pairs]:
+        table("Undecided causes", ("after release", "cause", "or", "expected bits"), pairs)
+    if made.releases:
+        last = made.releases[-1].ratio_std
+        rows = [(name, f"{std:.2g}", f"{last[name]:.2g}") for name, std in made.ratio_std.items()]
+        table("Standard deviation of each ratio", ("ratio", "now", "after the plan"), rows)
+    _show_detectable(made)
+    if made.limits:
+        rows = [
+            (one.quantity, "" if one.reach is None else f"{one.reach:.2g}", one.unit, "yes" if one.decides else "no")
+            for one in made.limits
+        ]
+        table("Limits that the rig must keep", ("quantity", "undecided within", "unit", "decided by the plan"), rows)
+    for one in made.inseparable:
+        line(f"No release separates {' from '.join(one.causes)}. {one.check}")
+    line(f"{made.minutes:.1f} minutes at the rig.")
+
+
+def _row(one: "PlannedRelease") -> tuple[str, ...]:
+    decided = "" if one.decided is None else f"{one.decided:.2f}"
+    return (str(one.number), one.text, f"{one.minutes:.1f}", f"{one.horizon_s:.1f}", f"{one.library_bits:.2f}", decided)
+
+
+def _show_detectable(made: "Plan", most: int = 12) -> None:
+    """The amplitudes that the plan shows worst, relative to their typical size."""
+    worst = sorted(made.detectable, key=lambda one: -(float("inf") if one.after is None else one.after / one.typical))
+    rows = [(one.effect, one.parameter, _size(one.before), _size(one.after), one.unit) for one in worst[:most]]
+    note = f"{len(made.detectable)} amplitudes in all; those that show worst are listed."
+    table("Minimum detectable size", ("effect", "amplitude", "now", "after the plan", "unit"), rows, note=note)
+
+
+def _size(value: float | None) -> str:
+    return "not seen" if value is None else f"{value:.2g}"

@@ -1,0 +1,125 @@
+"""A rig, and runs where there are any, in; a plan of the next recordings out."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
+from dpr_lab.workflows.events import OnEvent, ignore
+from dpr_lab.workflows.reading import read_runs
+
+if TYPE_CHECKING:
+    from dpr_lab.planning.result import Plan
+
+RECORD = "plan.json"
+"""In the folder of a plan: what `plan --json` prints."""
+
+UNITS = {"s": 1 / 60, "min": 1.0, "h": 60.0}
+"""Unit of a budget -> minutes."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """Options of a plan."""
+
+    rig: str
+    """Rig file, or the name of a built-in one."""
+    runs: tuple[Path, ...] = ()
+    """Runs so far; none: a first plan from the rig file alone."""
+    diagnosis: Path | None = None
+    """Diagnosis of these runs; None: they are diagnosed first."""
+    limits: Path | None = None
+    """Limits file."""
+    budget: str | None = None
+    """Time at the rig, such as `10min`; None: three releases."""
+    seed: int = 0
+    """Same seed, same plan."""
+    out: Path | None = None
+    """Folder of `RECORD` and of input signals; None: none are written."""
+    any_clock: bool = False
+    """Whether to take runs of a device whose clock is further off than a crystal's."""
+    torque: str | None = None
+    """`measured` or `commanded`: which known torques drove the joints of runs that hold both; None: the measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanResult:
+    """The plan, and the files that were written, by name."""
+
+    plan: "Plan"
+    files: dict[str, str]
+
+    def to_json(self) -> dict[str, Any]:
+        """Output of `plan --json`."""
+        return self.plan.to_json() | ({"files": self.files} if self.files else {})
+
+
+def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
+    """Plan the next recordings of a rig.
+
+    Events: those of a diagnosis, where runs are given without one.
+
+    Raises:
+        ConfigError: the rig, the limits or the budget is not valid, or leaves nothing to record.
+        RunError: a run or the diagnosis cannot be used.
+        IdentificationError: the recordings are read with another zero, unit, sign or order than they were written with.
+        DprError: a result cannot be written.
+    """
+    from dpr_lab.gap.result.diagnosis import load_diagnosis
+    from dpr_lab.planning.limits import PlanLimits, load_plan_limits
+    from dpr_lab.planning.plan import plan as plan_runs
+    from dpr_lab.rig import load_rig
+
+    rig = load_rig(request.rig)
+    limits = load_plan_limits(request.limits, rig) if request.limits else PlanLimits()
+    budget = minutes(request.budget) if request.budget else None
+    if request.out:
+        refuse_file(request.out)
+    diagnosis, runs = None, []
+    if request.runs:
+        if request.diagnosis:
+            diagnosis = load_diagnosis(request.diagnosis)
+            runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
+        else:
+            wanted = DiagnoseRequest(request.runs, request.rig, any_clock=request.any_clock, torque=request.torque)
+            diagnosis = diagnose(wanted, on_event).diagnosis
+            runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
+    made = plan_runs(rig, runs, diagnosis, limits=limits, budget_min=budget, seed=request.seed)
+    return _kept(made, request.out)
+
+
+def minutes(text: str) -> float:
+    """A time such as `10min`, `90 s` or `1h`; without a unit it is in minutes.
+
+    Raises:
+        ConfigError: not such a time.
+    """
+    parts = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(s|min|h)?\s*", text)
+    value = float(parts[1]) * UNITS[parts[2] or "min"] if parts else 0.0
+    if not 0 < value <= 1e5:
+        raise ConfigError(f"budget {text!r}: give a time such as 10min, 90s or 1h")
+    return value
+
+
+def _kept(made: "Plan", out: Path | None) -> PlanResult:
+    """Write the plan and its input signals."""
+    from dpr_lab.planning.signals import write_signal
+    from dpr_lab.report.files import write_json
+
+    if out is None:
+        return PlanResult(made, {})
+    files, releases = {"plan": str(out / RECORD)}, []
+    out.mkdir(parents=True, exist_ok=True)
+    for one in made.releases:
+        if one.torques is not None:
+            file = out / f"input_{one.number}.csv"
+            write_signal(one.torques, file)
+            files[file.stem] = str(file)
+            one = one.model_copy(update={"input": str(file)})
+        releases.append(one)
+    result = PlanResult(made.model_copy(update={"releases": releases}), files)
+    write_json(result.to_json(), out / RECORD)
+    return result

@@ -1,0 +1,97 @@
+"""Information of planned releases against other code: exact sensitivities, dense least squares, nonlinear fits."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.fitting.linearise import linearise
+from dpr_lab.identification.expected import Releases, ratio_information
+from dpr_lab.planning.criteria import OpenPairs, given
+from dpr_lab.planning.information import informed, laid_out
+from dpr_lab.planning.knowledge import Causes, Knowledge, known_before
+from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.simulation import simulated_distance
+from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import AddedMass, Pose
+
+CALM = CandidateRelease(2.2, 2.6, 4.0)
+
+
+@pytest.fixture(scope="module")
+def known(paper: Rig) -> Knowledge:
+    return known_before(paper)
+
+
+def test_it_is_that_of_exact_sensitivities(paper: Rig, known: Knowledge) -> None:
+    base = base_parameters(paper.nominal, paper.L1, paper.g)
+    exact = ratio_information(base, paper, [Pose(theta1=2.2, theta2=2.6)], Releases(4.0, 0.5))
+    (one,) = informed([CALM], known.model)
+    ours, theirs = (np.sqrt(np.diag(np.linalg.inv(H))) for H in (one.information[:5, :5], exact))
+    assert ours == pytest.approx(theirs, rel=0.1)
+
+
+def test_shorter_durations_hold_less(known: Knowledge) -> None:
+    long, short = informed([CALM], known.model, (2.0,))
+    assert (long.release.duration_s, short.release.duration_s) == (4.0, 2.0)
+    assert np.linalg.eigvalsh(long.information - short.information).min() > -1e-6 * np.trace(long.information)
+
+
+def test_a_release_from_near_upright_is_predictable_for_less_long_than_a_calm_one(known: Knowledge) -> None:
+    wild, calm = informed([CandidateRelease(0.1, 0.1, 6.0), CandidateRelease(3.0, 3.0, 6.0)], known.model)
+    assert wild.horizon_s < 2.0
+    assert calm.horizon_s == 6.0
+
+
+def test_only_a_known_mass_shows_the_scale(known: Knowledge) -> None:
+    mass = AddedMass(rod="outer", mass=0.1, position=0.2)
+    free, weighed = informed([CALM, CandidateRelease(2.2, 2.6, 4.0, added=mass)], known.model)
+    assert given(free.information + 1e-9 * np.eye(len(free.information)), range(5), [5])[0, 0] < 1e-3
+    assert given(weighed.information, range(5), [5])[0, 0] > 1e3
+
+
+def test_a_rod_alone_shows_nothing_of_joint_2(known: Knowledge) -> None:
+    (alone,) = informed([CandidateRelease(2.2, 2.2, 4.0, "inner")], known.model)
+    (column,) = known.places["coulomb_joint2"]
+    assert alone.information[column, column] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_distance_of_two_causes_is_the_residual_of_a_least_squares_fit(known: Knowledge) -> None:
+    pairs = _pairs(known)
+    (one,) = informed([CALM], known.model)
+    F = one.information + 1e-9 * np.eye(len(one.information))
+    apart = pairs.distances(F)[0, 1]
+    problem, states = laid_out([CALM], known.model)
+    at = known.model.estimate.changed(initial=states)
+    A, _ = linearise(problem, at, known.model.columns, predicted=problem.measured).flat
+    (signal,), (other,) = (known.places[name] for name in pairs.names)
+    change, fitted = A[:, signal] * pairs.sizes[0][0], A[:, [*pairs.fitted, other]]
+    fitted = fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-30)
+    left = change - fitted @ np.linalg.lstsq(fitted, change, rcond=1e-12)[0]
+    assert apart == pytest.approx(float(left @ left), rel=1e-2)
+
+
+def test_simulation_confirms_the_distance_of_small_effects(known: Knowledge) -> None:
+    pairs = _pairs(known)
+    (one,) = informed([CALM], known.model)
+    apart = pairs.distances(known.information + one.information)[0, 1] - pairs.distances(known.information)[0, 1]
+    simulated = simulated_distance(CALM, known, pairs, 0, 1)
+    assert simulated == pytest.approx(apart, rel=0.05)
+
+
+def _pairs(known: Knowledge) -> OpenPairs:
+    """A small spring at joint 1, or an encoder scale, with no spread."""
+    names = ("clock_rate", "encoder_scale_joint1")
+    places = tuple(known.places[name] for name in names)
+    assert [len(own) for own in places] == [1, 1]
+    causes = Causes(names[0], dict.fromkeys(names, 0.5))
+    open_pairs = OpenPairs.of(known, causes)
+    size = np.array([1e-4])
+    return OpenPairs(
+        names[0],
+        names,
+        open_pairs.probabilities,
+        open_pairs.fitted,
+        places,
+        (size, np.zeros(1)),
+        (np.zeros((1, 1)), np.zeros((1, 1))),
+    )

@@ -1,0 +1,165 @@
+"""Plans: within limits and budget, the same for the same seed, and of use on simulated rigs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import ConfigError
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.planning.candidates import mountings
+from dpr_lab.planning.criteria import OpenPairs
+from dpr_lab.planning.forecast import decided, decision_probability
+from dpr_lab.planning.information import informed, simulated_states
+from dpr_lab.planning.knowledge import known_after, known_before
+from dpr_lab.planning.limits import PlanLimits, load_plan_limits
+from dpr_lab.planning.plan import plan
+from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.signals import driven_releases, write_signal
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from sim_device.plant.config import DriveConfig
+from sim_device.plant.drives import load_drives
+
+SHORT = {"recording": {"shortest_s": 5.0, "longest_s": 5.0}}
+
+
+def limits(**tables: object) -> PlanLimits:
+    return PlanLimits.model_validate({**SHORT, **tables})
+
+
+def test_a_first_plan_shows_more_than_the_poses_of_the_rig_file(paper: Rig) -> None:
+    made = plan(paper, limits=limits())
+    assert made.state == "first"
+    assert [one.number for one in made.releases] == [1, 2, 3]
+    known = known_before(paper)
+    poses = [CandidateRelease(pose.theta1, pose.theta2, 5.0) for pose in paper.poses.values()]
+    F = known.information + sum(one.information for one in informed(poses, known.model))
+    fixed = np.sqrt(np.diag(np.linalg.inv(F[:7, :7])))[:5]
+    assert np.mean(np.array(list(made.releases[-1].ratio_std.values())) / fixed) < 1.0
+    coulomb = next(one for one in made.detectable if one.effect == "coulomb_joint1")
+    assert coulomb.before is None
+    assert coulomb.after is not None
+    assert coulomb.after < coulomb.typical
+
+
+def test_the_same_seed_gives_the_same_plan(paper: Rig) -> None:
+    first, second = (plan(paper, limits=limits(), count=1, seed=4) for _ in range(2))
+    assert first.releases == second.releases
+
+
+def test_it_keeps_the_budget_and_the_reachable_poses(paper: Rig) -> None:
+    reach = limits(poses={"theta1_rad": [2.5, 3.0], "theta2_rad": [2.0, 3.5], "elbow_rad": [-0.5, 0.5]})
+    made = plan(paper, limits=reach, budget_min=1.3)
+    assert 1 <= len(made.releases) <= 2
+    assert made.minutes <= 1.3
+    theta = np.array([[one.theta1_rad, one.theta2_rad] for one in made.releases])
+    assert reach.poses.reachable(theta).all()
+
+
+def test_what_may_be_mounted_follows_the_limits(paper: Rig) -> None:
+    mass = {"rod": "outer", "mass": 0.1, "position": 0.2}
+    allowed = limits(rods={"mounted": ["both", "inner"], "elbow": ["free", "clamped"]}, masses=[mass])
+    (added,) = allowed.masses
+    expected = [("both", None), ("both", added), ("inner", None), ("clamped", None), ("clamped", added)]
+    assert list(mountings(paper, allowed)) == expected
+
+
+def test_a_signal_keeps_speed_and_torque_and_a_device_replays_it(paper: Rig, tmp_path: Path) -> None:
+    allowed = limits(drive={"torque_Nm": [0.2, 0.1], "speed_rad_s": [6.0, 8.0], "rate_hz": 100})
+    assert allowed.drive is not None
+    model = known_before(paper, driven=True).model
+    signals = driven_releases(model, allowed)
+    assert {one.signal for one in signals} == {"multisine", "chirp"}
+    for one in signals:
+        assert one.torques is not None
+        assert (np.abs(one.torques.joints) <= [0.2, 0.1]).all()
+        speeds = simulated_states([one], model)[0][:, 2:]
+        assert np.abs(speeds[:, 0]).max() <= 6.0
+        assert np.abs(speeds[:, 1] - speeds[:, 0]).max() <= 8.0
+    file = tmp_path / "input.csv"
+    assert signals[0].torques is not None
+    write_signal(signals[0].torques, file)
+    replayed = load_drives(file, DriveConfig(), 0)
+    np.testing.assert_allclose(replayed.joints, signals[0].torques.joints, atol=1e-8)
+
+
+def test_a_forecast_is_certain_where_nothing_is_open_and_grows_with_information() -> None:
+    pairs = OpenPairs("a", ("a", "b"), np.array([0.5, 0.48]), (), ((0,), (1,)), (np.ones(1),) * 2, (np.eye(1),) * 2)
+    probability = [decision_probability([pairs], [np.full((2, 2), d2)]) for d2 in (0.0, 4.0, 20.0, 200.0)]
+    assert probability == sorted(probability)
+    assert probability[0] == 0.0
+    assert probability[-1] == pytest.approx(1.0, abs=0.01)
+    assert decision_probability([], []) == 1.0
+
+
+def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
+    p, d2, rng = np.array([0.6, 0.4]), 8.0, np.random.default_rng(3)
+    pairs = OpenPairs("a", ("a", "b"), p, (), ((0,), (1,)), (np.ones(1),) * 2, (np.eye(1),) * 2)
+    truth = rng.random(200_000) < p[0]
+    mean = np.where(truth, d2 / 2, -d2 / 2)
+    log_odds = np.log(p[0] / p[1]) + mean + np.sqrt(d2) * rng.standard_normal(len(truth))
+    share = np.mean(np.abs(log_odds) >= np.log(0.95 / 0.05))
+    assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(share, abs=0.02)
+
+
+@pytest.mark.slow
+def test_a_plan_after_runs_speaks_of_the_open_causes(two_runs: list[Run], two_found: Diagnosis, paper: Rig) -> None:
+    made = plan(paper, two_runs, two_found, limits=limits(), count=1)
+    known = known_after(two_runs, paper, two_found)
+    named = {effect.name for effect in two_found.effects}
+    assert {causes.about for causes in known.causes} == named
+    assert {pair.causes[0] for pair in made.releases[0].pairs} <= {n for e in two_found.effects for n in e.members}
+    assert made.state == ("enough" if decided(two_found, len(two_runs)) else made.state)
+    for name, std in made.releases[0].ratio_std.items():
+        assert 0 < std < made.ratio_std[name]
+    now = np.sqrt(np.diag(np.array(two_found.ratio_covariance)))
+    ratio = np.array(list(made.ratio_std.values())) / now
+    assert (ratio > 0.3).all()
+    assert (ratio < 3.0).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[poses]\ntheta1_rad = [3.0, 2.0]", "reversed or empty"),
+        ("[poses]\ntheta1_rad = [0.0, 0.1]\ntheta2_rad = [3.0, 3.1]\nelbow_rad = [-0.1, 0.1]", "no pose fulfils"),
+        ("[poses]\ntheta3_rad = [0.0, 1.0]", "unknown key"),
+        ("[recording]\nlongest_s = 5.0", "shortest_s = 10 is above longest_s = 5"),
+        ('[rods]\nmounted = ["inner"]', "leaves out both"),
+        ('[[masses]]\nrod = "outer"\nmass = 0.1\nposition = 0.9', "is 0.4 m long"),
+        ("[drive]\ntorque_Nm = [0.1]", "drive.torque_Nm.1"),
+        ("[drive]\ntorque_Nm = [0.1, -0.1]", "drive.torque_Nm.1 = -0.1"),
+        ('[effects.coulomb_jont2]\ntorque_Nm = {max = 1.0, unit = "N m"}', "coulomb_joint2"),
+        ("[minutes]\nplace = nan", "minutes.place"),
+        ("[poses", "not valid TOML"),
+    ],
+)
+def test_wrong_limits_are_refused_with_key_and_value(paper: Rig, tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "limits.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        load_plan_limits(path, paper)
+    assert str(path) in str(refused.value)
+    assert words in str(refused.value)
+
+
+def test_a_budget_for_less_than_one_release_is_refused(paper: Rig) -> None:
+    with pytest.raises(ConfigError, match=r"a budget of 0\.2 min is too small: one release takes 0\.67 min"):
+        plan(paper, budget_min=0.2)
+
+
+def test_drives_that_can_do_nothing_are_refused(paper: Rig) -> None:
+    still = limits(drive={"torque_Nm": [0.2, 0.1], "speed_rad_s": [1e-6, 1e-6]})
+    with pytest.raises(ConfigError, match="no signal keeps speed_rad_s"):
+        plan(paper, limits=still)
+
+
+def test_limits_that_the_rig_must_keep_are_forecast(paper: Rig) -> None:
+    def amplitude(size: float) -> dict[str, object]:
+        return {"torque_Nm": {"max": size, "unit": "N m"}}
+
+    kept = limits(effects={"coulomb_joint1": amplitude(1e-3), "coulomb_joint2": amplitude(1e-9)})
+    first, second = plan(paper, limits=kept, count=1).limits
+    assert first.decides
+    assert not second.decides
