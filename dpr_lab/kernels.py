@@ -1,4 +1,4 @@
-"""Compiled kernels: `njit` with a disk cache that cannot return an outdated answer (`dpr_lab.kernel_cache`)."""
+"""Compiled kernels: `njit` with a disk cache that cannot return an outdated result (`dpr_lab.kernel_cache`)."""
 
 import os
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from dpr_lab.kernel_cache import CACHE, compiling
 # reads this when the first parallel kernel starts.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
-# What Numba raises while it reads its own cache; this package itself loads no pickle.
+# Exceptions of Numba while it reads its own cache; this package itself loads no pickle.
 numba_caching: Any = caching
 UNPICKLING_ERROR: type[Exception] = numba_caching.pickle.UnpicklingError
 UNREADABLE = (UNPICKLING_ERROR, EOFError, ValueError, LookupError, AttributeError, TypeError, ImportError)
@@ -29,7 +29,7 @@ UNREADABLE = (UNPICKLING_ERROR, EOFError, ValueError, LookupError, AttributeErro
 
 numba_config: Any = config
 if numba_config.CPU_FEATURES is None and "+avx512f" in (features := get_host_cpu_features()):
-    # The compiler's tables ask for half of such a processor's registers, lest it clock lower: a quarter slower here.
+    # By default the compiler uses half of the vector width to keep the clock high, which is a quarter slower here.
     numba_config.CPU_FEATURES = f"{features},-prefer-256-bit"
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -39,7 +39,7 @@ class _Compiling(event.Listener):
     """Report the start of a compilation; a kernel from the cache causes none."""
 
     def on_start(self, event: event.Event) -> None:
-        """A pass of the compiler begins."""
+        """Handle the start of a compiler pass."""
         compiler_pass: Any = event.data
         # the first pass of each compilation
         if compiler_pass["name"].startswith("translate_bytecode") and compiler_pass["module"].startswith("dpr_lab"):
@@ -57,11 +57,11 @@ def njit(function: Function) -> Function: ...
 @overload
 def njit(*, parallel: bool = False, allocates: bool = True) -> Callable[[Function], Function]: ...
 def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, **options: Any) -> Any:
-    """`numba.njit` for a kernel, which Python calls: cached, IEEE strict, no GIL, division by zero giving inf or nan.
+    """`numba.njit` for a kernel that Python calls: cached, IEEE strict, without GIL, division by zero gives inf or nan.
 
     Strict means no reassociation and no contraction, so that a result has the same bits for any batch size and any
-    number of threads. A kernel that `allocates` no array, and returns no part of one, need not count who holds which:
-    in a loop over samples that is up to half of the time.
+    number of threads. A kernel that neither `allocates` arrays nor returns views of them needs no reference counting,
+    which takes up to half of the time in a loop over samples.
     """
     if function is None:
         return partial(njit, allocates=allocates, **options)
@@ -70,30 +70,30 @@ def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, 
 
 
 def subroutine(function: Function) -> Function:
-    """A function that kernels call, compiled as part of each; Python that calls it gets Python.
+    """A function for use in kernels, compiled as part of each; called from Python it is the Python function.
 
-    Without what Python needs to call compiled code, which no kernel does, compiling takes half the time.
+    Omitting the wrapper for calls from Python halves the compilation time.
     """
     return register_jitable(error_model="numpy")(function)
 
 
 def inlined(function: Function) -> Function:
-    """A short subroutine that becomes part of every loop that calls it, where it turns into vector instructions.
+    """A short subroutine that is inlined in every loop that calls it, so that the loop becomes vector instructions.
 
-    Left to itself the compiler inlines only what it thinks cheap, and a loop with a call in it is no vector loop.
+    By default the compiler inlines only small functions, and a loop with a call is not vectorised.
     """
     return register_jitable(error_model="numpy", forceinline=True)(function)
 
 
 def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
-    """A kernel compiled by itself, which others take as an argument and call through a pointer.
+    """A separately compiled kernel that others receive as an argument and call through a pointer.
 
-    An ordinary call of a kernel compiles all of its code again, at each level of callers. A
-    pointer costs some nanoseconds a call instead, and is for kernels that are long and do much at a time.
+    An ordinary call of a kernel compiles all of its code again at each level of callers. A pointer costs some
+    nanoseconds per call instead, and is suitable for long kernels with much work per call.
 
     Args:
         function: a kernel that returns nothing, not yet compiled
-        examples: arguments like those it will get
+        examples: arguments of the types of its calls
     """
     signature = normalize_signature(numba.void(*map(numba.typeof, examples)))
     kernel: Any = CFunc(function, signature, locals={}, options={"error_model": "numpy", "_nrt": False})

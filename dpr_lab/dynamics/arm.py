@@ -1,4 +1,4 @@
-r"""The whole rig: arm angle theta0 about the vertical, two rods in the vertical plane tangent to the arm's tip.
+r"""Equation of motion of the whole rig: arm about the vertical, two rods in the plane tangent to its tip.
 
 With s = sin, c = cos, r = L0 / g, A = J0 + (m1 + m2 + mb) L0^2 and phi = theta0, the mass matrix M(theta) is
 
@@ -10,8 +10,8 @@ and M alpha = f, with the rods' part of f that of equation (1) and
     f0 = tau0 - c0 phi' - k0 phi - 2 phi' [(a s1 + d s2) c1 w1 + (b s2 + d s1) c2 w2] + r (e1 s1 w1^2 + e2 s2 w2^2)
     f1 += phi'^2 (a s1 + d s2) c1                f2 += phi'^2 (b s2 + d s1) c2
 
-The rods are slender: they turn about their own axes without inertia, so that J1 and J2 also resist the arm's rotation
-by the square of the sine of their angles. Point mass mb at joint 2; J0 is the arm alone, about its axis.
+The rods are slender, without inertia about their own axes, so J1 and J2 also contribute to the inertia of the arm with
+the squared sine of their angles. Point mass mb at joint 2; J0 is the arm alone, about its axis.
 
 Effects add to M11, M22, M12 and to f1, f2 (`dpr_lab.effects.quantities.Terms`).
 """
@@ -33,7 +33,7 @@ CLAMPED, FREE, DRIVEN = range(3)
 
 
 class ArmParameters(NamedTuple):
-    """The arm: inertia kg m^2, viscous friction N m s/rad, spring N m/rad, and what holds it."""
+    """Arm: inertia kg m^2, viscous friction N m s/rad, spring N m/rad, and mode."""
 
     J0: float = 0.0
     c0: float = 0.0
@@ -42,7 +42,7 @@ class ArmParameters(NamedTuple):
 
 
 def with_gravity(base: ArrayLike, L1: float, g: float) -> BaseParameters:
-    """Base parameters (6,) a, b, d, e1, c1, c2, SI, and the e2 that goes with them."""
+    """Base parameters (6,) a, b, d, e1, c1, c2, SI, and the corresponding e2."""
     a, b, d, e1, c1, c2 = np.asarray(base, dtype=np.float64).tolist()
     return BaseParameters(a, b, d, e1, d * g / L1, c1, c2)
 
@@ -57,7 +57,7 @@ def mounted(Z: ArrayLike, frame: tuple[float, float, float], arm: ArmParameters)
 
 @subroutine
 def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[float, float, float]:
-    """(M00, M01, M02), kg m^2: how the arm's inertia feels the base."""
+    """(M00, M01, M02), kg m^2: inertia of the arm and its coupling with the rods."""
     turning = arm.inertia + base.a * motion.sin1 * motion.sin1 + base.b * motion.sin2 * motion.sin2
     turning += 2.0 * base.d * motion.sin1 * motion.sin2
     return turning, arm.reach * base.e1 * motion.cos1, arm.reach * base.e2 * motion.cos2
@@ -65,14 +65,14 @@ def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[fl
 
 @inlined
 def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: float, d: float) -> tuple[float, float]:
-    """Torques on theta1, theta2 over the squared speed of the arm, kg m^2."""
+    """Torques on theta1, theta2 divided by the squared speed of the arm, kg m^2."""
     return (a * sin1 + d * sin2) * cos1, (b * sin2 + d * sin1) * cos2
 
 
 class ReducedRods(NamedTuple):
-    """The rods' two equations with the arm eliminated from them, and what the arm then does.
+    """Equations of both rods after elimination of the arm, and the resulting acceleration of the arm.
 
-    Its acceleration is push0 - reach1 alpha1 - reach2 alpha2.
+    The acceleration of the arm is push0 - reach1 alpha1 - reach2 alpha2.
     """
 
     inertia1: float
@@ -89,7 +89,7 @@ class ReducedRods(NamedTuple):
 def reduced_rods(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> ReducedRods:
-    """What the rods' accelerations follow from; arguments as for `arm_accelerations`."""
+    """Reduced equations that determine the rods' accelerations; arguments as for `arm_accelerations`."""
     a, b, d, e1, e2, c1, c2 = base
     sin1, cos1, sin2, cos2 = motion.sin1, motion.cos1, motion.sin2, motion.cos2
     omega0, omega1, omega2 = motion.omega0, motion.omega1, motion.omega2
@@ -123,12 +123,12 @@ def reduced_rods(
 def arm_accelerations(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> tuple[float, float, float]:
-    """Angular accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2, whose joints all slide.
+    """Angular accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2, with all joints sliding.
 
     Args:
         motion: angles and speeds
         base: base parameters
-        terms: what effects add
+        terms: contributions of effects
         arm: the arm, unused while it is clamped
         mode: CLAMPED (alpha0 = 0, equation (1)), FREE (a torque acts) or DRIVEN (alpha0 is prescribed)
         drive: FREE: torque tau0 on the arm, N m; DRIVEN: acceleration u of the arm, rad/s^2; CLAMPED: unused

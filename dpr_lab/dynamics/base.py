@@ -3,7 +3,7 @@ r"""Base parameters: the combinations of the nine parameters that determine a fr
     a  = J1 + m1 l1^2 + (m2 + mb) L1^2        b  = J2 + m2 l2^2        d = m2 L1 l2
     e1 = (m1 l1 + (m2 + mb) L1) g             e2 = m2 l2 g = d g / L1
 
-Equation (1) is homogeneous in a, b, d, e1, e2, c1, c2, so that a swing under no outside torque fixes only the five
+Equation (1) is homogeneous in a, b, d, e1, e2, c1, c2, so a swing without external torque determines only the five
 ratios to b.
 
 Each mounting of a run has its own base parameters. With p = m2 L1^2, which swings of both rods cannot distinguish
@@ -17,7 +17,7 @@ A clamped elbow, theta2 = theta1 + delta, leaves one degree of freedom, equation
 
     (a + b + 2 d cos(delta)) alpha1 = e1 sin(theta1) + e2 sin(theta1 + delta) - c1 omega1.
 
-A rod alone is represented as two equal halves on such an elbow.
+A single rod is represented as two equal halves with such an elbow.
 
 Nine parameters Z are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """
@@ -33,7 +33,7 @@ BASE = ("a", "b", "d", "e1", "c1", "c2")
 """Order of base parameters: kg m^2, kg m^2, kg m^2, N m, N m s, N m s."""
 
 WHOLE = (*BASE, "p")
-"""Order of the base parameters of a whole rig: those of `BASE` and p, kg m^2."""
+"""Order of the base parameters of a whole rig: those in `BASE` and p, kg m^2."""
 
 RATIOS = ("a/b", "d/b", "e1/b", "c1/b", "c2/b")
 """Order of the ratios: 1, 1, 1/s^2, 1/s, 1/s."""
@@ -43,7 +43,7 @@ _OTHERS = [0, 2, 3, 4, 5]
 
 
 def base_parameters(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
-    """Base parameters of the nine.
+    """Base parameters from the nine parameters.
 
     Args:
         Z: (..., 9) parameters, SI
@@ -69,7 +69,7 @@ def base_parameters(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
 
 
 def loaded(Z: ArrayLike, added: AddedMass) -> NDArray[np.float64]:
-    """(9,) parameters of the rig with a known mass clamped on: its rod is heavier, balanced elsewhere, harder to turn.
+    """(9,) parameters of the rig with a known attached mass, which changes mass, centroid and inertia of its rod.
 
     m' = m + ma,    m' l' = m l + ma r,    J' + m' l'^2 = J + m l^2 + ma r^2
     """
@@ -89,7 +89,7 @@ def _joined(length: float, mass: float, inertia: float, added: AddedMass) -> tup
 
 
 def added_base(added: AddedMass | None, L1: float, g: float) -> NDArray[np.float64]:
-    """(6,) what a known mass adds to the base parameters, SI; zeros without one."""
+    """(6,) contribution of a known mass to the base parameters, SI; zeros without one."""
     if added is None:
         return np.zeros(len(BASE))
     m, r = added.mass, added.position
@@ -99,28 +99,28 @@ def added_base(added: AddedMass | None, L1: float, g: float) -> NDArray[np.float
 
 
 def whole_parameters(Z: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
-    """(..., 7) base parameters of a whole rig of (..., 9) parameters, SI."""
+    """(..., 7) base parameters of a whole rig from (..., 9) parameters, SI."""
     on_elbow = np.asarray(Z, dtype=np.float64)[..., PARAMETERS.index("m2")] * L1**2
     return np.concatenate([base_parameters(Z, L1, g), on_elbow[..., None]], axis=-1)
 
 
 def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
-    """(..., 6) base parameters of what hung on the rig during a run.
+    """(..., 6) base parameters for the mounting of a run.
 
     Args:
-        whole: (..., 7) in the order of `WHOLE`, SI; (..., 6) where p is not asked for
-        setup: of the run
+        whole: (..., 7) in the order of `WHOLE`, SI; (..., 6) if p is not needed
+        setup: mounting of the run
         L1: length of the inner rod, m
         g: gravity, m/s^2
 
     Raises:
-        ValueError: a rod alone, of a rig whose p is not given.
+        ValueError: a single rod without p.
     """
     whole = np.asarray(whole, dtype=np.float64)
     if not setup.alone:
         return whole[..., : len(BASE)] + added_base(setup.added, L1, g)
     if whole.shape[-1] < len(WHOLE):
-        raise ValueError("a rod alone needs the base parameters of the whole rig, with p")
+        raise ValueError("a single rod requires the base parameters of the whole rig, with p")
     outer = setup.added is not None and setup.added.rod == "outer"
     p = setup.added.mass * L1**2 if setup.added is not None and outer else 0.0
     loaded_whole = whole + np.append(added_base(setup.added, L1, g), p)
@@ -128,7 +128,7 @@ def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> NDArray[
 
 
 def base_slopes(setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
-    """(6, 7) derivative of a run's base parameters by those of the whole rig."""
+    """(6, 7) derivative of a run's base parameters with respect to those of the whole rig."""
     unit = np.eye(len(WHOLE))
     if not setup.alone:
         return unit[: len(BASE)]
@@ -139,18 +139,18 @@ def base_slopes(setup: Setup, L1: float, g: float) -> NDArray[np.float64]:
 
 
 def ratios(base: ArrayLike) -> NDArray[np.float64]:
-    """(..., 5) the ratios of (..., 6) base parameters, in the order of `RATIOS`."""
+    """(..., 5) ratios from (..., 6) base parameters, in the order of `RATIOS`."""
     base = np.asarray(base, dtype=np.float64)
     return base[..., _OTHERS] / base[..., _B, None]
 
 
 def base_from_ratios(ratios: ArrayLike) -> NDArray[np.float64]:
-    """(..., 6) base parameters with b = 1 of (..., 5) ratios: they swing alike."""
+    """(..., 6) base parameters with b = 1 from (..., 5) ratios; the motion is the same."""
     return np.insert(np.asarray(ratios, dtype=np.float64), _B, 1.0, axis=-1)
 
 
 def rows(base: ArrayLike, L1: float, g: float) -> NDArray[np.float64]:
-    """What the batch kernel reads of each candidate: b, d, e1, e2, c1, c2, each over a.
+    """Input of the batch kernel for each candidate: b, d, e1, e2, c1, c2, each divided by a.
 
     Args:
         base: (..., 6) base parameters, at any scale

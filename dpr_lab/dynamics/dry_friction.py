@@ -1,10 +1,10 @@
-r"""Joints under dry friction: a joint at rest is held up to a limit and slides beyond it.
+r"""Coulomb friction of joints: a joint at rest is held up to a limit torque and slides beyond it.
 
 With u = (omega1, omega2 - omega1) the speeds of the joints, tau the torques on them and A the mass matrix of both,
 
-    A u' = tau - lambda,    lambda_j = F_j sgn(u_j) where u_j is not 0,    |lambda_j| <= F_j where it is.
+    A u' = tau - lambda,    lambda_j = F_j sgn(u_j) if u_j is not 0,    |lambda_j| <= F_j otherwise.
 
-A is positive definite, so that u' is the one minimum of u' A u' / 2 - tau u' + sum F_j |u'_j| over the joints at rest:
+A is positive definite, so u' is the unique minimum of u' A u' / 2 - tau u' + sum F_j |u'_j| over the joints at rest:
 `slides` finds it among its nine cases. Between two events each joint keeps its direction and the motion is smooth.
 """
 
@@ -17,17 +17,20 @@ from dpr_lab.kernels import subroutine
 
 
 class EventSettings(NamedTuple):
-    """How stops and starts within a step are located."""
+    """Location of stops and starts within a step."""
 
     most: int = 8
-    """Events within one step after which no joint starts to slide before its end: chatter that no sample shows."""
+    """Maximum number of events within one step; afterwards no joint starts to slide before its end, which limits
+    chatter.
+    """
     late: float = 4.0
-    """Delay of the start of sliding after its estimated instant, in steps times seconds: so that the limit is exceeded
-    for certain; its effect on the speed is of fourth order."""
+    """Delay of the start of sliding after its estimated instant, in steps times seconds, so that the limit is
+    certainly exceeded; its effect on the speed is of fourth order.
+    """
     shortest: float = 1e-9
-    """Share of a step below which an event counts as happening at its start."""
+    """Share of a step below which an event is assigned to its start."""
     farthest: float = 0.1
-    """Share of a step, at most, by which an instant is corrected at which a speed is not quite zero."""
+    """Maximum correction of the instant of a stop, as a share of the step, if the speed is not exactly zero."""
 
 
 EVENTS = EventSettings()
@@ -35,7 +38,7 @@ EVENTS = EventSettings()
 
 @subroutine
 def direction_of(speed: float) -> float:
-    """Which way a joint slides: 1, -1, or 0 where it is at rest."""
+    """Direction in which a joint slides: 1, -1, or 0 at rest."""
     return 1.0 if speed > 0.0 else (-1.0 if speed < 0.0 else 0.0)
 
 
@@ -53,7 +56,7 @@ def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float
 
 @subroutine
 def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float]:
-    """Torques, N m, that friction has to withstand in the joints of direction 0; of no meaning in the others."""
+    """Torques of friction, N m, required to hold the joints of direction 0; without meaning for the others."""
     across = rods.inertia2 + rods.coupling
     both, outer = rods.torque1 + rods.torque2, rods.torque2
     rest1, rest2 = direction1 == 0.0, direction2 == 0.0
@@ -64,7 +67,7 @@ def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[flo
 
 @subroutine
 def _beyond(push: float, forward: float, backward: float) -> float:
-    """Which way a joint gives to a push: 0 where its limits hold it."""
+    """Direction in which a joint at rest yields to a torque: 0 if its limits hold it."""
     return 1.0 if push > forward else (-1.0 if push < -backward else 0.0)
 
 
@@ -72,13 +75,13 @@ def _beyond(push: float, forward: float, backward: float) -> float:
 def slides(
     rods: ReducedRods, directions: tuple[float, float], forward: tuple[float, float], backward: tuple[float, float]
 ) -> tuple[float, float]:
-    """Directions in which both joints go on, from those of which 0 means a joint at rest.
+    """Directions in which both joints continue, from directions in which 0 means a joint at rest.
 
     Args:
-        rods: under all torques but the friction of joints at rest
+        rods: reduced equations with all torques except the friction of joints at rest
         directions: 1, -1 or 0
         forward: limits of friction against sliding in the direction 1, N m
-        backward: likewise -1
+        backward: the same for the direction -1
     """
     push1, push2 = pushes(rods, directions[0], directions[1])
     give1, give2 = _beyond(push1, forward[0], backward[0]), _beyond(push2, forward[1], backward[1])
@@ -107,12 +110,12 @@ def slides(
 
 @subroutine
 def stops_at(before: float, after: float, slope: float) -> float:
-    """Share of a step at which a speed falls through zero, on the parabola with this slope, of the step, at its end.
+    """Share of a step at which a speed crosses zero, from a parabola with the given slope at the end.
 
     Args:
-        before: the speed at the start, in its own direction: not negative
-        after: at the end: negative
-        slope: by the share of the step, at the end
+        before: speed at the start in its own direction, not negative
+        after: speed at the end, negative
+        slope: derivative with respect to the share of the step, at the end
     """
     bend = slope - (after - before)
     first = after - before - bend
@@ -123,13 +126,13 @@ def stops_at(before: float, after: float, slope: float) -> float:
 
 @subroutine
 def yields_at(before: float, after: float, h: float) -> float:
-    """Share of a step of h after which a joint is let go whose limit exceeds its push by these at start and end."""
+    """Share of a step of h after which a joint breaks away, from the margins of its limit at start and end."""
     left = max(before, 0.0)
     return left / (left - after) + EVENTS.late * h
 
 
 @subroutine
 def correction(speed: float, acceleration: float, h: float) -> float:
-    """Time, s, until a speed near zero is zero; at most a small part of the step h that led there."""
+    """Time, s, until a speed near zero is zero; at most a small part of the preceding step h."""
     later = -speed / acceleration if acceleration != 0.0 else 0.0
     return min(max(later, -EVENTS.farthest * h), EVENTS.farthest * h)

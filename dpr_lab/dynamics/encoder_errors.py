@@ -1,4 +1,4 @@
-"""From the angles of the joints to those that their encoders read: timing, play and encoder errors."""
+"""Conversion of joint angles to encoder readings: timing, backlash and encoder errors."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,20 +12,20 @@ from dpr_lab.kernels import njit
 
 @njit
 def read_at(t: float, model: RigModel) -> tuple[float, float]:
-    """Instants, s since the release, at which joints 1 and 2 had the angles that are read as those of device time t."""
+    """Instants, s since the release, at which joints 1 and 2 had the angles that are read at the device time t."""
     shift1, shift2 = reading_shifts(t, model.params, model.active)
     return t + shift1, t + shift2
 
 
 @njit
 def apply_encoder_errors(angles: NDArray[np.float64], t: NDArray[np.float64], run: int, model: RigModel) -> None:
-    """Add to (n, >= 2) angles of joints 1 and 2 the errors of their encoders, in place.
+    """Add the errors of the encoders of joints 1 and 2 to (n, >= 2) angles, in place.
 
     Args:
-        angles: joint 1 absolute, joint 2 as its encoder has it, rad
+        angles: joint 1 absolute, joint 2 as read by its encoder, rad
         t: (n,) device time since the release, s
         run: number of the release, from 0
-        model: the rig and its effects, of which those of encoders count
+        model: the rig and its effects; only encoder errors are used
     """
     for k in range(len(t)):
         angle1, angle2 = angles[k, 0], angles[k, 1]
@@ -36,13 +36,13 @@ def apply_encoder_errors(angles: NDArray[np.float64], t: NDArray[np.float64], ru
 def with_encoder_errors(
     angles: NDArray[np.float64], params: ArrayLike, constants: RigConstants, segments: Segments
 ) -> NDArray[np.float64]:
-    """(n, N, 2) readings of the same angles under many effects, without integration.
+    """(n, N, 2) readings of the same angles with many effects, without integration.
 
     Args:
-        angles: (N, 2) joint 1 absolute, joint 2 as its encoder has it, rad
-        params: (n, SIZE) effects, of which those of encoders count
+        angles: (N, 2) joint 1 absolute, joint 2 as read by its encoder, rad
+        params: (n, SIZE) effects; only encoder errors are used
         constants: the rig
-        segments: when the angles were read
+        segments: instants of the readings
     """
     rows = np.array(params, dtype=np.float64, order="C")
     read = np.empty((len(rows), len(segments.t), 2))
@@ -72,7 +72,7 @@ def _fill_errors(
 
 @njit
 def held_along(angles: NDArray[np.float64], hold: float, model: RigModel) -> NDArray[np.float64]:
-    """(n,) angles that the encoder of joint 2 holds while its joint goes through `angles`, from `hold` on, rad."""
+    """(n,) angles held by the encoder of joint 2 while its joint moves through `angles`, starting with `hold`, rad."""
     seen = np.empty(len(angles))
     for k in range(len(angles)):
         hold = held_angle(angles[k], hold, model.params, model.active)

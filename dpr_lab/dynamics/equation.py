@@ -1,10 +1,10 @@
-r"""Equation (1): two rods on a clamped arm.
+r"""Equation of motion (1): two rods on a clamped arm.
 
     [ a             d cos(t1-t2) ] [alpha1]   [ -d sin(t1-t2) w2^2 - c1 w1 - c2 (w1-w2) + e1 sin t1 + tau1 ]
     [ d cos(t1-t2)  b            ] [alpha2] = [  d sin(t1-t2) w1^2 - c2 (w2-w1)         + e2 sin t2 + tau2 ]
 
-Absolute angles, 0 = upright, pi = hanging, rad. The base parameters may be at any common scale, as long as tau1 and
-tau2 share it (N m at scale 1).
+Absolute angles, 0 = upright, pi = hanging, rad. The base parameters may have any common scale, which must also be that
+of tau1 and tau2 (N m at scale 1).
 """
 
 import math
@@ -69,7 +69,7 @@ def accelerations(
         a: inertia about joint 1, kg m^2
         b: inertia about joint 2, kg m^2
         d: coupling inertia, kg m^2
-        e1: gravity torque of the inner rod and what it carries, N m
+        e1: gravity torque of the inner rod and the parts on it, N m
         e2: gravity torque of the outer rod, d g / L1, N m
         c1: viscous friction of joint 1, N m s/rad
         c2: viscous friction of joint 2, N m s/rad

@@ -1,13 +1,14 @@
-r"""Predicted encoder readings of a rig with effects along segments with free initial states: the model of the fits.
+r"""Prediction of encoder readings of a rig with effects along segments with free initial states: the model of the fits.
 
-A segment starts `PAD` before its first sample, so that a late or fast clock never reads before it; the first of a run
-at the release itself, where that is near (`segment_start`). It is integrated by classical Runge-Kutta steps of equal
-length; the angles at the instants of reading lie on the cubic through the states at either end of a step.
+A segment starts `PAD` before its first sample, so that no reading with a wrong clock is before it; the first segment of
+a run starts at the release if this is near (`segment_start`). It is integrated by classical Runge-Kutta steps of equal
+length; the angles at the instants of reading are interpolated by the cubic polynomial through the states at both ends
+of a step.
 
-Some effects have internal states (`INTERNAL`): presliding, the play of an encoder, an arm on a spring. At the start of
-a segment they are those in which the segment before it, of the same run, passed this instant. Until the release they
-are those of a rig at rest: joints that do not slide, an encoder amid its play, an arm that is held. A run that starts
-later starts with joints that slide.
+Some effects have internal states (`INTERNAL`): presliding, backlash of an encoder, an arm on a spring. At the start of
+a segment they have the values of the previous segment of the same run at this instant. Until the release they are those
+of a rig at rest: no presliding displacement, the encoder in the middle of its backlash, the arm held. A run that starts
+later starts with sliding joints.
 """
 
 import numpy as np
@@ -39,10 +40,10 @@ def predict(
     internal: ArrayLike | None = None,
     arm: bool = False,
 ) -> Array:
-    """Predict the readings of one candidate; arguments as for `predict_batch`, without its first axis.
+    """Predict the readings of one candidate; arguments as for `predict_batch`, without the first axis.
 
     Returns:
-        (N, 2) theta1 and the angle of joint 2 as its encoder has it, rad; with `arm` a third column, theta0
+        (N, 2) theta1 and the angle of joint 2 as read by its encoder, rad; with `arm` a third column, theta0
     """
     base, params, initial = (np.asarray(values, dtype=np.float64)[None] for values in (base, params, initial))
     return predict_batch(base, params, constants, segments, initial, internal, arm)[0]
@@ -57,26 +58,26 @@ def predict_batch(
     internal: ArrayLike | None = None,
     arm: bool = False,
 ) -> Array:
-    """Predict the readings of many candidates in parallel: forward differences of all columns take one call.
+    """Predict the readings of many candidates in parallel, for example for forward differences.
 
     Args:
-        bases: (n, 7) base parameters a, b, d, e1, c1, c2, p of the whole rig without any mass clamped on, SI; or (n, 6)
-            where no run is of a rod alone
-        params: (n, SIZE) effects, SI; or (n, runs, SIZE) where they differ between runs
+        bases: (n, 7) base parameters a, b, d, e1, c1, c2, p of the whole rig without an attached mass, SI; or (n, 6) if
+        no run has a single rod
+        params: (n, SIZE) effects, SI; or (n, runs, SIZE) if they differ between runs
         constants: the rig, `dpr_lab.dynamics.rig_constants.rig_constants`
-        segments: when the encoders are read, in device time, and the Runge-Kutta step of each
-        initial: (n, S, 4) theta1, theta2, omega1, omega2 where each segment starts (`segment_start`), rad and rad/s
-        internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at each segment's start, where they are
-            not nan; none: all taken over from segment to segment. A derivative by the initial states alone needs them
-            held still, `internal_states` of the point of expansion.
-        arm: whether the arm's angle is wanted
+        segments: instants of the readings, in device time, and Runge-Kutta step of each segment
+        initial: (n, S, 4) theta1, theta2, omega1, omega2 at the start of each segment (`segment_start`), rad and rad/s
+        internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at the start of each segment, unless nan;
+        None: all are taken from the previous segment. A derivative with respect to the initial states alone requires
+        fixed values: `internal_states` at the point of linearisation.
+        arm: whether to return the angle of the arm
 
     Returns:
-        (n, N, 2) theta1 and the angle of joint 2 as its encoder has it (relative or absolute), rad; with `arm`
-        (n, N, 3), the third theta0. Not finite from where a candidate is not.
+        (n, N, 2) theta1 and the angle of joint 2 as read by its encoder (relative or absolute), rad; with `arm` (n, N,
+        3), with theta0 as third column. Not finite after a failure of the integration.
 
     Raises:
-        ValueError: shapes that do not fit.
+        ValueError: wrong shapes.
     """
     return _predicted(bases, params, constants, segments, initial, internal, 3 if arm else 2)[0]
 
@@ -84,9 +85,9 @@ def predict_batch(
 def internal_states(
     base: ArrayLike, params: ArrayLike, constants: RigConstants, segments: Segments, initial: ArrayLike
 ) -> Array:
-    """(S, k) internal states of effects (`INTERNAL`) at each segment's start; arguments as for `predict`.
+    """(S, k) internal states of effects (`INTERNAL`) at the start of each segment; arguments as for `predict`.
 
-    Zero where no effect has any.
+    They are zero without effects that have internal states.
     """
     params = np.asarray(params, dtype=np.float64)
     if not required_by(active_effects(params)).internal.any():
@@ -140,7 +141,7 @@ def _arrays(segments: Segments, constants: RigConstants) -> SegmentArrays:
 
 
 def _shaped(values: Array, shape: tuple[int, ...], name: str) -> Array:
-    """The values in that shape, writable and contiguous: the kernel is compiled for no other."""
+    """The values with this shape, writable and contiguous, as required by the compiled kernel."""
     try:
         return np.array(np.broadcast_to(values, shape), dtype=np.float64, order="C")
     except ValueError:

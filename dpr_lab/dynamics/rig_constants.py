@@ -1,4 +1,4 @@
-"""Measured constants of a rig, with the mounting of a run, as the kernels of effects read them."""
+"""Measured constants of a rig, with the mounting of a run, for the kernels of effects."""
 
 import math
 
@@ -7,13 +7,13 @@ from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.setup import Setup
 
 UNKNOWN = RigConstants._make([math.nan] * len(RigConstants._fields))._replace(relative2=1.0)
-"""A rig without measured constants, its joint-2 encoder on the joint."""
+"""Constants of a rig without measurements, with its joint-2 encoder on the joint."""
 
 
 def rig_constants(rig: Rig) -> RigConstants:
-    """Lengths, gravity, best known masses and encoders of a rig, without any mass clamped on.
+    """Lengths, gravity, best known masses and encoders of a rig without an attached mass.
 
-    A rod of unknown length is assumed to be twice as long as its centroid's distance.
+    An unknown length of a rod is assumed to be twice the distance of its centroid.
     """
     best = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
     frame, encoders = rig.rig, rig.encoders
@@ -33,7 +33,7 @@ def rig_constants(rig: Rig) -> RigConstants:
 
 
 def constants_of_run(constants: RigConstants, setup: Setup) -> RigConstants:
-    """Lengths and masses of what hung on the rig during a run, with what was clamped on."""
+    """Lengths and masses of the mounted parts in a run, including an attached mass."""
     if (added := setup.added) is not None:
         heavier = {"m1": constants.m1 + added.mass} if added.rod == "inner" else {"m2": constants.m2 + added.mass}
         constants = constants._replace(**heavier)

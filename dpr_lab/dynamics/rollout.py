@@ -1,16 +1,15 @@
-r"""Many candidates at once: the cost of equation (2) for a whole population.
+r"""Simultaneous simulation of many candidates: the cost of equation (2) for a population.
 
-Theory of operation. `LANES` candidates swing side by side in one flat workspace, a row of LANES numbers for each
-quantity. Each of the four stages of a Runge-Kutta step is one loop over the lanes whose row offsets are constants, so
-that the compiler can see that rows do not overlap and turns the loop into vector instructions; a loop of one stage is
-short enough for its registers and for the processor to look ahead into the next lanes. sin and cos of the angles are
-not evaluated but carried along and turned by short Taylor series. From the start of the step they turn by h * omega
-and its half. Between the second stage and the third, and between the fourth and the end, the angle changes by no more
-than h^2 times accelerations, for which even shorter series do ("nudges"). Each lane keeps the sum of its squared turns
-of the step, and a lane beyond `GUARD` repeats that step from its old state with exact sines. Nothing is reassociated,
-no lane knows of its neighbours, and each (block of lanes, segment) is independent, so that a cost has the same bits
-for any batch size and any number of threads. The workspace of a block, `ROWS * LANES` numbers, stays in the
-first-level cache.
+Theory of operation. `LANES` candidates are simulated together in one flat workspace, a row of LANES numbers for each
+quantity. Each of the four stages of a Runge-Kutta step is one loop over the lanes with constant row offsets, so the
+compiler knows that rows do not overlap and converts the loop to vector instructions; a loop of one stage is short
+enough for the registers and for out-of-order execution. sin and cos of the angles are not evaluated but updated by
+short Taylor series of the rotation. From the start of the step the rotation is h * omega or half of it. Between the
+second stage and the third, and between the fourth and the end, the angle changes by at most h^2 times accelerations,
+for which even shorter series are sufficient ("nudges"). Each lane stores the sum of its squared rotations in the step,
+and a lane beyond `GUARD` repeats the step from its old state with exact sines. Sums are not reassociated, lanes are
+independent, and each (block of lanes, segment) is independent, so a cost is bit-identical for any batch size and any
+number of threads. The workspace of a block, `ROWS * LANES` numbers, stays in the first-level cache.
 """
 
 import math
@@ -26,19 +25,20 @@ from dpr_lab.dynamics.segments import segments as cut
 from dpr_lab.kernels import njit, subroutine
 
 LANES = 32
-"""Four registers of eight doubles: enough independent work to hide the latency of a division."""
+"""Number of lanes: four registers of eight doubles hide the latency of a division."""
 
 GUARD = 0.05
-"""Largest sum of the squared turns of a step, rad^2, nudges times `NUDGE_WEIGHT`: a rod turning 0.2 rad in the step.
+"""Largest sum of the squared rotations of a step, rad^2, nudges times `NUDGE_WEIGHT`: a rotation by 0.2 rad in the
+step.
 
-The truncated series are then off by 3e-14, and by 2e-13 if a single turn took up the whole sum.
+The truncated series then have an error of 3e-14, or 2e-13 if a single rotation has the whole sum.
 """
 
 NUDGE_WEIGHT = 100.0
-"""How much more a squared nudge counts than another squared turn: its series is shorter."""
+"""Weight of a squared nudge relative to other squared rotations, because its series is shorter."""
 
-# Rows of the workspace, as offsets in units of one number. The last twelve hold what one stage leaves to the next:
-# sines and cosines, the accelerations P, Q, R of the first three stages, and the nudge to the end of the step.
+# Rows of the workspace, as offsets in units of one number. The last twelve pass data from one stage to the next: sines
+# and cosines, the accelerations P, Q, R of the first three stages, and the nudge to the end of the step.
 ROWS = 32
 """Number of rows of the workspace."""
 
@@ -55,16 +55,16 @@ def trajectory_errors(rows: ArrayLike, initial: ArrayLike, reference: ArrayLike,
         E = sum over samples k and axes i of (theta_i - reference_i)^2 [+ (omega_i - reference_i)^2]
 
     Args:
-        rows: (n, 6) of `dpr_lab.dynamics.base.rows`
+        rows: (n, 6) from `dpr_lab.dynamics.base.rows`
         initial: (poses, 4) states at the first sample, rad and rad/s
-        reference: (poses, samples, 2 or 4) theta1, theta2 [, omega1, omega2]; without speeds only angles count
+        reference: (poses, samples, 2 or 4) theta1, theta2 [, omega1, omega2]; without speeds only angles are used
         step: time between samples, s
 
     Returns:
-        (n, poses) rad^2 (speeds count as (rad/s)^2); inf where the swing is not finite
+        (n, poses) rad^2 (plus (rad/s)^2 for speeds); inf if the swing is not finite
 
     Raises:
-        ValueError: shapes that do not fit.
+        ValueError: wrong shapes.
     """
     reference = np.asarray(reference, dtype=np.float64)
     if reference.ndim != 3:
@@ -87,17 +87,17 @@ def segment_errors(
         cost = sum over samples of |W (theta - target)|^2 [+ |omega - target|^2]
 
     Args:
-        rows: (n, 6) of `dpr_lab.dynamics.base.rows`
-        segments: when there are samples; steps are cut between them
+        rows: (n, 6) from `dpr_lab.dynamics.base.rows`
+        segments: instants of the samples, between which steps are equal
         initial: (S, 4) state at each segment's first sample, rad and rad/s
-        targets: (samples, 2 or 4) theta1, theta2 [, omega1, omega2] of all segments end to end
-        whitening: (2, 2) W with W^T W the inverse covariance of the two angles, 1/rad; none: the identity
+        targets: (samples, 2 or 4) theta1, theta2 [, omega1, omega2] of all segments in sequence
+        whitening: (2, 2) W with W^T W the inverse covariance of the two angles, 1/rad; None: the identity
 
     Returns:
-        (n, S); inf where the swing is not finite
+        (n, S); inf if the swing is not finite
 
     Raises:
-        ValueError: shapes that do not fit.
+        ValueError: wrong shapes.
     """
     rows = np.ascontiguousarray(rows, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1] != 6:
@@ -112,7 +112,7 @@ def segment_errors(
 
 
 def _targets(targets: ArrayLike, samples: int) -> tuple[NDArray[np.float64], bool]:
-    """(samples, 4) targets, and whether the speeds among them count."""
+    """(samples, 4) targets, and whether they contain speeds."""
     targets = np.asarray(targets, dtype=np.float64)
     if targets.ndim != 2 or targets.shape[0] != samples or targets.shape[1] not in (2, 4):
         raise ValueError(f"targets must have shape ({samples}, 2 or 4), not {targets.shape}")
@@ -123,7 +123,7 @@ def _targets(targets: ArrayLike, samples: int) -> tuple[NDArray[np.float64], boo
 
 
 def _weights(whitening: ArrayLike | None, weigh_speeds: bool) -> NDArray[np.float64]:
-    """(4,) metric of the angle error (W^T W: 11, 12 twice, 22) and weight of the squared speed errors."""
+    """(4,) metric of the angle error (W^T W: 11, twice 12, 22) and weight of the squared speed errors."""
     W = np.eye(2) if whitening is None else np.asarray(whitening, dtype=np.float64)
     if W.shape != (2, 2):
         raise ValueError(f"whitening must have shape (2, 2), not {W.shape}")
@@ -161,7 +161,7 @@ def _costs(
 
 @subroutine
 def _load(lanes: NDArray[np.float64], rows: NDArray[np.float64], first: int, start: NDArray[np.float64]) -> None:
-    """Candidates from `first` on into the lanes; spare lanes repeat the last candidate."""
+    """Load candidates from `first` on into the lanes; spare lanes repeat the last candidate."""
     for k in range(LANES):
         candidate = min(first + k, len(rows) - 1)
         for row in range(6):
@@ -215,7 +215,7 @@ def _accelerated(
 
 @subroutine
 def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Sine and cosine after a small turn (see `GUARD`), the square of its angle given."""
+    """Sine and cosine after a small rotation (see `GUARD`), given the square of its angle."""
     p = square * (1.0 / 362880.0) - 1.0 / 5040.0
     p = (p * square + 1.0 / 120.0) * square - 1.0 / 6.0
     turn = angle + angle * square * p
@@ -227,7 +227,7 @@ def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[flo
 
 @subroutine
 def _nudged(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Sine and cosine after a much smaller turn."""
+    """Sine and cosine after a much smaller rotation."""
     turn = angle + angle * square * (square * (1.0 / 120.0) - 1.0 / 6.0)
     shrink = square * (square * (1.0 / 24.0) - 0.5)
     return sine + (sine * shrink + cosine * turn), cosine + (cosine * shrink - sine * turn)
@@ -251,7 +251,7 @@ def _advance(lanes: NDArray[np.float64], h: float) -> None:
 
 @subroutine
 def _stage1(lanes: NDArray[np.float64], h: float) -> None:
-    """Accelerations p at the start; sines turned by half a step at the start's speed."""
+    """Accelerations p at the start; sines rotated by half a step with the initial speed."""
     half = 0.5 * h
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = _sines(lanes, k, SIN1)
@@ -266,7 +266,7 @@ def _stage1(lanes: NDArray[np.float64], h: float) -> None:
 
 @subroutine
 def _stage2(lanes: NDArray[np.float64], h: float) -> None:
-    """Accelerations q half a step on, with the speed that p gives; sines nudged to those of stage 3."""
+    """Accelerations q half a step later with the speed from p; sines nudged to those of stage 3."""
     half, quarter = 0.5 * h, 0.25 * h * h
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)
@@ -282,7 +282,7 @@ def _stage2(lanes: NDArray[np.float64], h: float) -> None:
 
 @subroutine
 def _stage3(lanes: NDArray[np.float64], h: float) -> None:
-    """Accelerations r half a step on, with the speed that q gives; the start's sines turned by a step at that speed."""
+    """Accelerations r half a step later with the speed from q; initial sines rotated by a step with this speed."""
     half, sixth = 0.5 * h, h * h / 6.0
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)
@@ -300,7 +300,7 @@ def _stage3(lanes: NDArray[np.float64], h: float) -> None:
 
 @subroutine
 def _stage4(lanes: NDArray[np.float64], h: float) -> None:
-    """Accelerations z at the end, with the speed that r gives; then the state there."""
+    """Accelerations z at the end with the speed from r, then the state at the end."""
     half, sixth = 0.5 * h, h / 6.0
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)
@@ -318,7 +318,7 @@ def _stage4(lanes: NDArray[np.float64], h: float) -> None:
 
 @subroutine
 def _remember(lanes: NDArray[np.float64]) -> None:
-    """The state at the start of the step, before it is overwritten."""
+    """Copy of the state at the start of the step."""
     for k in range(LANES):
         lanes[OLD_THETA1 + k], lanes[OLD_THETA2 + k] = lanes[THETA1 + k], lanes[THETA2 + k]
         lanes[OLD_OMEGA1 + k], lanes[OLD_OMEGA2 + k] = lanes[OMEGA1 + k], lanes[OMEGA2 + k]
@@ -326,7 +326,7 @@ def _remember(lanes: NDArray[np.float64]) -> None:
 
 @subroutine
 def _repeat_exactly(lanes: NDArray[np.float64], h: float) -> None:
-    """Repeat the last step, with exact sines, in the lanes that turned too far for the series."""
+    """Repeat the last step with exact sines in the lanes whose rotation was too large for the series."""
     for k in range(LANES):
         if lanes[TURNED + k] > GUARD:
             theta1, theta2, omega1, omega2 = _exact_step(lanes, k, h)

@@ -1,4 +1,4 @@
-"""Division of the time between samples into Runge-Kutta steps, the same for every integrator of the package."""
+"""Division of the time between samples into Runge-Kutta steps, common to all integrators of the package."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -6,19 +6,19 @@ from numpy.typing import ArrayLike, NDArray
 MAX_STEP = 1e-3
 """Default of the longest Runge-Kutta step, s.
 
-On the paper's rig it errs by less than 2e-8 rad over the first 2 s from any pose, far below an encoder's step.
+On the rig of the paper its error is below 2e-8 rad over the first 2 s from any pose, far below a count of an encoder.
 """
 
 
 def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Equal steps, none longer than `max_step`, from each instant to the next.
+    """Equal steps, at most `max_step` long, from each instant to the next.
 
     Args:
         t: (n,) increasing instants, s
         max_step: longest step, s
 
     Returns:
-        (n,) step before each instant, s, and (n,) number of such steps; both 0 for the first instant
+        (n,) step before each instant, s, and (n,) number of these steps; both 0 for the first instant
 
     Raises:
         ValueError: instants that do not increase, or a step that is not positive.
@@ -40,15 +40,15 @@ def sample_steps(
     """Equal steps from each sample of a segment to the next.
 
     Args:
-        t: (N,) instants of all segments end to end, increasing within each, s
-        offsets: (S + 1,) where the segments begin among them
+        t: (N,) instants of all segments in sequence, increasing within each, s
+        offsets: (S + 1,) first instant of each segment
         longest: (S,) longest step of each, s
 
     Returns:
-        (N,) step before each sample, s, and (N,) number of such steps; both 0 at the first of a segment
+        (N,) step before each sample, s, and (N,) number of these steps; both 0 at the first sample of a segment
     """
     first, interval = offsets[:-1], np.diff(t, prepend=t[0])
-    # The tolerance keeps an interval of five longest steps, up to rounding, at five steps.
+    # The tolerance divides an interval of five longest steps into five steps in spite of rounding.
     wanted = np.ceil(interval / np.repeat(longest, np.diff(offsets)) - 1e-9)
     wanted[first] = 1.0
     count = np.maximum(1, wanted).astype(np.int64)

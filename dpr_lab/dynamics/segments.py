@@ -1,6 +1,6 @@
-"""Segments: pieces of runs, end to end, each with its own initial state; the layout of samples that all code shares.
+"""Segments: parts of runs, in sequence, each with its own initial state; the common layout of samples.
 
-Initial states are not part of it but fitted: (S, 4) theta1, theta2, omega1, omega2.
+Initial states are not part of the layout, but fitted: (S, 4) theta1, theta2, omega1, omega2.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dpr_lab.setup import BOTH, Setup
 
 STEP = 2.5e-3
-"""Runge-Kutta step of the fits, s. From any pose of the paper's rig it errs by less than 1e-6 rad over 0.5 s."""
+"""Runge-Kutta step of the fits, s. From any pose of the paper's rig its error is below 1e-6 rad over 0.5 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,32 +23,32 @@ class Segments:
     t: NDArray[np.float64]
     """(N,) time of each sample since the release of its run, s."""
     offsets: NDArray[np.int64]
-    """(S + 1,) where the segments begin among the samples."""
+    """(S + 1,) first sample of each segment."""
     run: NDArray[np.int64]
     """(S,) index of the run that each segment was cut from."""
     setups: tuple[Setup, ...]
-    """What hung on the rig in each run, by the run's index."""
+    """Mounting and inputs of each run, by the index of the run."""
     step: NDArray[np.float64]
-    """(S,) longest Runge-Kutta step of each, s."""
+    """(S,) longest Runge-Kutta step of each segment, s."""
 
     def __len__(self) -> int:
         return len(self.run)
 
     @property
     def starts(self) -> NDArray[np.int64]:
-        """(S,) numbers that the initial state of each segment has."""
+        """(S,) number of initial values of each segment."""
         return np.array([setup.starts for setup in self.setups], dtype=np.int64)[self.run]
 
     @property
     def held(self) -> NDArray[np.bool_]:
-        """(S,) where all that hangs on joint 1 turns as one."""
+        """(S,) whether all parts on joint 1 turn as one."""
         return np.array([setup.held for setup in self.setups], dtype=np.bool_)[self.run]
 
     @property
     def pushes(self) -> NDArray[np.float64]:
-        """(samples, 4) means since the sample before of known torques on theta1, theta2, and of an arm's motion.
+        """(samples, 4) means since the previous sample of known torques on theta1, theta2, and of an arm's motion.
 
-        N m, then acceleration and squared speed of an arm that moves as prescribed, rad and s; zero in free swings.
+        N m, then acceleration and squared speed of an arm with prescribed motion, rad and s; zero for free swings.
         """
         means = np.zeros((len(self.t), 4))
         if all(setup.free for setup in self.setups):
@@ -72,15 +72,15 @@ class Segments:
 
     @property
     def chains(self) -> NDArray[np.int64]:
-        """(runs + 1,) where the runs begin among the segments."""
+        """(runs + 1,) first segment of each run."""
         return np.concatenate([[0], np.flatnonzero(np.diff(self.run)) + 1, [len(self)]]).astype(np.int64)
 
     def samples_of(self, some: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Places of the samples of some segments, by their indices, end to end."""
+        """Indices of the samples of some segments, given by their indices, in sequence."""
         return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in some])
 
     def chosen(self, some: NDArray[np.int64]) -> "Segments":
-        """Some segments, by their indices in order, as a layout of their own."""
+        """A layout with only some segments, given by their indices in order."""
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[some])])
         return Segments(self.t[self.samples_of(some)], offsets, self.run[some], self.setups, self.step[some])
 
@@ -95,10 +95,9 @@ def segments(
 
     Args:
         times: for each segment (n,) increasing times since the release, s
-        run: (S,) index of the run that each segment was cut from; in order, and within a run in order of time; none:
-            all of one run
-        setups: what hung on the rig in each run, by the run's index; both rods where it is shorter
-        step: longest Runge-Kutta step, s; of all segments or (S,) of each
+        run: (S,) index of the run of each segment; in order, and within a run in order of time; None: all of one run
+        setups: mounting and inputs of each run by its index; both rods for missing ones
+        step: longest Runge-Kutta step, s, for all segments or (S,) for each
 
     Raises:
         ValueError: no segment, instants that do not increase, segments out of order, or a step that is not positive.

@@ -1,11 +1,12 @@
-r"""Sensitivity of a swing to its parameters and initial state: the derivative of the Runge-Kutta map itself.
+r"""Sensitivity of a swing to its parameters and initial state: exact derivative of the Runge-Kutta map.
 
-With state x, parameters p and S = dx/d(p, x(0)), every stage k = f(x + h a k', p) is differentiated alongside:
-dk = f_x (S + h a dk') + f_p. The result is the exact derivative of what `simulate` computes, up to rounding, not an
+With state x, parameters p and S = dx/d(p, x(0)), every stage k = f(x + h a k', p) is differentiated:
+dk = f_x (S + h a dk') + f_p. The result is the exact derivative of the result of `simulate`, up to rounding, not an
 approximation of the derivative of the true swing.
 
 Columns of S: the ratios a/b, d/b, e1/b, c1/b, c2/b (with b = 1), then theta1, theta2, omega1, omega2 at the start.
-They are the lanes of the kernel. Within a step sines follow from those at its start by a series, exact to rounding.
+They are the lanes of the kernel. Within a step, sines are computed from those at its start by a series, exact to
+rounding.
 """
 
 import math
@@ -25,8 +26,9 @@ RATIOS = 5
 COLUMNS = RATIOS + STATES
 
 WIDTH = 12
-"""Columns as the kernel holds them, side by side in a row: after those above that of 1 / b, by which torques count, and
-two more to fill vector registers."""
+"""Number of columns in a row of the kernel: those above, that of 1 / b, by which torques are multiplied, and two
+more to fill vector registers.
+"""
 
 # Rows of the workspace, each `WIDTH` numbers: S, S at the stage, the sum of dk, and f_p for the two accelerations.
 S, AT, TOTAL, F_P = (row * WIDTH for row in (0, 4, 8, 12))
@@ -36,18 +38,18 @@ ROWS = 14 * WIDTH
 def sensitivities(
     ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, of: int = STATES
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Many segments and their derivatives, each with respect to its own start state.
+    """States of many segments and their derivatives, each with respect to its own initial state.
 
     Args:
-        ratios: (5,) a/b, d/b, e1/b, c1/b, c2/b, or (S, 5) of each segment
+        ratios: (5,) a/b, d/b, e1/b, c1/b, c2/b, or (S, 5) for each segment
         L1: length of the inner rod, m
         g: gravity, m/s^2
-        segments: when there are samples; steps are cut between them
+        segments: instants of the samples, between which steps are equal
         initial: (S, 4) state at each segment's first sample, rad and rad/s
-        of: derivatives of how many of the four states are wanted; of 2, the angles
+        of: number of the four states whose derivatives are returned; 2: the angles
 
     Returns:
-        (samples, 4) states of all segments end to end and (samples, `of`, 9) their derivatives
+        (samples, 4) states of all segments in sequence and (samples, `of`, 9) their derivatives
 
     Raises:
         ValueError: not five ratios, or not one state for each segment.
@@ -58,17 +60,17 @@ def sensitivities(
 def driven(
     values: NDArray[np.float64], rig: RigConstants, segments: Segments, initial: ArrayLike, of: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Segments under the torques of their runs, on arms that move; arguments as of `sensitivities`, which has neither.
+    """States and derivatives with the torques and arm motions of the runs; further arguments as for `sensitivities`.
 
     Args:
-        values: (S, 6) the ratios of each segment, and 1 / b, by which torques count
+        values: (S, 6) ratios of each segment, and 1 / b, by which torques are multiplied
         rig: lengths and gravity
-        segments: when there are samples
+        segments: instants of the samples
         initial: (S, 4)
-        of: derivatives of how many of the four states are wanted
+        of: number of the four states whose derivatives are returned
 
     Returns:
-        states and derivatives as of `sensitivities`, and (samples, `of`) derivatives by 1 / b
+        states and derivatives as in `sensitivities`, and (samples, `of`) derivatives with respect to 1 / b
     """
     step, count = sample_steps(segments.t, segments.offsets, segments.step)
     starts, pushes = initial_states(initial, segments), segments.pushes
@@ -79,7 +81,7 @@ def driven(
 
 
 def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> NDArray[np.float64]:
-    """(samples, 4) the states of `sensitivities` alone, at a third of the time."""
+    """(samples, 4) states of `sensitivities` alone, in a third of the time."""
     return _followed(ratios, L1, g, segments, initial, 0)[0]
 
 
@@ -106,7 +108,7 @@ def _integrated(
     count: NDArray[np.int64],
     of: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """(samples, 4) states and (samples, `of`, 9) derivatives, and (samples, `of`) those by what pushes count by."""
+    """(samples, 4) states, (samples, `of`, 9) derivatives, and (samples, `of`) those for the factor of torques."""
     states, by_push = np.empty((len(step), STATES)), np.empty((len(step), of))
     slopes, x, rows = np.empty((len(step), of, COLUMNS)), np.empty(STATES), np.empty(ROWS if of else 0)
     held, offsets = segments.held, segments.offsets
@@ -131,7 +133,7 @@ def _integrate(
     slopes: NDArray[np.float64],
     by_push: NDArray[np.float64],
 ) -> None:
-    """Fill in states, slopes and `by_push`; x and rows are room to work in."""
+    """Compute states, derivatives and `by_push`; x and rows are work arrays."""
     for segment in range(len(starts)):
         for i in range(STATES):
             x[i] = starts[segment, i]
@@ -160,7 +162,7 @@ def _runge_kutta(
     held: bool,
     push: NDArray[np.float64],
 ) -> None:
-    """Advance the state, and its derivative where there are rows, by one step in place; `held` is joint 2 or free."""
+    """Advance the state, and its derivative if there are rows, by one step in place; `held`: joint 2 is fixed."""
     theta1, theta2, omega1, omega2 = x
     e2 = ratios[1] * gravity
     push1, push2 = ratios[5] * push[0], ratios[5] * push[1]
@@ -199,7 +201,7 @@ def _runge_kutta(
 
 @subroutine
 def _after(turn: float, angle: float, sines: tuple[float, float]) -> tuple[float, float]:
-    """Sine and cosine after a turn from an angle whose own are given."""
+    """Sine and cosine after a rotation from an angle with known sine and cosine."""
     square = turn * turn
     if square > GUARD:
         return math.sin(angle + turn), math.cos(angle + turn)
@@ -220,9 +222,9 @@ def _differentiate(
     held: bool,
     push: NDArray[np.float64],
 ) -> None:
-    r"""Add dk = f_x S + f_p of one stage to the total, by its weight, and move S ahead to the next stage.
+    r"""Add dk = f_x S + f_p of one stage to the weighted sum, and advance S to the next stage.
 
-    From M alpha = f follows M dalpha = df - dM alpha, for each column; with joint 2 held, the sum of its two rows.
+    M alpha = f gives M dalpha = df - dM alpha for each column; with joint 2 fixed, the sum of its two rows.
     """
     a, d, e1, c1, c2, _ = ratios
     e2 = d * gravity
@@ -231,7 +233,7 @@ def _differentiate(
     sin12, cos12 = sin1 * cos2 - cos1 * sin2, cos1 * cos2 + sin1 * sin2
     coupling = d * cos12
 
-    # df - dM alpha for the difference angle t1 - t2, which M and the whirling torques share
+    # df - dM alpha for the difference angle t1 - t2, on which M and the centrifugal torques depend
     twist1 = -d * cos12 * omega2 * omega2 + d * sin12 * alpha2
     twist2 = d * cos12 * omega1 * omega1 + d * sin12 * alpha1
     lift1, lift2 = e1 * cos1, e2 * cos2
@@ -242,7 +244,7 @@ def _differentiate(
     rows[F_P + WIDTH + 1], rows[F_P + WIDTH + 4] = sin12 * omega1 * omega1 + gravity * sin2 - cos12 * alpha1, slide
     rows[F_P + COLUMNS], rows[F_P + WIDTH + COLUMNS] = push[0], push[1]
     cross = 0.0
-    if push[2] != 0.0 or push[3] != 0.0:  # an arm that moves, docs/theory.md (54)
+    if push[2] != 0.0 or push[3] != 0.0:  # moving arm, docs/theory.md (54)
         pull, whirl = push[2], push[3]
         lift1 += whirl * (a * (cos1 * cos1 - sin1 * sin1) - d * sin1 * sin2) + pull * e1 * sin1
         lift2 += whirl * (cos2 * cos2 - sin2 * sin2 - d * sin1 * sin2) + pull * e2 * sin2

@@ -1,4 +1,4 @@
-"""One swing, by the classical Runge-Kutta rule at arbitrary instants."""
+"""Simulation of one swing by the classical Runge-Kutta method at arbitrary instants."""
 
 from collections.abc import Sequence
 
@@ -28,7 +28,7 @@ def simulate(
     effects: ArrayLike | None = None,
     constants: RigConstants | None = None,
 ) -> NDArray[np.float64]:
-    """A free swing with the arm clamped, equation (1).
+    """Simulate a free swing with the arm clamped, equation (1).
 
     Args:
         base: (6,) base parameters a, b, d, e1, c1, c2, SI; any common scale without effects
@@ -36,13 +36,13 @@ def simulate(
         g: gravity, m/s^2
         state: (4,) theta1, theta2, omega1, omega2 at t[0], rad and rad/s
         t: (n,) increasing instants, s
-        max_step: longest Runge-Kutta step, s; each interval is cut into equal ones
-        effects: (SIZE,) vector of `dpr_lab.effects`, SI; none: all off. Those that act between rods and counts do not
-            show in states.
-        constants: what was measured on the rig; none: an effect that needs more than L1 and g gives nan
+        max_step: longest Runge-Kutta step, s; each interval is divided into equal steps
+        effects: (SIZE,) vector of `dpr_lab.effects`, SI; None: all off. Effects between rods and counts do not affect
+        the states.
+        constants: measured constants of the rig; None: an effect that needs more than L1 and g gives nan
 
     Returns:
-        (n, 4) states at `t`; nan from where the swing is no longer finite
+        (n, 4) states at `t`; nan after the swing becomes non-finite
 
     Raises:
         ValueError: wrong shapes, or instants that do not increase.
@@ -67,25 +67,25 @@ def simulate_arm(
     drive: ArrayLike = 0.0,
     constants: RigConstants | None = None,
 ) -> NDArray[np.float64]:
-    """A swing of the whole rig with the arm clamped, free or driven.
+    """Simulate a swing of the whole rig with the arm clamped, free or driven.
 
     Args:
         Z: (9,) parameters in the order of `dpr_lab.rig.PARAMETERS`, SI
         frame: L0 (m), L1 (m), g (m/s^2)
-        arm: J0 (kg m^2), c0 (N m s/rad), k0 (N m/rad) and mode; a clamped arm stays where it is, at rest
+        arm: J0 (kg m^2), c0 (N m s/rad), k0 (N m/rad) and mode; a clamped arm stays at rest
         state: (6,) theta0, theta1, theta2, omega0, omega1, omega2 at t[0], rad and rad/s
         t: (n,) increasing instants, s
         max_step: longest Runge-Kutta step, s
-        effects: (SIZE,) vector of `dpr_lab.effects`, SI; none: all off
-        drive: (n,) or one number, held from each instant to the next: torque on a free arm, N m, or acceleration of a
+        effects: (SIZE,) vector of `dpr_lab.effects`, SI; None: all off
+        drive: (n,) or scalar, constant from each instant to the next: torque on a free arm, N m, or acceleration of a
             driven one, rad/s^2
-        constants: what was measured on the rig; none: the lengths of `frame` and the masses of Z
+        constants: measured constants of the rig; None: the lengths of `frame` and the masses of Z
 
     Returns:
-        (n, 6) states at `t`; nan from where the swing is no longer finite
+        (n, 6) states at `t`; nan after the swing becomes non-finite
 
     Raises:
-        ValueError: wrong shapes, an unknown mode, an arm that is not clamped together with an effect that moves it, or
+        ValueError: wrong shapes, an unknown mode, an unclamped arm together with an effect that moves the arm, or
             instants that do not increase.
     """
     model, mode = rig_model(Z, frame, arm, effects, constants)
@@ -102,7 +102,7 @@ def rig_model(
     effects: ArrayLike | None,
     constants: RigConstants | None = None,
 ) -> tuple[RigModel, int]:
-    """The whole rig for `integrate`, and how its arm is held; arguments as for `simulate_arm`."""
+    """Model of the whole rig for `integrate`, and mode of its arm; arguments as for `simulate_arm`."""
     if arm.mode not in MODES:
         raise ValueError(f"arm mode must be one of {', '.join(MODES)}, not {arm.mode!r}")
     values = _vector(Z, 9, "Z")
@@ -116,12 +116,12 @@ def rig_model(
         return model, MODES.index(arm.mode)
     if arm.mode != "clamped":
         (effect,) = (name for name, effect in EFFECTS.items() if effect.stage == "arm")
-        raise ValueError(f"the effect {effect} replaces what holds a clamped arm; this one is {arm.mode}")
+        raise ValueError(f"the effect {effect} replaces the clamp of a clamped arm, but this arm is {arm.mode}")
     return model, FREE
 
 
 def at_release(state: Sequence[float] | NDArray[np.float64]) -> RigState:
-    """The state of angles and speeds (6,) at the release, where internal states have their initial values."""
+    """State with angles and speeds (6,) at the release, where internal states have their initial values."""
     return as_state([*state, *AT_RELEASE[list(STEPPED)]])
 
 
@@ -145,7 +145,7 @@ def _effects(effects: ArrayLike | None) -> NDArray[np.float64]:
 def integrate(
     model: RigModel, mode: int, start: RigState, t: ArrayLike, max_step: float = MAX_STEP, drive: ArrayLike = 0.0
 ) -> NDArray[np.float64]:
-    """A swing from a full state, so that it can be computed piece by piece.
+    """Simulate a swing from a full state, which allows piecewise computation.
 
     Args:
         model: the rig and its effects
@@ -156,7 +156,7 @@ def integrate(
         drive: as for `simulate_arm`
 
     Returns:
-        (n, 6 + internal) states in the order of `RigState`; nan from where the swing is no longer finite
+        (n, 6 + internal) states in the order of `RigState`; nan after the swing becomes non-finite
 
     Raises:
         ValueError: instants that do not increase.

@@ -1,4 +1,4 @@
-"""One Runge-Kutta step of the rig with all its effects: the right-hand side as the simulator takes it."""
+"""One Runge-Kutta step of the rig with all its effects, with the right-hand side of the simulator."""
 
 import math
 from typing import NamedTuple
@@ -32,7 +32,7 @@ from dpr_lab.kernels import subroutine
 
 
 class RigModel(NamedTuple):
-    """A rig and its effects, as compiled code takes them."""
+    """A rig and its effects for compiled code."""
 
     base: BaseParameters
     constants: RigConstants
@@ -40,9 +40,9 @@ class RigModel(NamedTuple):
     params: NDArray[np.float64]
     """(SIZE,) parameters of all effects."""
     active: NDArray[np.bool_]
-    """(effects,) which are on."""
+    """(effects,) mask of the active effects."""
     required: Requirements
-    """What they require."""
+    """Quantities that they require."""
 
 
 class RigState(NamedTuple):
@@ -55,11 +55,11 @@ class RigState(NamedTuple):
     omega1: float
     omega2: float
     internal: tuple[float, ...]
-    """In the order of `dpr_lab.effects.effect_kernels.STEPPED`."""
+    """Internal states in the order of `dpr_lab.effects.effect_kernels.STEPPED`."""
 
 
 def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, params: NDArray[np.float64]) -> RigModel:
-    """The rig with the effects of a vector; `arm` holds its arm unless an effect does."""
+    """The rig with the effects of a vector; `arm` is used unless an effect replaces it."""
     active = active_effects(params)
     required = Requirements(*map(bool, required_by(active)))
     arm = arm_model(constants, arm, params, active) if required.arm else arm
@@ -75,7 +75,7 @@ def motion_of(
     forces: tuple[float, float],
     directions: tuple[float, float],
 ) -> Motion:
-    """The motion at time t, s, of angles (3,) and speeds (3,)."""
+    """Motion at time t, s, with angles (3,) and speeds (3,)."""
     theta0, theta1, theta2 = thetas
     omega0, omega1, omega2 = omegas
     sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
@@ -87,7 +87,7 @@ def motion_of(
 
 @subroutine
 def under_load(motion: Motion, force1: float, force2: float) -> Motion:
-    """A motion with its joint forces known, N."""
+    """Motion including its joint forces, N."""
     return Motion(
         motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
         motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, force1, force2,
@@ -104,9 +104,9 @@ def _length(x: float, y: float) -> float:
 def joint_forces(
     motion: Motion, alphas: tuple[float, float, float], base: BaseParameters, constants: RigConstants
 ) -> tuple[float, float]:
-    """Forces that joint 1 and joint 2 carry, N: mass times acceleration less weight of all that hangs on them.
+    """Forces of joint 1 and joint 2, N: mass times acceleration minus weight of all parts on the joint.
 
-    Across and along the vertical; the part along the arm, which a held arm's rods lack, is left out.
+    In the plane of the rods; the component along the arm, which is zero for a held arm, is neglected.
     """
     alpha0, alpha1, alpha2 = alphas
     whirl1, whirl2 = motion.omega1 * motion.omega1, motion.omega2 * motion.omega2
@@ -128,7 +128,7 @@ def joint_forces(
 def accelerations_at(
     t: float, x: RigState, displacement1: float, displacement2: float, model: RigModel, mode: int, drive: float
 ) -> tuple[float, float, float]:
-    """(alpha0, alpha1, alpha2), rad/s^2, of a state whose joints have turned since its internal states held, rad."""
+    """(alpha0, alpha1, alpha2), rad/s^2, of a state after displacements since its internal states, rad."""
     directions = directions_at(t, x, model, mode, drive)
     _, rods = _stage(t, x, (displacement1, displacement2), model, mode, drive, directions)
     return held(rods, directions[0], directions[1])
@@ -144,7 +144,7 @@ def _stage(
     drive: float,
     directions: tuple[float, float],
 ) -> tuple[Motion, ReducedRods]:
-    """The motion and what its accelerations follow from, while the joints slide in these directions or rest."""
+    """Motion and reduced equations, with the joints sliding in these directions or at rest."""
     motion = motion_of(
         t,
         (x.theta0, x.theta1, x.theta2),
@@ -167,7 +167,7 @@ def _stage(
 
 @subroutine
 def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> tuple[float, float]:
-    """Directions in which the joints continue: 1 or -1, and 0 for those that dry friction holds at rest."""
+    """Directions in which the joints continue: 1 or -1, or 0 if Coulomb friction holds them at rest."""
     directions = _directions(x, model)
     if directions[0] != 0.0 and directions[1] != 0.0:
         return directions
@@ -179,14 +179,14 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
 
 @subroutine
 def _directions(x: RigState, model: RigModel) -> tuple[float, float]:
-    """The signs of the joints' speeds; nan for a joint without dry friction, which nothing holds."""
+    """Signs of the joint speeds; nan for a joint without Coulomb friction."""
     first = direction_of(x.omega1) if model.required.dry1 else math.nan
     return first, direction_of(x.omega2 - x.omega1) if model.required.dry2 else math.nan
 
 
 @subroutine
 def _spare(motion: Motion, rods: ReducedRods, model: RigModel, directions: tuple[float, float]) -> tuple[float, float]:
-    """Limit less push of the joints at rest, N m; inf for the others."""
+    """Margins (limit minus torque) of the joints at rest, N m; inf for the others."""
     push1, push2 = pushes(rods, directions[0], directions[1])
     limit1, limit2 = dry_limits(motion, push1, push2, model.params, model.active)
     spare1 = limit1 - abs(push1) if directions[0] == 0.0 else math.inf
@@ -194,7 +194,7 @@ def _spare(motion: Motion, rods: ReducedRods, model: RigModel, directions: tuple
 
 
 class TriedStep(NamedTuple):
-    """A step in unchanged directions: its end, the accelerations there, and limit less push at start and end."""
+    """Step with unchanged directions: its end, the accelerations there, and the margins at start and end."""
 
     end: RigState
     alphas: tuple[float, float, float]
@@ -206,7 +206,7 @@ class TriedStep(NamedTuple):
 def _runge_kutta(
     t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float, directions: tuple[float, float]
 ) -> TriedStep:
-    """One classical Runge-Kutta step of h; accelerations and spare torques at its end are those of the last stage."""
+    """One classical Runge-Kutta step of h; accelerations and margins at its end are those of the last stage."""
     resting = directions[0] == 0.0 or directions[1] == 0.0
     motion, rods = _stage(t, x, (0.0, 0.0), model, mode, drive, directions)
     first = _spare(motion, rods, model, directions) if resting else (math.inf, math.inf)
@@ -239,7 +239,7 @@ def _runge_kutta(
 def _stopped(
     x: RigState, joint: int, directions: tuple[float, float], later: float, alphas: tuple[float, float, float]
 ) -> RigState:
-    """The state after a correction of the instant, with a joint set to rest."""
+    """State after a correction of the instant, with a joint set to rest."""
     theta0 = x.theta0 + later * x.omega0
     theta1, theta2 = x.theta1 + later * x.omega1, x.theta2 + later * x.omega2
     omega0 = x.omega0 + later * alphas[0]
@@ -253,7 +253,7 @@ def _stopped(
 def _first_event(
     x: RigState, tried: TriedStep, h: float, directions: tuple[float, float], released: bool
 ) -> tuple[float, int]:
-    """Share of a step at which the first joint changes its direction, 1 where none does; and the joint that stops."""
+    """Share of a step at which the first joint changes its direction, 1 if none does; and the joint that stops."""
     share, joint = 1.0, 0
     y, alphas = tried.end, tried.alphas
     before, after = directions[0] * x.omega1, directions[0] * y.omega1
@@ -274,19 +274,19 @@ def _first_event(
 def advanced(
     t: float, x: RigState, h: float, events: int, model: RigModel, mode: int, drive: float
 ) -> tuple[RigState, float, bool]:
-    """The state after a step of h, or after that part of it in which no joint changes its direction.
+    """State after a step of h, or after the part of it without a change of direction of a joint.
 
     Args:
         t: time since the release, s
-        x: the state there
+        x: state at t
         h: step, s
-        events: how many the whole step has seen already
+        events: number of previous events in the whole step
         model: the rig and its effects
-        mode: how its arm is held
-        drive: what drives it
+        mode: mode of the arm
+        drive: input of the arm
 
     Returns:
-        the state, the time that has passed (s), and whether that was all of h
+        the state, the elapsed time (s), and whether it equals h
     """
     directions = math.nan, math.nan
     if model.required.dry1 or model.required.dry2:
@@ -311,7 +311,7 @@ def advanced(
 
 @subroutine
 def stepped(t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float) -> RigState:
-    """The state one step of h later, cut where a joint stops or starts to slide."""
+    """State one step of h later, divided at the events at which a joint stops or starts to slide."""
     now, events, whole = t, 0, False
     while not whole:
         x, passed, whole = advanced(now, x, t + h - now if events else h, events, model, mode, drive)

@@ -1,4 +1,4 @@
-"""Generalised torques of effects along a known trajectory, which they are not fed back to."""
+"""Generalised torques of effects along a known trajectory, without feedback on the motion."""
 
 from collections.abc import Callable, Mapping
 
@@ -29,7 +29,7 @@ def effect_torques_along(
     constants: RigConstants,
     params: Array,
 ) -> Array:
-    """Torques of the effects that act on the rods; internal states are as at the release.
+    """Torques of effects on the rods, with the internal states of the release.
 
     Args:
         t: (n,) since the release, s
@@ -68,7 +68,7 @@ def arm_torques_along(
 ) -> Array:
     r"""Torques of a slightly compliant arm; arguments and result as of `effect_torques_along`.
 
-    The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F, and its acceleration drives them:
+    The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F, and its acceleration acts on the rods:
 
         F = r sum_i e_i (sin(theta_i) omega_i^2 - cos(theta_i) alpha_i),    tau_i = -r e_i cos(theta_i) alpha0,
 
@@ -98,7 +98,7 @@ def _effect_torques(
     w: Array,
     torques: Array,
 ) -> None:
-    """Instants side by side in the lanes, one effect vector after the other; `used` are the parameters of any."""
+    """Instants in the lanes, for one effect vector after the other; `used` are the parameters of any vector."""
     for first in range(0, len(t), LANES):
         for k in range(LANES):
             i = min(first + k, len(t) - 1)
@@ -115,7 +115,7 @@ def _effect_torques(
 
 @subroutine
 def _exert(w: Array, rig: RigConstants, active: NDArray[np.bool_]) -> None:
-    """The torques of one effect vector in all lanes."""
+    """Torques of one effect vector in all lanes."""
     for k in range(LANES):
         w[At.torque1 + k], w[At.torque2 + k] = 0.0, 0.0
     add_torques(w, rig, active)
@@ -134,7 +134,7 @@ def _put(
     base: BaseParameters,
     rig: RigConstants,
 ) -> None:
-    """Put lane k into a motion of the rods on an arm that is held."""
+    """Set lane k to a motion of the rods with a held arm."""
     w[At.a + k], w[At.b + k], w[At.d + k], w[At.e1 + k], w[At.e2 + k] = base.a, base.b, base.d, base.e1, base.e2
     w[At.L1 + k], w[At.L2 + k], w[At.stage_t + k] = rig.L1, rig.L2, t
     w[At.m1 + k], w[At.m2 + k], w[At.mb + k] = rig.m1, rig.m2, rig.mb
@@ -147,7 +147,7 @@ def _put(
 
 @njit
 def _driven(t: Array, run: NDArray[np.int64], force: Array, friction: Array, stiffness: Array) -> Array:
-    """(n, k) accelerations of oscillators of mass 1 that rest until t = 0, by the trapezoidal rule."""
+    """(n, k) accelerations of oscillators of mass 1 that are at rest until t = 0, by the trapezoidal rule."""
     many = len(stiffness)
     accelerations, x, v = np.zeros((len(t), many)), np.empty(many), np.empty(many)
     for i in range(len(t)):
@@ -171,7 +171,7 @@ def _driven(t: Array, run: NDArray[np.int64], force: Array, friction: Array, sti
 
 
 def _c(values: Array) -> Array:
-    """Numbers as the kernels take them, of one kind whoever calls."""
+    """Values with the types of the compiled kernels."""
     return np.array(values, dtype=np.float64, order="C")
 
 
@@ -182,4 +182,4 @@ TRAJECTORY_TORQUES: Mapping[StageName, TrajectoryTorques] = {
     "drive": effect_torques_along,
     "arm": arm_torques_along,
 }
-"""Stage of an effect -> its torques along a trajectory, for the stages that have them."""
+"""Stage of an effect -> function of its torques along a trajectory, for the supported stages."""

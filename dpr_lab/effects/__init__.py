@@ -1,7 +1,7 @@
-"""Physical effects beyond the base model: one file for each concept, one line in the table.
+"""Physical effects beyond the base model: one file for each concept, one row in the table.
 
-The order of `EFFECTS` fixes the flat parameter vector; effects of plugins (`dpr_lab.plugins`) come last. An effect is
-on while one of its amplitudes is not zero.
+The order of `EFFECTS` defines the flat parameter vector; effects of plugins (`dpr_lab.plugins`) come last. An effect is
+active if one of its amplitudes is not zero.
 """
 
 from collections.abc import Iterable, Mapping
@@ -82,10 +82,10 @@ EFFECTS: dict[str, Effect] = {
 EFFECTS |= plugin_rows("effects", Effect, EFFECTS, lambda _, effect: effect.name, refusal)
 
 OF_FREE_SWINGS = {name: effect for name, effect in EFFECTS.items() if not effect.driven}
-"""The effects that free swings can show."""
+"""Effects that free swings can show."""
 
 SLICES = slices(EFFECTS.values())
-"""Name of an effect -> where its parameters lie in the flat vector."""
+"""Name of an effect -> slice of its parameters in the flat vector."""
 
 SIZE = sum(len(effect.parameters) for effect in EFFECTS.values())
 
@@ -106,7 +106,7 @@ _DEFAULTS = np.array([parameter.default for effect in EFFECTS.values() for param
 
 
 def effect_params(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float64]:
-    """The flat vector from named coefficients; amplitudes not named are zero, shapes not named have their default.
+    """Flat vector from named coefficients; missing amplitudes are zero, missing shapes have their default.
 
     Args:
         values: effect -> parameter -> value, as in `{"coulomb_joint1": {"torque_Nm": 0.001}}`
@@ -127,7 +127,7 @@ def effect_params(values: Mapping[str, Mapping[str, float]]) -> NDArray[np.float
 
 
 def named_params(params: NDArray[np.float64], among: Iterable[str] = EFFECTS) -> dict[str, dict[str, float]]:
-    """Named coefficients of the effects that are on, of all or `among` some; the inverse of `effect_params`."""
+    """Named coefficients of the active effects, of all or `among` some; inverse of `effect_params`."""
     return {
         name: dict(zip((p.name for p in EFFECTS[name].parameters), params[SLICES[name]].tolist(), strict=True))
         for name in among
@@ -136,16 +136,17 @@ def named_params(params: NDArray[np.float64], among: Iterable[str] = EFFECTS) ->
 
 
 def plausibility(params: NDArray[np.float64], effect: str) -> float:
-    """Prior of an effect's fitted size: one well below its scale, falling with the fourth power of the size above it.
+    """Prior of an effect's fitted size: nearly one below its scale, with a fourth-power decrease above.
 
         w = 1 / (1 + u^4),    u = max over amplitudes | x | / s,    s the `prior_scale` of each
 
     It is the prior density per unit of ln | x |. Indistinguishable effects explain the recordings equally well, and
-    each is as many standard deviations from zero as the other. So the ratio of their w is that of their posteriors.
+    their sizes are equally many standard deviations from zero. The ratio of their w is therefore that of their
+    posterior probabilities.
     """
     amplitudes = EFFECTS[effect].amplitudes
     u = max(abs(float(params[at])) / p.prior_scale for at, p in zip(_AMPLITUDES[effect], amplitudes, strict=True))
-    return 1.0 / (1.0 + min(u, 1e6) ** 4)  # not zero, so that ratios stay finite
+    return 1.0 / (1.0 + min(u, 1e6) ** 4)  # positive, so that ratios stay finite
 
 
 def without_effect(params: NDArray[np.float64], effect: str) -> NDArray[np.float64]:
@@ -156,14 +157,14 @@ def without_effect(params: NDArray[np.float64], effect: str) -> NDArray[np.float
 
 
 def without_events(params: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the flat vector without effects that happened once, in one run."""
+    """Flat vector without effects that occurred once, in one run."""
     for name in _EVENTS:
         params = without_effect(params, name)
     return params
 
 
 def param_index(effect: str, parameter: str) -> int:
-    """Index in the flat vector of one parameter of one effect.
+    """Index of one parameter of one effect in the flat vector.
 
     Raises:
         ValueError: the effect has no such parameter.
@@ -175,7 +176,7 @@ def param_index(effect: str, parameter: str) -> int:
 
 
 def proposed_shapes(effect: Effect, recorded: Recorded) -> list[Shape] | None:
-    """Shape parameters that an effect proposes for these recordings; None where the grid of `scan` is used."""
+    """Shape parameters that an effect proposes for these recordings; None: use the grid of `scan`."""
     proposed = effect.propose(recorded) if effect.propose else None
     if proposed is None:
         return None

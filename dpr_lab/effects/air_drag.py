@@ -1,7 +1,7 @@
 r"""Air drag: quadratic resistance, integrated along the rods.
 
 A point of the inner rod at the distance s from joint 1 moves across its rod at s w1; one of the outer rod, s from
-joint 2, at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The force against it is k v |v| a metre.
+joint 2, at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The drag force is k v |v| per metre.
 """
 
 import math
@@ -13,7 +13,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def _between(start: float, slope: float, low: float, high: float) -> tuple[float, float]:
-    """Integrals of v |v| and s v |v| where v keeps its sign, by two Gauss points."""
+    """Integrals of v |v| and s v |v| for v of constant sign, by two Gauss points."""
     span, node = high - low, 0.5 / math.sqrt(3.0)
     s1, s2 = low + (0.5 - node) * span, low + (0.5 + node) * span
     v1, v2 = start + slope * s1, start + slope * s2
@@ -25,7 +25,8 @@ def _between(start: float, slope: float, low: float, high: float) -> tuple[float
 def moments(start: float, slope: float, length: float) -> tuple[float, float]:
     """Integrals of v |v| and s v |v| over 0 <= s <= length for v = start + slope s.
 
-    Exact: v |v| is quadratic on either side of where v changes sign, and two Gauss points serve cubics.
+    They are exact: on both sides of a sign change of v, v |v| is quadratic, and two Gauss points integrate cubics
+    exactly.
     """
     turn = -start / slope
     turn = turn if turn > 0.0 else 0.0
@@ -84,7 +85,7 @@ AIR_DRAG_OUTER = Effect(
 AIR_DRAG_BOTH = Effect(
     name="air_drag_both",
     words="air drag, both rods",
-    equation="as air_drag_outer, and tau1 = -k L1^4 omega1 |omega1| / 4 for the inner rod",
+    equation="as air_drag_outer, and additionally tau1 = -k L1^4 omega1 |omega1| / 4 for the inner rod",
     parameters=_PARAMETERS,
     site="joint torque",
     stage="torque",

@@ -1,4 +1,4 @@
-"""Arm compliance: the brake or servo holds the arm like a spring with damping, and the rods excite it."""
+"""Arm compliance: the brake or servo acts like a damped spring, and the rods excite the arm."""
 
 import math
 
@@ -9,19 +9,19 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def compliant(constants: RigConstants, coupling_per_kg: float, frequency_hz: float, damping_ratio: float) -> ArmModel:
-    """The arm of the whole rig's equation: A = L0^2 / coupling, k0 = A w^2, c0 = 2 zeta A w, w = 2 pi f."""
+    """Arm in the equation of the whole rig: A = L0^2 / coupling, k0 = A w^2, c0 = 2 zeta A w, w = 2 pi f."""
     inertia = constants.L0 * constants.L0 / coupling_per_kg
     speed = 2.0 * math.pi * frequency_hz
     return ArmModel(inertia, constants.L0 / constants.g, 2.0 * damping_ratio * inertia * speed, inertia * speed * speed)
 
 
 def propose(recorded: Recorded) -> list[dict[str, float]] | None:
-    """No frequency where the arm stood still in every run, else all of the grid."""
+    """No frequencies if the arm did not move in any run, otherwise the whole grid."""
     return [] if all(moves is False for moves in recorded.arm_moves) else None
 
 
 def longest_step(params: Params, *, per_period: float = 40.0, finest_s: float = 6.25e-4) -> float:
-    """40 steps to a period of the arm, which it needs to vibrate as it would; no finer than a quarter of 2.5 ms."""
+    """40 steps per period of the arm, sufficient for its vibration; at least a quarter of 2.5 ms."""
     return max(1.0 / (per_period * params["frequency_hz"]), finest_s)
 
 
@@ -30,7 +30,8 @@ ARM_COMPLIANCE = Effect(
     words="arm compliance",
     equation=(
         "the three-coordinate equation of `dpr_lab.dynamics.arm` with theta0 on a spring: A = L0^2 / coupling (inertia"
-        " of the arm with all masses at its tip), k0 = A (2 pi f)^2, c0 = 2 zeta A 2 pi f; held fast before the release"
+        " of the arm with all masses at its tip), k0 = A (2 pi f)^2, c0 = 2 zeta A 2 pi f; the arm is held"
+        " before the release"
     ),
     parameters=(
         EffectParameter("coupling_per_kg", "1/kg", 0.1, "positive"),
@@ -60,8 +61,8 @@ ARM_COMPLIANCE = Effect(
         ),
     ),
     bench_check=(
-        "Read the arm's encoder while the rods swing, clamp the arm to the table and repeat; tap the arm with the rods"
-        " at rest and look for its frequency."
+        "Read the arm's encoder while the rods swing, clamp the arm to the table and repeat; tap the arm"
+        " with the rods at rest and measure its frequency."
     ),
     source="Lagrange's equations of the whole rig, `dpr_lab.dynamics.arm`.",
 )

@@ -1,4 +1,4 @@
-"""Base tilt in the plane in which the rods swing."""
+"""Base tilt in the plane of the swing."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.elementary import sincos
@@ -31,7 +31,8 @@ BASE_TILT = Effect(
     quantities=(BenchQuantity("tilt of the base", "tilt", ("tilt_rad",)),),
     bench_check=(
         "Put a spirit level on the base along the plane of the swing. Or read encoder 1 with the rods at rest, turn the"
-        " base by 180 degrees and read it again: half the change is the tilt; the zero of an encoder stays."
+        " base by 180 degrees and read it again: half the change is the tilt; the zero error of the encoder"
+        " does not change."
     ),
     source="Gravity turned in the plane of motion; a common fault of Furuta and cart rigs, e.g. arXiv 2202.01424.",
 )

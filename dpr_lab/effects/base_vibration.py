@@ -45,7 +45,7 @@ BASE_VIBRATION = Effect(
     kernel=shaken,
     quantities=(BenchQuantity("peak acceleration of the base", "A", ("cos_m_per_s2", "sin_m_per_s2")),),
     bench_check=(
-        "Put a phone's accelerometer on the base and look for the line in its spectrum; switch off machines nearby"
+        "Put the accelerometer of a phone on the base and look for a line in the spectrum; switch off machines nearby"
         " (fans, pumps), or put the rig on the floor, and repeat."
     ),
     source="Pendulum with a moved pivot: Landau & Lifshitz, Mechanics, sec. 5, problem 3.",

@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def fast(t: float, excess: float) -> float:
-    """True time less device time at the device time t, s, for a clock that is too fast by the excess."""
+    """True time minus device time at the device time t, s, for a clock that is too fast by the excess."""
     return t / (1.0 + excess) - t
 
 
@@ -29,11 +29,12 @@ CLOCK_RATE = Effect(
         ),
     ),
     bench_check=(
-        "Compare ten minutes of the device's ticks with the host's clock (`dpr-lab run info` shows the rate error). A"
-        " crystal is off by 0.01 % at most: a larger error points to the length L1 (or to gravity)."
+        "Compare ten minutes of the device's ticks with the host's clock (`dpr-lab run info` shows the rate"
+        " error). A crystal has an error of at most 0.01 %: a larger error indicates a wrong length L1 (or gravity)."
     ),
     source=(
-        "Equation (1) keeps its form when time is scaled, but for gravity. Data sheets of crystals allow 20 to 100 ppm"
+        "Equation (1) keeps its form when time is scaled, except for gravity. Data sheets of crystals allow"
+        " 20 to 100 ppm"
         " for tolerance, temperature and age together."
     ),
 )

@@ -1,4 +1,4 @@
-r"""A centroid off the axis of its rod: a bent rod, a screw on one side.
+r"""Centroid offset from the axis of a rod: a bent rod, a screw on one side.
 
 The centroid lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot. For the outer rod, with p = m2 L1 y and the
 difference angle D = t1 - t2, the kinetic energy gains p sin(D) w1 w2 and (m2 y^2 / 2) w2^2.
@@ -11,14 +11,14 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def inner(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
-    """tau1 = m1 g y cos(theta1) and m1 y^2 more inertia; y the offset."""
+    """tau1 = m1 g y cos(theta1), and m1 y^2 of additional inertia; y is the offset."""
     moment = constants.m1 * offset_m
     return Terms(moment * offset_m, 0.0, 0.0, moment * constants.g * motion.cos1, 0.0)
 
 
 @inlined
 def outer(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
-    """Gravity, coupling inertia and whirl of the outer rod's centroid."""
+    """Gravity, coupling inertia and centrifugal torque of the outer rod's centroid."""
     moment = constants.m2 * offset_m
     sin12 = motion.sin1 * motion.cos2 - motion.cos1 * motion.sin2
     cos12 = motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2
@@ -33,7 +33,7 @@ def outer(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
     )
 
 
-_SOURCE = "Lagrange's equations of a rod whose centroid lies off the line of its pivots; derived here."
+_SOURCE = "Lagrange's equations of a rod whose centroid is not on the line of its pivots; derived here."
 
 COM_OFFSET_LINK1 = Effect(
     name="com_offset_link1",
@@ -48,8 +48,9 @@ COM_OFFSET_LINK1 = Effect(
     twins=("detent_joint1",),
     quantities=(BenchQuantity("offset of the centroid across the inner rod", "y", ("offset_m",)),),
     bench_check=(
-        "Hang the inner rod alone and compare where it rests with a plumb line. Clamp a known mass on its axis and"
-        " repeat: the moment of the centroid stays the same, and so does cogging; without the motor, cogging vanishes."
+        "Mount the inner rod alone and compare its rest position with a plumb line. Attach a known mass on"
+        " its axis and repeat: neither the moment of the centroid nor cogging changes; without the motor,"
+        " cogging vanishes."
     ),
     source=_SOURCE,
 )
@@ -69,6 +70,6 @@ COM_OFFSET_LINK2 = Effect(
     joints=(1,),
     twins=("encoder_offset_joint2",),
     quantities=(BenchQuantity("offset of the centroid across the outer rod", "y", ("offset_m",)),),
-    bench_check=("Lay the outer rod on a knife edge along its axis: a centroid off the axis tips it to that side."),
+    bench_check=("Lay the outer rod on a knife edge along its axis: a centroid beside the axis tips it to that side."),
     source=_SOURCE,
 )

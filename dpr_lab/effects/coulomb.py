@@ -1,4 +1,4 @@
-"""Dry (Coulomb) friction in a rod joint."""
+"""Coulomb friction in a rod joint."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
@@ -24,8 +24,9 @@ COULOMB = pair(
     dissipative=True,
     quantities=(BenchQuantity("Coulomb friction torque", "F", ("torque_Nm",)),),
     bench_check=(
-        "Let joint {j} alone swing by a few degrees until it rests: under dry friction the peaks fall along a straight"
-        " line and the rod stops away from the vertical; viscous friction gives a decaying exponential."
+        "Let joint {j} alone swing by a few degrees until it rests: with Coulomb friction the peaks"
+        " decrease along a straight line and the rod stops away from the vertical; viscous friction gives a"
+        " decaying exponential."
     ),
     source=(
         "Armstrong-Helouvry, Dupont & Canudas de Wit (1994), A survey of models, analysis tools and compensation"

@@ -1,4 +1,4 @@
-"""Cogging (detent): magnets of a motor pull a joint towards evenly spaced angles."""
+"""Cogging (detent): the magnets of a motor pull a joint towards evenly spaced angles."""
 
 import math
 from dataclasses import replace
@@ -11,7 +11,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def cogging(joint: Joint, cos1_Nm: float, sin1_Nm: float, cos2_Nm: float, sin2_Nm: float, order: float) -> float:
-    """Torque on the rod beyond the joint, N m: two harmonics of the order."""
+    """Torque on the rod after the joint, N m: two harmonics of the order."""
     phase = order * joint.angle
     sin, cos = sincos(phase)
     first = cos1_Nm * cos + sin1_Nm * sin
@@ -41,8 +41,8 @@ _JOINT1, DETENT_JOINT2 = pair(
     potential=True,
     quantities=(BenchQuantity("peak cogging torque, first harmonic", "A1", ("cos1_Nm", "sin1_Nm")),),
     bench_check=(
-        "Turn joint {j} slowly by hand with the rod balanced: cogging is felt at evenly spaced angles. Take the motor"
-        " off and repeat: cogging vanishes, a centroid offset remains."
+        "Turn joint {j} slowly by hand with the rod balanced: cogging is felt at evenly spaced angles."
+        " Remove the motor and repeat: cogging vanishes, a centroid offset remains."
     ),
     source="Hanselman (2003), Brushless Permanent Magnet Motor Design, ch. 9 (cogging torque).",
 )
@@ -55,5 +55,7 @@ DETENT_JOINT1 = replace(
         for parameter in _JOINT1.parameters
     ),
 )
-"""At order one its sine is gravity and its cosine a centroid offset of the inner rod. Those keep their names: the
-search starts at order two."""
+"""Orders of the scan.
+
+At order one its sine is gravity and its cosine is a centroid offset of the inner rod, so the scan starts at order two.
+"""

@@ -18,7 +18,7 @@ Shape = tuple[tuple[int, float], ...]
 
 
 LEVERS = ("friction_radius_m", "offset_m")
-"""Lengths that turn a force, known from the rig file's masses, into a torque: they scale as torques do."""
+"""Lengths that convert a force, known from the masses in the rig file, to a torque: they scale like torques."""
 
 
 _RATIO_UNITS = {
@@ -36,40 +36,43 @@ _RATIO_UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class EffectParameter:
-    """One coefficient.
+    """One coefficient of an effect.
 
-    An amplitude of zero does nothing; an effect all of whose amplitudes are zero is off, for any shape parameters.
+    An effect whose amplitudes are all zero is off, for any shape parameters.
     """
 
     name: str
     """Name with the unit, as in `torque_Nm`."""
     unit: str
     typical: float
-    """Size met on a laboratory rig, in `unit`."""
+    """Typical size on a laboratory rig, in `unit`."""
     sign: Literal["any", "positive"] = "any"
-    """Which values are physical."""
+    """Physically possible values."""
     role: Literal["amplitude", "shape"] = "amplitude"
     default: float = 0.0
     """Default of a shape parameter; zero for an amplitude."""
     scan: tuple[float, ...] = ()
-    """Values of a shape parameter to try before refining; empty: those of the recording (runs, instants)."""
+    """Values of a shape parameter to try before it is refined; empty: those of the recording (runs, instants)."""
     draw: tuple[float, float] | None = None
-    """Range from which a blind trial draws a shape parameter; None: a third of its default to three times it."""
+    """Range of a shape parameter in blind trials; None: from a third of its default to three times it."""
     whole: bool = False
-    """Only whole values are physical; of an amplitude none below one in size."""
+    """Whether only integers are physical; the absolute value of an amplitude is then at least one."""
     one_way: bool = False
-    """Blind trials draw this amplitude positive though either sign is physical: the other would drive the rods."""
+    """Whether blind trials draw this amplitude positive although both signs are physical, because a negative one
+    would drive the rods.
+    """
     continuous: bool = False
-    """Whether a shape parameter is refined after its scan; orders and instants are not."""
+    """Whether a shape parameter is refined after its scan; false for orders and instants."""
     negative: str = ""
     """Meaning of a negative value: `friction falls during the swing`."""
     most: float = math.inf
-    """Largest possible size of an amplitude on any rig, in `unit`; inf: relative to the rig, by `limit`."""
+    """Maximum size of an amplitude on any rig, in `unit`; inf: relative to the rig, by `limit`."""
     limit: str = ""
-    """Key of `dpr_lab.effects.limits.LIMITS`; empty: the unit."""
+    """Key of `dpr_lab.effects.limits.LIMITS`; empty: the unit is the key."""
     plausible: float | None = None
-    """Scale of the prior of an amplitude, in `unit`: sizes beyond it are rare (`dpr_lab.effects.plausibility`). None:
-    three times the typical size."""
+    """Scale of the prior of an amplitude, in `unit`: larger sizes are rare (`dpr_lab.effects.plausibility`). None:
+    three times the typical size.
+    """
 
     @property
     def prior_scale(self) -> float:
@@ -78,7 +81,7 @@ class EffectParameter:
 
     @property
     def scale_power(self) -> int:
-        """Power k of the common scale of torques and inertias in it: a free swing shows its ratio to b^k.
+        """Power k of the common scale of torques and inertias: a free swing determines its ratio to b^k.
 
         1 for a torque or an inertia, -1 for 1/kg, 0 for angles, times and shapes.
         """
@@ -90,7 +93,7 @@ class EffectParameter:
 
     @property
     def ratio_unit(self) -> str:
-        """Unit of its ratio to b^k; empty where k is 0."""
+        """Unit of its ratio to b^k; empty if k is 0."""
         return _RATIO_UNITS[self.unit] if self.scale_power else ""
 
     @property
@@ -109,19 +112,19 @@ def shape(
     whole: bool = False,
     continuous: bool = False,
 ) -> EffectParameter:
-    """A shape parameter, positive, whose typical size is its default.
+    """A positive shape parameter whose typical size is its default.
 
     Args:
-        name: with its unit
-        unit: in words of SI
-        default: where it stands while it is not fitted
-        scan: values to try first; of a continuous one in equal ratios, which is where its fit begins
-        draw: between which values a blind trial draws it
-        whole: a number of things
-        continuous: fitted after the scan
+        name: name with unit
+        unit: SI unit
+        default: value while it is not fitted
+        scan: values to try first; for a continuous parameter in equal ratios, as initial values of its fit
+        draw: range in blind trials
+        whole: whether it is an integer
+        continuous: whether it is fitted after the scan
 
     Raises:
-        ValueError: a continuous shape without at least two values to begin at.
+        ValueError: a continuous shape with fewer than two values in `scan`.
     """
     if continuous and len(scan) < 2:
         raise ValueError(f"{name}: a continuous shape needs two values or more in `scan`")
@@ -146,53 +149,55 @@ class BenchQuantity:
     words: str
     """Name of the quantity: `extra friction at rest`."""
     symbol: str
-    """As in the equation of the effect."""
+    """Symbol in the equation of the effect."""
     parameters: tuple[str, ...]
-    """The amplitude that is measured; of several the root of the sum of their squares (cosine and sine: the peak)."""
+    """Measured amplitude; for several amplitudes the root of the sum of their squares (cosine and sine: the peak)."""
     definition: str = ""
-    """Exact definition, where the name is ambiguous."""
+    """Exact definition if the name is ambiguous."""
 
 
 @dataclass(frozen=True, slots=True)
 class InternalState:
-    """Internal state of an effect: it depends on the motion so far."""
+    """Internal state of an effect, which depends on the previous motion."""
 
     name: str
-    """Kernel argument that receives its value at the start of the step."""
+    """Kernel argument for its value at the start of the step."""
     unit: str
     at_release: float = 0.0
     after: Callable[..., float] | None = None
-    """Transition over a displacement of the effect's joint in one direction: a kernel that may ask for the state,
-    `displacement` (rad) and parameters. None where the stage defines it: backlash is its own transition, and an arm
-    moves by the equation of the whole rig."""
+    """Transition over a displacement of the effect's joint in one direction: a kernel with the arguments state,
+    `displacement` (rad) and parameters. None if the stage defines it: backlash is its own transition, and an arm
+    moves by the equation of the whole rig.
+    """
     sliding: Callable[[float], float] | None = None
-    """Kernel for its value in a run that is first seen after the release, from the joint's speed, rad/s. None: as at
-    the release."""
+    """Kernel for its value at the start of a run that begins after the release, from the speed of the joint, rad/s.
+    None: as at the release.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Candidates from the recordings for shape parameters that no grid covers."""
+    """Candidates from the recordings for shape parameters without a grid."""
 
     arm_moves: tuple[bool | None, ...]
-    """By run: whether encoder 0 saw the arm move; None where it was not read."""
+    """For each run: whether encoder 0 detected a motion of the arm; None if it was not measured."""
     steps: Callable[[], list[tuple[int, int, float]]]
-    """Joint (0 or 1), run and instant (s) of apparent steps in the readings, the best first."""
+    """Joint (0 or 1), run and instant (s) of apparent steps in the readings, best first."""
 
 
 Words = Mapping[str, Any]
-"""An effect in the terms that programs for rigid bodies share; each belongs to the effect's joint or rod, SI.
+"""An effect as elements that rigid-body programs share; each refers to the effect's joint or rod, SI.
 
-    friction                 dry friction, N m
-    stiffness, rest_angle    a linear spring, N m/rad, and where it rests, rad from hanging straight
+    friction                 Coulomb friction, N m
+    stiffness, rest_angle    a linear spring, N m/rad, and its rest angle, rad from hanging
     armature                 inertia that turns with the joint, kg m^2
     cogging                  (amplitude N m, poles, phase rad) of each torque amplitude sin(poles q + phase)
-    presliding               (torque N m, length rad) of friction that gives way like a spring first
+    presliding               (torque N m, length rad) of friction that is elastic before sliding
     offset                   of the rod's centroid across the rod, m
-    added_length             how much longer the inner rod is than was measured, m
+    added_length             length error of the inner rod, m
     tilt                     of gravity in the plane of the rods, rad
-    arm                      True: the arm is free on what `arm_model` says
-    encoder_offset, encoder_scale    what the joint's encoder adds, rad, and its excess over the angle from hanging
+    arm                      True: the arm is free with the constants of `arm_model`
+    encoder_offset, encoder_scale    offset of the joint's encoder, rad, and its relative scale error
 """
 
 
@@ -202,74 +207,78 @@ class Effect:
 
     name: str
     words: str
-    """Title for people: `Coulomb friction, joint 1`."""
+    """Title: `Coulomb friction, joint 1`."""
     equation: str
-    """Its contribution, in the symbols of docs/theory.md: torques on theta1, theta2, or changes of what is read."""
+    """Contribution with the symbols of docs/theory.md: torques on theta1, theta2, or changes of the readings."""
     parameters: tuple[EffectParameter, ...]
     site: Site
     stage: StageName
     kernel: Callable[..., Any]
     bench_check: str
-    """What to do at the rig to confirm it, or to distinguish it from its twins."""
+    """Check on the rig that confirms it, or distinguishes it from its twins."""
     source: str
     joints: tuple[int, ...] = (0, 1)
-    """The joints (0, 1) whose angle and speed it may depend on; both where it belongs to none."""
+    """Joints (0, 1) on whose angle and speed it may depend; both if it belongs to none."""
     internal: tuple[InternalState, ...] = ()
     dissipative: bool = False
-    """Whether it can only take energy out of the rods (presliding gives back no more than it has stored)."""
+    """Whether it can only dissipate energy of the rods (presliding returns at most the stored energy)."""
     dry: bool = False
-    """Whether it is dry friction: proportional to `Joint.direction` apart from its dependence on speed. At rest it
-    transmits the torque that keeps the joint at rest, up to its torque at speed zero."""
+    """Whether it is Coulomb friction: proportional to `Joint.direction` apart from its dependence on speed. At rest
+    it transmits the torque that keeps the joint at rest, up to its torque at zero speed.
+    """
     potential: bool = False
     """Whether its torque is a function of the joint's angle alone."""
     event: bool = False
-    """Whether it happens once in one recording and is no property of the rig."""
+    """Whether it occurs once in one recording and is not a property of the rig."""
     twins: tuple[str, ...] = ()
     """Effects that are indistinguishable from this one by free swings, or nearly so."""
     nested: tuple[str, ...] = ()
-    """Simpler effects, preferred where they explain the recordings as well."""
+    """Simpler effects, preferred if they explain the recordings equally well."""
     adds: str = ""
-    """The amplitude that the simpler effects lack, where it can be measured."""
+    """Amplitude that the simpler effects lack, if it can be measured."""
     quantities: tuple[BenchQuantity, ...] = ()
-    """What can be measured of it on the bench: the first for the effect itself; of `adds` the one that has it. None:
-    the amplitudes, by their names."""
+    """Measurable quantities: the first for the effect itself; for `adds` the one with this amplitude. None: the
+    amplitudes, by their names.
+    """
     absorbed_by: tuple[str, ...] = ()
-    """Base parameters that absorb this effect exactly, so that a free swing cannot show it."""
+    """Base parameters that absorb this effect completely, so that a free swing cannot show it."""
     corrects: str = ""
-    """Key of the rig file that it corrects; always fitted where the file states an uncertainty (`Rig.unsure`)."""
+    """Key of the rig file that it corrects; always fitted if the file states an uncertainty (`Rig.unsure`)."""
     propose: Callable[[Recorded], list[dict[str, float]] | None] | None = None
     """Shape parameters to try on these recordings, by name; []: none; None: the grid of `scan`."""
     longest_step: Callable[[Params], float] | None = None
-    """Longest integration step, s; None: as long as the rods allow."""
+    """Longest integration step, s; None: as for the rods."""
     hides_step: Callable[[Params], float] | None = None
-    """Largest step of joint 2's readings, rad, that it explains by itself; None: it explains none."""
+    """Largest step of joint 2's readings, rad, that it explains; None: it explains none."""
     remedy: Callable[[Params, RigConstants, int], str] | None = None
-    """What to correct at the rig, in its file or in its readings, from parameters, rig and joint (0, 1); none: it is no
-    fault, and a simulator has to include it."""
+    """Correction of the rig, its file or its readings, from parameters, rig and joint (0, 1); None: it is not a
+    fault, and a simulator must include it.
+    """
     implied: Callable[[Params], Params] | None = None
-    """Quantities derived from the parameters that are reported with them, by name; {} where there are none."""
+    """Derived quantities that are reported with its parameters, by name; {} if there are none."""
     exported: Callable[[Params], Words] | None = None
-    """The effect in these terms; none, or {} where these parameters have none: other programs call its kernel, or
-    omit it."""
+    """Function that returns the effect as such elements; None, or {} if these parameters have none: other programs
+    then call its kernel or omit it.
+    """
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
-        """The parameters that are zero when the effect is off."""
+        """Parameters that are zero if the effect is off."""
         return tuple(parameter for parameter in self.parameters if parameter.role == "amplitude")
 
     def bench_quantity(self, parameter: str) -> BenchQuantity:
-        """The measured quantity that an amplitude is part of."""
+        """Measured quantity that contains an amplitude."""
         own = (quantity for quantity in self.quantities if parameter in quantity.parameters)
         return next(own, BenchQuantity(parameter, parameter, (parameter,)))
 
     @property
     def driven(self) -> bool:
-        """Whether it belongs to a drive, so that free swings are independent of it."""
+        """Whether it belongs to a drive and does not affect free swings."""
         return self.stage in ("drive", "input")
 
     @property
     def shapes(self) -> tuple[EffectParameter, ...]:
-        """The shape parameters."""
+        """Shape parameters."""
         return tuple(parameter for parameter in self.parameters if parameter.role == "shape")
 
 
@@ -288,12 +297,12 @@ def pair(
 
     Args:
         family: name without the joint
-        words: {j} in them stands for the number of the joint
-        equation: likewise
-        bench_check: likewise
+        words: title with {j} for the number of the joint
+        equation: equation with {j}
+        bench_check: check with {j}
         nested: families of simpler effects at the same joint
-        twins: families of effects at the same joint that look alike
-        site: as of `Effect`
+        twins: families of similar effects at the same joint
+        site: as in `Effect`
         fields: the other fields of `Effect`
     """
     return [

@@ -1,7 +1,7 @@
 """All effects as compiled functions of one rig, one for each stage, generated from `dpr_lab.effects.stages.STAGES`.
 
-`params` is the flat vector (SIZE,) and `active` says which effects are on, (effects,) of `active_effects`. `internal`
-are those internal states that move with a joint, in the order of `STEPPED`.
+`params` is the flat vector (SIZE,), `active` the mask of the active effects from `active_effects`, (effects,), and
+`internal` the internal states that move with a joint, in the order of `STEPPED`.
 """
 
 import math
@@ -22,7 +22,7 @@ _AMPLITUDES = [param_index(effect.name, p.name) for effect in _ALL for p in effe
 _FIRST_AMPLITUDES = np.cumsum([0, *(len(effect.amplitudes) for effect in _ALL[:-1])])
 
 EFFECT_OF = np.repeat(np.arange(len(_ALL)), [len(effect.parameters) for effect in _ALL])
-"""(SIZE,) index of the effect that each parameter belongs to."""
+"""(SIZE,) index of the effect of each parameter."""
 
 _STATES = [(effect, state) for effect in _ALL for state in effect.internal]
 
@@ -30,20 +30,20 @@ INTERNAL = tuple(f"{effect.name}.{state.name}" for effect, state in _STATES)
 """Order of all internal states, as `effect.state`."""
 
 AT_RELEASE = np.array([state.at_release for _, state in _STATES])
-"""(internal,) their values until the release."""
+"""(internal,) values until the release."""
 
 STEPPED = tuple(i for i, (_, state) in enumerate(_STATES) if state.after is not None)
-"""Indices in `INTERNAL` of those that move with a joint."""
+"""Indices in `INTERNAL` of the states that move with a joint."""
 
 LAG = next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == "play"), len(INTERNAL))
-"""Index of the backlash's: the angle that encoder 2 holds less its joint's, rad."""
+"""Index of the backlash state: angle held by encoder 2 minus that of its joint, rad."""
 
 ARM = next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == "arm"), len(INTERNAL))
-"""Index of the arm's angle; its speed comes next."""
+"""Index of the arm's angle; the next one is its speed."""
 
 
 def stepped_states() -> Iterator[tuple[Effect, InternalState]]:
-    """Effect and state, of all internal states that move with a joint."""
+    """Effect and state for all internal states that move with a joint."""
     return (_STATES[i] for i in STEPPED)
 
 
@@ -51,20 +51,20 @@ class Contribution(NamedTuple):
     """One call of a kernel within a stage."""
 
     name: str
-    """Of the kernel in the generated source."""
+    """Name of the kernel in the generated source."""
     kernel: Callable[..., float]
     effect: Effect
     joint: int
-    """1 or 2."""
+    """Joint, 1 or 2."""
     state: int = 0
-    """Index in `STEPPED` of the internal state that it moves, in the stage `transition`."""
+    """Index in `STEPPED` of the internal state that it updates, in the stage `transition`."""
 
     def guard(self) -> str:
-        """The line below which the statements stand: the effect is on."""
+        """Line that encloses the statements: the effect is active."""
         return f"if active[{_ALL.index(self.effect)}]:"
 
     def statements(self, stage: str, notation: Mapping[str, str]) -> list[str]:
-        """The source that calls the kernel and combines its value, its names written in this notation."""
+        """Source that calls the kernel and combines its value, with names in this notation."""
         row, wanted, start = STAGES[stage], arguments(self.kernel), SLICES[self.effect.name].start
         states = {s.name: f"{{{row.states}_{i}}}" for i, (e, s) in enumerate(stepped_states()) if e is self.effect}
         params = {p.name: f"{{params_{start + i}}}" for i, p in enumerate(self.effect.parameters)}
@@ -73,7 +73,7 @@ class Contribution(NamedTuple):
 
 
 def contributions(stage: str) -> list[Contribution]:
-    """The calls of a stage in the order of the library."""
+    """Calls of a stage in the order of the library."""
     if stage == "transition":
         return [
             Contribution(f"after{i}", state.after, effect, effect.joints[0] + 1, i)
@@ -89,7 +89,7 @@ def contributions(stage: str) -> list[Contribution]:
 
 
 class _ScalarNotation(dict[str, str]):
-    """A name is an argument or a local variable of the scalar version; `params_3` is `params[3]`."""
+    """Notation of the scalar version: a name is an argument or a local variable; `params_3` is `params[3]`."""
 
     def __missing__(self, name: str) -> str:
         array, _, index = name.rpartition("_")
@@ -100,7 +100,7 @@ _NOTATION = _ScalarNotation(joint1="joint1(motion)", joint2="joint2(motion)")
 
 
 def scalar_stage(stage: str) -> Any:
-    """The compiled scalar version of a stage: (its arguments, params, active) -> its results."""
+    """Compiled scalar version of a stage: (its arguments, params, active) -> its results."""
     row, calls = STAGES[stage], contributions(stage)
     states = range(len(STEPPED)) if stage == "transition" else range(1)
     results = {
@@ -128,34 +128,36 @@ def _sliding() -> Any:
 
 
 effect_torques = scalar_stage("torque")
-"""(motion, base, constants, internal, params, active) -> Terms of what moves the rods."""
+"""(motion, base, constants, internal, params, active) -> Terms of the equation of motion."""
 
 load_torques = scalar_stage("load")
-"""The same of load-dependent friction, in a motion whose joint forces are known."""
+"""The same for load-dependent friction, with known joint forces."""
 
 dry_limits = scalar_stage("dry")
-"""(motion, push1, push2, params, active) -> torques, N m, up to which dry friction holds joints that are pushed so."""
+"""(motion, push1, push2, params, active) -> limits of Coulomb friction under these torques, N m."""
 
 arm_model = scalar_stage("arm")
 """(constants, arm, params, active) -> ArmModel: inertia, friction and stiffness of the arm; `arm` without effects."""
 
 reading_shifts = scalar_stage("timing")
-"""(t, params, active) -> s added to the instants at which joints 1 and 2 are read."""
+"""(t, params, active) -> shifts of the reading instants of joints 1 and 2, s."""
 
 encoder_errors = scalar_stage("encoder")
-"""(angle1, angle2, t, run, constants, params, active) -> rad added to the encoder readings of joints 1 and 2."""
+"""(angle1, angle2, t, run, constants, params, active) -> errors of the encoder readings of joints 1 and 2, rad."""
 
 held_angle = scalar_stage("play")
-"""(angle2, hold, params, active) -> the angle that the encoder of joint 2 holds once its joint is at `angle2`, rad."""
+"""(angle2, hold, params, active) -> angle held by the encoder of joint 2 after its joint has reached `angle2`, rad."""
 
 input_delay = scalar_stage("input")
 """(late, params, active) -> delay of the known torques, s; `late` without effects."""
 
 internal_after = scalar_stage("transition")
-"""(old_internal, displacement1, displacement2, params, active) -> internal, after displacements of the joints, rad."""
+"""(old_internal, displacement1, displacement2, params, active) -> internal states after displacements of the joints,
+rad.
+"""
 
 internal_sliding = _sliding()
-"""(speed1, speed2) -> internal, of joints that have slid for long, rad/s."""
+"""(speed1, speed2) -> internal states of joints that have slid for a long time, rad/s."""
 
 
 _REQUIRED_BY: dict[str, Callable[[Effect], bool]] = {
@@ -165,7 +167,7 @@ _REQUIRED_BY: dict[str, Callable[[Effect], bool]] = {
     "dry1": lambda effect: effect.dry and 0 in effect.joints,
     "dry2": lambda effect: effect.dry and 1 in effect.joints,
 }
-"""Fields of `Requirements` that are no stages -> whether an effect requires them."""
+"""Fields of `Requirements` that are not stages -> whether an effect requires them."""
 
 _REQUIREMENTS = np.array(
     [
@@ -173,15 +175,15 @@ _REQUIREMENTS = np.array(
         for field in Requirements._fields
     ]
 )
-"""(fields of `Requirements`, effects)"""
+"""(fields of `Requirements`, effects) whether an effect requires a field."""
 
 
 def active_effects(params: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(..., effects) which effects of (..., SIZE) are on: those with an amplitude that is not zero."""
+    """(..., effects) mask of the active effects of (..., SIZE): those with a non-zero amplitude."""
     return np.logical_or.reduceat(params[..., _AMPLITUDES] != 0.0, _FIRST_AMPLITUDES, axis=-1)
 
 
 def required_by(active: NDArray[np.bool_]) -> Requirements:
-    """What the effects require that are on, (..., effects); each field (...)."""
+    """Requirements of the active effects, (..., effects); each field (...)."""
     required = np.logical_or.reduce(active[..., None, :] & _REQUIREMENTS, axis=-1)
     return Requirements(*(required[..., i] for i in range(len(_REQUIREMENTS))))

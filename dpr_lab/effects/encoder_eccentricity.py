@@ -1,4 +1,4 @@
-"""Encoder eccentricity: a disc or magnet off centre or tilted, with an error that repeats every turn."""
+"""Encoder eccentricity: a disc or magnet that is not centred or is tilted, with an error that repeats every turn."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.elementary import sincos
@@ -39,7 +39,9 @@ def eccentric(
 
 
 LARGEST_RAD = 0.03
-"""Largest first amplitude, of a disc off centre by 3 % of its radius; the k-th is a k-th of it."""
+"""Largest first amplitude, for a disc with an offset of 3 % of its radius; that of the k-th harmonic is a k-th of
+it.
+"""
 
 ENCODER_ECCENTRICITY = pair(
     "encoder_eccentricity",
@@ -59,10 +61,11 @@ ENCODER_ECCENTRICITY = pair(
     stage="encoder",
     quantities=(BenchQuantity("peak encoder error, one cycle per turn", "A_1", ("cos1_rad", "sin1_rad")),),
     bench_check=(
-        "Take encoder {j} off, turn its disc or magnet by 90 degrees on its shaft and repeat: the error turns too."
+        "Remove encoder {j}, turn its disc or magnet by 90 degrees on its shaft and repeat: the error turns"
+        " by the same angle."
     ),
     source=(
-        "Eccentricity gives one cycle a turn and an oval track two: Synapticon Circulo encoder manual; 0.1 mm at a"
+        "Eccentricity gives one cycle per turn and an oval track two: Synapticon Circulo encoder manual; 0.1 mm at a"
         " radius of 15 mm is 7 mrad."
     ),
 )

@@ -12,7 +12,7 @@ def shifted(offset_rad: float) -> float:
 
 
 def remedy(params: Params, rig: RigConstants, joint: int) -> str:
-    """How to correct the zero."""
+    """Correction of the zero."""
     off = f"{1e3 * params['offset_rad']:.3g} mrad"
     return f"set the zero of encoder {joint + 1} again while the rods hang at rest, or subtract {off} from its readings"
 
@@ -58,8 +58,8 @@ ENCODER_OFFSET_JOINT2 = Effect(
         BenchQuantity("zero error of the encoder", "x", ("offset_rad",), definition="angle read minus true angle"),
     ),
     bench_check=(
-        "Take the outer rod off and turn it by 180 degrees about its long axis: the zero of the encoder stays, a"
-        " centroid off the axis changes sides."
+        "Remove the outer rod and turn it by 180 degrees about its long axis: the zero of the encoder does"
+        " not change, a centroid offset changes its side."
     ),
     source=_SOURCE,
 )

@@ -8,7 +8,7 @@ USUAL_LINES = (
     *(100, 128, 200, 250, 256, 300, 360, 400, 500, 512, 600, 720, 800, 1000, 1024, 1200, 1250, 1500, 1800, 2000),
     *(2048, 2500, 3000, 3600, 4000, 4096, 5000, 8192, 10_000),
 )
-"""Lines a turn of incremental encoders that are sold; a counter counts four edges of each."""
+"""Usual lines per turn of incremental encoders; a counter counts four edges per line."""
 
 
 @inlined
@@ -18,7 +18,7 @@ def stretched(encoder: EncoderReading, excess: float) -> float:
 
 
 def remedy(params: Params, rig: RigConstants, joint: int) -> str:
-    """How to correct the counts per turn."""
+    """Correction of the counts per turn."""
     configured = abs(rig.counts_per_rev2 if joint else rig.counts_per_rev1)
     correct = configured * (1.0 + params["excess"])
     words = f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"
@@ -29,7 +29,7 @@ def remedy(params: Params, rig: RigConstants, joint: int) -> str:
 
 
 def usual_counts(counts: float, near: float = 2e-3) -> int | None:
-    """Counts a turn of the usual encoder within a relative distance; None if there is none."""
+    """Counts per turn of a usual encoder within a relative distance; None if there is none."""
     nearest = min((4 * lines for lines in USUAL_LINES), key=lambda usual: abs(usual / counts - 1.0))
     return nearest if abs(nearest / counts - 1.0) < near else None
 

@@ -1,4 +1,4 @@
-"""Families of effects with one cause: the parts of a geared drive that was left on a joint."""
+"""Families of effects with one cause: the effects of a geared drive on a joint."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ class Family:
     name: str
     words: str
     parts: tuple[str, ...]
-    """The effects that it may have."""
+    """Effects that it can cause."""
     marks: tuple[str, ...]
-    """Those that are specific to it."""
+    """Effects that are specific to it."""
     expected: tuple[str, ...]
-    """Those that it always has, at any size, and that a free swing can show."""
+    """Effects that it always causes, of any size, and that a free swing can show."""
 
     def among(self, effects: Collection[str]) -> tuple[str, ...]:
-        """Its parts among some effects; empty unless there are two or more and one of its marks."""
+        """Its effects among given ones; empty unless there are at least two and one of them is specific."""
         parts = tuple(name for name in effects if name in self.parts)
         return parts if len(parts) > 1 and set(parts) & set(self.marks) else ()
 
@@ -28,7 +28,7 @@ def _drive(j: int) -> Family:
     marks += [f"backlash_joint{j}"] if j == 2 else []  # the library has none for joint 1
     friction = (f"{law}_joint{j}" for law in ("coulomb", "stribeck", "friction_curve", "hysteresis"))
     expected = [f"coulomb_joint{j}", f"load_friction_joint{j}"]
-    expected += ["rotor_inertia_joint2"] if j == 2 else []  # that of joint 1 is part of a
+    expected += ["rotor_inertia_joint2"] if j == 2 else []  # the rotor of joint 1 is part of a
     return Family(f"drive_joint{j}", f"geared drive, joint {j}", (*marks, *friction), tuple(marks), tuple(expected))
 
 
@@ -40,5 +40,5 @@ Source: Spong, Hutchinson & Vidyasagar (2006), Robot Modeling and Control, ch. 7
 
 
 def expected_of(geared: Iterable[int]) -> tuple[str, ...]:
-    """Effects that geared drives on joints, 1 or 2, always have."""
+    """Effects that geared drives on joints 1 or 2 always cause."""
     return tuple(name for joint in geared for name in FAMILIES[joint - 1].expected)

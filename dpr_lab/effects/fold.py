@@ -1,4 +1,4 @@
-"""Generated source: all effects of a stage in one compiled function, so that no change of effects recompiles it."""
+"""Generated source: all effects of a stage in one compiled function, for any set of active effects."""
 
 import inspect
 import linecache
@@ -10,7 +10,7 @@ from dpr_lab.kernels import subroutine
 
 
 def slices(effects: Iterable[Effect]) -> dict[str, slice]:
-    """The slice of the flat vector that holds each effect's parameters, in the order of `effects`."""
+    """Slice of the flat vector for the parameters of each effect, in the order of `effects`."""
     blocks: dict[str, slice] = {}
     start = 0
     for effect in effects:
@@ -25,21 +25,20 @@ def arguments(kernel: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def call(kernel: str, wanted: Iterable[str], *offered: Mapping[str, str]) -> str:
-    """The source of a kernel call: for each wanted argument the first expression offered under its name."""
+    """Source of a kernel call: for each argument the first expression available under its name."""
     values = [next(expressions[name] for expressions in offered if name in expressions) for name in wanted]
     return f"{kernel}({', '.join(values)})"
 
 
 def compiled(lines: Iterable[str], names: Mapping[str, Any]) -> Any:
-    """Compile the function whose source lines these are.
+    """Compile a function from source lines.
 
-    It is one function written out: a chain of closures that call each other costs ten times as much where all are off.
-    The disk cache cannot recognise it again; the kernels that call it are cached with its code inside. `inspect` finds
-    its source.
+    It is one explicit function, because a chain of closures takes ten times as long if all effects are off. The disk
+    cache cannot identify it; the kernels that call it are cached with its code. `inspect` finds its source.
 
     Args:
         lines: source, the first line with `def name(...)`
-        names: what the source refers to
+        names: names used in the source
     """
     scope, source = dict(names), "\n".join(lines)
     name = source[len("def ") : source.index("(")]

@@ -1,6 +1,6 @@
-"""Free-form friction curve that increases with speed: increments of one sign between fixed speeds.
+"""Free-form friction curve that increases with speed: non-negative increments between fixed speeds.
 
-At rest it may differ between the two directions, as a skewed seal or a preloaded bearing does.
+At rest it may differ between the two directions, as for a skewed seal or a preloaded bearing.
 """
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
@@ -25,9 +25,9 @@ def curve(
     rise3_Nm: float,
     rise4_Nm: float,
 ) -> float:
-    """Torque on the rod beyond the joint, N m: a step at rest, then one ramp between each two speeds.
+    """Torque on the rod after the joint, N m: a step at rest, then one ramp between two successive speeds.
 
-    The last speed, rad/s, lies within fast swings, where only viscous friction still grows.
+    Above the last speed, rad/s, which fast swings reach, only viscous friction increases.
     """
     speed = joint.speed * joint.direction
     size = forward_Nm if joint.direction > 0.0 else backward_Nm
@@ -65,6 +65,6 @@ FRICTION_CURVE = pair(
     ),
     source=(
         "Isotonic (monotone) regression, Robertson, Wright & Dykstra (1988), Order Restricted Statistical Inference;"
-        " its use for a bearing is ours."
+        " the application to a bearing is our own."
     ),
 )

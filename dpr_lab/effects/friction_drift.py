@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def drifting(joint: Joint, rate_Nm_per_rad: float) -> float:
-    """Torque -r t u on the rod beyond the joint, N m; t the time since the release."""
+    """Torque -r t u on the rod after the joint, N m; t is the time since the release."""
     return -rate_Nm_per_rad * joint.t * joint.speed
 
 
@@ -23,7 +23,7 @@ FRICTION_DRIFT = pair(
             2e-5,
             one_way=True,
             limit="damping per second",
-            negative="viscous friction falls during the swing, as of grease that warms",
+            negative="viscous friction decreases during the swing, for example because grease warms up",
         ),
     ),
     stage="torque",

@@ -1,4 +1,4 @@
-"""Presliding (Dahl) friction: before it slides, a bearing or a cable yields like a spring."""
+"""Presliding (Dahl) friction: before sliding, a bearing or a cable is elastic like a spring."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, InternalState, pair, shape
 from dpr_lab.effects.elementary import exp, tanh
@@ -14,8 +14,8 @@ def deflected(presliding: float, displacement: float, length_rad: float) -> floa
 
     Args:
         presliding: z_0, -1 to 1
-        displacement: turn x since z_0, rad
-        length_rad: turn over which the joint starts to slide
+        displacement: rotation x since z_0, rad
+        length_rad: rotation over which the joint starts to slide
     """
     side = 1.0 if displacement > 0.0 else -1.0
     return side + (presliding - side) * exp(-abs(displacement) / length_rad)
@@ -23,13 +23,13 @@ def deflected(presliding: float, displacement: float, length_rad: float) -> floa
 
 @inlined
 def dahl(joint: Joint, presliding: float, torque_Nm: float, length_rad: float) -> float:
-    """Torque -F z on the rod beyond the joint, N m."""
+    """Torque -F z on the rod after the joint, N m."""
     return -torque_Nm * deflected(presliding, joint.displacement, length_rad)
 
 
 @inlined
 def sliding(speed: float) -> float:
-    """Presliding of a joint that has slid for long, with the sign of its speed."""
+    """Presliding state of a joint that has slid for a long time, with the sign of its speed."""
     return tanh(speed / SMOOTHING)
 
 
@@ -50,8 +50,8 @@ HYSTERESIS = pair(
     dissipative=True,
     quantities=(BenchQuantity("friction torque at which presliding ends", "F", ("torque_Nm",)),),
     bench_check=(
-        "Record the last small swings until joint {j} rests: with presliding the frequency rises as they shrink and"
-        " the rod still rings before it stops; push it lightly at rest and it springs back."
+        "Record the last small swings until joint {j} rests: with presliding the frequency increases as the"
+        " amplitude decreases, and the rod oscillates before it stops; after a light push at rest it springs back."
     ),
     source="Dahl (1968), A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1, with exponent 1.",
 )

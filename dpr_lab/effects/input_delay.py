@@ -13,14 +13,14 @@ def later(delay_s: float) -> float:
 INPUT_DELAY = Effect(
     name="input_delay",
     words="input delay of the torques",
-    equation="tau(t - x) acts at t where tau is known; x below zero: logged too late",
+    equation="tau(t - x) acts at t, with tau the known torque; x below zero: logged too late",
     parameters=(EffectParameter("delay_s", "s", 5e-3),),
     site="drive",
     stage="input",
     kernel=later,
     quantities=(BenchQuantity("delay of the torques", "x", ("delay_s",)),),
     bench_check=(
-        "Command a step of torque on a rod that hangs still and log its encoder at the highest rate: the rod starts to"
+        "Command a torque step on a hanging rod at rest and log its encoder at the highest rate: the rod starts to"
         " move a delay after the step."
     ),
     source="Astrom & Wittenmark (1997), Computer-Controlled Systems, sec. 2.3 and 3.2: time delays of a held input.",

@@ -28,5 +28,5 @@ LATENCY_JOINT2 = Effect(
         "Swap the two encoder cables at the board and repeat: a delay of the electronics changes sides; or latch both"
         " counters on one edge."
     ),
-    source="Polled buses read one encoder after the other; a delay common to both cannot be seen in a free swing.",
+    source="Polled buses read one encoder after the other; a common delay of both is not visible in a free swing.",
 )

@@ -1,8 +1,8 @@
-"""Largest sizes of effects on a rig: relative to its gravity torques, inertias, lengths and encoders.
+"""Maximum sizes of effects on a rig, relative to its gravity torques, inertias, lengths and encoders.
 
-A rod that swings has, for instance, less dry friction than its gravity torque. A larger fitted size has another cause.
-The limits follow from the rig file's best known values alone. They bound every fit and every score test, and a third of
-a limit is the standard deviation of a normal prior of the size.
+For example, a swinging rod has less Coulomb friction than its gravity torque. A larger fitted size has another cause.
+The limits depend only on the best known values of the rig file. They bound every fit and every score test, and a third
+of a limit is the standard deviation of a normal prior of the size.
 """
 
 import math
@@ -17,7 +17,7 @@ from dpr_lab.effects.rig_scales import LIMITS, RigScales, scales
 
 
 def limit_words(parameter: EffectParameter) -> str:
-    """The limit of an amplitude in words."""
+    """Limit of an amplitude in words."""
     if math.isfinite(parameter.most):
         return f"{parameter.most:.3g} {parameter.unit}".removesuffix(" 1")
     return LIMITS[parameter.limit or parameter.unit][0]
@@ -29,10 +29,10 @@ def _limit(effect: Effect, parameter: EffectParameter, at_joint: tuple[RigScales
 
 
 def amplitude_limits(base: BaseParameters, constants: RigConstants) -> NDArray[np.float64]:
-    """(SIZE,) largest size of each amplitude on a rig, in its own unit; inf for shape parameters.
+    """(SIZE,) maximum size of each amplitude on a rig, in its own unit; inf for shape parameters.
 
     Args:
-        base: base parameters of the whole rig by the rig file, SI
+        base: base parameters of the whole rig from the rig file, SI
         constants: lengths, gravity and encoders
     """
     at_joint, limits = (scales(base, constants, 0), scales(base, constants, 1)), np.full(SIZE, np.inf)
@@ -43,7 +43,7 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> NDArray[n
 
 
 def at_limit(params: NDArray[np.float64], limits: NDArray[np.float64], *, share: float = 0.999) -> tuple[str, ...]:
-    """Effects with an amplitude at a share of its limit or more: their cause has the same shape and is another."""
+    """Effects with an amplitude near its limit (a given share of it), which indicates another cause."""
     reached = np.abs(params) >= share * limits
     return tuple(
         name

@@ -1,4 +1,4 @@
-"""Load-dependent friction: proportional to the force that the bearing carries."""
+"""Load-dependent friction: proportional to the force on the bearing."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def loaded(joint: Joint, friction_radius_m: float) -> float:
-    """Torque -mu r |N| sgn(u) on the rod beyond the joint, N m; |N| the joint force."""
+    """Torque -mu r |N| sgn(u) on the rod after the joint, N m; |N| is the joint force."""
     return -friction_radius_m * joint.force * joint.direction
 
 
@@ -16,7 +16,7 @@ LOAD_FRICTION = pair(
     words="load-dependent friction, joint {j}",
     kernel=loaded,
     equation=(
-        "tau = -mu r |N| sgn(u) with N the force that joint {j} carries and u its speed; at rest the torque that"
+        "tau = -mu r |N| sgn(u) with N the force on joint {j} and u its speed; at rest the torque that"
         " holds it, up to mu r |N|"
     ),
     parameters=(EffectParameter("friction_radius_m", "m", 1e-4, "positive"),),
@@ -28,9 +28,9 @@ LOAD_FRICTION = pair(
             "friction radius", "mu r", ("friction_radius_m",), definition="friction coefficient times bearing radius"
         ),
     ),
-    bench_check="Clamp a known mass to the rod and repeat: load-dependent friction of joint {j} grows with it.",
+    bench_check="Attach a known mass to the rod and repeat: load-dependent friction of joint {j} increases with it.",
     source=(
-        "Duclos et al. (2024), BAM: better actuator models, arXiv 2410.08650, load-dependent friction; the joint force"
-        " is that of the motion without this friction, which it hardly changes."
+        "Duclos et al. (2024), BAM: better actuator models, arXiv 2410.08650, load-dependent friction; the"
+        " joint force is computed without this friction, whose influence on it is small."
     ),
 )

@@ -1,4 +1,4 @@
-"""Counts that an encoder lost or gained at one instant of one run."""
+"""Counts that an encoder lost or gained at one instant in one run."""
 
 import math
 
@@ -9,7 +9,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stepped(encoder: EncoderReading, counts: float, joint: float, run: float, time_s: float) -> float:
-    """Error of one joint's readings from an instant of one run on, rad."""
+    """Error of one joint's readings after an instant of one run, rad."""
     if encoder.number != round(joint) or encoder.run != round(run) or encoder.t < time_s:
         return 0.0
     return 2.0 * math.pi / encoder.counts_per_rev * counts
@@ -23,7 +23,7 @@ def propose(recorded: Recorded) -> list[dict[str, float]]:
 MISSED_COUNTS = Effect(
     name="missed_counts",
     words="missed encoder counts",
-    equation="the encoder of one joint reads n counts more from an instant of one run on",
+    equation="after an instant of one run, the encoder of one joint reads n counts more",
     parameters=(
         EffectParameter("counts", "counts", 20.0, whole=True),
         shape("joint", "1", 2.0, (1.0, 2.0), draw=(1.0, 2.0), whole=True),
@@ -42,7 +42,7 @@ MISSED_COUNTS = Effect(
     quantities=(BenchQuantity("counts that the encoder missed", "n", ("counts",)),),
     bench_check=(
         "Compare the angle at which the rods hang before and after the run: it has moved by whole counts. Check shield"
-        " and connector of that encoder, and that its edges stay below the counter's highest rate."
+        " and connector of that encoder, and that its edge rate is below the maximum of the counter."
     ),
     source="Quadrature counters lose edges in steps of whole counts; `run` counts the releases from 0.",
 )

@@ -1,6 +1,6 @@
-"""Effects in a run where joint 2 cannot turn, or where nothing drives the joints.
+"""Effects in a run in which joint 2 cannot turn, or without drives.
 
-Joint 2 is then held by dry friction without a limit, and drives are off.
+Joint 2 is then held by unlimited Coulomb friction, and drives are off.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from dpr_lab.effects.coulomb import COULOMB
 from dpr_lab.setup import Setup
 
 UNYIELDING_NM = 1e6
-"""Torque that suffices to hold a joint on any bench, N m."""
+"""Torque sufficient to hold a joint of any rig, N m."""
 
 _HOLDS = param_index(COULOMB[1].name, COULOMB[1].amplitudes[0].name)
 _OF_JOINT2 = [
@@ -32,7 +32,7 @@ _OF_DRIVES = [
 
 
 def differ(params: NDArray[np.float64], setups: Sequence[Setup]) -> bool:
-    """Whether the effects (..., SIZE) of any run are others than those on the whole rig."""
+    """Whether the effects (..., SIZE) of any run differ from those on the whole rig."""
     return any(setup.held or _undriven(params, setup) for setup in setups)
 
 
@@ -41,7 +41,7 @@ def _undriven(params: NDArray[np.float64], setup: Setup) -> bool:
 
 
 def effects_of_run(params: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
-    """(..., SIZE) effects on what hung on the rig during a run, from those on the whole rig."""
+    """(..., SIZE) effects for the mounting of a run, from those on the whole rig."""
     undriven = _undriven(params, setup)
     if not (setup.held or undriven):
         return params

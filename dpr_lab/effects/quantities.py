@@ -1,4 +1,4 @@
-"""Arguments and results of effect kernels: tuples of numbers that compiled code passes in registers."""
+"""Arguments and results of effect kernels: tuples of numbers, passed in registers by compiled code."""
 
 import math
 from typing import NamedTuple
@@ -6,13 +6,13 @@ from typing import NamedTuple
 from dpr_lab.kernels import inlined
 
 SMOOTHING = 0.02
-"""Speed beyond which a joint counts as sliding where that is no matter of a law, rad/s: far below any swing."""
+"""Speed above which a joint counts as sliding if the law does not define it, rad/s: far below any swing."""
 
 
 class RigConstants(NamedTuple):
-    """What was measured on this rig: lengths m, gravity m/s^2, masses kg; counts per turn; how joint 2 is read.
+    """Measured constants of a rig: lengths m, gravity m/s^2, masses kg; counts per turn; reading of joint 2.
 
-    A length or mass that is not known is nan, and so is every result that depends on it.
+    An unknown length or mass is nan, and so is every result that depends on it.
     """
 
     L0: float
@@ -25,7 +25,7 @@ class RigConstants(NamedTuple):
     counts_per_rev1: float
     counts_per_rev2: float
     relative2: float
-    """1 where the encoder of joint 2 reads theta2 - theta1, 0 where it reads theta2."""
+    """1 if the encoder of joint 2 reads theta2 - theta1, 0 if it reads theta2."""
 
 
 class BaseParameters(NamedTuple):
@@ -55,18 +55,20 @@ class Motion(NamedTuple):
     sin2: float
     cos2: float
     displacement1: float
-    """How far joint 1 has turned since the start of the step, rad."""
+    """Rotation of joint 1 since the start of the step, rad."""
     displacement2: float
     force1: float
-    """Force that joint 1 carries, N; 0 outside the stage `load`."""
+    """Force on joint 1, N; 0 outside the stage `load`."""
     force2: float
     direction1: float
-    """Direction in which joint 1 slides, 1 or -1; 0 where dry friction holds it at rest, nan without dry friction."""
+    """Direction in which joint 1 slides, 1 or -1; 0 if Coulomb friction holds it at rest, nan without Coulomb
+    friction.
+    """
     direction2: float
 
 
 class Joint(NamedTuple):
-    """One joint: time s, angle rad (0 = hanging straight), speed rad/s; the rest as in `Motion`."""
+    """One joint: time s, angle rad (0 = hanging), speed rad/s; further fields as in `Motion`."""
 
     t: float
     angle: float
@@ -77,14 +79,14 @@ class Joint(NamedTuple):
 
 
 class EncoderReading(NamedTuple):
-    """One reading of an encoder, before its errors."""
+    """One encoder reading before its errors."""
 
     number: int
-    """1 or 2, as its joint."""
+    """Joint, 1 or 2."""
     angle: float
     """Reading without errors, rad."""
     hanging: float
-    """Reading where the rods hang, rad."""
+    """Reading with the rods hanging, rad."""
     counts_per_rev: float
     t: float
     """Device time since the release, s."""
@@ -115,7 +117,7 @@ class ArmModel(NamedTuple):
 
 
 HELD_ARM = ArmModel(math.inf, 0.0, 0.0, 0.0)
-"""An arm that does not move."""
+"""Arm that does not move."""
 
 
 @inlined
@@ -134,19 +136,19 @@ def joint2(motion: Motion) -> Joint:
 
 @inlined
 def yielding(joint: Joint, push: float) -> Joint:
-    """A joint at rest that starts to slide in the direction of a torque."""
+    """Joint at rest that starts to slide in the direction of a torque."""
     return Joint(joint.t, joint.angle, 0.0, joint.displacement, joint.force, math.copysign(1.0, push))
 
 
 @inlined
 def encoder1(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """The encoder of joint 1 at an absolute angle."""
+    """Encoder of joint 1 at an absolute angle."""
     return EncoderReading(1, angle, math.pi, constants.counts_per_rev1, t, run)
 
 
 @inlined
 def encoder2(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """The encoder of joint 2 at an angle as it has it."""
+    """Encoder of joint 2 at its own angle."""
     return EncoderReading(2, angle, (1.0 - constants.relative2) * math.pi, constants.counts_per_rev2, t, run)
 
 
@@ -158,5 +160,5 @@ def torques(torque1: float, torque2: float) -> Terms:
 
 @inlined
 def plus(x: Terms, y: Terms) -> Terms:
-    """The sum of two effects."""
+    """Sum of two contributions."""
     return Terms(x.a + y.a, x.b + y.b, x.coupling + y.coupling, x.torque1 + y.torque1, x.torque2 + y.torque2)

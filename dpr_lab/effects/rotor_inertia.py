@@ -7,18 +7,18 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rotor1(inertia_kgm2: float) -> Terms:
-    """Inertia J that turns at omega1."""
+    """Inertia J that rotates at omega1."""
     return Terms(inertia_kgm2, 0.0, 0.0, 0.0, 0.0)
 
 
 @inlined
 def rotor2(inertia_kgm2: float) -> Terms:
-    """Inertia J that turns at omega2 - omega1: kinetic energy J (omega2 - omega1)^2 / 2."""
+    """Inertia J that rotates at omega2 - omega1: kinetic energy J (omega2 - omega1)^2 / 2."""
     return Terms(inertia_kgm2, inertia_kgm2, -inertia_kgm2, 0.0, 0.0)
 
 
 def armature(params: Params) -> Words:
-    """Inertia that turns with the joint."""
+    """Inertia that rotates with the joint."""
     return {"armature": params["inertia_kgm2"]}
 
 
@@ -37,7 +37,7 @@ ROTOR_INERTIA_JOINT1 = Effect(
     absorbed_by=("a",),
     quantities=(BenchQuantity("inertia of the rotor", "J", ("inertia_kgm2",)),),
     bench_check=(
-        "Indistinguishable from the inner rod's own inertia by free swings: take the rotor off, or swing the inner rod"
+        "Indistinguishable from the inner rod's own inertia by free swings: remove the rotor, or swing the inner rod"
         " alone with and without it, and compare the periods."
     ),
     source=_SOURCE,

@@ -9,18 +9,18 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float, constant_Nm: float) -> float:
-    """Torque C - k q - k3 q^3 on the rod beyond the joint, N m.
+    """Torque C - k q - k3 q^3 on the rod after the joint, N m.
 
-    A spring -K (q - q0) - K3 (q - q0)^3 has C = K q0 + K3 q0^3, k = K + 3 K3 q0^2 and k3 = K3; the rest of it,
-    3 K3 q0 q^2, is left out, so that all amplitudes stay linear. A twisted hose is C alone.
+    A spring -K (q - q0) - K3 (q - q0)^3 has C = K q0 + K3 q0^3, k = K + 3 K3 q0^2 and k3 = K3; its remaining term 3 K3
+    q0 q^2 is neglected, so that all amplitudes stay linear. A twisted hose has C only.
     """
     return constant_Nm - (stiffness_Nm_per_rad + cubic_Nm_per_rad3 * joint.angle * joint.angle) * joint.angle
 
 
 def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 20) -> Params:
-    """The angle, rad from hanging straight, at which the spring exerts nothing; none beyond half a turn.
+    """Angle, rad from hanging, at which the torque of the spring is zero; None beyond half a turn.
 
-    By Newton's rule from C / k; farther away the torque is as good as constant.
+    It is found by Newton's method from C / k; farther away the torque is practically constant.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
     q = constant / k if k > 0.0 else math.inf
@@ -31,7 +31,7 @@ def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 2
 
 
 def linear(params: Params) -> Words:
-    """Stiffness and angle of rest of a spring without a cubic term that rests somewhere."""
+    """Stiffness and rest angle of a spring without a cubic term; {} if it has no rest angle."""
     rest = rest_angle(params)
     if params.get("cubic_Nm_per_rad3", 0.0) or not rest:
         return {}
@@ -50,8 +50,8 @@ SPRING = pair(
     nested=("torque_offset",),
     adds="stiffness_Nm_per_rad",
     equation=(
-        "tau = C - k q - k3 q^3 with q the angle of joint {j} from hanging straight, turns included; at rest where that"
-        " is zero"
+        "tau = C - k q - k3 q^3 with q the angle of joint {j} from hanging, including full turns; the rest"
+        " angle is where tau = 0"
     ),
     parameters=(
         EffectParameter("stiffness_Nm_per_rad", "N m/rad", 1e-3, "positive"),
@@ -64,6 +64,6 @@ SPRING = pair(
         BenchQuantity("stiffness of the spring", "k", ("stiffness_Nm_per_rad",)),
         BenchQuantity("constant torque of the spring", "C", ("constant_Nm",)),
     ),
-    bench_check="Take the cable of joint {j} off (or add a second one) and repeat: its torque vanishes (or doubles).",
+    bench_check="Remove the cable of joint {j} (or add a second one) and repeat: its torque vanishes (or doubles).",
     source="Elastic restoring torque with Duffing's cubic term, e.g. Nayfeh & Mook (1979), Nonlinear Oscillations.",
 )

@@ -1,25 +1,25 @@
-"""Stages: the points in the chain from torques to encoder counts at which effects act, one row of `STAGES` each.
+"""Stages: points in the chain from torques to encoder counts at which effects act, one row of `STAGES` each.
 
 Scalar code (`dpr_lab.effects.effect_kernels`, one rig) and lane code (`dpr_lab.dynamics.lanes.effects`, many candidates
-side by side) are both generated from these rows. They differ only in how they write a name: the scalar version reads
+side by side) are both generated from these rows. They differ only in their notation of names: the scalar version uses
 an argument or a local variable, the lane version a row of the workspace.
 
-    stage       a kernel may ask for               returns
-    torque      joint                              torque of its joint on the rod beyond, N m
+    stage       quantities of a kernel               returns
+    torque      joint                              torque of its joint on the following rod, N m
                 motion, base, constants            Terms
     load        the same, joint forces known       the same: load-dependent friction
     drive       joint, torque                      N m added to the known torque of its joint
-    dry         joint                              torque of dry friction of a joint that just begins to slide, N m
+    dry         joint                              torque of Coulomb friction of a joint that starts to slide, N m
     arm         constants                          ArmModel: inertia, friction and stiffness of the arm
-    timing      t                                  s added to the instant at which each of `joints` is read
-    encoder     encoder                            rad added to the reading of the encoder of each of `joints`
-    play        angle, held                        angle that the encoder of joint 2 holds, rad
+    timing      t                                  shift of the reading instant of each of `joints`, s
+    encoder     encoder                            error of the reading of the encoder of each of `joints`, rad
+    play        angle, held                        angle held by the encoder of joint 2, rad
     input                                          delay of the known torques, s
     transition  state, displacement                internal state after a displacement of the joint
 
-The quantities are those of `dpr_lab.effects.quantities`. After them a kernel takes internal states and parameters of
-its effect, each by its name. It is called only while one of the effect's amplitudes is not zero. `dry` repeats kernels
-of other stages, `transition` calls those of internal states; the others are values of `Effect.stage`.
+The quantities are those of `dpr_lab.effects.quantities`. Further arguments of a kernel are the internal states and
+parameters of its effect, each by its name. It is called only if the effect is active. `dry` repeats kernels of other
+stages, `transition` calls those of internal states; the others are values of `Effect.stage`.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -35,10 +35,10 @@ Combine = Callable[[int, Collection[str]], tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """What the effects of one stage read, and how their contributions combine.
+    """Quantities of the effects of one stage, and the combination of their contributions.
 
-    Expressions name numbers in braces, which each version writes in its own way. `#` stands for the number of the joint
-    (1 or 2), `@` for the index of the internal state, `name_3` for element 3 of an array.
+    Expressions contain names in braces, which each version replaces by its own notation. `#` stands for the number of
+    the joint (1 or 2), `@` for the index of the internal state, `name_3` for element 3 of an array.
     """
 
     arguments: str
@@ -46,21 +46,21 @@ class Stage:
     quantities: Mapping[str, str]
     """Argument of a kernel -> its expression."""
     results: Mapping[str, str]
-    """Result -> its value without effects. The caller of the lane version sets the rows of results to it."""
+    """Result -> its value without effects. The caller of the lane version sets the rows of results to this value."""
     combine: Combine
     returns: str = ""
-    """Expression of what the scalar version returns; empty: all results."""
+    """Expression returned by the scalar version; empty: all results."""
     states: str = "internal"
-    """Array that internal states are read from."""
+    """Array of the internal states."""
 
 
 def _joint_torque(joint: int, arguments: Collection[str] = ()) -> tuple[str, ...]:
-    """A torque of joint 1 acts on the inner rod; one of joint 2 on the outer rod, its reaction on the inner one."""
+    """A torque of joint 1 acts on the inner rod; one of joint 2 on the outer rod, with reaction on the inner."""
     return ("{torque1} += x",) if joint == 1 else ("{torque1} -= x", "{torque2} += x")
 
 
 def _terms(joint: int, arguments: Collection[str]) -> tuple[str, ...]:
-    """A kernel that asks for no joint returns `Terms`."""
+    """Combination for a kernel without a joint argument, which returns `Terms`."""
     if "joint" in arguments:
         return _joint_torque(joint)
     return (
@@ -144,30 +144,30 @@ STAGES: dict[str, Stage] = {
 """Name -> stage."""
 
 PER_JOINT = ("timing", "encoder")
-"""Stages whose kernels are called for each of an effect's joints; the others only for the first."""
+"""Stages whose kernels are called for each joint of an effect; the others are called only for the first."""
 
 
 class Requirements(NamedTuple):
-    """What a step has to compute, from the effects that are on; bools, or arrays of them.
+    """Quantities that a step must compute for the active effects; bools, or arrays of bools.
 
-    A field with the name of a stage: whether an effect of that stage is on.
+    A field with the name of a stage: whether an effect of this stage is active.
     """
 
     torque: Any
     load: Any
-    """Joint forces are needed."""
+    """Whether joint forces are needed."""
     arm: Any
-    """The arm moves freely."""
+    """Whether the arm moves freely."""
     timing: Any
     encoder: Any
     play: Any
     drive: Any
     prescribed: Any
-    """The arm moves as prescribed by the run's setup; no effect requires it."""
+    """Whether the arm has a prescribed motion; set by the setup of a run, not by an effect."""
     stepped: Any
-    """An internal state moves with a joint."""
+    """Whether an internal state moves with a joint."""
     internal: Any
-    """There is an internal state."""
+    """Whether there is an internal state."""
     dry1: Any
-    """Dry friction can hold joint 1 at rest."""
+    """Whether Coulomb friction can hold joint 1 at rest."""
     dry2: Any

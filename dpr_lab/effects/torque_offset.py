@@ -1,4 +1,4 @@
-"""Torque offset: the known torque is not zero where the drive exerts none."""
+"""Torque offset: the known torque is not zero if the drive exerts none."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.kernels import inlined
@@ -14,14 +14,14 @@ TORQUE_OFFSET = pair(
     "torque_offset",
     words="torque offset, joint {j}",
     kernel=shifted,
-    equation="tau + C acts at joint {j} where tau is known, while the drive is on",
+    equation="tau + C acts at joint {j} while the drive is on, with tau the known torque",
     parameters=(EffectParameter("offset_Nm", "N m", 5e-3),),
     site="drive",
     stage="drive",
     quantities=(BenchQuantity("offset torque", "C", ("offset_Nm",)),),
     bench_check=(
-        "Record joint {j} with the drive on and the rod hanging still: the mean of its torque is the offset. One that"
-        " stays with the drive off is a cable or a tilt."
+        "Record joint {j} with the drive on and the rod hanging at rest: the mean of its torque is the"
+        " offset. An offset that remains with the drive off is due to a cable or a tilt."
     ),
     source="Khalil & Dombre (2002), Modeling, Identification and Control of Robots, ch. 12: offsets of motor currents.",
 )

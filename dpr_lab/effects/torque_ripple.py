@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rippled(torque: float, joint: Joint, cos_share: float, sin_share: float, order: float) -> float:
-    """Torque in addition to the known one, N m: in proportion to it, periodic in the joint's angle."""
+    """Torque in addition to the known one, N m: proportional to it and periodic in the joint angle."""
     sin, cos = sincos(order * joint.angle)
     return torque * (cos_share * cos + sin_share * sin)
 
@@ -17,7 +17,8 @@ TORQUE_RIPPLE = pair(
     "torque_ripple",
     words="torque ripple, joint {j}",
     kernel=rippled,
-    equation="tau (1 + A cos(N q) + B sin(N q)) acts at joint {j} where tau is known, q its angle",
+    equation="tau (1 + A cos(N q) + B sin(N q)) acts at joint {j}, with tau the known torque and q the"
+    " angle of the joint",
     parameters=(
         EffectParameter("cos_share", "1", 0.05),
         EffectParameter("sin_share", "1", 0.05),
@@ -29,11 +30,11 @@ TORQUE_RIPPLE = pair(
         BenchQuantity("peak torque ripple", "A", ("cos_share", "sin_share"), definition="as a share of the torque"),
     ),
     bench_check=(
-        "Turn joint {j} slowly under a constant command against a spring scale: ripple comes and goes with the angle"
-        " and grows with the command; a detent stays without any."
+        "Turn joint {j} slowly under a constant command against a spring scale: ripple varies with the"
+        " angle and increases with the command; cogging remains without a command."
     ),
     source=(
         "Jahns & Soong (1996), Pulsating torque minimization techniques for permanent magnet AC motor drives, IEEE"
-        " Trans. Ind. Electron. 43(2): what does not grow with the current is cogging, the library's detent."
+        " Trans. Ind. Electron. 43(2): torque that does not increase with the current is cogging (detent)."
     ),
 )

@@ -16,7 +16,7 @@ _JOINT1, _JOINT2 = pair(
     "torque_scale",
     words="torque constant error, joint {j}",
     kernel=rescaled,
-    equation="(1 + x) tau acts at joint {j} where tau is known",
+    equation="(1 + x) tau acts at joint {j}, with tau the known torque",
     parameters=(EffectParameter("excess", "1", 0.05, most=0.9),),
     site="drive",
     stage="drive",
@@ -26,11 +26,12 @@ _JOINT1, _JOINT2 = pair(
         ),
     ),
     bench_check=(
-        "Hold the rod beyond joint {j} level against a spring scale and command a torque: force times lever arm is what"
-        " the drive gives. Or hang a known mass on: the scale of all torques is then known without the drives."
+        "Hold the rod after joint {j} horizontal against a spring scale and command a torque: force times"
+        " lever arm is the torque of the drive. Or attach a known mass: the scale of all torques is then"
+        " known without the drives."
     ),
     source="Swevers, Verdonck & De Schutter (2007), Dynamic model identification for industrial robots, IEEE CSM 27.",
 )
 
 TORQUE_SCALE = [replace(_JOINT1, twins=(_JOINT2.name,)), replace(_JOINT2, twins=(_JOINT1.name,))]
-"""Of both joints at once it is the common scale of the rig: only the ratio of the two shows."""
+"""Effect for both joints together is the common scale of the rig: only the ratio of the two is identifiable."""

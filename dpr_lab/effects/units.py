@@ -1,4 +1,4 @@
-"""Accepted units of amplitudes, and their conversion to the unit of the library."""
+"""Accepted units of amplitudes, and conversion to the unit of the library."""
 
 import math
 import re
@@ -36,10 +36,10 @@ _SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "°": "d
 
 
 def split_quantity(text: str) -> tuple[float, str]:
-    """The number and the unit of a text: `6.1mN m` -> 6.1, `mN m`.
+    """Split a text into number and unit: `6.1mN m` -> 6.1, `mN m`.
 
     Raises:
-        ValueError: it does not start with a number.
+        ValueError: the text does not start with a number.
     """
     match = _NUMBER.fullmatch(text.strip())
     if match is None:
@@ -48,12 +48,12 @@ def split_quantity(text: str) -> tuple[float, str]:
 
 
 def read_quantity(text: str, unit: str, example: str) -> float:
-    """A number with its unit, `6.1 mN m` or `6.1mN*m`, in the unit of the library.
+    """Convert a number with its unit, `6.1 mN m` or `6.1mN*m`, to the unit of the library.
 
     Args:
         text: number and unit
-        unit: of the library, a key of `UNITS`
-        example: a number with its unit that is accepted, for the message
+        unit: unit of the library, a key of `UNITS`
+        example: an accepted number with its unit, for the message
 
     Raises:
         ValueError: no number, no unit, or a unit of another quantity; the message lists the accepted units.
@@ -68,5 +68,5 @@ def read_quantity(text: str, unit: str, example: str) -> float:
 
 
 def _normal(unit: str) -> str:
-    """A unit without spaces, signs of multiplication and powers."""
+    """Unit without spaces, multiplication signs and powers."""
     return "".join(unit.translate(_SPELLINGS).split())

@@ -1,4 +1,4 @@
-"""Viscous friction of the outer rod against ground, instead of against the inner rod."""
+"""Viscous friction of the outer rod relative to the ground instead of the inner rod."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import Motion, Terms, torques
@@ -23,11 +23,11 @@ VISCOUS_GROUND = Effect(
     dissipative=True,
     twins=("air_drag_outer", "air_drag_both"),
     quantities=(
-        BenchQuantity("viscous friction coefficient of the outer rod against the room", "c", ("friction_Nms",)),
+        BenchQuantity("viscous friction coefficient of the outer rod relative to the ground", "c", ("friction_Nms",)),
     ),
     bench_check=(
-        "Tape a light card to the outer rod: air drag grows several times, joint friction remains."
-        " A release from upright covers the speeds at which linear and quadratic resistance differ."
+        "Tape a light card to the outer rod: air drag increases several times, joint friction does not. A"
+        " release from upright covers the speeds at which linear and quadratic drag differ."
     ),
-    source="Stokes' law for slow flow; written by mistake in many models for friction of joint 2.",
+    source="Stokes' law for slow flow; used by mistake for friction of joint 2 in many models.",
 )

@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def longer(motion: Motion, base: BaseParameters, constants: RigConstants, added_m: float) -> Terms:
-    """e2 = d g / (L1 + x) instead of d g / L1. The base parameters absorb all else."""
+    """e2 = d g / (L1 + x) instead of d g / L1. The base parameters absorb all other effects of x."""
     return torques(0.0, base.e2 * (constants.L1 / (constants.L1 + added_m) - 1.0) * motion.sin2)
 
 
@@ -30,8 +30,8 @@ WRONG_LENGTH = Effect(
         BenchQuantity("error of the length L1", "x", ("added_m",), definition="true L1 minus L1 of the rig file"),
     ),
     bench_check=(
-        "Measure L1 between the axes of the joints with a calliper and look up the local gravity; a crystal is off by"
-        " 0.01 % at most, so that an error above that is the length (or gravity)."
+        "Measure L1 between the axes of the joints with a calliper and look up the local gravity; a crystal"
+        " has an error of at most 0.01 %, so a larger error is due to the length (or gravity)."
     ),
-    source="Equation (1): d, e2, g and L1 meet only in e2 = d g / L1.",
+    source="Equation (1): d, e2, g and L1 occur together only in e2 = d g / L1.",
 )

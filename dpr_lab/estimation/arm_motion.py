@@ -1,4 +1,4 @@
-"""The motion of an arm from its encoder, by a smoothing spline with generalised cross-validation."""
+"""Motion of an arm from its encoder, by a smoothing spline with generalised cross-validation."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,31 +9,33 @@ from dpr_lab.rig import Rig
 from dpr_lab.setup import ArmMotion
 
 FEWEST = 5
-"""Readings that a smoothing spline takes."""
+"""Minimum number of readings for a smoothing spline."""
 
 
 def prescribed_arm(t: NDArray[np.float64], theta0: NDArray[np.float64], rig: Rig, name: str) -> ArmMotion:
-    """Motion of the arm of a run; arguments and errors as of `arm_motion`; the rods feel it at the arm's length."""
+    """Motion of the arm of a run, which needs the length of the arm; arguments and errors as for `arm_motion`."""
     if "L0" not in rig.rig.model_fields_set:
-        raise RunError(f"{name}: an arm that moves pushes the rods by its length: the rig file needs [rig] L0")
+        raise RunError(f"{name}: a moving arm needs its length L0 in [rig]")
     return arm_motion(t, theta0, name)
 
 
 def arm_motion(t: NDArray[np.float64], theta0: NDArray[np.float64], name: str) -> ArmMotion:
     """Motion of the arm, from readings (n,) of its encoder at the instants t (n,).
 
-    The spline minimises squared errors and the squared second derivative, weighed by generalised cross-validation
+    The spline minimises squared errors and the squared second derivative, weighted by generalised cross-validation
     (Woltring 1986, A Fortran package for generalized, cross-validatory spline smoothing and differentiation).
 
     Raises:
-        RunError: too few readings, or an arm that was not read.
+        RunError: too few readings, or an arm that was not measured.
     """
     from scipy.interpolate import make_smoothing_spline
 
     if len(t) < FEWEST or not np.isfinite(theta0).all():
         raise RunError(f"{name}: a prescribed arm needs readings of theta0 in every row: name its column, t and theta0")
     spacing = float(np.median(np.diff(t)))
-    spline = make_smoothing_spline((t - t[0]) / spacing, theta0)  # in samples: its search for the weight has a scale
+    spline = make_smoothing_spline(
+        (t - t[0]) / spacing, theta0
+    )  # time in samples, because its search for the weight is scale-dependent
     at = (t - t[0]) / spacing
     noise = float(difference_std(t, theta0[:, None])[0]) if len(t) > ORDER else 0.0
     return ArmMotion(t, np.asarray(spline(at)), np.asarray(spline.derivative()(at)) / spacing, noise)

@@ -1,4 +1,4 @@
-"""A chain of integrators driven by white noise: a motion model of one rod without knowledge of the rig."""
+"""Chain of integrators driven by white noise: a motion model of one rod that needs no knowledge of the rig."""
 
 import math
 
@@ -9,7 +9,7 @@ from dpr_lab.estimation.live_velocity import CHAIN
 from dpr_lab.kernels import njit
 
 SAME_INTERVAL = 1e-8
-"""Relative difference of two intervals that is rounding: instants are sums of floating-point periods."""
+"""Relative difference of two intervals within rounding: instants are sums of floating-point periods."""
 
 
 @njit

@@ -1,4 +1,4 @@
-"""Detection of held rods: stretches of a recording at rest in which a free rod would move."""
+"""Detection of held rods: intervals of a recording at rest in which a free rod would move."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,43 +17,54 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class HeldSettings:
-    """Thresholds from which rods count as held."""
+    """Thresholds for held rods."""
 
     still_rad: float = 0.02
-    """Largest excursion of a rod at rest within a stretch. A hand trembles by a few mrad; a free rod 0.1 rad from its
-    unstable equilibrium leaves this band within 0.1 s."""
+    """Maximum excursion of a rod at rest within an interval, rad. A hand trembles by a few mrad; a free rod 0.1 rad
+    away from its unstable equilibrium leaves this band within 0.1 s.
+    """
     of_motion: float = 0.02
-    """The same as a share of the largest excursion in the recording: small swings are no rest."""
+    """The same relative to the largest excursion in the recording, so that small swings do not count as rest."""
     noise: float = 10.0
-    """The band in standard deviations of the readings, at least: the excursion of white noise in a thousand of them."""
+    """Minimum width of the band in standard deviations of the readings: the range of a thousand values of white
+    noise.
+    """
     swing: float = 1.5
-    """Excursion of a swing, in widths of the band, at least."""
+    """Minimum excursion of a swing in widths of the band."""
     restart: float = 5.0
-    """Excursion after a rest, in widths of the band, at least: a swing that decays comes back from it with less."""
+    """Minimum excursion after a rest in widths of the band; a decaying swing has a smaller one."""
     stretch_s: float = 0.4
-    """Shortest stretch that counts as held. At a turning point both rods of 0.4 m stay in the band for below 0.2 s."""
+    """Minimum duration of a held interval, s. At a turning point both rods of 0.4 m are in the band for less than
+    0.2 s.
+    """
     hanging_rad: float = 0.2
-    """Rods this close to hanging may rest by themselves: stiction offsets them by less."""
+    """Distance from hanging within which free rods may rest, rad; stiction causes a smaller offset."""
     shortest_rest_s: float = 0.03
-    """Shortest rest before the release that is cut, where the rest is shorter than a stretch."""
+    """Minimum duration of a removed rest before the release that is shorter than an interval, s."""
     trembles: float = 8.0
-    """Excursion within such a short rest, in standard deviations of the readings, at most; a turning point has more."""
+    """Maximum excursion within such a short rest in standard deviations of the readings; a turning point has more."""
     fewest: int = 4
-    """Fewest samples of rest that are cut, and of a swing."""
+    """Minimum number of removed samples of rest, and of samples of a swing."""
     sure: float = 0.3
-    """Shortest rest as a share of the time in which the fall becomes visible: three of its standard deviations."""
+    """Minimum duration of a rest relative to the time in which the fall becomes visible: three of its standard
+    deviations.
+    """
     onset: float = 4.0
-    """Standard deviations about the rest that a rod at rest does not leave."""
+    """Standard deviations about the rest within which a rod at rest stays."""
     own_zero_s: float = 0.05
-    """A table's own t = 0 is the release if the motion shows at most this long after it: slow falls show late."""
+    """Maximum delay of the visible motion after the table's own t = 0 for which this is the release, s; slow falls
+    are visible late.
+    """
     driven_share: float = 0.02
-    """Torques below this share of the recording's largest count as none."""
+    """Share of the largest torque of the recording below which torques count as zero."""
     unclear: float = 0.25
-    """Share of the excursion from which the band is too wide to distinguish rest from motion: noise or few readings."""
+    """Share of the excursion above which the band is too wide to distinguish rest from motion: noise or few
+    readings.
+    """
     restless: float = 3.0
-    """Standard deviation of a rest over that of its noise from reading to reading, above which the rods tremble."""
+    """Ratio of the standard deviation of a rest to that of its white noise above which the rods tremble."""
     readings: int = 20_000
-    """Readings that the noise is estimated from, at most."""
+    """Maximum number of readings for the noise estimate."""
 
 
 HELD = HeldSettings()
@@ -64,42 +75,43 @@ class RodMotion:
     """Motion of the rods in a recording."""
 
     t: Array
-    """(n,) s, increasing; 0 may be the release."""
+    """(n,) increasing times, s; 0 may be the release."""
     rods: Array
     """(n, 2) absolute angles of the rods, 0 = upright, rad."""
     torques: Array | None = None
-    """(n, 2) known torques, N m; None of a free swing."""
+    """(n, 2) known torques, N m; None for a free swing."""
     arm: Array | None = None
-    """(n,) angle of an arm whose motion is prescribed, rad; None of a clamped one."""
+    """(n,) angle of an arm with prescribed motion, rad; None for a clamped one."""
     origin: float | None = None
-    """Time from which the option --start-s counts; None: the first sample."""
+    """Time to which the option --start-s refers; None: the first sample."""
 
 
 @dataclass(frozen=True, slots=True)
 class FreePart:
-    """Where the rods of a recording are free, as indices of its samples."""
+    """Part of a recording in which the rods are free, as indices of its samples."""
 
     rest: int
-    """First sample of the rest before the release; `start` where there is none."""
+    """First sample of the rest before the release; equal to `start` without a rest."""
     start: int
-    """The release: the first sample of the motion."""
+    """First sample of the motion: the release."""
     stop: int
-    """One past the last sample before the rods are held again; the number of samples where they are not."""
+    """Index after the last sample before the rods are held again; the number of samples if they are not."""
 
 
 def free_part(motion: RodMotion, name: str, settings: HeldSettings = HELD) -> FreePart:
-    """The part of a recording in which the rods swing by themselves.
+    """Part of a recording in which the rods swing freely.
 
-    Rods are held where both stand still and then move without a known torque, or stand still away from hanging.
-    Driven rods that hang and wait for their torque are free.
+    Rods are held if both are at rest and then move without a known torque, or if they are at rest away from hanging.
+    Driven rods that hang before their torque starts are free.
 
     Args:
         motion: the recording
-        name: of the recording, for messages
-        settings: when rods count as held
+        name: name of the recording for messages
+        settings: thresholds for held rods
 
     Raises:
-        RunError: the rods stand still throughout, or are held between several swings; names the options that cut.
+        RunError: the rods are at rest throughout, or are held between several swings; the message names the options
+        that select a part.
     """
     t, n = motion.t, len(motion.t)
     if n < 2:
@@ -114,14 +126,14 @@ def free_part(motion: RodMotion, name: str, settings: HeldSettings = HELD) -> Fr
     ]
     if not swings:
         raise RunError(
-            f"{name}: the rods stand still throughout ({t[-1] - t[0]:.4g} s): a swing is needed. Check which columns"
-            " are the rods' (--columns theta1=NAME,theta2=NAME), and the unit (--unit)"
+            f"{name}: the rods are at rest throughout ({t[-1] - t[0]:.4g} s), but a swing is needed. Check"
+            f" the columns of the rods (--columns theta1=NAME,theta2=NAME), and the unit (--unit)"
         )
     if len(swings) > 1:
         origin = t[0] if motion.origin is None else motion.origin
         parts = "; ".join(f"--start-s {t[i] - origin:.5g} --duration-s {t[j - 1] - t[i]:.5g}" for i, j in swings)
         raise RunError(
-            f"{name}: the rods are held between {len(swings)} motions. Import each as a run of its own: {parts}; if"
+            f"{name}: the rods are held between {len(swings)} motions. Import each as a separate run: {parts}; if"
             " they were free, --keep-rest"
         )
     ((first, stop),) = swings
@@ -133,16 +145,16 @@ def free_part(motion: RodMotion, name: str, settings: HeldSettings = HELD) -> Fr
 
 
 def free_part_of(run: Run, settings: HeldSettings = HELD) -> FreePart:
-    """The part of a run in which the rods swing by themselves; errors as of `free_part`."""
+    """Part of a run in which the rods swing freely; errors as for `free_part`."""
     arm = run.theta[:, 0] if run.arm_mode != "clamped" else None
     return free_part(RodMotion(run.t, run.theta[:, 1:], run.torques, arm), str(run.file or run.name), settings)
 
 
 def refuse_held(runs: Sequence[Run], settings: HeldSettings = HELD) -> None:
-    """Make sure that no imported table holds rods that are held within its swing.
+    """Check that the rods of no imported table are held within its swing.
 
     Raises:
-        RunError: the rods of one stand still throughout, or are held between several swings.
+        RunError: the rods of one are at rest throughout, or are held between several swings.
     """
     for run in runs:
         if run.keep_rest is False:
@@ -150,7 +162,7 @@ def refuse_held(runs: Sequence[Run], settings: HeldSettings = HELD) -> None:
 
 
 def rest_is_quiet(motion: RodMotion, part: FreePart, settings: HeldSettings = HELD) -> bool:
-    """Whether the rest before the release shows the noise of the readings alone, not the tremble of a hand."""
+    """Whether the rest before the release contains only the noise of the readings, without the tremble of a hand."""
     t, rods = motion.t[part.rest : part.start], motion.rods[part.rest : part.start]
     if len(t) < settings.fewest:
         return False
@@ -161,7 +173,7 @@ def rest_is_quiet(motion: RodMotion, part: FreePart, settings: HeldSettings = HE
 
 
 def still_band(motion: RodMotion, settings: HeldSettings = HELD) -> float:
-    """Excursion of rods that counts as rest, rad."""
+    """Excursion within which rods count as at rest, rad."""
     excursion = float(np.ptp(motion.rods, axis=0).max()) if len(motion.t) else 0.0
     noise = float(_noise(motion, settings).max())
     return max(min(settings.still_rad, settings.of_motion * excursion), settings.noise * noise)
@@ -174,7 +186,7 @@ def _noise(motion: RodMotion, settings: HeldSettings) -> Array:
 
 
 def _held_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> list[tuple[int, int]]:
-    """First sample, and one past the last, of each stretch in which the rods are held."""
+    """First sample, and index after the last, of each interval in which the rods are held."""
     return [
         (first, stop)
         for first, stop in _still_stretches(motion, band, settings)
@@ -186,7 +198,7 @@ def _held_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> l
 
 
 def _highest(values: NDArray[Any], width: int) -> NDArray[Any]:
-    """(n - width + 1, ...) maxima of windows of so many rows of (n, ...); those of half a width are combined."""
+    """(n - width + 1, ...) maxima over windows of `width` rows of (n, ...), combined from those of half the width."""
     if width == 1:
         return values
     half = -(-width // 2)
@@ -208,7 +220,7 @@ def _still_stretches(motion: RodMotion, band: float, settings: HeldSettings) -> 
 
 
 def _restarts(motion: RodMotion, stop: int, band: float, settings: HeldSettings) -> bool:
-    """Whether rods that hang at rest swing later; a swing that decays does not."""
+    """Whether rods that hang at rest swing later, which is impossible for a decaying swing."""
     later = motion.rods[stop:]
     return bool(len(later)) and float(np.ptp(later, axis=0).max()) > settings.restart * band
 
@@ -223,7 +235,7 @@ def _hangs(rods: Array, settings: HeldSettings) -> bool:
 
 
 def _known_input(motion: RodMotion, first: int, stop: int, band: float, settings: HeldSettings) -> bool:
-    """Whether a known torque acts in a stretch, or its arm moves."""
+    """Whether a known torque acts in an interval, or its arm moves."""
     pushed = False
     if motion.torques is not None:
         largest = np.abs(motion.torques).max(axis=1)
@@ -232,7 +244,7 @@ def _known_input(motion: RodMotion, first: int, stop: int, band: float, settings
 
 
 def _swings(motion: RodMotion, first: int, stop: int, band: float, settings: HeldSettings) -> bool:
-    """Whether the rods move between two held stretches."""
+    """Whether the rods move between two held intervals."""
     whole = first == 0 and stop == len(motion.t)
     if stop - first < (2 if whole else settings.fewest):
         return False
@@ -242,10 +254,10 @@ def _swings(motion: RodMotion, first: int, stop: int, band: float, settings: Hel
 
 
 def _short_rest(motion: RodMotion, band: float, settings: HeldSettings) -> int:
-    """Number of samples before the release in a rest at the beginning that is shorter than a stretch.
+    """Number of samples before the release in a rest at the beginning that is shorter than a held interval.
 
-    Rods that are let go at t0 fall by alpha (t - t0)^2 / 2. The times t1 and t2 at which they have fallen by d and 4 d
-    give t0 = 2 t1 - t2.
+    Rods that are released at t0 fall by alpha (t - t0)^2 / 2. The times t1 and t2 at which they have fallen by d and 4
+    d give t0 = 2 t1 - t2.
     """
     t, n = motion.t, len(motion.t)
     waits = not _free(motion) and _hangs(motion.rods[:1], settings)
@@ -271,7 +283,7 @@ def _short_rest(motion: RodMotion, band: float, settings: HeldSettings) -> int:
 
 
 def _onset(motion: RodMotion, rest: int, first: int, settings: HeldSettings) -> int:
-    """First sample of the motion, where the rods rest from sample `rest` on and have moved by `first`."""
+    """First sample of the motion, if the rods rest from sample `rest` on and have moved at sample `first`."""
     t, rods = motion.t, motion.rods
     if first - rest < settings.fewest:
         return first

@@ -1,7 +1,7 @@
-r"""Angular velocities of both rods while a swing is recorded: a Kalman filter that takes one sample at a time.
+r"""Angular velocities of both rods during a recording: a Kalman filter for one sample at a time.
 
 The motion model is that of `dpr_lab.estimation.velocity`: a chain of integrators driven by white noise in the fourth
-derivative of the angle. Inside, angles are in units of the noise and time in units of the filter's memory
+derivative of the angle. Internally, angles are in units of the noise and time in units of the filter's memory
 (`FilterUnits`).
 """
 
@@ -21,12 +21,12 @@ class LiveFilterSettings:
     """Motion model of a live filter."""
 
     snap: float = 1e8
-    """Process noise before anything was recorded, rad^2/s^7; right for rods of about 0.4 m."""
+    """Process noise without data, rad^2/s^7; suitable for rods of about 0.4 m."""
     prior: tuple[float, ...] = (1.0, 1e7, 1e7, 1e7)
-    """Variance of the first state in filter units: the angle is as exact as the first reading, the rest unknown."""
+    """Variance of the first state in filter units: the angle is as accurate as the first reading, the rest unknown."""
 
     most_hz: float = 200.0
-    """Largest rate of samples that are filtered while recording: an update takes a few tenths of a millisecond."""
+    """Maximum rate of filtered samples during a recording, Hz: an update takes a few tenths of a millisecond."""
 
 
 LIVE = LiveFilterSettings()
@@ -34,10 +34,10 @@ LIVE = LiveFilterSettings()
 
 @dataclass(frozen=True, slots=True)
 class FilterUnits:
-    """Units in which all states of a filter are of similar size, and the noises in them."""
+    """Units in which all states of a filter are of similar size, and the noise in these units."""
 
     time: float
-    """Unit of time: the memory of the filter, or the sampling period where that is longer, s."""
+    """Unit of time: the memory of the filter, or the sampling period if it is longer, s."""
     angle: NDArray[np.float64]
     """(2,) unit of angle of each rod: the standard deviation of a reading, rad."""
     noise: NDArray[np.float64]
@@ -63,11 +63,11 @@ class FilterUnits:
 class VelocityFilter:
     """Live Kalman filter for the speeds of both rods; `update` takes each sample as it arrives.
 
-    filterpy is imported when a filter is made, which takes up to seconds: make it before anything waits for it.
+    Creating a filter imports filterpy, which takes up to seconds: create it in advance.
 
     Args:
         covariance: (2, 2) noise of (theta1, theta2), rad^2
-        rate_hz: sample rate; only sets the units, the true instants go to `update`
+        rate_hz: sample rate; only determines the units; `update` gets the true instants
         snap: process noise of each rod, rad^2/s^7
     """
 
@@ -102,7 +102,7 @@ class VelocityFilter:
     def _predict(self, interval: float) -> None:
         from filterpy.common import Q_continuous_white_noise, kinematic_state_transition
 
-        # Instants are sums of floating-point periods: equal but for rounding.
+        # Instants are sums of floating-point periods: equal within rounding.
         if not math.isclose(interval, self._interval, rel_tol=1e-6):
             step = interval / self._units.time
             noise = np.asarray(Q_continuous_white_noise(CHAIN, step), dtype=np.float64)

@@ -18,28 +18,32 @@ class MotionSettings:
     """Minimum content of a recording."""
 
     samples: int = 16
-    """After the release: two segments of eight, one to fit and one to validate."""
+    """Minimum number of samples after the release: two segments of eight, one to fit and one to validate."""
     duration_s: float = 0.35
-    """After the release: a segment of 0.25 s, or the 0.3 s that a free run starts from, and some more to compare."""
+    """Minimum duration after the release, s: a segment of 0.25 s, or the 0.3 s for the initial state of a free run,
+    and some more to compare.
+    """
     turn_rad: float = 0.01
-    """Range of an angle from which a rod swings: a hanging rod that is touched moves by some milliradians."""
+    """Minimum range of an angle of a swinging rod, rad: a hanging rod that is touched moves by some milliradians."""
     above_noise: float = 20.0
     """The same in standard deviations of a reading; noise alone has a range of about five."""
     elbow: float = 0.02
-    """Range of joint 2 over that of joint 1 below which the elbow does not turn. A free elbow turns by a fifth of joint
-    1 even in the slow mode, in which both rods swing together; a clamp has a play of 0.1 rad at most."""
+    """Range of joint 2 relative to that of joint 1 below which the elbow does not turn. A free elbow turns by a
+    fifth of joint 1 even in the slow mode, in which both rods swing together; a clamp has a play of at most 0.1
+    rad.
+    """
     tail: float = 0.01
-    """Share of the readings, at either end of a range, that does not count: single faults."""
+    """Share of the readings at either end of a range that is ignored: single faults."""
 
 
 SETTINGS = MotionSettings()
 
 
 def refuse_without_motion(run: Run, rig: Rig, settings: MotionSettings = SETTINGS) -> None:
-    """Make sure that a run shows a swing of all joints that can turn.
+    """Check that a run contains a swing of all joints that can turn.
 
     Raises:
-        RunError: too few samples, too short, a joint that stands still, or noise as large as the motion.
+        RunError: too few samples, too short, a joint at rest, or noise as large as the motion.
     """
     swing, name = run.swing, run.file or run.name
     duration = float(np.ptp(swing.t)) if len(swing.t) else 0.0
@@ -49,7 +53,7 @@ def refuse_without_motion(run: Run, rig: Rig, settings: MotionSettings = SETTING
             f" samples over {settings.duration_s:g} s are needed. Record a longer swing, and check the unit of time"
         )
     if not np.isfinite(swing.theta[:, 1:]).all():
-        raise RunError(f"{name}: an angle is no finite number: leave such rows out of the table")
+        raise RunError(f"{name}: an angle is not a finite number: remove such rows from the table")
     rods = _ranges(swing.theta[:, 1:], settings)
     _refuse_still(str(name), run, rods, settings)
     noise = float(noise_floor(run, rig).std_joint[0])
@@ -63,8 +67,8 @@ def refuse_without_motion(run: Run, rig: Rig, settings: MotionSettings = SETTING
         raise RunError(
             f"{name}: joint 2 does not turn: theta2 - theta1 changes by {elbow:.2g} rad while theta1 changes by"
             f' {rods[0]:.2g} rad. If the elbow is clamped, import with --elbow clamped, or set elbow = "clamped" in'
-            " [rods] of the rig file. If one rod hangs alone, use --rods inner or --rods outer. If both rods swing, the"
-            " columns of theta1 and theta2 hold the same rod: check --columns"
+            " [rods] of the rig file. If only one rod is mounted, use --rods inner or --rods outer. If both"
+            " rods swing, the columns of theta1 and theta2 belong to the same rod: check --columns"
         )
 
 
@@ -75,20 +79,20 @@ def _refuse_still(name: str, run: Run, rods: Array, settings: MotionSettings) ->
     if not still:
         return
     if still == ["theta2"]:
-        cure = "if only the inner rod hangs on the rig, use --rods inner, else check the column of theta2 (--columns)"
+        cure = "if only the inner rod is mounted, use --rods inner, otherwise check the column of theta2 (--columns)"
     elif still == ["theta1"] and not run.setup.held:
         cure = (
-            "check the column of theta1 (--columns); a rod that hangs alone on joint 1 is theta1, with --rods inner or"
+            "check the column of theta1 (--columns); a single rod on joint 1 is theta1, with --rods inner or"
             " --rods outer"
         )
     else:
         cure = "record a release, or check the columns (--columns) and the unit of the angles (--unit)"
     raise RunError(
-        f"{name}: {' and '.join(still)} {'stands' if len(still) == 1 else 'stand'} still after the release (range below"
+        f"{name}: {' and '.join(still)} {'is' if len(still) == 1 else 'are'} at rest after the release (range below"
         f" {settings.turn_rad:g} rad), so there is no motion to analyse: {cure}"
     )
 
 
 def _ranges(values: Array, settings: MotionSettings) -> Array:
-    """Range of each column, without its tails."""
+    """Range of each column without its tails."""
     return np.ptp(np.quantile(values, [settings.tail, 1 - settings.tail], axis=0), axis=0)

@@ -18,7 +18,7 @@ NORMAL_Q90 = 1.6448536269514722
 """90 % quantile of the absolute value of a standard normal variable."""
 
 ORDER = 6
-"""Order of the differences: a 5 Hz swing read at 200 Hz then leaks less than 1e-6 rad into them."""
+"""Order of the differences: a 5 Hz swing sampled at 200 Hz then contributes less than 1e-6 rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,15 +26,15 @@ class NoiseSettings:
     """Settings of the noise estimate."""
 
     rest_samples: int = 100
-    """Fewest samples of rest: they give the standard deviation to 7 %."""
+    """Minimum number of samples of rest, which give the standard deviation to 7 %."""
     rounding_rad: float = 1e-9
-    """Deviation below which a table of angles has no noise, only rounding."""
+    """Deviation below which a table of angles has no noise, only rounding, rad."""
     correlated: float = 4.0
-    """Standard errors of an autocorrelation from which readings at rest share their errors."""
+    """Standard errors above which the autocorrelation of readings at rest is significant."""
     most_alike: float = 0.98
-    """Upper limit of the autocorrelation: a larger one is the tremble of a hand that holds a rod, not reading noise."""
+    """Maximum autocorrelation of reading noise: a larger one is the tremble of a hand that holds a rod."""
     wild: float = 8.0
-    """Deviations, by the quantile that nine of ten keep to, beyond which a reading at rest is a logger's fault."""
+    """Deviations, in units of the 90 % quantile, above which a reading at rest is a fault of the logger."""
 
 
 SETTINGS = NoiseSettings()
@@ -45,17 +45,17 @@ class NoiseFloor:
     """Standard deviation of the encoder readings of the two rods."""
 
     std_joint: NDArray[np.float64]
-    """(2,) joint 1 and joint 2 as its encoder sees it (relative to rod 1, or absolute), rad."""
+    """(2,) joint 1 and joint 2 as read by its encoder (relative to rod 1, or absolute), rad."""
     source: Literal["rest", "differences", "quantisation"]
-    """Data it was measured on: the rest before the release, the swing itself, or only the size of a count."""
+    """Source: the rest before the release, the swing, or the size of a count."""
     joints: JointAngles
-    """Where the encoder of joint 2 sits."""
+    """Mounting of the encoder of joint 2."""
 
     @property
     def covariance(self) -> NDArray[np.float64]:
         """(2, 2) of (theta1, theta2), J diag(std_joint^2) J^T with J from joint to absolute angles, rad^2.
 
-        A relative joint 2 makes them correlated.
+        They are correlated with a relative encoder of joint 2.
         """
         J = self.joints.to_rods_matrix
         return J @ np.diag(self.std_joint**2) @ J.T
@@ -69,8 +69,8 @@ class NoiseFloor:
 def noise_floor(run: Run, rig: Rig) -> NoiseFloor:
     """Noise of a recording.
 
-    Measured on the rest before the release where there is enough of it, else on high-order differences of the swing;
-    never less than quantisation, count / sqrt(12), for a recording in counts.
+    Estimated from the rest before the release if it is long enough, otherwise from high-order differences of the swing;
+    at least the quantisation, count / sqrt(12), for a recording in counts.
 
     Raises:
         RunError: too few samples.
@@ -82,7 +82,7 @@ def noise_floor(run: Run, rig: Rig) -> NoiseFloor:
         source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]))
     else:
         source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
-    # A table of angles need not come from the rig's own encoders; only a noiseless one falls back on them.
+    # A table of angles may come from other encoders; the rig's quantisation is used only without noise.
     floor = quantised if run.counts is not None else np.where(std > SETTINGS.rounding_rad, 0.0, quantised)
     std_joint = np.maximum(std, floor)
     return NoiseFloor(std_joint, source if (std > floor).any() else "quantisation", joints)
@@ -95,7 +95,7 @@ def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArr
 
         r = sum_j w_j x_j / sqrt(sum_j w_j^2),    w_j = 1 / prod_{i != j} (t_j - t_i),
 
-    their median absolute value gives the deviation. Neighbourhoods with a gap are left out.
+    their median absolute value gives the deviation. Windows with a gap are excluded.
 
     Args:
         t: (n,) increasing instants, s
@@ -108,7 +108,7 @@ def difference_std(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArr
         RunError: fewer than seven samples without a gap.
     """
     if len(t) <= ORDER:
-        raise RunError(f"{len(t)} samples are too few to tell the noise: record at least {ORDER + 1}")
+        raise RunError(f"{len(t)} samples are too few to estimate the noise: record at least {ORDER + 1}")
     windows = sliding_window_view(t, ORDER + 1)
     span = windows[:, -1] - windows[:, 0]
     dense = span < 1.5 * np.median(span)
@@ -136,9 +136,9 @@ def difference_weights(windows: NDArray[np.float64], period: float) -> NDArray[n
 
 
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> NDArray[np.float64]:
-    """(2,) autocorrelation of the errors of joint 1 and 2 at rest, at a lag in samples; 0 where none is significant.
+    """(2,) autocorrelation of the errors of joint 1 and 2 at rest, at a lag in samples; 0 if it is not significant.
 
-    White noise has one of 0 +- 1 / sqrt(n), a tracker or a filter leaves one.
+    For white noise it is 0 +- 1 / sqrt(n); a tracker or a filter causes a larger one.
     """
     rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
     if len(rest) < max(SETTINGS.rest_samples, 2 * apart):
@@ -150,7 +150,7 @@ def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> NDArray[np.float64]:
 
 
 def _rest_std(t: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Deviation about a straight line: a hand-held rod drifts a little. Single wild readings do not count."""
+    """Standard deviation about a straight line, because a hand-held rod drifts; single outliers are excluded."""
     line = np.vander(t - t.mean(), 2)
     return np.array([_about(line, joint) for joint in joints.T])
 

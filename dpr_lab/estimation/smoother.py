@@ -1,7 +1,7 @@
-r"""Both rods' chains filtered forward and smoothed backward (Rauch-Tung-Striebel): a compiled kernel.
+r"""Compiled Kalman filter and Rauch-Tung-Striebel smoother for the chains of both rods.
 
-The state x holds the chain of rod 1 and then that of rod 2. With F and Q of `dpr_lab.estimation.chain` on the diagonal,
-H picking the two angles and R their noise, the forward pass is
+The state x consists of the chains of rod 1 and rod 2. With F and Q of `dpr_lab.estimation.chain` on the diagonal,
+H selecting the two angles and R their noise, the forward pass is
 
     x- = F x,   P- = F P F^T + Q,    S = H P- H^T + R,   K = P- H^T S^-1,    x = x- + K y,   P = P- - K H P-
 
@@ -24,7 +24,7 @@ from dpr_lab.estimation.chain import CHAIN, SAME_INTERVAL, fill_chain
 from dpr_lab.kernels import njit, subroutine
 
 STATES = 2 * CHAIN
-"""States of both rods."""
+"""Number of states of both rods."""
 
 
 @njit
@@ -35,14 +35,14 @@ def smooth_chains(
     snap: NDArray[np.float64],
     prior: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """States of both rods at every instant, each from all readings, in filter units.
+    """States of both rods at every instant, each estimated from all readings, in filter units.
 
     Args:
         t: (n,) increasing instants
         theta: (n, 2) angles
         noise: (2, 2) covariance of a reading
-        snap: (n, 2) process noise of each rod on the way to each sample; the first is not read
-        prior: (CHAIN,) variance of each rod's state at the first reading, where its angle is that reading
+        snap: (n, 2) process noise of each rod before each sample; the first is not used
+        prior: (CHAIN,) variance of each rod's state at the first reading, whose angle is that of the reading
 
     Returns:
         (n, STATES) states, (n, STATES, STATES) their covariances, and (n,) normalised innovation squared
@@ -76,7 +76,7 @@ def smooth_chains(
 
 @subroutine
 def _set_interval(interval: float, before: float, f: NDArray[np.float64], q: NDArray[np.float64]) -> float:
-    """The interval that f and q hold afterwards: they are filled again only where it changes."""
+    """Interval for which f and q are valid after the call; they are recomputed only if it changes."""
     if abs(interval - before) <= SAME_INTERVAL * before:
         return before
     fill_chain(interval, f, q)
@@ -94,25 +94,25 @@ def _predict(
     P_ahead: NDArray[np.float64],
     G: NDArray[np.float64],
 ) -> None:
-    """F x, F P F^T + Q and G = F P, into the last three."""
+    """Compute F x, F P F^T + Q and G = F P, stored in the last three arguments."""
     for i in range(STATES):
         x_ahead[i] = 0.0
         for m in range(i % CHAIN, CHAIN):
             x_ahead[i] += f[i % CHAIN, m] * x[i - i % CHAIN + m]
     _multiply(f, P, G)
-    _multiply(f, G.T, P_ahead)  # F (F P)^T, P being symmetric
+    _multiply(f, G.T, P_ahead)  # F (F P)^T, because P is symmetric
     for rod in range(2):
         for i in range(CHAIN):
             for j in range(CHAIN):
                 P_ahead[rod * CHAIN + i, rod * CHAIN + j] += snap[rod] * q[i, j]
-    for i in range(STATES):  # no reading corrects what rounding leaves unsymmetric, and F F^T lets it grow as t^6
+    for i in range(STATES):  # the readings do not correct asymmetry due to rounding, which F F^T amplifies as t^6
         for j in range(i):
             P_ahead[j, i] = P_ahead[i, j]
 
 
 @subroutine
 def _multiply(f: NDArray[np.float64], A: NDArray[np.float64], product: NDArray[np.float64]) -> None:
-    """F A with f, upper triangular, twice on the diagonal of F."""
+    """F A, where F is block diagonal with the upper triangular f twice."""
     for i in range(STATES):
         first = i - i % CHAIN
         for j in range(STATES):
@@ -126,7 +126,7 @@ def _multiply(f: NDArray[np.float64], A: NDArray[np.float64], product: NDArray[n
 def _update(
     x: NDArray[np.float64], P: NDArray[np.float64], theta: NDArray[np.float64], noise: NDArray[np.float64]
 ) -> float:
-    """Take a reading in, in place; its normalised innovation squared."""
+    """Update the state with a reading, in place; returns its normalised innovation squared."""
     s11, s12, s22 = P[0, 0] + noise[0, 0], P[0, CHAIN] + noise[0, 1], P[CHAIN, CHAIN] + noise[1, 1]
     scale = 1.0 / (s11 * s22 - s12 * s12)
     i11, i12, i22 = s22 * scale, -s12 * scale, s11 * scale
@@ -142,7 +142,7 @@ def _update(
 
 @subroutine
 def _solve(A: NDArray[np.float64], B: NDArray[np.float64]) -> None:
-    """B = A^-1 B for a symmetric positive A, which is overwritten by its factor L with A = L L^T."""
+    """B = A^-1 B for a symmetric positive A, which is overwritten by its Cholesky factor L, A = L L^T."""
     for i in range(STATES):
         for m in range(i):
             for j in range(i, STATES):

@@ -4,14 +4,14 @@ Each rod is a chain of integrators driven by white noise in the fourth derivativ
 
     d/dt (theta, omega, alpha, jerk) = (omega, alpha, jerk, w),    E[w(t) w(s)] = snap delta(t - s),
 
-which needs no knowledge of the rig. Both rods share one state, because a relative encoder at joint 2 makes their
-measurement noise correlated. Transition and process noise are exact for any interval, so uneven instants and gaps
-need no resampling. Accelerations vary within a swing and decay with it: offline, the strength `snap` is estimated
-by maximum likelihood, stretch by stretch (`tuned_snap`).
+which requires no knowledge of the rig. Both rods share one state, because their measurement noise is correlated with a
+relative encoder at joint 2. Transition and process noise are exact for any interval, so uneven instants and gaps need
+no resampling. Accelerations vary within a swing and decay; offline, the strength `snap` is therefore estimated by
+maximum likelihood, section by section (`tuned_snap`).
 
 Noise of standard deviation sigma at intervals h against such a motion gives the filter a memory of about
-T = (sigma^2 h / snap)^(1/8). Inside, angles are in units of sigma and time in units of T, or of h where that is longer,
-which makes all states of similar size; in other units the backward pass loses its covariance to rounding.
+T = (sigma^2 h / snap)^(1/8). Internally, angles are in units of sigma and time in units of T, or of h if it is longer,
+so that all states are of similar size; in other units rounding destroys the covariance of the backward pass.
 """
 
 import math
@@ -31,16 +31,16 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """How the process noise of a swing is estimated."""
+    """Settings for the estimate of the process noise."""
 
     memories: tuple[float, float, float] = (-1.0, 2.0, 0.25)
     """Grid of memories, log10 of samples: first, last, step; for fast swings at 30 Hz to slow ones at 10 kHz."""
     stretch_s: float = 0.4
-    """Length over which the process noise is taken as constant: a little less than half a swing of a 0.4 m rod."""
+    """Length of a section with constant process noise, s: slightly less than half a swing of a 0.4 m rod."""
     stretch_samples: int = 100
-    """Fewest samples of a stretch; they determine memories of up to ten samples."""
+    """Minimum number of samples of a section; they determine memories of up to ten samples."""
     memories_per_stretch: int = 10
-    """A stretch does not determine memories longer than this fraction of it."""
+    """Maximum memory that a section determines, relative to its length."""
 
 
 SETTINGS = FilterSettings()
@@ -48,7 +48,7 @@ SETTINGS = FilterSettings()
 
 @dataclass(frozen=True, slots=True)
 class Smoothed:
-    """Angles and velocities of a swing, each from the whole recording."""
+    """Angles and velocities of a swing, each estimated from the whole recording."""
 
     t: NDArray[np.float64]
     """(n,) instants of the run, s."""
@@ -59,7 +59,7 @@ class Smoothed:
     covariance: NDArray[np.float64]
     """(n, 4, 4) of (theta1, theta2, omega1, omega2), SI."""
     nis: NDArray[np.float64]
-    """(n,) normalised innovation squared of the forward pass; its mean is 2 where the noise model fits."""
+    """(n,) normalised innovation squared of the forward pass; its mean is 2 if the noise model is correct."""
     snap: NDArray[np.float64]
     """(n, 2) process noise used for each rod, rad^2/s^7."""
 
@@ -73,8 +73,8 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
     """Angles and velocities of the swing by a forward and a backward pass (Rauch-Tung-Striebel).
 
     Args:
-        run: what was recorded; only t >= 0 is used, a release is no smooth motion
-        noise: of `dpr_lab.estimation.noise.noise_floor`
+        run: the run; only t >= 0 is used, because the release is not a smooth motion
+        noise: from `dpr_lab.estimation.noise.noise_floor`
         snap: process noise, rad^2/s^7: one, (2,) or (n, 2); none: `tuned_snap` of this run
 
     Raises:
@@ -95,15 +95,15 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
 
 
 def tuned_snap(run: Run, noise: NoiseFloor) -> NDArray[np.float64]:
-    """Maximum-likelihood process noise of each rod, stretch by stretch.
+    """Maximum-likelihood process noise of each rod by section.
 
-    The likelihood of each stretch is taken for each memory of a grid, and its maximum refined by a parabola through the
-    neighbours. Between the middles of stretches the logarithm is interpolated. Each rod is judged by its own marginal
-    noise.
+    The likelihood of each section is computed for each memory of a grid, and its maximum refined by a parabola through
+    the neighbours. Between the centres of sections the logarithm is interpolated. For each rod its own marginal noise
+    is used.
 
     Args:
-        run: what was recorded; only t >= 0 is used
-        noise: of `dpr_lab.estimation.noise.noise_floor`
+        run: the run; only t >= 0 is used
+        noise: from `dpr_lab.estimation.noise.noise_floor`
 
     Returns:
         (n, 2) for each sample of the swing and rod, rad^2/s^7
@@ -148,7 +148,7 @@ def _stretches(samples: int, period: float) -> list[slice]:
 
 
 def _peaks(grid: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where along an even grid (k,) the values (k, ...) are highest, by a parabola through three points."""
+    """Position on an even grid (k,) at which the values (k, ...) are highest, by a parabola through three points."""
     middle = values.argmax(axis=0)
     inner = np.clip(middle, 1, len(grid) - 2)
     left, top, right = (np.take_along_axis(values, (inner + side)[None], axis=0)[0] for side in (-1, 0, 1))

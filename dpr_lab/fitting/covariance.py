@@ -1,4 +1,4 @@
-"""Covariance of fitted values: noise, and what a fit takes for known though it may be off."""
+"""Covariance of fitted values: noise, and errors of quantities that a fit treats as known."""
 
 from collections.abc import Sequence
 
@@ -20,11 +20,11 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
 
     Args:
         fit: the fit
-        inflation: f, chi2 units that one piece of independent evidence costs
+        inflation: f, chi2 of one independent observation (variance inflation)
         changes: (segments, m) whitened changes of the readings, one standard deviation each
 
     Returns:
-        (free, free); zero for what is held at its bound
+        (free, free); zero for values at their bound
     """
     A = fit.linear.A[:, :, fit.inside]
     inner = _inner(fit, inflation)
@@ -38,14 +38,14 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
 
 
 def shifted(fit: Fit, change: Array) -> Array:
-    """(free,) by how much the values of a fit change once the model reads otherwise by (segments, m) whitened."""
+    """(free,) change of the fitted values if the model's readings change by (segments, m) whitened."""
     A, whole = fit.linear.A[:, :, fit.inside], np.zeros(len(fit.free))
     whole[fit.inside] = -_shift(_inner(fit, 1.0), A, change)
     return whole
 
 
 def _inner(fit: Fit, inflation: float) -> Array:
-    """(inside, inside) covariance over the inflation."""
+    """(inside, inside) covariance divided by the inflation."""
     space = ColumnSpace.of(fit.linear.A[:, :, fit.inside], fit.linear.e)
     rows = inflation**0.5 * fit.prior[:, fit.inside]
     return space.with_prior(rows, np.zeros(len(rows))).covariance()

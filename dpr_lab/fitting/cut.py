@@ -1,7 +1,7 @@
 """Division of samples into segments with free initial states, so that chaos does not dominate a fit.
 
-An initial error of a release from near upright grows by 2e4 within 5 s; over a segment of 0.25 to 2 s it grows by
-little, and the initial state is estimated with the parameters (multiple shooting).
+After a release from near upright an initial error grows by 2e4 within 5 s. Over a segment of 0.25 to 2 s the growth is
+small, and the initial state is estimated with the parameters (multiple shooting).
 """
 
 from itertools import pairwise
@@ -16,18 +16,18 @@ from dpr_lab.run import Run
 Array = NDArray[np.float64]
 
 MIN_SAMPLES = 8
-"""Of a segment: twice as many as the numbers of its initial state; fewer carry no information on a model."""
+"""Minimum number of samples of a segment: twice the number of initial values; fewer carry no information on a model."""
 
 
 def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
-    """Stretches of about equal length that cover the samples between breaks; those too short for a fit are left out.
+    """Segments of about equal length that cover the samples between breaks, omitting those too short for a fit.
 
-    Where samples are sparse, stretches are longer than wanted.
+    With sparse samples, segments are longer than requested.
 
     Args:
         t: (n,) increasing instants of one run, s
-        length: wanted length of a stretch, s
-        breaks: instants that no stretch may span, s
+        length: nominal length of a segment, s
+        breaks: instants that no segment may span, s
     """
     edges = [0, *([] if breaks is None else np.searchsorted(t, breaks).tolist()), len(t)]
     stretches: list[slice] = []
@@ -41,11 +41,11 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
 
 
 def partition(run: Run, length: float) -> list[slice]:
-    """Stretches of about equal length that cover a run from the release on; gaps stay where they are.
+    """Segments of about equal length that cover a run from the release on; gaps are kept.
 
     Args:
-        run: from the release on
-        length: wanted length, s
+        run: the run from the release on
+        length: nominal length, s
 
     Raises:
         RunError: fewer than `MIN_SAMPLES` samples.
@@ -61,16 +61,16 @@ def partition(run: Run, length: float) -> list[slice]:
 
 
 def carried(source: Segments, states: Array, other: Segments, otherwise: Array) -> Array:
-    """Initial states of one cut, taken over by another cut where its segments begin at the same instants.
+    """Initial states of one division into segments, transferred to segments of another with equal starts.
 
     Args:
-        source: the first cut
+        source: the first division
         states: (segments, 4) its initial states
-        other: the other cut of the same samples
-        otherwise: (segments, 4) initial states of the other where the first has none
+        other: the other division of the same samples
+        otherwise: (segments, 4) initial states for the other segments
 
     Returns:
-        (segments, 4) for the other cut
+        (segments, 4) for the other division
     """
     begins = {key: state for key, state in zip(_begins(source), states, strict=True)}
     return np.array([begins.get(key, own) for key, own in zip(_begins(other), otherwise, strict=True)])

@@ -1,8 +1,8 @@
 """Process noise: measurement noise of known torques and of the arm's prescribed motion.
 
-A reading of a torque that is off by v while it holds, for h, is an impulse v h that the rods were not given. Where v is
-white that is white noise of intensity std^2 h, carried along the swing like any torque (`dpr_lab.fitting.response`).
-So is the noise of an arm's angle, whose second derivative pushes the rods.
+An error v of a torque reading that holds for h is an impulse v h that did not act on the rods. For white v this is
+white noise of intensity std^2 h, propagated along the swing like any torque (`dpr_lab.fitting.response`). The same
+applies to the noise of an arm's angle, whose second derivative drives the rods.
 """
 
 from collections.abc import Callable
@@ -28,14 +28,14 @@ from dpr_lab.setup import Setup, Torques
 Array = NDArray[np.float64]
 
 ORDERS = range(1, 7)
-"""Orders of differences: the first sees past the steps of a held command, the sixth past any smooth course."""
+"""Orders of differences: the first is insensitive to the steps of a held command, the sixth to any smooth signal."""
 
 ONTO_RODS = np.array([[1.0, -1.0], [0.0, 1.0]])
-"""Torques on theta1, theta2 of those of joint 1 and joint 2."""
+"""Torques on theta1, theta2 from those of joint 1 and joint 2."""
 
 
 def torque_noise(torques: Torques) -> Array:
-    """(2,) standard deviation of the white noise of measured torques from the release on, N m; none of others.
+    """(2,) standard deviation of the white noise of measured torques from the release on, N m; None for other torques.
 
     Minimum over orders of differences, by their median absolute value: the torque signal itself can only increase the
     estimate.
@@ -53,12 +53,12 @@ def disturbance(
     begins: Callable[[float], float] = segment_start,
     most_Nm: ArrayLike = np.inf,
 ) -> Disturbance | None:
-    """Effect of the process noise on the readings; none of free swings.
+    """Effect of the process noise on the readings; None for free swings.
 
     Args:
         problem: the segments
-        estimate: its swings are followed
-        begins: as of `trajectory`
+        estimate: defines the trajectories
+        begins: as in `trajectory`
         most_Nm: (2,) upper limit of the standard deviation of the measured torques
     """
     setups = problem.segments.setups
@@ -79,7 +79,7 @@ def disturbance(
     walk = np.diff(
         _at(np.concatenate([np.zeros((1, 4, 4)), np.cumsum(between, axis=0)]), along.at), axis=0, prepend=0.0
     )
-    walk[problem.segments.offsets[:-1]] = 0.0  # what was before the first sample is the initial state's
+    walk[problem.segments.offsets[:-1]] = 0.0  # earlier noise is part of the initial state
     return Disturbance(np.ascontiguousarray(walk), along.out, shared)
 
 
@@ -89,16 +89,16 @@ def most_noise(problem: Problem) -> Array:
 
 
 def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
-    """(2,) standard deviation of measured torques under which the residuals of a fit are likeliest, N m.
+    """(2,) maximum-likelihood standard deviation of measured torques from the residuals of a fit, N m.
 
-    The restricted likelihood of the innovations (Patterson & Thompson 1971, Biometrika 58) is searched uphill, from the
-    upper limits `torque_noise` down, by halvings of the variance of each joint. Torques of a controller are rough by
-    themselves, which differences cannot distinguish from noise.
+    The restricted likelihood of the innovations (Patterson & Thompson 1971, Biometrika 58) is maximised, starting from
+    the upper limits `torque_noise`, by halving the variance of each joint. Torques of a controller vary from sample to
+    sample, which differences cannot distinguish from noise.
 
     Args:
         problem: the segments, of which some have measured torques
         model: a fit to them
-        halvings: of the variance; then zero
+        halvings: maximum number of halvings of the variance; then zero
     """
     upper = most_noise(problem)
     if not upper.any():
@@ -133,17 +133,17 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
 
 
 def _at(values: Array, place: Array) -> Array:
-    """Values (n, ...) on a grid, at places (m,) in grid points."""
+    """Values (n, ...) on a grid, interpolated at positions (m,) in grid points."""
     lower = np.minimum(place.astype(np.int64), len(values) - 2)
     share = (place - lower).reshape(-1, *[1] * (values.ndim - 1))
     return (1 - share) * values[lower] + share * values[lower + 1]
 
 
 def _answers_to_arm(along: Trajectory, problem: Problem) -> tuple[Array, Array]:
-    """(n, 4) each: first and second derivative in time of how a push of the arm enters the initial state's measure.
+    """(n, 4) each: first and second time derivative of the arm's input vector, in initial-state coordinates.
 
-    An error e of the arm's angle pushes by its second derivative. By parts that is -out slope e in the readings there
-    and then, and the integral of bend e from then on.
+    An error e of the arm's angle acts through its second derivative. Integration by parts gives -out slope e in the
+    readings at the same instant, and the integral of bend e afterwards.
     """
     rig = problem.model.constants
     d, e1 = along.bases[along.run][:, 2], along.bases[along.run][:, 3]

@@ -1,4 +1,4 @@
-"""The unknowns of a fit: the ratios of the rods, the parameters of effects, and the initial states of segments."""
+"""Unknowns of a fit: the ratios of the rods, the parameters of effects, and the initial states of segments."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -20,33 +20,33 @@ UNKNOWN_RATIOS = (*RATIOS, "b", "p/b")
 """Order of `Estimate.ratios`: 1, 1, 1/s^2, 1/s, 1/s, kg m^2, 1."""
 
 SCALE, ON_ELBOW = UNKNOWN_RATIOS.index("b"), UNKNOWN_RATIOS.index("p/b")
-"""Indices of b, which is identifiable with a known weight, and of p / b, which is with the inner rod alone."""
+"""Indices of b, which is identifiable with a known mass, and of p / b, which is with the inner rod alone."""
 
 EFFECTS_BEGIN, ZEROS_BEGIN = len(UNKNOWN_RATIOS), len(UNKNOWN_RATIOS) + SIZE
-"""Places in `Estimate.vector` at which the blocks `effects` and `zeros` begin."""
+"""Indices in `Estimate.vector` at which the blocks `effects` and `zeros` begin."""
 
 FRICTION = tuple(i for i, name in enumerate(RATIOS) if name.startswith("c"))
-"""Places of c1/b and c2/b, which cannot be negative."""
+"""Indices of c1/b and c2/b, which cannot be negative."""
 
 
 STRAIGHT = 0.15
-"""Sine of an elbow's angle up to which the rods count as one line, whose gravity pulls one way."""
+"""Sine of an elbow's angle up to which the rods are treated as aligned, so that their gravity torques are parallel."""
 
 
 @dataclass(frozen=True, slots=True)
 class DifferenceSteps:
-    """Forward steps of derivatives: a derivative that is off by a thousandth does not change the solution of a fit."""
+    """Increments of forward differences: an error of a derivative of 1e-3 does not change the solution of a fit."""
 
     ratio: float = 1e-5
-    """Of a ratio, relative."""
+    """Relative increment of a ratio."""
     amplitude: float = 1e-3
-    """Of an amplitude, of its typical size."""
+    """Increment of an amplitude, relative to its typical size."""
     shape: float = 1e-5
-    """Of a shape parameter likewise: a frequency off by 1e-3 is out of phase after ten seconds."""
+    """The same for a shape parameter: a frequency error of 1e-3 gives a phase error after ten seconds."""
     least_ratio: float = 1e-2
-    """Size that a ratio counts with at least, in its own unit."""
+    """Minimum size of a ratio for its increment, in its own unit."""
     least_shape: float = 0.2
-    """Lower bound of a refined shape parameter, of the first value of its scan."""
+    """Lower bound of a refined shape parameter, relative to the first value of its scan."""
 
 
 DIFFERENCE_STEPS = DifferenceSteps()
@@ -56,7 +56,7 @@ ZERO_SIZE = 0.02
 """Typical zero offset caused by stiction of a hanging rod, rad."""
 
 Block = Literal["ratios", "effects", "zeros"]
-"""Named blocks of `Estimate.vector`, in order."""
+"""Named blocks of `Estimate.vector` in order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +64,13 @@ class Estimate:
     """Values of all unknowns: a flat vector with named blocks, and the initial states of all segments."""
 
     vector: Array
-    """(7 + SIZE + 2 runs,) the blocks `ratios`, `effects` and `zeros`, one after the other, SI."""
+    """(7 + SIZE + 2 runs,) the blocks `ratios`, `effects` and `zeros` in this order, SI."""
     initial: Array
     """(segments, 4) initial states theta1, theta2, omega1, omega2, rad and rad/s."""
 
     @classmethod
     def of(cls, ratios: Array, params: Array, initial: Array, zeros: Array | None = None) -> "Estimate":
-        """Join the blocks; without `zeros` no encoder is zeroed before each run.
+        """Join the blocks; without `zeros`, no encoder is zeroed before each run.
 
         Args:
             ratios: (7,) see `ratios`
@@ -103,7 +103,7 @@ class Estimate:
 
     @property
     def ratios(self) -> Array:
-        """(7,) the five ratios, b, and p/b (nan where it is not needed), in the order of `UNKNOWN_RATIOS`."""
+        """(7,) the five ratios, b, and p/b (nan if it is not needed), in the order of `UNKNOWN_RATIOS`."""
         return self.vector[:EFFECTS_BEGIN]
 
     @property
@@ -113,7 +113,7 @@ class Estimate:
 
     @property
     def zeros(self) -> Array:
-        """(runs, 2) zero offsets of encoders 1 and 2 in each run, rad; empty where they keep their zero."""
+        """(runs, 2) zero offsets of encoders 1 and 2 in each run, rad; empty for fixed zeros."""
         return self.vector[ZEROS_BEGIN:].reshape(-1, 2)
 
     @property
@@ -129,24 +129,26 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """One free entry of `Estimate.vector`: its place, its bounds and its scale."""
+    """One free entry of `Estimate.vector`: its index, bounds and scale."""
 
     name: str
     block: Block
     place: int
-    """Its place in `Estimate.vector`."""
+    """Index in `Estimate.vector`."""
     step: float
-    """Forward step of the difference quotient."""
+    """Increment of the forward difference."""
     lower: float = -np.inf
     upper: float = np.inf
     size: float = 1.0
     """Expected order of magnitude."""
     effect: str = ""
-    """The effect it belongs to, in the block `effects`."""
+    """Effect to which it belongs, in the block `effects`."""
     overrides: tuple[tuple[int, float], ...] = ()
-    """Places and values that hold only for the derivative by this parameter: the shape of an effect that is off."""
+    """Indices and values used only for the derivative with respect to this parameter: the shape of an effect that is
+    off.
+    """
     amplitude: bool = True
-    """Whether it scales an effect, rather than shaping it."""
+    """Whether it is an amplitude rather than a shape parameter."""
 
     def read(self, estimate: Estimate) -> float:
         """Its value in an estimate."""
@@ -154,14 +156,14 @@ class FreeParameter:
 
 
 def unknown_ratios(base: ArrayLike) -> Array:
-    """(7,) the five ratios of base parameters, b, and p/b: of (7,) with p, or (6,) without."""
+    """(7,) the five ratios, b, and p/b, from (7,) base parameters with p, or (6,) without."""
     values = np.asarray(base, dtype=np.float64)
     b = values[BASE.index("b")]
     return np.append(base_ratios(values[: len(BASE)]), [b, values[-1] / b if len(values) > len(BASE) else np.nan])
 
 
 def with_scale(ratios: Array, b: float) -> Array:
-    """(7,) ratios at another scale of all torques, b in kg m^2."""
+    """(7,) ratios for another scale of all torques, b in kg m^2."""
     ratios = ratios.copy()
     ratios[SCALE] = b
     return ratios
@@ -177,9 +179,9 @@ def whole_of(ratios: Array) -> Array:
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
     """Indices of the unknowns that runs determine; the others keep their values.
 
-    Both rods free show the five ratios, and the inner one alone also p/b. Without any swing of both, e1/b and
-    c1/b stand for e and c over the inertia of what swings, d/b for the outer rod's gravity where it hangs aside, and
-    a/b for a second mounting.
+    Swings of both rods determine the five ratios; swings of the inner rod alone also determine p/b. Without any swing
+    of both rods, e1/b and c1/b represent e and c divided by the inertia of the moving parts, d/b the gravity of the
+    outer rod if it is not aligned, and a/b a second mounting.
     """
     setups = list(setups)
     seen = {setup.mounting for setup in setups}
@@ -195,7 +197,7 @@ def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tupl
 
 
 def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATIOS))) -> tuple[FreeParameter, ...]:
-    """Free parameters of the identifiable ratios."""
+    """Free parameters for the identifiable ratios."""
     steps = DIFFERENCE_STEPS
     sizes = np.maximum(np.abs(estimate.ratios), steps.least_ratio).tolist()
     lower = [0.0 if place in FRICTION else -np.inf for place in range(len(UNKNOWN_RATIOS))]
@@ -208,7 +210,7 @@ def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATI
 
 
 def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
-    """Zero offsets of the encoders that are read, separate for each run."""
+    """Zero offsets of the measured encoders, separate for each run."""
     own = [(run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2)]
     names = [f"zero{joint + 1}_of_run{run + 1}_rad" for run, joint in own]
     places = [ZEROS_BEGIN + 2 * run + joint for run, joint in own]
@@ -224,12 +226,12 @@ def effect_parameters(
     overrides: tuple[tuple[int, float], ...] = (),
     limits: Array | None = None,
 ) -> tuple[FreeParameter, ...]:
-    """The amplitudes of an effect; with `refined` also its continuous shape parameters.
+    """Amplitudes of an effect; with `refined` also its continuous shape parameters.
 
     Args:
         effect: the effect
         refined: whether continuous shape parameters are free
-        overrides: shape values, as (index in `Estimate.params`, value), that hold for these derivatives only
+        overrides: shape values, as (index in `Estimate.params`, value), that are used for these derivatives only
         limits: (SIZE,) largest sizes of amplitudes, `dpr_lab.effects.limits`; none without
     """
     parameters, steps = [], DIFFERENCE_STEPS
@@ -253,10 +255,10 @@ def effect_parameters(
 
 
 def moved(estimate: Estimate, free: Sequence[FreeParameter], step: Array, initial_step: Array) -> Estimate:
-    """The estimate after a step, with no parameter beyond its bounds.
+    """Estimate after a step, with all parameters within their bounds.
 
     Args:
-        estimate: before the step
+        estimate: estimate before the step
         free: the free parameters
         step: (free,)
         initial_step: (segments, 4)

@@ -3,13 +3,14 @@
     minimise  sum over segments s, samples k  | w_sk (y_sk - predicted(t_sk; p, x_s)) |^2  +  prior of p
 
 The prior is that of the rig file, `dpr_lab.fitting.prior`. An amplitude that the recordings cannot distinguish from the
-base parameters, the zeros, the initial states or the amplitudes before it is no free parameter of a step.
+base parameters, the zeros, the initial states or the amplitudes before it is not a free parameter of a step.
 
 An iteration (`iterate`) solves the projected normal equations of `dpr_lab.fitting.linearise` for the parameters; the
-initial states follow from them. A step that does not reduce the cost is shortened. A segment that alone gets worse
-takes a smaller share of its own step: one swing that passes near the upright would otherwise slow down all others.
-Where no length helps, the damping grows. If the predicted reduction is below the tolerance, only the full step is
-tried. If a step reduces the cost as predicted, the Jacobian is frozen: the next iteration uses it again.
+initial states follow from them. A step that does not reduce the cost is shortened. If only one segment gets worse, the
+step of its initial state is reduced, because a swing that passes near the upright would otherwise slow down all others.
+If no step length reduces the cost, the damping is increased. If the predicted reduction is below the tolerance, only
+the full step is tried. If a step reduces the cost as predicted, the Jacobian is frozen: the next iteration uses it
+again.
 
 A fit without free parameters moves the initial states only, as for a held-out run.
 """
@@ -30,9 +31,9 @@ Array = NDArray[np.float64]
 
 
 class StopReason(Enum):
-    """Why an iteration ended."""
+    """Reason why an iteration ended."""
 
-    CONVERGED = "the cost no longer falls, or no fall is predicted"
+    CONVERGED = "the cost no longer decreases, or no reduction is predicted"
     NO_DESCENT = "no step of any length or damping reduces the cost"
     LOST = "the model can follow no segment from these initial states"
     MAXIMUM_ITERATIONS = "the maximum number of iterations was reached"
@@ -51,7 +52,7 @@ class GaussNewton:
     amplitude_change: float = 0.2
     """Relative change of an amplitude beyond which the Jacobian of its effect's shape is recomputed at the end."""
     tries: int = 6
-    """Lengths of a step before it counts as failed: of 1817 steps of 15 diagnoses three needed more."""
+    """Number of step lengths before a step counts as failed: of 1817 steps of 15 diagnoses three needed more."""
     shorten: float = 0.3
     """Factor of a step that did not reduce the cost."""
     shorten_segment: float = 0.1
@@ -71,7 +72,7 @@ SETTINGS = GaussNewton()
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A fitted estimate, linearised there."""
+    """A fitted estimate with the linearisation at this estimate."""
 
     estimate: Estimate
     free: tuple[FreeParameter, ...]
@@ -79,7 +80,7 @@ class Fit:
     stop: StopReason
     iterations: int = 0
     prior: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    """(n, free) rows of the prior by the free parameters; none without a prior."""
+    """(n, free) rows of the prior for the free parameters; empty without a prior."""
     absorbed: tuple[int, ...] = ()
     """Indices of amplitudes that are indistinguishable from the unknowns before them."""
 
@@ -114,12 +115,12 @@ class Iteration:
 
     estimate: Estimate
     predicted: Array | None
-    """(samples, 2) readings at the estimate; None where they were not computed apart from the linearisation."""
+    """(samples, 2) readings at the estimate; None if they were not computed separately from the linearisation."""
     chi2: float
     linear: Linearisation
     """Residuals and Jacobian of the last step."""
     linearised_at: Estimate
-    """Where this Jacobian was computed."""
+    """Estimate at which this Jacobian was computed."""
     current: bool
     """Whether the residuals of `linear` are those of the estimate."""
     damping: float
@@ -177,13 +178,13 @@ class RigPrior:
     e: Array
     """(n,)"""
     weight: float
-    """Chi2 units that one standard deviation of the prior costs."""
+    """Chi2 of one standard deviation of the prior."""
 
     @classmethod
     def at(
         cls, problem: Problem, estimate: Estimate, free: tuple[FreeParameter, ...], linear: Linearisation
     ) -> "RigPrior":
-        """The prior of steps from an estimate, weighted by what is left there."""
+        """Prior for steps from an estimate, weighted by the residual there."""
         if problem.prior is None or not free:
             return cls(problem, estimate, free, np.zeros((0, len(free))), np.zeros(0), 1.0)
         A, e = problem.prior.rows(estimate, free)
@@ -202,7 +203,7 @@ class RigPrior:
 
 
 def _amplitude_changed(end: Iteration, free: Sequence[FreeParameter], settings: GaussNewton) -> bool:
-    """Whether an amplitude changed so much that the derivatives by its shape, proportional to it, are outdated."""
+    """Whether an amplitude changed so much that the derivative of its shape is outdated."""
     shaped = {parameter.effect for parameter in free if not parameter.amplitude}
     amplitudes = [parameter for parameter in free if parameter.amplitude and parameter.effect in shaped]
     pairs = [(parameter.read(end.linearised_at), parameter.read(end.estimate)) for parameter in amplitudes]
@@ -300,7 +301,7 @@ def _line_search(
     settings: GaussNewton,
     tries: int,
 ) -> tuple[Estimate, Array, float, float] | None:
-    """The first estimate along the step that reduces the cost, with its readings, chi2 and the cost of its prior.
+    """First estimate along the step that reduces the cost, with its readings, chi2 and cost of the prior; or None.
 
     None if no try does.
     """

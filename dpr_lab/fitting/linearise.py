@@ -1,11 +1,11 @@
-"""A problem around one estimate, the initial states of segments eliminated.
+"""Linearisation of a problem at one estimate, with the initial states of segments eliminated.
 
-An initial state touches its own segment only. With B = dreadings/dx_s = Q R, weighted as the readings are,
+An initial state affects its own segment only. With B = dreadings/dx_s = Q R, weighted like the readings,
 
     A = (I - Q Q^T) dreadings/dp,    e = (I - Q Q^T) residual
 
-leave normal equations as small as the free parameters p, however many segments there are. They are kept by segment,
-because all later questions (predicted reduction by a further effect, prediction of a held-out run, similarity of
+give normal equations of the size of the free parameters p for any number of segments. They are stored by segment,
+because all later computations (predicted reduction by a further effect, prediction of a held-out run, similarity of
 effects, minimum detectable effects) are linear algebra on them.
 
 Source: multiple shooting, H. G. Bock (1983); variable projection, Golub & Pereyra (1973). docs/theory.md.
@@ -23,7 +23,7 @@ from dpr_lab.fitting.problem import Problem
 Array = NDArray[np.float64]
 
 BLIND = 1e-12
-"""Standard deviations per rad below which readings carry no information on an initial state: rounding error."""
+"""Standard deviations per rad below which readings carry no information on an initial state, because of rounding."""
 
 
 UNKNOWN_STARTS = np.array([0.0, 0.0, 1.0, 1.0])
@@ -40,27 +40,27 @@ class Linearisation:
     """Whitened and padded to equal lengths, m = 2 * samples of the longest segment."""
 
     residual: Array
-    """(segments, m) inf where a segment cannot be followed."""
+    """(segments, m) residual; inf if a segment cannot be followed."""
     e: Array
-    """(segments, m) residual without its part along the initial states."""
+    """(segments, m) residual with the initial states projected out."""
     A: Array
-    """(segments, m, free) slopes without theirs."""
+    """(segments, m, free) derivatives with the initial states projected out."""
     onto: Array
-    """(segments, 4, free) those along the initial states, Q^T dreadings/dp."""
+    """(segments, 4, free) components along the initial states, Q^T dreadings/dp."""
     Q: Array
-    """(segments, m, 4)"""
+    """(segments, m, 4) Q."""
     R: Array
-    """(segments, 4, 4)"""
+    """(segments, 4, 4) R."""
 
     @property
     def chi2_by_segment(self) -> Array:
-        """(segments,) sum of squared residuals; inf where one cannot be followed."""
+        """(segments,) sum of squared residuals; inf if a segment cannot be followed."""
         with np.errstate(over="ignore"):
             return np.sum(self.residual**2, axis=1)
 
     @property
     def chi2(self) -> float:
-        """The same of all."""
+        """Sum over all segments."""
         with np.errstate(over="ignore"):
             return float(self.chi2_by_segment.sum())
 
@@ -70,27 +70,27 @@ class Linearisation:
         return self.A.reshape(self.e.size, self.A.shape[2]), self.e.ravel()
 
     def projected(self, columns: Array) -> Array:
-        """(segments, m, k) whitened columns without their part along the initial states."""
+        """(segments, m, k) whitened columns with the initial states projected out."""
         along = self.Q @ (self.Q.transpose(0, 2, 1) @ columns)
         return np.subtract(columns, along, out=along)
 
     def carried(self, problem: Problem, predicted: Array) -> "Linearisation | None":
-        """The same slopes about readings, (samples, 2), a little further; none where a segment is not followed."""
+        """The same derivatives with other readings, (samples, 2), nearby; None if a segment cannot be followed."""
         residual = problem.whitened(problem.measured - predicted)
         if not (np.isfinite(self.residual).all() and np.isfinite(residual).all()):
             return None
         return replace(self, residual=residual, e=self.projected(residual[:, :, None])[:, :, 0])
 
     def chosen(self, columns: Sequence[int]) -> "Linearisation":
-        """The same with only some of the free parameters."""
+        """Linearisation with only some of the free parameters."""
         return replace(self, A=self.A[:, :, columns], onto=self.onto[:, :, columns])
 
     def left(self, step: Array) -> float:
-        """Sum of squared residuals that a step of the free parameters, and the initial states' own, would leave."""
+        """Predicted sum of squared residuals after a step of the free parameters."""
         return float(np.sum((self.e - self.A @ step) ** 2))
 
     def initial_steps(self, step: Array) -> Array:
-        """(segments, 4) the initial states' own least-squares steps, given that of the free parameters."""
+        """(segments, 4) least-squares steps of the initial states for a given step of the free parameters."""
         residual = np.where(np.isfinite(self.residual), self.residual, 0.0)[:, :, None]
         left = self.Q.transpose(0, 2, 1) @ residual - (self.onto @ step)[:, :, None]
         return np.asarray(np.linalg.solve(self.R, left)[:, :, 0], dtype=np.float64)
@@ -103,14 +103,14 @@ def linearise(
     predicted: Array | None = None,
     slopes: Array | None = None,
 ) -> Linearisation:
-    """Residuals and all their slopes.
+    """Residuals and their derivatives.
 
     Args:
-        problem: what was measured
+        problem: the measurements
         estimate: point of expansion
-        free: the unknowns besides the initial states
-        predicted: the readings there, (samples, 2), where they are known already
-        slopes: of the readings, (samples, 2, free + 4), likewise
+        free: unknowns in addition to the initial states
+        predicted: readings at the estimate, (samples, 2), if known
+        slopes: derivatives of the readings, (samples, 2, free + 4), if known
     """
     predicted = problem.predict(estimate) if predicted is None else predicted
     residual = problem.whitened(problem.measured - predicted)
@@ -122,7 +122,7 @@ def linearise(
     Q, R = np.linalg.qr(np.concatenate([J[:, :, -4:], slow], axis=1))
     Q = np.ascontiguousarray(Q[:, :-4])
     blind = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(axis=1) < BLIND
-    R[lost | blind] = np.eye(4) / BLIND  # nothing says where its initial state lies: it stays
+    R[lost | blind] = np.eye(4) / BLIND  # without information on its initial state, this state does not change
     of_free = J[:, :, :-4]
     onto = Q.transpose(0, 2, 1) @ of_free
     along = Q @ onto

@@ -1,19 +1,19 @@
 """Prior information of the rig file: a normal prior of the ratios and b, and limits of the sizes of effects.
 
-The nine parameters have their best known values as means. The standard deviation of one is that of a value spread
-evenly between its bounds, or the standard uncertainty of a measured value, but never below a floor, so that the prior
-stays weak. With J the derivative of the ratios, b and p/b by the nine, their prior covariance is
+The nine parameters have their best known values as means. The standard deviation of each is that of a uniform
+distribution between its bounds, or the standard uncertainty of a measured value, with a lower limit so that the prior
+stays weak. With J the derivative of the ratios, b and p/b with respect to the nine, their prior covariance is
 
     P = J diag(std^2) J^T + F,
 
 where F widens the ratios of friction by a fixed damping ratio: bounds of friction are guesses. An amplitude of an
 effect is normal about zero with a third of its limit (`dpr_lab.effects.limits`) as standard deviation.
 
-A residual above the noise counts as noise of its own size. So the cost of a fit is
+A residual above the noise is treated as noise of its own size, so the cost of a fit is
 
     chi2 + w (v - mean)^T P^-1 (v - mean),    w = max(1, chi2 / readings),
 
-with only the free v among the unknowns: the prior of the others is integrated out.
+with only the free unknowns v; the prior of the others is marginalised.
 """
 
 from collections.abc import Sequence
@@ -42,18 +42,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PriorStrength:
-    """How weak the prior is."""
+    """Strength of the prior."""
 
     floor: float = 0.05
-    """Least relative standard deviation of a parameter: a model that lacks effects needs other values than measured."""
+    """Minimum relative standard deviation of a parameter, because an incomplete model needs other values than
+    measured.
+    """
     damping: float = 0.3
     """Standard deviation of the damping ratio of a small swing, in addition to the bounds of friction."""
     amplitude: float = 1.0 / 3.0
-    """Standard deviation of an amplitude, as a share of its limit."""
+    """Standard deviation of an amplitude relative to its limit."""
     absorbed: float = 2e-3
-    """Share of the norm of a column, initial states projected out, that the columns before it must leave."""
+    """Share of the norm of a column, with initial states projected out, that must remain after projection on earlier
+    columns.
+    """
     zeros: float = 10.0
-    """Standard deviation of an encoder's zero that is set before each run, in typical sizes."""
+    """Standard deviation of an encoder zero that changes before each run, in typical sizes."""
 
 
 STRENGTH = PriorStrength()
@@ -63,14 +67,14 @@ _B = BASE.index("b")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """What the rig file says of the unknowns before any recording."""
+    """Prior information of the rig file on the unknowns."""
 
     mean: Array
-    """(7,) ratios, b and p/b by the rig file."""
+    """(7,) ratios, b and p/b from the rig file."""
     covariance: Array
     """(7, 7) prior covariance."""
     limits: Array
-    """(SIZE,) largest sizes of amplitudes of effects."""
+    """(SIZE,) maximum sizes of amplitudes of effects."""
 
     def rows(self, estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array]:
         """(n, free) A and (n,) e of the prior's cost |e - A step|^2 of a step from an estimate."""
@@ -94,16 +98,17 @@ class Prior:
         free: Sequence[FreeParameter],
         rows: tuple[Array, Array],
     ) -> NDArray[np.bool_]:
-        """(free,) amplitudes that these recordings cannot distinguish from the unknowns before them.
+        """(free,) amplitudes that these recordings cannot distinguish from earlier unknowns.
 
-        Ratios and zeros of encoders come before amplitudes, and initial states before all. An amplitude is absorbed if
-        the recordings, with the prior of the unknowns before it, hold less information on it than its own prior. One
-        that is zero, so that its effect is not in the model yet, is absorbed too if the columns before it leave next to
-        nothing of its own. (Elsewhere a torque and the ratios may only share the unknown scale.)
+        The order is initial states, ratios, zeros of encoders, amplitudes. An amplitude is absorbed if the recordings,
+        with the prior of the earlier unknowns, contain less information on it than its own prior. An amplitude of zero,
+        whose effect is not in the model yet, is also absorbed if almost nothing of its column remains after projection
+        on the earlier columns. (This does not apply to others, because a torque and the ratios may share only the
+        unknown scale.)
 
         Args:
-            space: products of the slopes by the free parameters, initial states projected out
-            estimate: where they were computed
+            space: inner products of the derivatives, initial states projected out
+            estimate: estimate of the linearisation
             free: the free parameters
             rows: (n, free) A and (n,) e of the prior there, `rows` times the root of w
         """
@@ -139,13 +144,15 @@ def prior_of(rig: Rig) -> Prior:
     covariance = J @ J.T
     critical = 2.0 * np.sqrt(np.array([(a + b + 2.0 * d) * (e1 + e2), b * e2])) / b
     covariance[FRICTION, FRICTION] += (STRENGTH.damping * critical) ** 2
-    covariance[np.diag_indices_from(covariance)] *= 1.0 + 1e-6  # nine parameters, some of them fixed: no exact relation
+    covariance[np.diag_indices_from(covariance)] *= (
+        1.0 + 1e-6
+    )  # nine parameters with some of them fixed: no exact relation
     limits = amplitude_limits(BaseParameters(a, b, d, e1, e2, c1, c2), rig_constants(rig))
     return Prior(mean, covariance, limits)
 
 
 def parameter_std(rig: Rig) -> Array:
-    """(9,) standard deviation of each parameter by the rig file: of its measurement, or of its bounds."""
+    """(9,) standard deviation of each parameter from the rig file: of its measurement, or of its bounds."""
     lower, upper = rig.bounds
     measured = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS])
     return np.where(rig.searched, (upper - lower) / np.sqrt(12), measured)

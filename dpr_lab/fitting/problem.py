@@ -20,11 +20,11 @@ Array = NDArray[np.float64]
 
 
 class OutputModel(Protocol):
-    """Model of the encoder readings along segments, with its derivatives by the unknowns."""
+    """Model of the encoder readings along segments, with its derivatives with respect to the unknowns."""
 
     @property
     def constants(self) -> RigConstants:
-        """What was measured on the rig."""
+        """Measured constants of the rig."""
         ...
 
     def with_constants(self, constants: RigConstants) -> "OutputModel":
@@ -32,11 +32,11 @@ class OutputModel(Protocol):
         ...
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
-        """(samples, 2) joint 1 and joint 2 as its encoder has it, rad; not finite where the integration fails."""
+        """(samples, 2) joint 1 and joint 2 as read by its encoder, rad; not finite if the integration fails."""
         ...
 
     def slopes(self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
-        """(samples, 2, free + 4) derivatives, the last four by the initial state of each sample's own segment."""
+        """(samples, 2, free + 4) derivatives, the last four with respect to the initial state of the segment."""
         ...
 
 
@@ -51,70 +51,70 @@ class Problem:
     measured: Array
     """(samples, 2) encoder readings, rad."""
     weight: Array
-    """(samples, 2) one over the standard deviation, times the root of a robust weight, 1/rad."""
+    """(samples, 2) reciprocal standard deviation, times the root of a robust weight, 1/rad."""
     model: OutputModel
     masses_weighed: bool = False
     """Whether the masses of the rig were weighed, so that load-dependent friction determines the scale of torques."""
 
     always: tuple[str, ...] = ()
-    """Effects that every fit frees, because the rig file states an uncertainty of what they correct."""
+    """Effects that are free in every fit, because the rig file states an uncertainty of the quantity they correct."""
     noise_correlation: float = 0.0
-    """Correlation of the noise of neighbouring readings, from a filter or a tracker."""
+    """Correlation of the noise of neighbouring readings, due to a filter or a tracker."""
     rezeroed: bool = False
-    """Whether the zeros of the encoders are set again before each run: every fit then frees them, run by run."""
+    """Whether the encoders are zeroed before each run: every fit then estimates their zeros for each run."""
     prior: "Prior | None" = None
-    """What the rig file says of the unknowns; None for a fit by the readings alone."""
+    """Prior information of the rig file; None for a fit to the readings alone."""
     disturbance: Disturbance | None = None
-    """Process noise of known torques and arm motions in these segments; none in free swings."""
+    """Process noise of known torques and arm motions in these segments; None for free swings."""
 
     @property
     def t(self) -> Array:
-        """(samples,) since the release, s."""
+        """(samples,) time since the release, s."""
         return self.segments.t
 
     @property
     def read(self) -> NDArray[np.bool_]:
-        """(samples, 2) which readings count."""
+        """(samples, 2) mask of the used readings."""
         return self.weight > 0.0
 
     @property
     def limits(self) -> Array | None:
-        """(SIZE,) largest sizes of amplitudes of effects; None without a prior."""
+        """(SIZE,) maximum sizes of amplitudes of effects; None without a prior."""
         return None if self.prior is None else self.prior.limits
 
     @property
     def evidence(self) -> int:
-        """Readings less the numbers of the initial states."""
+        """Number of readings minus number of initial values."""
         return int(np.count_nonzero(self.read)) - int(self.segments.starts.sum())
 
     @property
     def joints(self) -> JointAngles:
-        """What the encoders read of the rods' angles."""
+        """Map from the angles of the rods to the encoder readings."""
         return JointAngles(self.model.constants.relative2 == 1.0)
 
     @property
     def owner(self) -> NDArray[np.int64]:
-        """(samples,) the segment of each sample."""
+        """(samples,) index of the segment of each sample."""
         return np.repeat(np.arange(len(self.segments)), np.diff(self.segments.offsets))
 
     def whitened(self, values: Array) -> Array:
         """(segments, m) or (segments, m, k) from (samples, 2) or (samples, 2, k): weighted, padded with zeros.
 
-        Under process noise these are innovations: of unit variance and independent of one another.
+        With process noise these are innovations: independent and of unit variance.
         """
         columns = values.reshape(*self.weight.shape, -1)
         blocks = self.decorrelated(padded(columns, self.weight, self.segments.offsets))
         return blocks.reshape(*blocks.shape[:2], *values.shape[2:])
 
     def decorrelated(self, weighed: Array) -> Array:
-        """(segments, m, k) whitened, from (segments, longest, 2, k) weighed and padded, which is overwritten."""
+        """(segments, m, k) whitened, from weighted and padded (segments, longest, 2, k), which is overwritten."""
         if (noise := self.disturbance) is not None:
             innovations(weighed, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
         return weighed.reshape(len(weighed), -1, weighed.shape[3])
 
     @property
     def log_variance(self) -> float:
-        """Sum of the logarithms of the innovations' variances over those of the readings."""
+        """Sum of the logarithms of the variances of the innovations relative to those of the readings."""
         if (noise := self.disturbance) is None:
             return 0.0
         nothing = padded(np.zeros((len(self.t), 2, 1)), self.weight, self.segments.offsets)
@@ -127,14 +127,14 @@ class Problem:
         return whitened.reshape(len(whitened), -1, 2)[owner, row]
 
     def with_zeros(self, estimate: Estimate) -> Estimate:
-        """An estimate with zeros for the runs of these segments, where they are set again: its own, or none yet."""
+        """An estimate with encoder zeros for each run of these segments if they are free: its own, or zero."""
         runs = len(self.segments.setups)
         return (
             estimate.changed(zeros=np.zeros((runs, 2))) if self.rezeroed and len(estimate.zeros) != runs else estimate
         )
 
     def all_free(self, free: Sequence[FreeParameter]) -> tuple[FreeParameter, ...]:
-        """Unknowns besides the initial states, with the zeros that are set again before each run."""
+        """Unknowns in addition to the initial states, including the encoder zeros of each run if they are free."""
         own = zero_parameters(self.segments.setups) if self.rezeroed else ()
         return (*free, *(parameter for parameter in own if parameter not in free))
 
@@ -144,7 +144,7 @@ class Problem:
         return read + estimate.zeros[self.segments.run[self.owner]] if len(estimate.zeros) else read
 
     def slopes(self, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
-        """(samples, 2, free + 4) derivatives of that, the last four by the initial state of each own segment."""
+        """(samples, 2, free + 4) derivatives of the predicted readings, the last four for the initial state."""
         zeros = [i for i, parameter in enumerate(free) if parameter.block == "zeros"]
         of_model = self.model.slopes(self.segments, estimate, [p for p in free if p.block != "zeros"])
         if not zeros:
@@ -157,7 +157,7 @@ class Problem:
         return slopes
 
     def chi2_by_segment(self, predicted: Array) -> Array:
-        """(segments,) sum of squared whitened residuals; inf where a segment cannot be followed."""
+        """(segments,) sum of squared whitened residuals; inf if a segment cannot be followed."""
         with np.errstate(over="ignore", invalid="ignore"):
             if self.disturbance is not None:
                 return np.nan_to_num(np.sum(self.whitened(self.measured - predicted) ** 2, axis=1), nan=np.inf)
@@ -165,7 +165,7 @@ class Problem:
         return np.nan_to_num(np.add.reduceat(squares, self.segments.offsets[:-1]), nan=np.inf)
 
     def prior_weight(self, chi2_by_segment: Array) -> float:
-        """Weight of the prior: a residual above the noise counts as noise of its size."""
+        """Weight of the prior: a residual above the noise is treated as noise of its size."""
         return max(1.0, float(chi2_by_segment[np.isfinite(chi2_by_segment)].sum()) / max(self.evidence, 1))
 
     def chi2(self, estimate: Estimate) -> float:
@@ -173,5 +173,5 @@ class Problem:
         return float(self.chi2_by_segment(self.predict(estimate)).sum())
 
     def weighted(self, factor: Array) -> "Problem":
-        """The same with every weight times a factor, (samples, 1 or 2)."""
+        """The same problem with every weight multiplied by a factor, (samples, 1 or 2)."""
         return replace(self, weight=self.weight * factor)

@@ -1,9 +1,9 @@
-"""Columns of a linear least-squares problem: what they explain together, alone, and given others.
+"""Columns of a linear least-squares problem: reduction of the residual by all, by one, and in addition to others.
 
     min_x  | e - A x |^2
 
-Columns are scaled to unit norm, so that units do not matter, and every normal matrix carries the same ridge, so
-that columns that explain the same share it instead of cancelling with large coefficients of opposite sign.
+Columns are scaled to unit norm, so that units have no influence, and every normal matrix has the same ridge, so that
+collinear columns share the explanation instead of having large coefficients of opposite sign.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Indices = Sequence[int] | slice | NDArray[np.int64]
 
 RIDGE = 1e-10
-"""Ridge on the diagonal of normal matrices of unit columns: some hundred times their rounding error."""
+"""Ridge on the diagonal of normal matrices of unit columns: a few hundred times their rounding error."""
 
 TINY = 1e-140
 """Floor on the column norm; avoids overflow."""
@@ -25,14 +25,14 @@ TINY = 1e-140
 
 @dataclass(frozen=True, slots=True)
 class ColumnSpace:
-    """Columns A and a residual e, by their products."""
+    """Columns A and a residual e, represented by their inner products."""
 
     scale: Array
-    """(k,) one over the norm of each column."""
+    """(k,) reciprocal norm of each column."""
     H: Array
     """(k, k) normal matrix of the columns at unit norm."""
     gradient: Array
-    """(k,) their products with the residual."""
+    """(k,) inner products with the residual."""
 
     @classmethod
     def of(cls, A: Array, e: Array) -> "ColumnSpace":
@@ -46,7 +46,7 @@ class ColumnSpace:
         return len(self.scale)
 
     def chosen(self, columns: Indices) -> "ColumnSpace":
-        """Only some of the columns."""
+        """The problem with only some of the columns."""
         return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
 
     def with_prior(self, A: Array, e: Array) -> "ColumnSpace":
@@ -56,22 +56,24 @@ class ColumnSpace:
         return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)
 
     def given(self, held: Indices, columns: Indices) -> "ColumnSpace":
-        """Columns and residual, projected orthogonally to others; their scale is kept."""
+        """Columns and residual projected orthogonally to other columns, with unchanged scale."""
         across = self.H[held][:, columns]
         out = np.linalg.solve(_ridged(self.H[held][:, held]), np.column_stack([across, self.gradient[held]]))
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
     def gains_given(self, across: Array, own: Array, gradient: Array, positive: bool) -> Array:
-        """(sets,) fall of |e|^2 by each of many small sets of columns, all of these being fitted too.
+        """(sets,) reduction of |e|^2 by each of many small sets of columns, fitted together with these columns.
 
         Args:
-            across: (k, sets, n) products of these columns with those of the sets
-            own: (sets, n, n) products within each set
-            gradient: (sets, n) products with the residual
-            positive: whether the x of sets of one column may not be negative
+            across: (k, sets, n) inner products of these columns with those of the sets
+            own: (sets, n, n) inner products within each set
+            gradient: (sets, n) inner products with the residual
+            positive: whether x must not be negative for sets of one column
         """
-        norm = np.sqrt(np.maximum(np.diagonal(own, axis1=1, axis2=2), 0.0))  # a difference: rounding may leave less
+        norm = np.sqrt(
+            np.maximum(np.diagonal(own, axis1=1, axis2=2), 0.0)
+        )  # a difference, which rounding may make too small
         scale = 1 / np.maximum(norm, TINY)
         across = across * self.scale[:, None, None] * scale
         flat = across.reshape(len(self), scale.size)
@@ -85,25 +87,25 @@ class ColumnSpace:
         return np.asarray(2 * np.einsum("si,si->s", x, left) - np.einsum("si,sij,sj->s", x, H, x))
 
     def solution(self, bounds: Array | None = None, damping: float = 0.0) -> Array:
-        """(k,) the least-squares x within its lower and upper bounds (2, k)."""
+        """(k,) least-squares solution within its lower and upper bounds (2, k)."""
         H = _ridged(self.H, RIDGE + damping)
         if bounds is None:
             return np.asarray(np.linalg.solve(H, self.gradient), dtype=np.float64) * self.scale
         return bounded_solution(H, self.gradient, *bounds / self.scale) * self.scale
 
     def reduction(self, x: Array) -> float:
-        """Fall of |e|^2 by any x (k,)."""
+        """Reduction of |e|^2 by any x (k,)."""
         unit = x / self.scale
         return float(2 * unit @ self.gradient - unit @ _ridged(self.H) @ unit)
 
     def gain(self) -> float:
-        """Fall of |e|^2 by the solution."""
+        """Reduction of |e|^2 by the solution."""
         return self.reduction(self.solution())
 
     def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:
-        """(k,) share of each column's squared norm that the columns before it in the order leave.
+        """(k,) share of each column's squared norm that remains after projection on the earlier columns.
 
-        A column of which no more than rounding is left is not used to explain those after it. Where there is none,
+        A column of which only rounding remains is not used in the projection of later ones. Without such columns,
         these shares are the squared diagonal of the Cholesky factor.
         """
         H, left = self.H.copy(), np.zeros(len(self))
@@ -122,7 +124,7 @@ class ColumnSpace:
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
     def cosine(self, direction: Array, own: Indices, others: Indices) -> float:
-        """Cosine between the own columns' response along a direction (own,) and its projection onto other columns."""
+        """Cosine between the response of the own columns along a direction (own,) and its projection on others."""
         x = direction / self.scale[own]
         overlap = self.H[others][:, own] @ x
         length = float(x @ self.H[own][:, own] @ x)
@@ -143,8 +145,8 @@ def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> A
     Args:
         H: (k, k) symmetric positive definite
         gradient: (k,)
-        lower: (k,) -inf where there is no bound
-        upper: (k,) inf where there is no bound
+        lower: (k,) -inf without a bound
+        upper: (k,) inf without a bound
     """
     free, x, fixed = np.ones(len(gradient), dtype=bool), np.zeros(len(gradient)), np.zeros(len(gradient))
     for _ in range(4 * len(gradient) + 1):

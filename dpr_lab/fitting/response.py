@@ -4,8 +4,8 @@ With Phi(t) the sensitivity of the state to the initial state and M the mass mat
 
     dx(t) = Phi(t) integral Phi(s)^-1 [0; M(s)^-1 tau(s)] ds,
 
-so that any number of torques along the same trajectory cost one matrix product each. Used where there are hundreds of
-them: maps of torque over angle, speed, time, and shapes (orders, frequencies) that are scanned.
+so that each torque along the same trajectory needs only one matrix product. It is used for hundreds of torques: maps
+over angle, speed and time, and scanned shapes (orders, frequencies).
 """
 
 from collections.abc import Callable
@@ -36,16 +36,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class TrajectorySettings:
-    """Grid of a trajectory, and limits beyond which it is discarded."""
+    """Grid of a trajectory, and limits for invalid trajectories."""
 
     grid_s: float = 2.5e-3
-    """Spacing: trapezoids of torques then err by a thousandth."""
+    """Spacing of the grid, s; the trapezoidal rule then has an error of 1e-3."""
     coarse_s: float = 5e-3
-    """The same where torques are only compared, or printed with two digits."""
+    """The same for comparisons of torques, or for values printed with two digits."""
     wildest: float = 1e6
-    """rad and rad/s that no swing reaches."""
+    """Angle and speed that no swing reaches, rad and rad/s."""
     singular: float = 1e-9
-    """Determinant of a sensitivity below which torques and initial states are indistinguishable."""
+    """Determinant of the sensitivity below which torques and initial states are indistinguishable."""
 
 
 TRAJECTORY = TrajectorySettings()
@@ -56,34 +56,34 @@ class Trajectory:
     """The swings of all segments on a fine grid, with their response to a torque."""
 
     t: Array
-    """(n,) since the release, s."""
+    """(n,) time since the release, s."""
     run: NDArray[np.int64]
-    """(n,)"""
+    """(n,) index of the segment."""
     theta: Array
-    """(n, 2) rad"""
+    """(n, 2) angles, rad."""
     omega: Array
-    """(n, 2) rad/s"""
+    """(n, 2) speeds, rad/s."""
     alpha: Array
-    """(n, 2) rad/s^2"""
+    """(n, 2) accelerations, rad/s^2."""
     drive: Array
-    """(n, 2) known torques on theta1, theta2, N m"""
+    """(n, 2) known torques on theta1, theta2, N m."""
     bases: Array
-    """(runs, 6) base parameters of what hangs there, SI."""
+    """(runs, 6) base parameters of the mounted parts, SI."""
     setups: tuple[Setup, ...]
-    """What that is, by run."""
+    """Mounting of each run."""
     into: Array
-    """(n, 4, 2) Phi^-1 [0; M^-1]: from generalised torques to the measure of the initial state."""
+    """(n, 4, 2) Phi^-1 [0; M^-1]: from generalised torques to the coordinates of the initial state."""
     out: Array
-    """(samples, 2, 4) from there to the encoder readings at the samples."""
+    """(samples, 2, 4) from these coordinates to the encoder readings at the samples."""
     at: Array
-    """(samples,) place of each sample on the grid, in grid points."""
+    """(samples,) position of each sample on the grid, in grid points."""
     edges: NDArray[np.int64]
-    """(segments + 1,) where the segments begin on the grid."""
+    """(segments + 1,) first grid point of each segment."""
     first: NDArray[np.int64]
-    """(segments + 1,) where they begin among the samples."""
+    """(segments + 1,) first sample of each segment."""
 
     def answer(self, problem: Problem, torque: Array) -> Array:
-        """(segments, m, k) whitened change of the encoder readings under generalised torques, (n, 2, k), N m."""
+        """(segments, m, k) whitened change of the encoder readings due to generalised torques, (n, 2, k), N m."""
         torque, many = np.ascontiguousarray(torque), torque.shape[2]
         changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), 2, many))
         grid, rows = (
@@ -94,7 +94,7 @@ class Trajectory:
         return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
-        """(n, 2, k) generalised torques of effects (k, SIZE) of a stage of `TRAJECTORY_TORQUES`, N m."""
+        """(n, 2, k) generalised torques of effects (k, SIZE) of a stage in `TRAJECTORY_TORQUES`, N m."""
         kinds = {setup: self.of_setup(setup) for setup in self.setups}
         if len(kinds) == 1:
             return self._torques(stage, constants, params, self.setups[0], slice(None))
@@ -104,7 +104,7 @@ class Trajectory:
         return torques
 
     def of_setup(self, setup: Setup) -> NDArray[np.bool_]:
-        """(n,) where it is that of a setup."""
+        """(n,) mask of the grid points of a setup."""
         return np.array([one == setup for one in self.setups])[self.run]
 
     def _torques(
@@ -131,13 +131,13 @@ def trajectory(
     begins: Callable[[float], float] = segment_start,
     spacing: float = TRAJECTORY.grid_s,
 ) -> Trajectory:
-    """Follow the swings of an estimate, with its ratios and initial states; its effects are small and left out.
+    """Simulate the swings of an estimate with its ratios and initial states; its effects are small and neglected.
 
     Args:
-        problem: their segments
+        problem: the segments
         estimate: the estimate
-        begins: when a segment starts whose first reading is at an instant, s
-        spacing: of the grid, at most, s
+        begins: function from the instant of the first reading of a segment to the start of the segment, s
+        spacing: maximum spacing of the grid, s
     """
     rig, samples = problem.model.constants, problem.segments.offsets
     spans = [(begins(float(problem.t[i])), float(problem.t[j - 1])) for i, j in pairwise(samples)]
@@ -154,7 +154,7 @@ def trajectory(
     own, pushes = bases[grid.run][owner], grid.pushes
     drive = pushes[:, :2] + (_prescribed_torques(own, rig, states, pushes[:, 2:]) if pushes[:, 2:].any() else 0.0)
     inverse, alpha = _accelerations(own, grid.held[owner], rig.L1, rig.g, states, drive)
-    phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be followed has no response
+    phi[lost], inverse[lost] = np.eye(4), 0.0  # a swing that cannot be simulated has no response
     edges = grid.offsets
     place = np.concatenate(
         [
@@ -199,7 +199,7 @@ def _prescribed_torques(bases: Array, rig: RigConstants, states: Array, arm: Arr
 def _accelerations(
     bases: Array, held: NDArray[np.bool_], L1: float, g: float, states: Array, drive: Array
 ) -> tuple[Array, Array]:
-    """(n, 2, 2) inverse mass matrices and (n, 2) accelerations of equation (1), joint 2 held where `held`."""
+    """(n, 2, 2) inverse mass matrices and (n, 2) accelerations of equation (1), with joint 2 fixed if `held`."""
     a, b, d, e1, c1, c2 = bases.T
     (sin1, sin2), (cos1, cos2), (omega1, omega2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T), states[:, 2:].T
     coupling, *torques = coupled(sin1, cos1, sin2, cos2, omega1, omega2, d, e1, d * g / L1, c1, c2)
@@ -222,9 +222,10 @@ def _answer(
     sums: Array,
     answer: Array,
 ) -> None:
-    """The integral by trapezoids from each segment's start, weighed at the samples; torques run in the inner loop.
+    """Trapezoidal integral from the start of each segment, weighted at the samples; inner loop over torques.
 
-    Filled in is `answer`, (segments, m, k), where short segments end in zeros; `sums` (2, 4, k) is room to work in.
+    The result is written to `answer`, (segments, m, k), where short segments end in zeros; `sums` (2, 4, k) is a work
+    array.
     """
     many, before, total = torque.shape[2], sums[0], sums[1]
     for s in range(len(first) - 1):

@@ -13,13 +13,13 @@ Array = NDArray[np.float64]
 def without_outstanding(problem: Problem, first_fit: Fit, *, iterations: int = 12, outstanding: float = 9.0) -> Fit:
     """Refit from the estimate that results when the worst-fitting segments are down-weighted.
 
-    One swing that passes near the upright can hold all parameters at a local minimum.
+    A single swing that passes near the upright can keep all parameters in a local minimum.
 
     Args:
-        problem: what was measured
+        problem: the measurements
         first_fit: the fit
-        iterations: at most, of each of two fits
-        outstanding: chi2 of a segment over the median of all from which it counts as such
+        iterations: maximum number of each of two fits
+        outstanding: chi2 of a segment relative to the median above which it is down-weighted
 
     Returns:
         the better of the two fits
@@ -39,11 +39,12 @@ def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: 
     """Refit from other initial states of the segments that converged to a wrong minimum.
 
     Args:
-        problem: what was measured
+        problem: the measurements
         first_fit: the fit
         initial: (segments, 4) other initial states
-        iterations: at most, of each of two fits
-        lost: chi2 of a segment over the median of all from which it may be lost, and must fall by half that
+        iterations: maximum number of each of two fits
+        lost: chi2 of a segment relative to the median above which it may be in a wrong minimum; it must fall by half of
+        this factor
 
     Returns:
         the better of the two fits
@@ -61,7 +62,7 @@ def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: 
 
 
 def student_weights(problem: Problem, first_fit: Fit, freedom: float = 4.0) -> Array:
-    """(samples, 2) Student-t weights of a fit's residuals, each against its own channel's spread.
+    """(samples, 2) Student-t weights of the residuals of a fit, each relative to the spread of its own channel.
 
     Source: Lange, Little & Taylor (1989), Robust statistical modeling using the t distribution, JASA 84, 881-896.
     """

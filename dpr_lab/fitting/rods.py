@@ -1,8 +1,7 @@
-"""The rods alone: exact derivatives of the Runge-Kutta map by ratios and initial states.
+"""Model of the rods without effects: exact derivatives of the Runge-Kutta map.
 
-A segment starts at its first sample. What hung on the rig in a run, and a known mass clamped on, make its own base
-parameters from b (a/b, 1, d/b, e1/b, c1/b, c2/b, p/b) (`dpr_lab.dynamics.base.base_of_run`), and so make b itself
-visible there, or p/b.
+A segment starts at its first sample. The base parameters of a run follow from b (a/b, 1, d/b, e1/b, c1/b, c2/b, p/b) by
+its mounting and a known attached mass (`dpr_lab.dynamics.base.base_of_run`), which can make b or p/b identifiable.
 """
 
 from collections.abc import Sequence
@@ -28,7 +27,7 @@ _OTHERS = [i for i in range(len(BASE)) if i != _B]
 
 @dataclass(frozen=True, slots=True)
 class RodsAlone:
-    """Two rods without effects, on an arm that is clamped or moves as is known."""
+    """Two rods without effects on an arm that is clamped or has a known motion."""
 
     constants: RigConstants
 
@@ -44,7 +43,7 @@ class RodsAlone:
         return JointAngles(self.constants.relative2 == 1.0).of_rods(states[:, :2])
 
     def slopes(self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
-        """(samples, 2, free + 4); the free parameters are ratios, b and p/b."""
+        """(samples, 2, free + 4) derivatives; the free parameters are ratios, b and p/b."""
         values, chains = self._ratios(segments, estimate)
         begins = segments.turning_as_one(estimate.initial)
         _, seen, by_push = driven(values, self.constants, segments, begins, 2)
@@ -63,13 +62,13 @@ class RodsAlone:
         return slopes
 
     def _ratios(self, segments: Segments, estimate: Estimate) -> tuple[Array, Array]:
-        """(segments, 6) ratios that each swings by and 1 / b, and (segments, 6, 7) their derivatives."""
+        """(segments, 6) ratios of each segment and 1 / b, and (segments, 6, 7) their derivatives."""
         by_run = [pushed_by(estimate.ratios, setup, self.constants.L1, self.constants.g) for setup in segments.setups]
         return np.array([by_run[run][0] for run in segments.run]), np.array([by_run[run][1] for run in segments.run])
 
 
 def by_start(slopes: Array, setup: Setup) -> Array:
-    """(..., 4) derivatives by an initial state, of rods that turn as one: there is one speed, alone one angle."""
+    """(..., 4) derivatives with respect to an initial state, for rods that turn as one."""
     if setup.held:
         slopes = slopes.copy()
         slopes[..., 2] += slopes[..., 3]
@@ -79,7 +78,7 @@ def by_start(slopes: Array, setup: Setup) -> Array:
 
 
 def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """(5,) the ratios that a run swings by, and their (5, 7) derivative by the unknown ratios, b and p/b, (7,)."""
+    """(5,) ratios of a run, and their (5, 7) derivative with respect to the unknown ratios, b and p/b, (7,)."""
     if setup.added is None and not setup.alone:
         return unknown[: len(RATIOS)], np.eye(len(RATIOS), len(WHOLE))
     base = base_of_run(whole_of(unknown), setup, L1, g)
@@ -87,7 +86,7 @@ def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Ar
 
 
 def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
-    """(6, 7) derivative of a run's base parameters by the unknown ratios, b and p/b."""
+    """(6, 7) derivative of a run's base parameters with respect to the unknown ratios, b and p/b."""
     b, slopes = unknown[SCALE], np.zeros((len(WHOLE), len(WHOLE)))
     slopes[_OTHERS, : len(RATIOS)], slopes[_P, ON_ELBOW] = b * np.eye(len(RATIOS)), b
     slopes[:, SCALE] = whole_of(unknown) / b
@@ -95,19 +94,19 @@ def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
 
 
 def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """(6,) the ratios that a run swings by and 1 / b of it, zero without torques, and their (6, 7) derivative."""
+    """(6,) ratios of a run and its 1 / b, which is zero without torques, and their (6, 7) derivative."""
     values, slopes = ratios_of_run(unknown, setup, L1, g)
     push, by_unknown = 0.0, np.zeros(len(WHOLE))
     if setup.torques is not None:
         base = base_of_run(whole_of(unknown), setup, L1, g)
         push = 1 / base[_B]
-        # b of the run is b of the rig and what was clamped on; half the inertia of a rod alone.
+        # b of the run includes the attached mass; half the inertia for a single rod
         by_unknown = -(push**2) * (_whole_slopes(unknown, setup, L1, g)[_B])
     return np.append(values, push), np.vstack([slopes, by_unknown])
 
 
 def followed(ratios: Array, laid_out: Segments, initial: Array, rig: RigConstants, of: int = 0) -> tuple[Array, Array]:
-    """(N, 4) states of segments by (7,) unknown ratios, and (N, `of`, 9) their derivatives, as of `sensitivities`."""
+    """(N, 4) states of segments for (7,) unknown ratios, and (N, `of`, 9) their derivatives, as in `sensitivities`."""
     values = np.array([pushed_by(ratios, setup, rig.L1, rig.g)[0] for setup in laid_out.setups])[laid_out.run]
     states, slopes, _ = driven(values, rig, laid_out, laid_out.turning_as_one(initial), of)
     return states, slopes

@@ -1,10 +1,10 @@
-"""The rods with effects: readings by lanes of Runge-Kutta, derivatives by forward differences in one batch.
+"""Model of the rods with effects: readings by Runge-Kutta in lanes, derivatives by forward differences in one batch.
 
-A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). Differences are taken at twice the
-integrator's step: a derivative that is off by a thousandth does not change the solution of a fit, and half the steps
-are half the time.
-Encoder errors move no rod, so one swing does for all of it. Derivatives by initial states hold the internal
-states of effects still: those are handed on from segment to segment, and are not to feel another segment's start.
+A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). Differences are computed with twice
+the integrator's step, because an error of a derivative of 1e-3 does not change the solution of a fit, and this halves
+the time. Encoder errors do not move the rods, so one simulated swing is sufficient for all of them. Derivatives with
+respect to initial states keep the internal states of effects fixed, because these are passed from segment to segment
+and must not depend on the initial state of another segment.
 """
 
 from collections.abc import Sequence
@@ -23,10 +23,10 @@ from dpr_lab.fitting.estimate import EFFECTS_BEGIN, ZEROS_BEGIN, Estimate, FreeP
 Array = NDArray[np.float64]
 
 INITIAL_STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5])
-"""Forward steps of an initial state, rad and rad/s: a thousandth of a count."""
+"""Increments of an initial state, rad and rad/s: a thousandth of a count."""
 
 COARSER = 2.0
-"""The integrator's step for derivatives, in steps for readings."""
+"""Integrator step for derivatives, relative to that for readings."""
 
 ENCODER_AMPLITUDES = [
     param_index(effect.name, parameter.name)
@@ -38,7 +38,7 @@ ENCODER_AMPLITUDES = [
 
 
 STEP_LIMITS = {name: effect.longest_step for name, effect in EFFECTS.items() if effect.longest_step is not None}
-"""Effect -> the longest step that follows it, s, of its parameters."""
+"""Function for each effect: parameters -> longest suitable step, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class RodsWithEffects:
             [p.block == "effects" and EFFECTS[p.effect].stage == "encoder" for p in free] + [False] * 4
         )
         moving, still = np.flatnonzero(~of_encoders), np.flatnonzero(of_encoders)
-        rollouts = np.append(moving, len(ratios) - 1)  # the estimate itself is the last row
+        rollouts = np.append(moving, len(ratios) - 1)  # the last row is the estimate itself
         quiet = params[rollouts]
         quiet[-1, ENCODER_AMPLITUDES] = 0.0
         handed = internal_states(estimate.whole, estimate.params, self.constants, coarse, estimate.initial)
@@ -84,7 +84,7 @@ class RodsWithEffects:
 
 
 def resolved(segments: Segments, params: Array) -> Segments:
-    """The segments with steps short enough for every effect that is on."""
+    """Segments with steps that are short enough for every active effect."""
     named = named_params(params, among=STEP_LIMITS)
     limits = [STEP_LIMITS[name](values) for name, values in named.items()]
     return replace(segments, step=np.minimum(segments.step, min(limits))) if limits else segments
@@ -93,7 +93,8 @@ def resolved(segments: Segments, params: Array) -> Segments:
 def _varied(estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array, Array]:
     """(n, 7) ratios, (n, SIZE) parameters and (n, segments, 4) initial states, n = free + 4 + 1.
 
-    A row for each free parameter and each number of the initial states, moved by its step; the last as it is.
+    There is one row for each free parameter and each component of the initial states, with its increment; the last row
+    is the estimate.
     """
     rows = len(free) + 5
     vectors, initial = np.tile(estimate.vector, (rows, 1)), np.tile(estimate.initial, (rows, 1, 1))

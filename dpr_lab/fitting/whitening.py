@@ -1,8 +1,8 @@
 """Weighting of reading columns by segment, and whitening under process noise.
 
-Noise w of what drives the rods walks through them: what the rods read of it at sample k is C_k z_k, z_k being a sum of
-independent steps of covariance D_k in the measure of the initial state. With the readings' own white noise that makes
-errors of one segment correlated; a Kalman filter turns them into innovations of unit variance,
+Noise w of the inputs accumulates along a swing: its effect on the readings of sample k is C_k z_k, where z_k is a sum
+of independent steps of covariance D_k in the coordinates of the initial state. Together with the white noise of the
+readings, the errors of one segment are correlated; a Kalman filter converts them to innovations of unit variance,
 
     P <- P + D_k,    e = (y - C z) / sqrt(S),    S = 1 + C P C^T,    z <- z + P C^T (y - C z) / S
 
@@ -23,14 +23,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Disturbance:
-    """Noise that drives the rods, as the readings of segments have it."""
+    """Noise of the inputs in terms of the readings of segments."""
 
     walk: Array
-    """(samples, 4, 4) D: covariance of what it added since the sample before, in the measure of the initial state."""
+    """(samples, 4, 4) D: covariance added since the previous sample, in the coordinates of the initial state."""
     out: Array
-    """(samples, 2, 4) C: from there to the readings, rad."""
+    """(samples, 2, 4) C: from these coordinates to the readings, rad."""
     shared: Array
-    """(samples, 2) what both readings of a sample err by at once, one standard deviation, rad."""
+    """(samples, 2) common error of both readings of a sample, one standard deviation, rad."""
 
 
 def padded(values: Array, weight: Array, offsets: NDArray[np.int64]) -> Array:
@@ -53,14 +53,14 @@ def _weigh(values: Array, weight: Array, offsets: NDArray[np.int64], blocks: Arr
 def innovations(
     columns: Array, weight: Array, offsets: NDArray[np.int64], walk: Array, out: Array, shared: Array
 ) -> float:
-    """Whiten what was `padded`, in place, under a disturbance of the same samples.
+    """Whiten `padded` in place for a disturbance of the same samples.
 
     Returns:
         the sum of all log S
     """
     volume = 0.0
     many = columns.shape[3]
-    # four numbers of the walk; the fifth is what both readings of a sample share, new each time
+    # four components of the random walk; the fifth is the common error of both readings, new for each sample
     C, PC, P, z = np.empty(5), np.empty(5), np.empty((5, 5)), np.empty((5, many))
     for s in range(len(offsets) - 1):
         P[:], z[:] = 0.0, 0.0

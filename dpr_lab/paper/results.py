@@ -136,7 +136,7 @@ def _page(result: Reproduction, figures: dict[str, Path]) -> str:
         "# Reproduction of the published experiment\n\n"
         f"M = {s.population}, {s.generations} generations, Pc = {s.crossover_rate}, Pm = {s.mutation_rate}, "
         f"alpha = {s.alpha}, sigma = {s.sigma}, delta = {s.delta}, mu = {s.mu}, nu = {s.nu}; 10 s, 5 ms, "
-        "classical Runge-Kutta. M of the fitness ({s.fitness_scale:g}) and the interpretation of H are our"
+        f"classical Runge-Kutta. M of the fitness ({s.fitness_scale:g}) and the interpretation of H are our"
         " choices: the paper gives neither.\n\n"
         + "\n".join(f"- {sentence}" for sentence in result.verdicts)
         + "\n- The contradictions of the printed numbers are in [contradictions.md](contradictions.md).\n"

@@ -1,1 +1,1 @@
-"""Many candidates and segments side by side: sixteen tracks go through the Runge-Kutta steps together."""
+"""Lanes: simultaneous Runge-Kutta integration of sixteen tracks of candidates and segments."""

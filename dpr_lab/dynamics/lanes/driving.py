@@ -1,6 +1,6 @@
 """Known torques and motions of the arm in the lanes: means over each step, so that impulses are exact.
 
-An arm that moves by theta0(t) exerts on the rods of docs/theory.md (15)
+An arm with the motion theta0(t) exerts these torques on the rods, docs/theory.md (15):
 
     tau_i = omega0^2 lever_i - (L0 / g) e_i cos(theta_i) alpha0,    lever_1 = (a sin1 + d sin2) cos1, lever_2 likewise.
 """
@@ -19,20 +19,20 @@ from dpr_lab.setup import Setup
 
 
 class Drive(NamedTuple):
-    """Known torques and arm motions of all runs end to end, as compiled code takes them."""
+    """Known torques and arm motions of all runs in sequence, as arrays for compiled code."""
 
     t: NDArray[np.float64]
     """(K,) instants between which the impulse is linear, s since the release."""
     impulse: NDArray[np.float64]
-    """(K, 2) impulse up to each, on theta1 and theta2, N m s."""
+    """(K, 2) impulse up to each instant, on theta1 and theta2, N m s."""
     first: NDArray[np.int64]
-    """(runs + 1,) where the runs begin."""
+    """(runs + 1,) beginnings of the runs."""
     arm_t: NDArray[np.float64]
     """(A,) instants between which the arm's speed is linear, s."""
     arm_omega: NDArray[np.float64]
-    """(A,) rad/s"""
+    """(A,) speeds of the arm, rad/s."""
     arm_first: NDArray[np.int64]
-    """(runs + 1,) where the runs begin among those."""
+    """(runs + 1,) beginnings of the runs in these arrays."""
 
 
 def drive_of(setups: Sequence[Setup]) -> Drive:
@@ -61,7 +61,7 @@ def _impulse(drive: Drive, i: int, t: float, joint: int) -> float:
 
 @subroutine
 def set_torques(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64], knot: NDArray[np.int64]) -> None:
-    """Mean known torques over the next step of each lane; `knot` (LANES,) is the interval that was looked up last."""
+    """Mean known torques over the next step of each lane; `knot` (LANES,) is the last used interval."""
     for k in range(LANES):
         first, last = int(drive.first[run[k]]), int(drive.first[run[k] + 1]) - 2
         if last < first:
@@ -100,7 +100,7 @@ def _arm_speed(drive: Drive, first: int, last: int, t: float) -> float:
 
 @subroutine
 def prescribe_arm(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64]) -> None:
-    """Mean acceleration and squared speed of the arm over the step that each lane is about to take."""
+    """Mean acceleration and squared speed of the arm over the next step of each lane."""
     for k in range(LANES):
         first, last = int(drive.arm_first[run[k]]), int(drive.arm_first[run[k] + 1]) - 1
         if last < first:
@@ -114,7 +114,7 @@ def prescribe_arm(w: NDArray[np.float64], drive: Drive, run: NDArray[np.int64]) 
 
 @subroutine
 def add_prescribed(w: NDArray[np.float64], rig: RigConstants) -> None:
-    """Add to the terms of a stage the torques by which a prescribed motion of the arm acts on the rods."""
+    """Add the torques due to a prescribed motion of the arm to the terms of a stage."""
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = w[At.sin1 + k], w[At.cos1 + k], w[At.sin2 + k], w[At.cos2 + k]
         squared, pull = w[At.squared + k], w[At.prescribed + k] * rig.L0 / rig.g

@@ -1,6 +1,6 @@
-r"""Dry friction in the lanes: a step is divided at the instants at which a joint stops or starts to slide.
+r"""Coulomb friction in the lanes: a step is divided at the instants at which a joint stops or starts to slide.
 
-Scheme of events, for each lane by itself, since each has its own time. The law is that of
+The scheme applies to each lane separately, because each has its own time. The law is that of
 `dpr_lab.dynamics.dry_friction`, the scheme that of `dpr_lab.dynamics.step.advanced`. With the end of the whole step,
 `until`, and one event at te:
 
@@ -11,15 +11,15 @@ Scheme of events, for each lane by itself, since each has its own time. The law 
     |---------- 3 ----------|                  step of length `ahead`; `_end_cut`: the joint that stops is set to rest
                             |----- 4 -----|    rest of the step, with new directions: 1 again, up to `EVENTS.most`
 
-1. A joint stops where its speed changes sign in the trial step (`stops_at`), and starts to slide where the torque
-   that it has to withstand exceeds its limit (`yields_at`). The first event of both joints counts.
-2. Encoders are read within the step just taken. A step that was taken back has length 0, so that nothing is read in it.
-3. `cut` is 1 where a joint starts to slide at te, 2 or 3 where joint 1 or 2 stops. A stop is moved to the instant at
+1. A joint stops where its speed changes sign in the trial step (`stops_at`), and starts to slide where the required
+friction torque exceeds its limit (`yields_at`). The earlier event of both joints is used. 2. Encoders are read within
+the step just taken. A step that was taken back has length 0, so that nothing is read in it. 3. `cut` is 1 where a joint
+starts to slide at te, 2 or 3 where joint 1 or 2 stops. A stop is moved to the instant at
    which the speed is zero, by at most `EVENTS.farthest` of the step.
 4. `begin_dry` takes directions from the speeds: 0 is a joint at rest. `find_spare` compares its push with its limit at
    the first stage; `let_go` gives it a direction where the limit is exceeded.
 
-The other lanes go on meanwhile. The loops that look for events are vector instructions; an event itself is rare and
+The other lanes continue meanwhile. The loops that look for events are vector instructions; an event itself is rare and
 is handled in scalar code.
 """
 
@@ -40,7 +40,7 @@ from dpr_lab.kernels import subroutine
 
 @subroutine
 def begin_dry(w: NDArray[np.float64], required: Requirements) -> bool:
-    """Set length and directions of the step that each lane takes; return whether any joint is at rest."""
+    """Set length and directions of the next step of each lane; return whether any joint is at rest."""
     for k in range(LANES):
         fresh = w[At.t + k] >= w[At.until + k]
         w[At.until + k] = w[At.t + k] + w[At.step + k] if fresh else w[At.until + k]
@@ -60,7 +60,7 @@ def begin_dry(w: NDArray[np.float64], required: Requirements) -> bool:
 
 @subroutine
 def accelerate_held(w: NDArray[np.float64], rig: RigConstants, arm: bool) -> None:
-    """Accelerations of a stage with the joints of direction 0 held, and the torques that hold them."""
+    """Accelerations of a stage with the joints of direction 0 held, and the torques required to hold them."""
     for k in range(LANES):
         mode = CLAMPED if not arm or waits(w, k) else FREE
         rods = reduced_rods(motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, 0.0)
@@ -71,7 +71,7 @@ def accelerate_held(w: NDArray[np.float64], rig: RigConstants, arm: bool) -> Non
 
 @subroutine
 def find_spare(w: NDArray[np.float64], active: NDArray[np.bool_], spare1: int, spare2: int) -> bool:
-    """Fill two rows with limit less push of joints at rest, N m; return whether one is negative."""
+    """Fill two rows with the margins (limit minus torque) of joints at rest, N m; return whether one is negative."""
     for k in range(LANES):
         w[At.limit1 + k], w[At.limit2 + k] = 0.0, 0.0
     add_dry_limits(w, active)
@@ -87,7 +87,7 @@ def find_spare(w: NDArray[np.float64], active: NDArray[np.bool_], spare1: int, s
 
 @subroutine
 def let_go(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_], arm: bool) -> None:
-    """Set the directions, at the start of a step, of joints at rest whose limits are exceeded."""
+    """Set the directions of joints at rest whose limits are exceeded at the start of a step."""
     for side in (1.0, -1.0):
         for k in range(LANES):
             w[At.forward1 + k], w[At.forward2 + k] = max(w[At.limit1 + k], 0.0), max(w[At.limit2 + k], 0.0)
@@ -108,7 +108,7 @@ def let_go(w: NDArray[np.float64], rig: RigConstants, active: NDArray[np.bool_],
 
 @subroutine
 def settle(w: NDArray[np.float64], required: Requirements, resting: bool) -> None:
-    """After a step: end it at its end, or take it back where a joint stopped or started to slide within it."""
+    """Finish a step: accept it, or take it back if a joint stopped or started to slide within it."""
     count = 0
     for k in range(LANES):
         omega1, omega2 = w[At.omega1 + k], w[At.omega2 + k]
@@ -127,7 +127,7 @@ def settle(w: NDArray[np.float64], required: Requirements, resting: bool) -> Non
 
 @subroutine
 def _end_cut(w: NDArray[np.float64], k: int) -> None:
-    """Set the joint to rest that stops at the event up to which lane k has gone."""
+    """Set to rest the joint whose stop ended the step of lane k."""
     joint = int(w[At.cut + k]) - 1
     if joint > 0:
         alpha1, alpha2 = w[At.alpha1 + k], w[At.alpha2 + k]
@@ -184,7 +184,7 @@ def _look_for_event(w: NDArray[np.float64], k: int, required: Requirements, rest
 
 @subroutine
 def _take_back(w: NDArray[np.float64], k: int, required: Requirements) -> None:
-    """Return lane k to the start of its step, as after a step of length 0."""
+    """Return lane k to the start of its step, as if the step had length 0."""
     w[At.t + k], w[At.h + k] = w[At.old_t + k], 0.0
     w[At.theta1 + k], w[At.theta2 + k] = w[At.old_theta1 + k], w[At.old_theta2 + k]
     w[At.omega1 + k], w[At.omega2 + k] = w[At.old_omega1 + k], w[At.old_omega2 + k]

@@ -1,4 +1,4 @@
-"""The effects over the lanes of a workspace: each is a loop of its own, skipped where it is off.
+"""Effects over the lanes of a workspace: each effect is a separate loop, which is skipped if it is off.
 
 Generated from the same rows of `dpr_lab.effects.stages.STAGES` as the scalar versions.
 """
@@ -51,19 +51,19 @@ def lane_stage(stage: str) -> Any:
 
 
 add_torques = lane_stage("torque")
-"""(w, constants, active): add to the terms what moves the rods."""
+"""(w, constants, active): add the contributions to the equation of motion to the terms."""
 
 add_load_friction = lane_stage("load")
-"""(w, constants, active): add to the terms the load-dependent friction; the joint forces are known."""
+"""(w, constants, active): add load-dependent friction to the terms; the joint forces are known."""
 
 add_drives = lane_stage("drive")
-"""(w, active): add to the terms what drives give beyond their known torques."""
+"""(w, active): add the difference between acting and known drive torques to the terms."""
 
 add_dry_limits = lane_stage("dry")
-"""(w, active): add to the limits the torques up to which dry friction holds joints that are pushed so."""
+"""(w, active): add the limits of Coulomb friction of joints under given torques to the limits."""
 
 hold_angle = lane_stage("play")
-"""(w, active): replace the angle of joint 2 by the one that its encoder holds."""
+"""(w, active): replace the angle of joint 2 by the angle held by its encoder."""
 
 _move_states = lane_stage("transition")
 

@@ -1,4 +1,4 @@
-"""Predicted readings of tracks: lanes of candidates and segments are integrated together and their encoders read."""
+"""Predicted readings of tracks: lanes of candidates and segments with their encoders."""
 
 from functools import partial
 from typing import Any, NamedTuple
@@ -36,42 +36,42 @@ from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import njit, subroutine
 
 PAD = 0.02
-"""Time by which a segment starts before its first sample, s: longer than any latency worth fitting."""
+"""Time by which a segment starts before its first sample, s: longer than any relevant latency."""
 
 
 class SegmentArrays(NamedTuple):
-    """Segments and what hung on the rig, as compiled code takes them."""
+    """Segments and mounting, as arrays for compiled code."""
 
     t: NDArray[np.float64]
-    """(N,) sampling instants of all segments end to end, s."""
+    """(N,) sampling instants of all segments in sequence, s."""
     offsets: NDArray[np.int64]
-    """(S + 1,) where the segments begin among the samples."""
+    """(S + 1,) first sample of each segment."""
     run: NDArray[np.int64]
-    """(S,)"""
+    """(S,) index of the run."""
     step: NDArray[np.float64]
     """(S,) Runge-Kutta step, s."""
     parts: NDArray[np.float64]
-    """(runs, 5) L1, L2, m1, m2, mb of what hangs there."""
+    """(runs, 5) L1, L2, m1, m2, mb of the mounted parts."""
     drive: Drive
-    """What drove the joints."""
+    """Known torques and arm motions."""
 
 
 class Buffers(NamedTuple):
-    """Arrays that the kernel works in."""
+    """Work arrays of the kernel."""
 
     w: NDArray[np.float64]
     """The workspace of the lanes."""
     after: NDArray[np.float64]
-    """(LANES, internal) internal states at the end of the segment before."""
+    """(LANES, internal) internal states at the end of the previous segment."""
     run: NDArray[np.int64]
-    """(LANES,)"""
+    """(LANES,) current segment."""
     knot: NDArray[np.int64]
-    """(LANES,) interval in which the known torques were looked up last."""
+    """(LANES,) last used interval of the known torques."""
     samples: LaneSamples
 
 
 def allocate(segments: SegmentArrays, angles: NDArray[np.float64]) -> Buffers:
-    """Buffers for segments whose predictions, (n, N, columns), are to be filled in."""
+    """Buffers for segments with predictions (n, N, columns)."""
     longest, indices = int(np.diff(segments.offsets).max()), partial(np.zeros, LANES, dtype=np.int64)
     samples = LaneSamples(
         t1=np.zeros((LANES, longest)),
@@ -87,26 +87,26 @@ def allocate(segments: SegmentArrays, angles: NDArray[np.float64]) -> Buffers:
 
 
 class Candidates(NamedTuple):
-    """Candidates whose readings are to be predicted."""
+    """Candidates for prediction."""
 
     bases: NDArray[np.float64]
-    """(n, runs, 6) of what hangs there"""
+    """(n, runs, 6) base parameters of the mounted parts."""
     params: NDArray[np.float64]
-    """(n, runs or 1, SIZE)"""
+    """(n, runs or 1, SIZE) effects."""
     initial: NDArray[np.float64]
-    """(n, S, 4)"""
+    """(n, S, 4) initial states."""
     internal: NDArray[np.float64]
-    """(n, S, internal) nan where it is taken over from the segment before."""
+    """(n, S, internal) internal states; nan if they are taken from the previous segment."""
 
 
 class LaneBlock(NamedTuple):
-    """Data that all lanes of a block share."""
+    """Common data of the lanes of a block."""
 
     segments: SegmentArrays
     candidates: Candidates
     rig: RigConstants
     active: NDArray[np.bool_]
-    """(effects,) which effects are on."""
+    """(effects,) mask of the active effects."""
     required: Requirements
 
 
@@ -122,18 +122,18 @@ def predict_tracks(
     initial_internal: NDArray[np.float64],
     buffers: Buffers,
 ) -> None:
-    """Fill in (n, N, 2 or 3) predicted readings, rad, and (n, S, internal) internal states at the segments' starts.
+    """Compute (n, N, 2 or 3) predicted readings, rad, and (n, S, internal) internal states at starts of segments.
 
     Args:
-        blocks: first and one past the last block of tracks
-        advance: of `dpr_lab.dynamics.lanes.stepping`
-        tracks: what goes together
+        blocks: first block of tracks, and index after the last
+        advance: step function of `dpr_lab.dynamics.lanes.stepping`
+        tracks: the tracks
         segments: the segments
         candidates: the candidates
-        rig: its constants
-        angles: to fill in
-        initial_internal: to fill in
-        buffers: of `allocate`
+        rig: constants of the rig
+        angles: output
+        initial_internal: output
+        buffers: from `allocate`
     """
     w, after, run, _, samples = buffers
     for b in range(blocks[0], blocks[1]):
@@ -163,7 +163,7 @@ def predict_tracks(
 
 @subroutine
 def _load(w: NDArray[np.float64], k: int, c: int, r: int, block: LaneBlock) -> None:
-    """Set what lane k keeps along its track: candidate c in run r."""
+    """Set the data of lane k that are constant along its track: candidate c in run r."""
     parts, base, rig = block.segments.parts, block.candidates.bases, block.rig
     w[At.L1 + k], w[At.L2 + k] = parts[r, 0], parts[r, 1]
     w[At.m1 + k], w[At.m2 + k], w[At.mb + k] = parts[r, 2], parts[r, 3], parts[r, 4]
@@ -183,15 +183,16 @@ def _load(w: NDArray[np.float64], k: int, c: int, r: int, block: LaneBlock) -> N
 
 @subroutine
 def _params_row(r: int, block: LaneBlock) -> int:
-    """Index of the effects of run r among those of a candidate; without allocation no array is returned."""
+    """Index of the effects of run r among those of a candidate; kernels without allocation cannot return an array."""
     return r if block.candidates.params.shape[1] > 1 else 0
 
 
 @njit
 def segment_start(first: float, near: float = 0.04) -> float:
-    """Start of a segment whose first reading is taken `first` seconds after the release, s.
+    """Start of a segment whose first reading is `first` seconds after the release, s.
 
-    One that would start less than `near` after the release starts with it, where all internal states are known.
+    If it would be less than `near` after the release, the segment starts at the release, where all internal states are
+    known.
     """
     start = first - PAD
     return 0.0 if 0.0 < start and start < near else start
@@ -208,17 +209,17 @@ def _begin(
     internal: NDArray[np.float64],
     initial_internal: NDArray[np.float64],
 ) -> None:
-    """Put lane k at the start of segment s of candidate c; leave it idle where the sampling instants are not finite.
+    """Set lane k to the start of segment s of candidate c; it stays idle if the sampling instants are not finite.
 
     Args:
         w: the workspace
         k: the lane
         c: the candidate
         s: the segment
-        block: what all lanes share
-        samples: the samples of the segment, to fill in
-        internal: (internal,) internal states at the end of the segment before
-        initial_internal: (internal,) those at the start of this one, to fill in
+        block: common data of the lanes
+        samples: samples of the segment, output
+        internal: (internal,) internal states at the end of the previous segment
+        initial_internal: (internal,) those at the start of this segment, output
     """
     initial, given = block.candidates.initial[c, s], block.candidates.internal[c, s]
     until = _set_samples(k, c, s, block, samples)
@@ -228,7 +229,7 @@ def _begin(
     last1, last2 = samples.t1[k, last], samples.t2[k, last] if block.required.timing else samples.t1[k, last]
     now, t, i = segment_start(samples.t1[k, 0]), block.segments.t, block.segments.offsets[s]
     longest = now + 2.0 * (t[i + last] - t[i]) + 1.0
-    if not (last1 < longest and last2 < longest):  # or not a number: a clock that no rig has
+    if not (last1 < longest and last2 < longest):  # or not a number: an impossible clock
         for n in range(samples.size[k] * samples.columns):
             samples.out[samples.first[k] + n] = np.nan
         for n in range(len(internal)):
@@ -284,7 +285,7 @@ def _set_state(
 def _reset_internal(
     segments: SegmentArrays, s: int, initial: NDArray[np.float64], internal: NDArray[np.float64]
 ) -> None:
-    """Set internal states at the start of a run: of a rig at rest until the release, of long sliding after it."""
+    """Set internal states at the start of a run: those of a rig at rest until the release, or after long sliding."""
     for n in range(len(internal)):
         internal[n] = AT_RELEASE[n]
     if segment_start(float(segments.t[segments.offsets[s]])) > 0.0:
@@ -294,7 +295,7 @@ def _reset_internal(
 
 @subroutine
 def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
-    """Step all lanes on until each has read its segment."""
+    """Step all lanes until each has read its segment."""
     w, after, run, knot, samples = buffers
     required, drive, relative2 = block.required, block.segments.drive, block.rig.relative2
     held = _any_held(w)
@@ -319,7 +320,7 @@ def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
 
 @subroutine
 def _any_held(w: NDArray[np.float64]) -> bool:
-    """Whether the next step of any lane begins before the release."""
+    """Whether the next step of any lane starts before the release."""
     count = 0
     for k in range(LANES):
         count += not w[At.t + k] > -0.5 * w[At.step + k]
@@ -338,7 +339,7 @@ def _any_due(w: NDArray[np.float64]) -> bool:
 def _hand_over(
     w: NDArray[np.float64], relative2: float, active: NDArray[np.bool_], play: bool, after: NDArray[np.float64]
 ) -> None:
-    """Store the internal states for the next segment where it starts in this step; backlash as at the step's end."""
+    """Store the internal states for the next segment if it starts in this step; backlash as at the end of the step."""
     if not shares(w, At.handed, 1.0):
         return
     for k in range(LANES):

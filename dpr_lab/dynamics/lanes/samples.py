@@ -1,4 +1,4 @@
-"""Reading the encoders within a step of all lanes: at instants that fall into it, by the cubic through its ends."""
+"""Encoder readings within a step of all lanes, by the cubic polynomial through its ends."""
 
 from typing import NamedTuple
 
@@ -11,26 +11,26 @@ from dpr_lab.kernels import subroutine
 
 
 class LaneSamples(NamedTuple):
-    """The samples of a segment in each lane."""
+    """Samples of the current segment in each lane."""
 
     t1: NDArray[np.float64]
-    """(LANES, longest) instants at which joint 1 has the angle that is read, s."""
+    """(LANES, longest) instants of the read angle of joint 1, s."""
     t2: NDArray[np.float64]
     out: NDArray[np.float64]
-    """(n * N * columns,) the readings of all candidates end to end: joint 1, joint 2 and perhaps the arm, rad."""
+    """(n * N * columns,) readings of all candidates in sequence: joint 1, joint 2 and optionally the arm, rad."""
     columns: int
     first: NDArray[np.int64]
-    """(LANES,) where in `out` the readings of the segment begin."""
+    """(LANES,) first index of the segment's readings in `out`."""
     next1: NDArray[np.int64]
-    """(LANES,) sample that joint 1 is read at next."""
+    """(LANES,) next sample of joint 1."""
     next2: NDArray[np.int64]
     size: NDArray[np.int64]
-    """(LANES,) samples of the segment; 0 where the lane is idle."""
+    """(LANES,) number of samples of the segment; 0 for an idle lane."""
 
 
 @subroutine
 def _cubic(u: float, h: float, y0: float, v0: float, y1: float, v1: float) -> float:
-    """The cubic through y0, y1 with slopes v0, v1 over a step of h, at the share u of it."""
+    """Cubic polynomial through y0, y1 with derivatives v0, v1 over a step of h, at the share u of the step."""
     v = 1.0 - u
     return v * v * ((1.0 + 2.0 * u) * y0 + u * h * v0) + u * u * ((3.0 - 2.0 * u) * y1 - v * h * v1)
 
@@ -43,20 +43,20 @@ def _angle1(w: NDArray[np.float64], k: int, u: float) -> float:
 
 @subroutine
 def angle2(w: NDArray[np.float64], k: int, u: float, relative2: float) -> float:
-    """Angle of joint 2 as its encoder has it, likewise."""
+    """Angle of joint 2 as read by its encoder, at the share u, rad."""
     theta2 = _cubic(u, w[At.h + k], w[At.old_theta2 + k], w[At.old_omega2 + k], w[At.theta2 + k], w[At.omega2 + k])
     return theta2 - relative2 * _angle1(w, k, u)
 
 
 @subroutine
 def angle0(w: NDArray[np.float64], k: int, u: float) -> float:
-    """theta0, likewise."""
+    """theta0 at the share u, rad."""
     return _cubic(u, w[At.h + k], w[At.old_theta0 + k], w[At.old_omega0 + k], w[At.theta0 + k], w[At.omega0 + k])
 
 
 @subroutine
 def shares(w: NDArray[np.float64], due: int, until: float) -> bool:
-    """The share of its step at which each lane is to read next; whether any does by the share `until`."""
+    """Share of the step of the next reading of each lane; whether any lane reads before the share `until`."""
     count = 0
     for k in range(LANES):
         share = (w[due + k] - w[At.old_t + k]) / w[At.h + k]
@@ -67,7 +67,7 @@ def shares(w: NDArray[np.float64], due: int, until: float) -> bool:
 
 @subroutine
 def _after_reading(w: NDArray[np.float64], due: int, k: int, t: NDArray[np.float64], j: int, count: int) -> int:
-    """The sample after j, which becomes due."""
+    """Index of the sample after j, which is the next one."""
     w[due + k] = t[k, j + 1] if j + 1 < count else np.inf
     return j + 1
 

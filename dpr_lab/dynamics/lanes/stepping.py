@@ -1,16 +1,16 @@
 r"""Runge-Kutta steps of the rig with its effects in vector lanes: the same physics as `dpr_lab.dynamics.step`.
 
-Theory of operation. A track is one candidate along one segment. `LANES` tracks whose candidates have the same effects
-on go side by side through one flat workspace, a row of LANES numbers for each quantity (`workspace`). Everything that
-a step does is a loop over the lanes that the compiler turns into vector instructions: no loop holds a branch or a call,
-for which tanh, exp and sincos are polynomials (`dpr_lab.effects.elementary`). Each effect is a loop of its own that is
-skipped where the effect is off (`effects`); it finds the motion of the stage in the workspace and adds to five
-rows of terms. Loops over what only some effects need (the arm, joint forces, internal states) are skipped alike.
+Theory of operation. A track is one candidate along one segment. `LANES` tracks whose candidates have the same active
+effects are integrated together in one flat workspace, a row of LANES numbers for each quantity (`workspace`). Each part
+of a step is a loop over the lanes that the compiler converts to vector instructions. These loops contain no branches or
+calls; therefore tanh, exp and sincos are polynomials (`dpr_lab.effects.elementary`). Each effect is a separate loop,
+which is skipped if the effect is off (`effects`); it reads the motion of the stage from the workspace and adds to five
+rows of terms. Loops that only some effects need (the arm, joint forces, internal states) are skipped in the same way.
 
-Each lane has its own time and its own step. Nothing is reassociated and no lane knows of its neighbours, so that the
-result of a candidate has the same bits in any block and for any number of threads.
+Each lane has its own time and its own step. Sums are not reassociated and lanes are independent, so the result of a
+candidate is bit-identical in any block and for any number of threads.
 
-An arm is held until the release. While any lane has not been released the arm's loop asks lane by lane, which costs a
+An arm is held until the release. Before all lanes are released, the loop of the arm checks each lane, which affects a
 few steps at the beginning of a run.
 """
 
@@ -38,7 +38,7 @@ _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 
 @cache
 def advance() -> Any:
-    """One Runge-Kutta step of all lanes, `_advance`, compiled by itself for kernels that take it as an argument."""
+    """One Runge-Kutta step of all lanes, `_advance`, compiled separately for kernels that receive it as an argument."""
     required, active = Requirements(*[False] * len(Requirements._fields)), np.zeros(1, dtype=np.bool_)
     return behind_pointer(_advance, np.zeros(1), UNKNOWN, active, required, False)
 
@@ -50,10 +50,10 @@ def _advance(
 
     Args:
         w: the workspace
-        rig: its constants
-        active: (effects,) which effects are on in these lanes
-        required: what those require
-        held: whether any lane may lie before the release, where its arm is held
+        rig: constants of the rig
+        active: (effects,) mask of the active effects in these lanes
+        required: quantities that these effects require
+        held: whether any lane may be before the release, with its arm held
     """
     dry = required.dry1 or required.dry2
     _begin(w)
@@ -89,7 +89,7 @@ def _advance(
 
 @subroutine
 def _begin(w: NDArray[np.float64]) -> None:
-    """Copy the state to the rows of the start of the step."""
+    """Copy the state to the rows for the start of the step."""
     for k in range(LANES):
         w[At.old_t + k] = w[At.t + k]
         w[At.old_theta1 + k], w[At.old_theta2 + k] = w[At.theta1 + k], w[At.theta2 + k]
@@ -104,7 +104,7 @@ def _begin_arm(w: NDArray[np.float64]) -> None:
 
 @subroutine
 def _place(w: NDArray[np.float64], share: float) -> None:
-    """State of a stage, from the speeds and accelerations of the stage before; the first does not use them."""
+    """State of a stage from the speeds and accelerations of the previous stage, which the first stage does not use."""
     for k in range(LANES):
         ahead = share * w[At.h + k]
         p1, p2 = w[At.stage_omega1 + k], w[At.stage_omega2 + k]
@@ -135,7 +135,7 @@ def _accelerate(
     held: bool,
     resting: bool,
 ) -> None:
-    """Accelerations of a stage; load-dependent friction uses those without it."""
+    """Accelerations of a stage; load-dependent friction uses the accelerations without it."""
     if not (required.torque or required.load or required.arm):
         _accelerate_bare(w)
         return

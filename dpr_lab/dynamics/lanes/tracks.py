@@ -1,4 +1,4 @@
-"""Which candidates and segments go through the lanes together."""
+"""Assignment of candidates and segments to lanes."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -13,24 +13,24 @@ from dpr_lab.effects.stages import Requirements
 
 
 class Tracks(NamedTuple):
-    """Tracks in blocks of at most `LANES` whose candidates have the same effects on.
+    """Tracks in blocks of at most `LANES` whose candidates have the same active effects.
 
-    A track is one candidate on one segment; or on all segments of a run one after the other, where effects remember
-    what happened in the segment before.
+    A track is one candidate on one segment, or on all segments of a run in sequence if effects have a memory across
+    segments.
     """
 
     candidate: NDArray[np.int64]
-    """(tracks,)"""
+    """(tracks,) candidate."""
     first: NDArray[np.int64]
     """(tracks,) first segment."""
     last: NDArray[np.int64]
-    """(tracks,) one past the last segment."""
+    """(tracks,) index after the last segment."""
     edges: NDArray[np.int64]
-    """(blocks + 1,) where the blocks begin among the tracks."""
+    """(blocks + 1,) first track of each block."""
     active: NDArray[np.bool_]
-    """(blocks, effects) which effects are on."""
+    """(blocks, effects) mask of the active effects."""
     required: Requirements
-    """(blocks,) what they require."""
+    """(blocks,) quantities that they require."""
 
 
 required_in = compiled(
@@ -40,7 +40,7 @@ required_in = compiled(
     ],
     {"Requirements": Requirements},
 )
-"""(required, b) -> what block b of all requires."""
+"""(required, b) -> quantities required by block b."""
 
 
 def tracks_of(
@@ -49,10 +49,10 @@ def tracks_of(
     """Tracks of candidates on segments.
 
     Args:
-        active: (n, runs or 1, effects) which effects are on, by candidate and run
-        chained: (n, runs or 1) whether the segments of the run must follow one another
+        active: (n, runs or 1, effects) mask of the active effects by candidate and run
+        chained: (n, runs or 1) whether the segments of the run must be integrated in sequence
         run: (S,) run of each segment
-        chains: (runs with segments + 1,) where runs begin among the segments
+        chains: (runs with segments + 1,) first segment of each run
     """
     n, runs, _ = active.shape
     rows = [row.tobytes() for row in active.reshape(n * runs, -1)]
@@ -77,9 +77,9 @@ def _parts(
     first: NDArray[np.int64],
     last: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """(4, tracks) kind, candidate, first and last segment of those candidates that are split in this way.
+    """(4, tracks) kind, candidate, first and last segment of the candidates with this division into tracks.
 
-    Tracks of one segment have neighbouring candidates, and so the same instants, in neighbouring lanes.
+    Tracks of one segment have neighbouring candidates, and thus the same instants, in neighbouring lanes.
     """
     columns = run[first] if which.shape[1] > 1 else np.zeros(len(first), dtype=np.int64)
     segment, candidate = np.nonzero(which[:, columns].T)

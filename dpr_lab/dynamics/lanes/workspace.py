@@ -1,7 +1,7 @@
-"""The flat workspace of the lanes: a row of `LANES` numbers for each quantity, in one array.
+"""Flat workspace of the lanes: one array with a row of `LANES` numbers for each quantity.
 
-Row offsets are constants, so that the compiler sees that rows do not overlap and turns a loop over the lanes into
-vector instructions. Kernels read lane k of a row as `w[At.theta1 + k]`.
+Row offsets are constants, so the compiler knows that rows do not overlap and converts a loop over the lanes to vector
+instructions. Kernels read lane k of a row as `w[At.theta1 + k]`.
 """
 
 import math
@@ -16,23 +16,24 @@ from dpr_lab.effects.quantities import ArmModel, BaseParameters, Joint, Motion, 
 from dpr_lab.kernels import inlined
 
 LANES = 16
-"""Two registers of eight doubles: enough independent work to hide the latency of a division, and few spare lanes."""
+"""Number of lanes: two registers of eight doubles hide the latency of a division with few spare lanes."""
 
 
 _WIDE = "old_internal", "moved", "internal", "params"
-"""The rows at the end that hold more: three a row of each internal state that moves with a joint, and the last one of
-each parameter."""
+"""Last rows, which contain more: three for each internal state that moves with a joint, and the last for each
+parameter.
+"""
 
 
 class At(IntEnum):
-    """Where each row begins in the workspace: members, for the compiler takes each as the number that it is."""
+    """First number of each row in the workspace; as enumeration members they are constants for the compiler."""
 
     @staticmethod
     def _generate_next_value_(name: str, start: int, count: int, last_values: list[int]) -> int:
         wide = _WIDE.index(name) if name in _WIDE else 0
         return LANES * (count + wide * (len(STEPPED) - 1))
 
-    # what a track keeps: base parameters, lengths and masses of what hangs there, the arm, the length of a step
+    # constant along a track: base parameters, lengths and masses of the mounted parts, the arm, length of a step
     a = auto()
     b = auto()
     d = auto()
@@ -49,7 +50,7 @@ class At(IntEnum):
     friction = auto()
     stiffness = auto()
     step = auto()
-    # the step that is taken, the state, and the state at the start of the step
+    # the current step, the state, and the state at the start of the step
     h = auto()
     t = auto()
     theta0 = auto()
@@ -65,7 +66,7 @@ class At(IntEnum):
     old_omega0 = auto()
     old_omega1 = auto()
     old_omega2 = auto()
-    # one stage of the step: state, what the joints have turned since its start, accelerations
+    # one stage of the step: state, rotation of the joints since its start, accelerations
     stage_t = auto()
     stage_theta0 = auto()
     stage_theta1 = auto()
@@ -82,7 +83,7 @@ class At(IntEnum):
     alpha0 = auto()
     alpha1 = auto()
     alpha2 = auto()
-    # which way joints slide, what pushes those at rest, up to which limit they hold, limit less push at either end
+    # directions of sliding joints; for joints at rest the torque, its limit, and the margin at both ends
     direction1 = auto()
     direction2 = auto()
     push1 = auto()
@@ -95,20 +96,20 @@ class At(IntEnum):
     first2 = auto()
     last1 = auto()
     last2 = auto()
-    # where the whole step ends, its events, how far to go first, and what ends there: 1 with a joint, 2 or 3
+    # end of the whole step, number of events, time to the next event, and its kind: 1 with a joint, 2 or 3
     until = auto()
     events = auto()
     ahead = auto()
     cut = auto()
-    # weighted sums over the stages, of speeds and of accelerations
+    # weighted sums of speeds and of accelerations over the stages
     turn0 = auto()
     turn1 = auto()
     turn2 = auto()
     sum0 = auto()
     sum1 = auto()
     sum2 = auto()
-    # what effects add, known torques on either rod over the step and how much later they act, and the joint forces that
-    # some effects need
+    # contributions of effects, known torques on both rods over the step and their delay, and joint forces for some
+    # effects
     term_a = auto()
     term_b = auto()
     term_coupling = auto()
@@ -119,10 +120,10 @@ class At(IntEnum):
     late = auto()
     force1 = auto()
     force2 = auto()
-    # an arm that moves as prescribed: its acceleration and squared speed, means over the step
+    # arm with prescribed motion: mean acceleration and mean squared speed over the step
     prescribed = auto()
     squared = auto()
-    # reading: when the next samples of joints 1 and 2 are due, their share of the step, angles there, what a play holds
+    # readings: next samples of joints 1 and 2, their share of the step, angles there, angle held by backlash
     due1 = auto()
     due2 = auto()
     share = auto()
@@ -130,16 +131,16 @@ class At(IntEnum):
     angle2 = auto()
     hold = auto()
     handed = auto()
-    # internal states that move with a joint: at the start of the step, after a displacement, and now
+    # internal states that move with a joint: at the start of the step, after a displacement, and current
     old_internal = auto()
     moved = auto()
     internal = auto()
-    # the parameters of all effects
+    # parameters of all effects
     params = auto()
 
 
 WORKSPACE = At.params + LANES * SIZE
-"""Numbers of a workspace; those of one track stay in the first-level cache."""
+"""Number of values in a workspace; those of one track fit in the first-level cache."""
 
 
 @inlined
@@ -150,7 +151,7 @@ def base_at(w: NDArray[np.float64], k: int) -> BaseParameters:
 
 @inlined
 def constants_at(w: NDArray[np.float64], k: int, rig: RigConstants) -> RigConstants:
-    """Constants of lane k: the rig's, of what hangs there."""
+    """Constants of lane k: those of the rig with the mounted parts."""
     return RigConstants(
         rig.L0, w[At.L1 + k], w[At.L2 + k], rig.g, w[At.m1 + k], w[At.m2 + k], w[At.mb + k],
         rig.counts_per_rev1, rig.counts_per_rev2, rig.relative2,
@@ -178,7 +179,7 @@ def motion_at(w: NDArray[np.float64], k: int) -> Motion:
 
 @inlined
 def joint1_at(w: NDArray[np.float64], k: int) -> Joint:
-    """Joint 1 of lane k, as `joint1` of its motion: what that does not read is not loaded."""
+    """Joint 1 of lane k, as `joint1` of its motion, without loading unused values."""
     return Joint(
         w[At.stage_t + k], w[At.stage_theta1 + k] - math.pi, w[At.stage_omega1 + k],
         w[At.displacement1 + k], w[At.force1 + k], w[At.direction1 + k],
@@ -187,7 +188,7 @@ def joint1_at(w: NDArray[np.float64], k: int) -> Joint:
 
 @inlined
 def joint2_at(w: NDArray[np.float64], k: int) -> Joint:
-    """Joint 2 of lane k, likewise."""
+    """Joint 2 of lane k, in the same way."""
     return Joint(
         w[At.stage_t + k],
         w[At.stage_theta2 + k] - w[At.stage_theta1 + k], w[At.stage_omega2 + k] - w[At.stage_omega1 + k],
@@ -203,5 +204,5 @@ def terms_at(w: NDArray[np.float64], k: int) -> Terms:
 
 @inlined
 def waits(w: NDArray[np.float64], k: int) -> bool:
-    """Whether a step of lane k that begins at `old_t` lies before the release."""
+    """Whether a step of lane k that starts at `old_t` is before the release."""
     return not w[At.old_t + k] > -0.5 * w[At.step + k]

@@ -1,1 +1,1 @@
-"""Segments of swings with an arm that is clamped, free or driven."""
+"""Simulation of segments with an arm that is clamped, free or driven."""

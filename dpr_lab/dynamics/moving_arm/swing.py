@@ -1,10 +1,10 @@
-"""Segments of swings in three coordinates, by the classical Runge-Kutta rule.
+"""Simulation of segments in three coordinates by the classical Runge-Kutta method.
 
 The equation is that of `dpr_lab.dynamics.arm`. The torque on a free or driven arm is
 
     tau0 = gain u - f0 tanh(phi' / SMOOTHING)
 
-with the input u held from each sample to the next. All parameters but L0 may share any common factor.
+with the input u constant from each sample to the next. All parameters except L0 may have any common factor.
 """
 
 from typing import NamedTuple
@@ -20,15 +20,16 @@ from dpr_lab.kernels import njit, subroutine
 Array = NDArray[np.float64]
 
 SWING_PARAMETERS = ("a", "b", "d", "e1", "c1", "c2", "A", "c0", "k0", "f0", "gain", "L0")
-"""Order of the vector p: base parameters of the rods, total inertia of the arm, its viscous friction, stiffness and dry
-friction, torque over input, and the arm's length in m."""
+"""Order of the vector p: base parameters of the rods, total inertia of the arm, its viscous friction, stiffness and
+Coulomb friction, torque per input, and the length of the arm in m.
+"""
 
 
 class ArmSegments(NamedTuple):
-    """Segments of recordings, one after the other."""
+    """Segments of recordings in sequence."""
 
     offsets: NDArray[np.int64]
-    """(segments + 1,) first sample of each."""
+    """(segments + 1,) first sample of each segment."""
     mode: NDArray[np.int64]
     """(segments,) `CLAMPED`, `FREE` (the input is a torque) or `DRIVEN` (the input is an acceleration)."""
     drive: Array
@@ -36,11 +37,11 @@ class ArmSegments(NamedTuple):
     step: Array
     """(samples,) Runge-Kutta step before each sample, s."""
     substeps: NDArray[np.int64]
-    """(samples,) number of such steps."""
+    """(samples,) number of these steps."""
 
 
 def arm_segments(t: list[Array], mode: list[int], drive: list[Array], max_step: float = 2.5e-3) -> ArmSegments:
-    """Lay out segments, from the instants (s), the mode and the input of each."""
+    """Segments from the instants (s), the mode and the input of each."""
     offsets = np.concatenate([[0], np.cumsum([len(piece) for piece in t])]).astype(np.int64)
     step, count = sample_steps(np.concatenate(t), offsets, np.full(len(t), max_step))
     return ArmSegments(offsets, np.array(mode, dtype=np.int64), np.concatenate(drive), step, count)
@@ -52,11 +53,11 @@ def swing_segments(p: ArrayLike, frame: tuple[float, float], segments: ArmSegmen
     Args:
         p: (12,) parameters in the order of `SWING_PARAMETERS`
         frame: L1 (m), g (m/s^2)
-        segments: where they are, and what drives them
+        segments: segments with their inputs
         initial: (segments, 6) theta0, theta1, theta2, omega0, omega1, omega2 at the first sample of each, rad, rad/s
 
     Returns:
-        (samples, 6) states; not finite from where the integration fails
+        (samples, 6) states; not finite after a failure of the integration
     """
     a, b, d, e1, c1, c2, A, c0, k0, f0, gain, L0 = np.asarray(p, dtype=np.float64).tolist()
     L1, g = frame
